@@ -1,1 +1,87 @@
-//! stillpoint
+//! Samples: what operators exchange, defined once for shared memory, recording and wire.
+//!
+//! ```
+//! use stillpoint_samples::{Pose, Sample};
+//! assert!(Pose::KIND.type_name().starts_with("Pose@"));
+//! ```
+//!
+//! A sample is `Head ++ Body ++ [Element]`. Its bytes in shared memory are the little-endian CDR body that a recording
+//! holds. To add a type, add a file with its structs and one line in [`all`].
+//!
+//! - `layout`: the field table, its size and its hash
+//! - `kind`: the sample type, typed and at run time
+//! - `bytes`: aligned buffers and typed views
+//! - one file per sample type
+
+#![forbid(unsafe_code)]
+// The derive names this crate by its path, here too.
+extern crate self as stillpoint_samples;
+
+mod bytes;
+mod cloud;
+mod console;
+mod depth;
+mod diagnostics;
+mod journal;
+mod kind;
+mod layout;
+mod pose;
+mod track;
+
+pub use bytes::{AlignedBytes, BytesError, Pieces, View};
+pub use cloud::{CloudShape, Point, PointCloud};
+pub use console::{Command, ConsoleCommand, Verb};
+pub use depth::{DepthImage, Intrinsics};
+pub use diagnostics::{Diagnostics, Metric};
+pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
+pub use kind::{Sample, SampleKind, Shape};
+pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+pub use pose::{Pose, PoseElement};
+pub use stillpoint_derive::Layout;
+pub use track::{Track, TrackElement};
+
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+/// Bytes of a [`Head`].
+pub const HEAD_SIZE: usize = 32;
+
+/// What every sample starts with. Logical time only: wall time never enters a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[repr(C)]
+pub struct Head {
+    /// Time of the activation that made the sample, ns since the epoch.
+    #[unit("ns")]
+    pub stamp: u64,
+    /// Acquisition time of the oldest sensor sample behind it, ns since the epoch.
+    #[unit("ns")]
+    pub origin: u64,
+    /// Number of the sample on its topic, from 0 in each incarnation of the producer.
+    pub sequence: u64,
+    /// Which life of the producer made it, from 0.
+    pub incarnation: u32,
+    /// Number of elements. It stands last so that the bytes from here on are a CDR sequence.
+    pub count: u32,
+}
+
+const _: () = assert!(size_of::<Head>() == HEAD_SIZE);
+
+/// The fields of [`Head`].
+pub const HEAD_FIELDS: &[Field] = Head::FIELDS;
+
+/// Every sample type of the project, in the order of their names.
+pub fn all() -> &'static [&'static SampleKind] {
+    &[
+        ConsoleCommand::KIND,
+        DepthImage::KIND,
+        Diagnostics::KIND,
+        Journal::KIND,
+        PointCloud::KIND,
+        Pose::KIND,
+        Track::KIND,
+    ]
+}
+
+/// The sample type of this name.
+pub fn by_name(name: &str) -> Option<&'static SampleKind> {
+    all().iter().copied().find(|k| k.name == name)
+}

@@ -1,0 +1,197 @@
+//! Samples as bytes: an aligned buffer, and the typed view of one.
+
+use std::marker::PhantomData;
+
+use zerocopy::{FromBytes, IntoBytes};
+
+use crate::kind::{Sample, SampleKind, Shape};
+use crate::{HEAD_SIZE, Head};
+
+/// Why bytes are not a sample of a kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BytesError {
+    /// Fewer bytes than head and body take.
+    Short {
+        /// Name of the sample type.
+        kind: &'static str,
+        /// Bytes that are there.
+        found: usize,
+        /// Bytes that head and body take.
+        needed: usize,
+    },
+    /// The byte count does not fit the element count that the head states.
+    Count {
+        /// Name of the sample type.
+        kind: &'static str,
+        /// Elements that the head states.
+        count: u32,
+        /// Bytes of elements that are there.
+        found: usize,
+        /// Bytes of elements that `count` takes (`None` where it overflows).
+        needed: Option<usize>,
+    },
+    /// Head and body state different lengths.
+    Length {
+        /// Name of the sample type.
+        kind: &'static str,
+        /// Elements that the head states.
+        count: u32,
+        /// Elements that the body states.
+        length: u32,
+    },
+    /// The bytes do not start at a multiple of 8.
+    Unaligned {
+        /// Name of the sample type.
+        kind: &'static str,
+    },
+}
+
+impl std::fmt::Display for BytesError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Short { kind, found, needed } => {
+                write!(f, "a {kind} needs at least {needed} bytes for its head, found {found}")
+            }
+            Self::Count { kind, count, found, needed: Some(needed) } => {
+                write!(f, "a {kind} of {count} elements needs {needed} bytes of elements, found {found}")
+            }
+            Self::Count { kind, count, .. } => write!(f, "a {kind} cannot have {count} elements"),
+            Self::Length { kind, count, length } => {
+                write!(f, "a {kind} states {count} elements in its head and {length} in its body")
+            }
+            Self::Unaligned { kind } => write!(f, "the bytes of a {kind} must start at a multiple of 8"),
+        }
+    }
+}
+
+impl std::error::Error for BytesError {}
+
+/// Bytes that start at a multiple of 8, so that any sample can be read in place.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct AlignedBytes {
+    words: Vec<u64>,
+    len: usize,
+}
+
+impl AlignedBytes {
+    /// `len` zero bytes.
+    pub fn zeroed(len: usize) -> Self {
+        Self { words: vec![0; len.div_ceil(8)], len }
+    }
+
+    /// A copy of `bytes`.
+    pub fn copy_of(bytes: &[u8]) -> Self {
+        let mut copy = Self::zeroed(bytes.len());
+        copy.copy_from_slice(bytes);
+        copy
+    }
+
+    /// Sets the length; new bytes are zero, kept capacity is reused.
+    pub fn resize(&mut self, len: usize) {
+        self.words.resize(len.div_ceil(8), 0);
+        self.len = len;
+    }
+}
+
+impl std::ops::Deref for AlignedBytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        &self.words.as_bytes()[..self.len]
+    }
+}
+
+impl std::ops::DerefMut for AlignedBytes {
+    fn deref_mut(&mut self) -> &mut [u8] {
+        &mut self.words.as_mut_bytes()[..self.len]
+    }
+}
+
+impl std::fmt::Debug for AlignedBytes {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "AlignedBytes({} bytes)", self.len)
+    }
+}
+
+/// A sample in two pieces, as shared memory holds it: head and body, then the elements.
+#[derive(Clone, Copy)]
+pub struct Pieces<'a> {
+    /// Head and body.
+    pub meta: &'a [u8],
+    /// The elements; bytes beyond the head's count are not part of the sample.
+    pub payload: &'a [u8],
+}
+
+impl<'a> Pieces<'a> {
+    /// Splits contiguous bytes (`Head ++ Body ++ elements`) and checks every length.
+    pub fn split(kind: &SampleKind, bytes: &'a [u8]) -> Result<Self, BytesError> {
+        let needed = kind.meta_size();
+        if bytes.len() < needed {
+            return Err(BytesError::Short { kind: kind.name, found: bytes.len(), needed });
+        }
+        let (meta, payload) = bytes.split_at(needed);
+        let pieces = Self { meta, payload };
+        pieces.check(kind)?;
+        let exact = pieces.head().count as usize * kind.element_size;
+        if payload.len() != exact {
+            return Err(BytesError::Count {
+                kind: kind.name,
+                count: pieces.head().count,
+                found: payload.len(),
+                needed: Some(exact),
+            });
+        }
+        Ok(pieces)
+    }
+
+    /// Checks lengths against what the head states, and cuts the payload to the stated count.
+    pub fn check(&self, kind: &SampleKind) -> Result<Pieces<'a>, BytesError> {
+        if self.meta.len() != kind.meta_size() {
+            return Err(BytesError::Short { kind: kind.name, found: self.meta.len(), needed: kind.meta_size() });
+        }
+        let count = self.head().count;
+        let needed = (count as usize).checked_mul(kind.element_size);
+        let bytes = match needed {
+            Some(n) if n <= self.payload.len() && (kind.shape == Shape::Slice || count == 1) => n,
+            _ => return Err(BytesError::Count { kind: kind.name, count, found: self.payload.len(), needed }),
+        };
+        if kind.body_size > 0 {
+            let length = self.meta[kind.meta_size() - 4..].try_into().map(u32::from_le_bytes).unwrap_or(0);
+            if length != count {
+                return Err(BytesError::Length { kind: kind.name, count, length });
+            }
+        }
+        Ok(Pieces { meta: self.meta, payload: &self.payload[..bytes] })
+    }
+
+    /// The head. A meta piece shorter than a head reads as zeros.
+    pub fn head(&self) -> Head {
+        self.meta.get(..HEAD_SIZE).and_then(|b| Head::read_from_bytes(b).ok()).unwrap_or_default()
+    }
+
+    /// The typed view.
+    pub fn view<S: Sample>(&self) -> Result<View<'a, S>, BytesError> {
+        let cut = self.check(S::KIND)?;
+        let unaligned = || BytesError::Unaligned { kind: S::NAME };
+        let body = S::Body::ref_from_bytes(&cut.meta[HEAD_SIZE..]).map_err(|_| unaligned())?;
+        let elements = <[S::Element]>::ref_from_bytes(cut.payload).map_err(|_| unaligned())?;
+        Ok(View { head: self.head(), body, elements, sample: PhantomData })
+    }
+}
+
+/// A sample as its type: read in place, nothing copied but the head.
+pub struct View<'a, S: Sample> {
+    /// Stamps, sequence, incarnation and count.
+    pub head: Head,
+    /// What is said once.
+    pub body: &'a S::Body,
+    /// What is repeated: `head.count` of them.
+    pub elements: &'a [S::Element],
+    sample: PhantomData<S>,
+}
+
+impl<'a, S: Sample> View<'a, S> {
+    /// The one element of a fixed sample; the first of a slice, if it has any.
+    pub fn first(&self) -> Option<&'a S::Element> {
+        self.elements.first()
+    }
+}

@@ -1,0 +1,66 @@
+//! Commands that people send into a running pipeline.
+
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+use crate::{Layout, Sample, SampleKind, Shape};
+
+/// A person's command. Nothing changes at run time but by samples, so this is the audit trail.
+pub struct ConsoleCommand;
+
+/// What is commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Verb {
+    /// Allow actuation.
+    Arm = 1,
+    /// Forbid actuation.
+    Disarm = 2,
+    /// Take a reference of what the camera sees now.
+    Capture = 3,
+    /// Move to the target in `values`.
+    Target = 4,
+    /// Go on after a fault.
+    Resume = 5,
+    /// Let all pressure out.
+    Vent = 6,
+}
+
+impl Verb {
+    /// All verbs with the words that people type.
+    pub const ALL: &'static [(&'static str, Verb)] = &[
+        ("arm", Verb::Arm),
+        ("disarm", Verb::Disarm),
+        ("capture", Verb::Capture),
+        ("target", Verb::Target),
+        ("resume", Verb::Resume),
+        ("vent", Verb::Vent),
+    ];
+
+    /// The verb of this word.
+    pub fn from_word(word: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(w, _)| *w == word).map(|(_, v)| *v)
+    }
+}
+
+/// The fields of a [`ConsoleCommand`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[repr(C)]
+pub struct Command {
+    /// Arguments of the verb, SI units; zero where there are none.
+    pub values: [f64; 6],
+    /// A [`Verb`] as its number.
+    pub verb: u32,
+    /// How many of `values` are given.
+    pub given: u32,
+    /// Who sent it, in ASCII, filled with zeros.
+    pub by: [u8; 32],
+}
+
+impl Sample for ConsoleCommand {
+    type Body = ();
+    type Element = Command;
+    const NAME: &'static str = "ConsoleCommand";
+    const SHAPE: Shape = Shape::Fixed;
+    const ABOUT: &'static str = "A person's command to a running pipeline.";
+    const KIND: &'static SampleKind = &SampleKind::of::<Self>();
+}

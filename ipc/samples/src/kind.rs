@@ -1,0 +1,172 @@
+//! What a sample type is, typed (`Sample`) and at run time (`SampleKind`).
+
+use std::fmt::Write;
+
+use crate::layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+use crate::{HEAD_FIELDS, HEAD_SIZE};
+
+/// How many elements a sample has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Exactly one.
+    Fixed,
+    /// Any number up to the port's capacity.
+    Slice,
+}
+
+/// A type of sample: `Head ++ Body ++ [Element]`.
+///
+/// A fixed sample has `Body = ()` and one element. A slice has elements behind a body that describes them all (`()` if
+/// there is nothing to describe); a body ends in a `u32` named `length` that repeats the element count, so that the
+/// bytes are a CDR sequence.
+pub trait Sample: 'static {
+    /// What is said once per sample.
+    type Body: Layout;
+    /// What is repeated.
+    type Element: Layout;
+    /// Name in configs, recordings and errors.
+    const NAME: &'static str;
+    /// One element or many.
+    const SHAPE: Shape;
+    /// What the sample is for, in one line.
+    const ABOUT: &'static str;
+    /// The run-time form.
+    const KIND: &'static SampleKind;
+}
+
+/// The run-time form of a sample type: all that transport, recorder and replay need to know.
+#[derive(Debug, PartialEq, Eq)]
+pub struct SampleKind {
+    /// Name in configs, recordings and errors.
+    pub name: &'static str,
+    /// What the sample is for.
+    pub about: &'static str,
+    /// One element or many.
+    pub shape: Shape,
+    /// Fields of the body.
+    pub body: &'static [Field],
+    /// Fields of the element.
+    pub element: &'static [Field],
+    /// The element, where it is a bare number.
+    pub bare: Option<Primitive>,
+    /// Bytes of the body: a multiple of 8.
+    pub body_size: usize,
+    /// Bytes of one element.
+    pub element_size: usize,
+    /// Alignment of the element.
+    pub element_align: usize,
+    /// Hash of layout and units.
+    pub hash: u64,
+}
+
+impl SampleKind {
+    /// The run-time form of `S`. Fails to compile where the bytes would not be a CDR body.
+    pub const fn of<S: Sample>() -> Self {
+        let body = S::Body::FIELDS;
+        let body_size = size_of::<S::Body>();
+        assert!(body_size == fields_size(body), "the body has padding");
+        assert!(body_size.is_multiple_of(8), "the body's size must be a multiple of 8, or the elements lose their alignment");
+        match S::SHAPE {
+            Shape::Fixed => assert!(body_size == 0, "a fixed sample has no body: put its fields into the element"),
+            Shape::Slice => {
+                if !body.is_empty() {
+                    let last = &body[body.len() - 1];
+                    assert!(
+                        matches!(last.primitive, Primitive::U32) && last.array == 0 && is_length(last.name),
+                        "the body of a slice must end in `length: u32`: it is the CDR length of the sequence"
+                    );
+                }
+            }
+        }
+        let mut hash = fnv1a(fnv1a_start(), S::NAME.as_bytes());
+        hash = hash_fields(hash, body);
+        hash = fnv1a(hash, b"|");
+        hash = hash_fields(hash, S::Element::FIELDS);
+        if let Some(p) = S::Element::BARE {
+            hash = fnv1a(hash, p.ros_name().as_bytes());
+        }
+        Self {
+            name: S::NAME,
+            about: S::ABOUT,
+            shape: S::SHAPE,
+            body,
+            element: S::Element::FIELDS,
+            bare: S::Element::BARE,
+            body_size,
+            element_size: size_of::<S::Element>(),
+            element_align: align_of::<S::Element>(),
+            hash,
+        }
+    }
+
+    /// Name with the layout hash: the contract between two builds.
+    pub fn type_name(&self) -> String {
+        format!("{}@{:016x}", self.name, self.hash)
+    }
+
+    /// Bytes of head and body: the user header of the shared-memory sample.
+    pub const fn meta_size(&self) -> usize {
+        HEAD_SIZE + self.body_size
+    }
+
+    /// Bytes of a whole sample with `count` elements, or `None` where that overflows.
+    pub fn total_size(&self, count: u32) -> Option<usize> {
+        (count as usize).checked_mul(self.element_size)?.checked_add(self.meta_size())
+    }
+
+    /// The `ros2msg` text of the CDR body `Head ++ Body ++ elements`. Units stand as comments.
+    pub fn ros_schema(&self) -> String {
+        let mut text = format!("# {}\n", self.about);
+        let head = match (self.shape, self.body.is_empty()) {
+            // The count is the sequence's own length.
+            (Shape::Slice, true) => &HEAD_FIELDS[..HEAD_FIELDS.len() - 1],
+            _ => HEAD_FIELDS,
+        };
+        push_fields(&mut text, head);
+        match self.shape {
+            Shape::Fixed => push_fields(&mut text, self.element),
+            Shape::Slice => {
+                push_fields(&mut text, self.body.split_last().map_or(&[][..], |(_, rest)| rest));
+                match self.bare {
+                    Some(p) => {
+                        let _ = writeln!(text, "{}[] data", p.ros_name());
+                    }
+                    None => {
+                        let _ = writeln!(text, "{}Element[] data", self.name);
+                        let _ = write!(text, "{}\nMSG: stillpoint_msgs/{}Element\n", "=".repeat(80), self.name);
+                        push_fields(&mut text, self.element);
+                    }
+                }
+            }
+        }
+        text
+    }
+
+    /// Name of the schema in a recording.
+    pub fn schema_name(&self) -> String {
+        format!("stillpoint_msgs/msg/{}", self.name)
+    }
+}
+
+const fn is_length(name: &str) -> bool {
+    let (a, b) = (name.as_bytes(), b"length");
+    if a.len() != b.len() {
+        return false;
+    }
+    let mut i = 0;
+    while i < a.len() {
+        if a[i] != b[i] {
+            return false;
+        }
+        i += 1;
+    }
+    true
+}
+
+fn push_fields(text: &mut String, fields: &[Field]) {
+    for f in fields {
+        let array = if f.array == 0 { String::new() } else { format!("[{}]", f.array) };
+        let unit = if f.unit.is_empty() { String::new() } else { format!("  # {}", f.unit) };
+        let _ = writeln!(text, "{}{array} {}{unit}", f.primitive.ros_name(), f.name);
+    }
+}
