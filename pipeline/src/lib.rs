@@ -1,1 +1,24 @@
-//! stillpoint
+//! Pipelines of operators: from YAML to a checked graph, and from a graph to activations.
+//!
+//! An operator is a deterministic step machine ([`Operator`]). An executor decides when its activations happen: a
+//! schedule (clock, discrete events, journal) joined to a placement (one process, threads, processes).
+//!
+//! - `operator`, `activation`, `outputs`, `setup`, `frames`: what the author of an operator sees
+//! - `params`: typed parameters
+//! - `graph`: the checked pipeline
+//! - `spec`: from YAML to a graph, with every fault of the file
+
+pub mod activation;
+pub mod frames;
+pub mod graph;
+pub mod operator;
+pub mod outputs;
+pub mod params;
+pub mod setup;
+pub mod spec;
+
+pub use activation::Activation;
+pub use operator::{Operator, Registry, Stage};
+pub use outputs::Outputs;
+pub use params::Params;
+pub use setup::Setup;

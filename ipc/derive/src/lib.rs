@@ -57,7 +57,10 @@ fn field_type(ty: &Type) -> Result<(Primitive, proc_macro2::TokenStream), Error>
                 && let Lit::Int(n) = &l.lit
                 && n.base10_parse::<usize>().ok() == Some(0)
             {
-                return Err(Error::new(a.len.span(), "an array of no elements carries nothing: remove the field"));
+                return Err(Error::new(
+                    a.len.span(),
+                    "an array of no elements carries nothing: remove the field",
+                ));
             }
             let len = &a.len;
             Ok((p, quote!(#len)))
@@ -68,11 +71,15 @@ fn field_type(ty: &Type) -> Result<(Primitive, proc_macro2::TokenStream), Error>
 
 fn expand(input: &DeriveInput) -> Result<proc_macro2::TokenStream, Error> {
     let name = &input.ident;
-    let is_c = input.attrs.iter().any(|a| {
-        a.path().is_ident("repr") && a.parse_args::<syn::Ident>().is_ok_and(|i| i == "C")
-    });
+    let is_c = input
+        .attrs
+        .iter()
+        .any(|a| a.path().is_ident("repr") && a.parse_args::<syn::Ident>().is_ok_and(|i| i == "C"));
     if !is_c {
-        return Err(Error::new(name.span(), "write #[repr(C)]: without it the order of the bytes is not fixed"));
+        return Err(Error::new(
+            name.span(),
+            "write #[repr(C)]: without it the order of the bytes is not fixed",
+        ));
     }
     let fields = match &input.data {
         Data::Struct(s) => match &s.fields {

@@ -146,7 +146,11 @@ impl<'a> Pieces<'a> {
     /// Checks lengths against what the head states, and cuts the payload to the stated count.
     pub fn check(&self, kind: &SampleKind) -> Result<Pieces<'a>, BytesError> {
         if self.meta.len() != kind.meta_size() {
-            return Err(BytesError::Short { kind: kind.name, found: self.meta.len(), needed: kind.meta_size() });
+            return Err(BytesError::Short {
+                kind: kind.name,
+                found: self.meta.len(),
+                needed: kind.meta_size(),
+            });
         }
         let count = self.head().count;
         let needed = (count as usize).checked_mul(kind.element_size);

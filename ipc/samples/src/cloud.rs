@@ -9,7 +9,9 @@ use crate::{Layout, Sample, SampleKind, Shape};
 pub struct PointCloud;
 
 /// Grid of a cloud.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
+)]
 #[repr(C)]
 pub struct CloudShape {
     /// Points in a row; the number of points where `height` is 1.
@@ -36,6 +38,7 @@ impl Sample for PointCloud {
     type Element = Point;
     const NAME: &'static str = "PointCloud";
     const SHAPE: Shape = Shape::Slice;
-    const ABOUT: &'static str = "Points in the port's frame, organised as their camera's grid where height > 1.";
+    const ABOUT: &'static str =
+        "Points in the port's frame, organised as their camera's grid where height > 1.";
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }

@@ -37,7 +37,9 @@ pub enum Outcome {
 }
 
 /// The fields of an entry that are there once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
+)]
 #[repr(C)]
 pub struct JournalBody {
     /// Number of the activation in its incarnation, from 0.
@@ -75,7 +77,9 @@ pub enum RefKind {
 }
 
 /// Samples that an activation consumed or sent on one port.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
+)]
 #[repr(C)]
 pub struct JournalRef {
     /// First sequence number.

@@ -65,9 +65,14 @@ impl SampleKind {
         let body = S::Body::FIELDS;
         let body_size = size_of::<S::Body>();
         assert!(body_size == fields_size(body), "the body has padding");
-        assert!(body_size.is_multiple_of(8), "the body's size must be a multiple of 8, or the elements lose their alignment");
+        assert!(
+            body_size.is_multiple_of(8),
+            "the body's size must be a multiple of 8, or the elements lose their alignment"
+        );
         match S::SHAPE {
-            Shape::Fixed => assert!(body_size == 0, "a fixed sample has no body: put its fields into the element"),
+            Shape::Fixed => {
+                assert!(body_size == 0, "a fixed sample has no body: put its fields into the element")
+            }
             Shape::Slice => {
                 if !body.is_empty() {
                     let last = &body[body.len() - 1];
@@ -133,7 +138,8 @@ impl SampleKind {
                     }
                     None => {
                         let _ = writeln!(text, "{}Element[] data", self.name);
-                        let _ = write!(text, "{}\nMSG: stillpoint_msgs/{}Element\n", "=".repeat(80), self.name);
+                        let _ =
+                            write!(text, "{}\nMSG: stillpoint_msgs/{}Element\n", "=".repeat(80), self.name);
                         push_fields(&mut text, self.element);
                     }
                 }

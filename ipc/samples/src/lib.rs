@@ -46,7 +46,9 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 pub const HEAD_SIZE: usize = 32;
 
 /// What every sample starts with. Logical time only: wall time never enters a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
+)]
 #[repr(C)]
 pub struct Head {
     /// Time of the activation that made the sample, ns since the epoch.

@@ -1,0 +1,165 @@
+//! The checked pipeline. It can only be made by checking, and only it can run.
+
+use crate::frames::Frames;
+use crate::operator::{Policy, Stage};
+use crate::params::CheckedParams;
+
+/// A checked pipeline.
+#[derive(Clone)]
+pub struct Graph {
+    /// Name of the pipeline.
+    pub name: String,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// The frames.
+    pub frames: Frames,
+    /// The operators, upstream before downstream; edges with a delay do not count. Ties stand in the order of the file.
+    pub operators: Vec<OperatorNode>,
+    /// The processes. Each operator is in exactly one; members stand upstream before downstream.
+    pub processes: Vec<ProcessNode>,
+    /// What a recording keeps besides the journal.
+    pub record: Record,
+}
+
+/// An operator of a checked pipeline.
+#[derive(Clone)]
+pub struct OperatorNode {
+    /// Name in the pipeline.
+    pub name: String,
+    /// Its kind.
+    pub stage: Stage,
+    /// Its parameters.
+    pub params: CheckedParams,
+    /// Period of its timer, ns.
+    pub every: Option<u64>,
+    /// Time that the simulated executor charges for a step, ns.
+    pub latency: u64,
+    /// Longest step, ns, after which the process is ended.
+    pub deadline: Option<u64>,
+    /// Inputs, in the order of the kind's ports.
+    pub inputs: Vec<InputNode>,
+    /// Outputs, in the order of the kind's ports.
+    pub outputs: Vec<OutputNode>,
+    /// Number of its process.
+    pub process: usize,
+}
+
+/// An input of a checked pipeline.
+#[derive(Clone, Debug)]
+pub struct InputNode {
+    /// Where its samples come from; `None` where an optional input is not connected.
+    pub edge: Option<Edge>,
+    /// How they are consumed.
+    pub policy: Policy,
+    /// For `Sync`: the first input of the set (its own number where it is the first).
+    pub sync_leader: Option<usize>,
+    /// Frame of the samples.
+    pub frame: Option<String>,
+}
+
+/// An edge, seen from its consumer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// Number of the producing operator.
+    pub operator: usize,
+    /// Number of its output.
+    pub output: usize,
+    /// A sample is seen this long after its stamp, ns.
+    pub delay: u64,
+}
+
+/// An output of a checked pipeline.
+#[derive(Clone, Debug)]
+pub struct OutputNode {
+    /// `operator.port`.
+    pub topic: String,
+    /// Frame of the samples.
+    pub frame: Option<String>,
+    /// The most elements in a sample.
+    pub capacity: usize,
+}
+
+/// What happens when a process ends without being asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Restart {
+    /// The run ends.
+    Never,
+    /// It is started again, at most this often in a row.
+    OnFault {
+        /// Most restarts in a row.
+        limit: u32,
+        /// Wait before the first restart, ns; it doubles each time.
+        backoff: u64,
+    },
+}
+
+/// Scheduling class of a process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Priority {
+    /// As the system does by default.
+    Normal,
+    /// SCHED_FIFO with this priority; memory is locked.
+    Fifo(u8),
+}
+
+/// A process of a checked pipeline.
+#[derive(Clone, Debug)]
+pub struct ProcessNode {
+    /// Name: that of the group, or of the one operator.
+    pub name: String,
+    /// Numbers of its operators, upstream first.
+    pub operators: Vec<usize>,
+    /// Restart policy.
+    pub restart: Restart,
+    /// Core that it is bound to.
+    pub core: Option<usize>,
+    /// Scheduling class.
+    pub priority: Priority,
+}
+
+/// What a recording keeps besides the journal.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Record {
+    /// The outputs of sources, which replay cannot make.
+    Sources,
+    /// Every topic.
+    All,
+    /// The outputs of sources and these topics.
+    Topics(Vec<String>),
+}
+
+impl Graph {
+    /// Number of the operator of this name.
+    pub fn operator(&self, name: &str) -> Option<usize> {
+        self.operators.iter().position(|o| o.name == name)
+    }
+
+    /// Operator and output of a topic `operator.port`.
+    pub fn topic(&self, topic: &str) -> Option<(usize, usize)> {
+        self.operators
+            .iter()
+            .enumerate()
+            .find_map(|(i, o)| o.outputs.iter().position(|p| p.topic == topic).map(|p| (i, p)))
+    }
+
+    /// Inputs that an output feeds, as (operator, input).
+    pub fn consumers(&self, operator: usize, output: usize) -> impl Iterator<Item = (usize, usize)> {
+        self.operators.iter().enumerate().flat_map(move |(i, o)| {
+            o.inputs.iter().enumerate().filter_map(move |(p, input)| {
+                input.edge.is_some_and(|e| e.operator == operator && e.output == output).then_some((i, p))
+            })
+        })
+    }
+
+    /// Whether a recording keeps this output.
+    pub fn is_recorded(&self, operator: usize, output: usize) -> bool {
+        let node = &self.operators[operator];
+        let source = node.stage.kind.role == crate::operator::Role::Source;
+        source
+            || match &self.record {
+                Record::Sources => false,
+                Record::All => true,
+                Record::Topics(list) => list.contains(&node.outputs[output].topic),
+            }
+    }
+}

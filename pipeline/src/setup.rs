@@ -1,0 +1,40 @@
+//! What an operator is told once, when it is made.
+
+use crate::frames::{Frames, Rigid};
+use crate::operator::SetupError;
+
+/// What an operator is told once, when it is made.
+pub struct Setup<'a> {
+    /// Name of the operator in the pipeline.
+    pub operator: &'a str,
+    /// Period of its timer, ns.
+    pub every: Option<u64>,
+    /// Frame of each input, in the order of the ports.
+    pub input_frames: &'a [Option<String>],
+    /// Frame of each output, in the order of the ports.
+    pub output_frames: &'a [Option<String>],
+    /// The pipeline's frames.
+    pub frames: &'a Frames,
+    /// Bytes of the files that parameters name.
+    pub files: &'a dyn Files,
+}
+
+impl Setup<'_> {
+    /// Bytes of a file that a parameter names; the same bytes live and in replay.
+    pub fn file(&self, name: &str) -> Result<Vec<u8>, SetupError> {
+        self.files.read(name).map_err(|e| SetupError(format!("{name}: {e}")))
+    }
+
+    /// The transform `to_from_from` between two frames, where both are known and joined.
+    pub fn transform(&self, to: &str, from: &str) -> Option<Rigid> {
+        self.frames.transform(to, from)
+    }
+}
+
+/// Where the files that parameters name are read: the disk in a live run, the session in a replay.
+pub trait Files {
+    /// Bytes of the file.
+    fn read(&self, name: &str) -> Result<Vec<u8>, String>;
+    /// The files of a folder by their names, sorted; a file's name alone is itself.
+    fn list(&self, name: &str) -> Result<Vec<String>, String>;
+}
