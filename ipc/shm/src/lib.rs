@@ -1,14 +1,62 @@
-//! stillpoint
-use stillpoint_samples::Pieces;
-/// A loaned buffer.
-pub struct Loan {}
-impl Loan {
-    /// Head and body, and room for the elements.
-    pub fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]) {
-        (&mut [], &mut [])
-    }
-    /// The bytes as they stand.
-    pub fn pieces(&self) -> Pieces<'_> {
-        Pieces { meta: &[], payload: &[] }
-    }
+//! Samples through shared memory, on iceoryx2.
+//!
+//! A [`Domain`] is one run's corner of shared memory; a [`Topic`] in it is a publish-subscribe service with an event
+//! service beside it. Ports carry bytes: a [`Contract`] says what they mean.
+//!
+//! - `domain`: node and config of a run, sweep of dead runs
+//! - `topic`: services and their contract
+//! - `erased`: the calls of iceoryx2 that carry any type
+//! - `ports`: publisher, subscriber, loan, received sample
+//! - `wake`: notifier, listener, waiting on several of them
+
+mod domain;
+mod erased;
+mod ports;
+mod topic;
+mod wake;
+
+pub use domain::{Domain, sweep};
+pub use ports::{Loan, Publisher, Received, Subscriber};
+pub use topic::{Contract, Topic};
+pub use wake::{Listener, Notifier, Wake, WakeReason};
+
+/// Why shared memory did not do as asked.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum ShmError {
+    /// The node of this process could not be made.
+    #[error("no iceoryx2 node in {root}: {reason}; check that the folder can be written")]
+    Node {
+        /// Root folder of the domain.
+        root: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// A service could not be created or opened.
+    #[error("topic {topic} ({type_name}): {reason}")]
+    Topic {
+        /// Name of the topic.
+        topic: String,
+        /// Contract text.
+        type_name: String,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// A port could not be made or used.
+    #[error("{port} on topic {topic}: {reason}")]
+    Port {
+        /// Name of the topic.
+        topic: String,
+        /// Kind of port.
+        port: &'static str,
+        /// What iceoryx2 says.
+        reason: String,
+    },
+    /// A name that iceoryx2 does not take.
+    #[error("`{name}` cannot name a part of shared memory: {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// Why.
+        reason: String,
+    },
 }

@@ -1,0 +1,126 @@
+//! Topics, ports and wake-ups within one process; what needs several stands in the whole-system tests.
+
+use std::path::PathBuf;
+
+use stillpoint_samples::{Head, Pieces, PointCloud, Pose, Sample};
+use stillpoint_shm::{Contract, Domain, Topic, Wake, sweep};
+use zerocopy::IntoBytes;
+
+struct Room {
+    _folder: tempfile::TempDir,
+    root: PathBuf,
+    prefix: String,
+}
+
+fn room(name: &str) -> Room {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().join("d");
+    Room { _folder: folder, root, prefix: format!("spt{}_{name}_", std::process::id()) }
+}
+
+impl Drop for Room {
+    fn drop(&mut self) {
+        sweep(&self.root, &self.prefix);
+    }
+}
+
+fn contract(depth: usize) -> Contract {
+    Contract {
+        buffer: depth,
+        pool: depth + 4,
+        ..Contract::new("a.cloud", PointCloud::KIND, Some("camera"), 100)
+    }
+}
+
+fn send(publisher: &stillpoint_shm::Publisher, sequence: u64, count: u32) {
+    let mut loan = publisher.loan(count as usize).unwrap().expect("memory");
+    let (meta, payload) = loan.parts_mut();
+    meta.fill(0);
+    meta[..32].copy_from_slice(Head { sequence, count, ..Head::default() }.as_bytes());
+    let end = meta.len();
+    meta[end - 4..].copy_from_slice(&count.to_le_bytes());
+    payload.fill(sequence as u8);
+    publisher.send(loan).unwrap();
+}
+
+#[test]
+fn bytes_arrive_as_they_were_written() {
+    let room = room("bytes");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let topic = Topic::create(&domain, &contract(2)).unwrap();
+    let subscriber = topic.subscriber(2).unwrap();
+    let publisher = topic.publisher().unwrap();
+    publisher.connect().unwrap();
+    send(&publisher, 7, 3);
+    let sample = subscriber.receive().unwrap().unwrap();
+    let view = sample.pieces().view::<PointCloud>().unwrap();
+    assert_eq!((view.head.sequence, view.elements.len(), view.body.length), (7, 3, 3));
+    assert_eq!(sample.pieces().check(PointCloud::KIND).unwrap().payload, vec![7u8; 36]);
+    assert!(subscriber.receive().unwrap().is_none());
+}
+
+#[test]
+fn a_full_buffer_drops_the_oldest_and_never_blocks() {
+    let room = room("full");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let topic = Topic::create(&domain, &contract(2)).unwrap();
+    let subscriber = topic.subscriber(2).unwrap();
+    let publisher = topic.publisher().unwrap();
+    publisher.connect().unwrap();
+    for sequence in 0..1000 {
+        send(&publisher, sequence, 1);
+    }
+    let seen: Vec<u64> =
+        std::iter::from_fn(|| subscriber.receive().unwrap()).map(|s| s.head().sequence).collect();
+    assert_eq!(seen, [998, 999]);
+}
+
+#[test]
+fn another_layout_or_frame_is_refused() {
+    let room = room("refused");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let _topic = Topic::create(&domain, &contract(2)).unwrap();
+    let other_frame = Contract::new("a.cloud", PointCloud::KIND, Some("couch"), 100);
+    let other_type = Contract::new("a.cloud", Pose::KIND, Some("camera"), 1);
+    for wrong in [other_frame, other_type] {
+        let error = Topic::open(&domain, &wrong).err().expect("refused").to_string();
+        assert!(error.contains("a.cloud") && error.contains("IncompatibleTypes"), "{error}");
+    }
+    assert!(Topic::open(&domain, &contract(2)).is_ok());
+}
+
+#[test]
+fn used_up_memory_is_said_and_comes_back() {
+    let room = room("memory");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let topic = Topic::create(&domain, &Contract { pool: 2, ..contract(1) }).unwrap();
+    let publisher = topic.publisher().unwrap();
+    let held = [publisher.loan(1).unwrap(), publisher.loan(1).unwrap()];
+    assert!(held.iter().all(Option::is_some));
+    assert!(publisher.loan(1).unwrap().is_none());
+    drop(held);
+    assert!(publisher.loan(1).unwrap().is_some());
+}
+
+#[test]
+fn a_notification_wakes_and_silence_times_out() {
+    let room = room("wake");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let topic = Topic::create(&domain, &contract(1)).unwrap();
+    let wake = Wake::new(vec![topic.listener().unwrap()]);
+    let notifier = topic.notifier().unwrap();
+    let (read, _write) = std::io::pipe().unwrap();
+    use std::os::fd::AsFd;
+    assert!(!wake.wait(read.as_fd(), Some(1_000_000)).unwrap().listeners);
+    notifier.notify();
+    assert!(wake.wait(read.as_fd(), None).unwrap().listeners);
+    assert!(!wake.wait(read.as_fd(), Some(1_000_000)).unwrap().listeners, "a wake-up is taken once");
+}
+
+#[test]
+fn a_topic_name_says_which_frame_and_layout() {
+    let contract = contract(1);
+    assert!(contract.type_name.starts_with("PointCloud@") && contract.type_name.ends_with(" in camera"));
+    let empty = Pieces { meta: &[], payload: &[] };
+    assert!(empty.view::<PointCloud>().is_err());
+}
