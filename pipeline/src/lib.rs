@@ -9,12 +9,17 @@
 //! - `spec`: from YAML to a graph, with every fault of the file
 
 pub mod activation;
+pub mod cell;
 pub mod frames;
 pub mod graph;
+pub mod intake;
 pub mod operator;
 pub mod outputs;
 pub mod params;
+pub mod placement;
+pub mod record;
 pub mod setup;
+pub mod shelf;
 pub mod spec;
 
 pub use activation::Activation;

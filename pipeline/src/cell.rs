@@ -1,0 +1,266 @@
+//! A cell: one incarnation of an operator with its counters. Every placement runs activations through it.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use stillpoint_samples::{
+    Cause, Entry, HEAD_SIZE, Head, JournalBody, JournalRef, Outcome, Pieces, RefKind, SampleKind, fnv1a,
+    fnv1a_start,
+};
+use zerocopy::IntoBytes;
+
+use crate::activation::{Activation, Brought, Consumed, RandomKey};
+use crate::graph::{Graph, OperatorNode};
+use crate::operator::{SetupError, Step};
+use crate::outputs::{Draft, Lender, Outputs};
+use crate::record::Record;
+use crate::setup::{Files, Setup};
+
+/// One incarnation of an operator.
+pub struct Cell {
+    step: Box<dyn Step>,
+    kinds: Vec<(&'static SampleKind, usize)>,
+    key: RandomKey,
+    /// Number of the next activation.
+    index: u64,
+    /// Number of the next journal entry.
+    entries: u64,
+    inputs: Vec<Seen>,
+    sent: Vec<Sent>,
+    drafts: Vec<Draft>,
+    fault: Option<String>,
+}
+
+/// What was last seen on an input.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    incarnation: Option<u32>,
+    lost: u64,
+}
+
+/// What was sent on an output.
+#[derive(Clone, Copy, Default)]
+struct Sent {
+    next: u64,
+    lost: u64,
+}
+
+impl Cell {
+    /// Makes an incarnation of operator number `operator`.
+    pub fn build(
+        graph: &Graph,
+        operator: usize,
+        incarnation: u32,
+        files: &dyn Files,
+    ) -> Result<Self, SetupError> {
+        let node = &graph.operators[operator];
+        Ok(Self {
+            step: build_step(graph, node, files)?,
+            kinds: node
+                .stage
+                .kind
+                .outputs
+                .iter()
+                .zip(&node.outputs)
+                .map(|(port, output)| (port.sample, output.capacity))
+                .collect(),
+            key: RandomKey {
+                seed: graph.seed,
+                operator: fnv1a(fnv1a_start(), node.name.as_bytes()),
+                incarnation,
+            },
+            index: 0,
+            entries: 0,
+            inputs: vec![Seen::default(); node.inputs.len()],
+            sent: vec![Sent::default(); node.outputs.len()],
+            drafts: Vec::new(),
+            fault: None,
+        })
+    }
+
+    /// Which life of the operator this is.
+    pub fn incarnation(&self) -> u32 {
+        self.key.incarnation
+    }
+
+    /// What the last failed activation said.
+    pub fn fault(&self) -> Option<&str> {
+        self.fault.as_deref()
+    }
+
+    /// The entry that marks the beginning or the end of the incarnation.
+    pub fn mark(&mut self, cause: Cause, time: u64, inputs: &[JournalRef]) -> Entry {
+        let mut refs = inputs.to_vec();
+        if cause == Cause::End {
+            refs.extend(
+                self.sent
+                    .iter()
+                    .enumerate()
+                    .map(|(port, sent)| output_ref(port, sent, 0, self.key.incarnation)),
+            );
+        }
+        let record = Record { time, nominal: time, tick: 0, cause, port: 0, inputs: Vec::new() };
+        self.entry(&record, time, Outcome::Done, refs)
+    }
+
+    /// Does one activation. `sample` gives the bytes of the sample that an input brings. The outputs stand in
+    /// [`drafts`](Self::take_drafts) afterwards, headed and ready; they may be sent only after the entry is published.
+    pub fn activate<'a>(
+        &mut self,
+        record: &Record,
+        sample: &dyn Fn(usize) -> Option<Pieces<'a>>,
+        lender: &mut dyn Lender,
+    ) -> Entry {
+        self.drafts.clear();
+        let mut brought = [Brought::default(); MAX_INPUTS];
+        let brought = &mut brought[..self.inputs.len()];
+        let mut origin = None;
+        for r in &record.inputs {
+            let port = r.port as usize;
+            let (Some(slot), Some(seen)) = (brought.get_mut(port), self.inputs.get_mut(port)) else {
+                continue;
+            };
+            let same = seen.incarnation == Some(r.incarnation);
+            let pieces = sample(port);
+            *slot = Brought {
+                sample: pieces.map(|pieces| Consumed { pieces, held: r.kind == RefKind::Held as u32 }),
+                missed: r.lost.saturating_sub(if same { seen.lost } else { 0 }),
+                restarted: seen.incarnation.is_some() && !same,
+            };
+            *seen = Seen { incarnation: Some(r.incarnation), lost: r.lost };
+            if let Some(pieces) = pieces {
+                let o = pieces.head().origin;
+                origin = Some(origin.map_or(o, |a: u64| a.min(o)));
+            }
+        }
+        let activation = Activation {
+            index: self.index,
+            time: record.time,
+            nominal: record.nominal,
+            tick: record.tick,
+            origin: origin.unwrap_or(record.time),
+            cause: record.cause,
+            port: record.port,
+            inputs: brought,
+            key: self.key,
+        };
+        let mut outputs = Outputs::new(&self.kinds, lender, &mut self.drafts);
+        let step = &mut self.step;
+        let result = catch_unwind(AssertUnwindSafe(|| step.step(&activation, &mut outputs)));
+        let origin = outputs.origin.unwrap_or(activation.origin);
+        let outcome = match result {
+            Ok(Ok(())) => Outcome::Done,
+            Ok(Err(error)) => {
+                self.fault = Some(error.0);
+                Outcome::Error
+            }
+            Err(panic) => {
+                self.fault = Some(panic_text(&*panic));
+                Outcome::Panic
+            }
+        };
+        let mut refs = record.inputs.clone();
+        if outcome == Outcome::Done {
+            self.head_drafts(record.time, origin, &mut refs);
+        } else {
+            self.drafts.clear();
+        }
+        self.index += 1;
+        self.entry(record, origin, outcome, refs)
+    }
+
+    /// The outputs of the last activation, in the order in which the operator sent them.
+    pub fn take_drafts(&mut self) -> std::vec::Drain<'_, Draft> {
+        self.drafts.drain(..)
+    }
+
+    fn head_drafts(&mut self, stamp: u64, origin: u64, refs: &mut Vec<JournalRef>) {
+        let incarnation = self.key.incarnation;
+        for (port, sent) in self.sent.iter_mut().enumerate() {
+            let mut count = 0;
+            for draft in self.drafts.iter_mut().filter(|d| d.port == port) {
+                let (meta, _) = draft.buffer.parts_mut();
+                // The writer has put the element count in place.
+                let n = [meta[HEAD_SIZE - 4], meta[HEAD_SIZE - 3], meta[HEAD_SIZE - 2], meta[HEAD_SIZE - 1]];
+                let head =
+                    Head { stamp, origin, sequence: sent.next, incarnation, count: u32::from_le_bytes(n) };
+                meta[..HEAD_SIZE].copy_from_slice(head.as_bytes());
+                sent.next += 1;
+                sent.lost += u64::from(draft.homeless);
+                count += 1;
+            }
+            if count > 0 {
+                refs.push(output_ref(port, sent, count, incarnation));
+            }
+        }
+    }
+
+    fn entry(&mut self, record: &Record, origin: u64, outcome: Outcome, refs: Vec<JournalRef>) -> Entry {
+        let count = refs.len() as u32;
+        let entry = Entry {
+            head: Head {
+                stamp: record.time,
+                origin,
+                sequence: self.entries,
+                incarnation: self.key.incarnation,
+                count,
+            },
+            body: JournalBody {
+                index: self
+                    .index
+                    .saturating_sub(u64::from(!matches!(record.cause, Cause::Start | Cause::End))),
+                nominal: record.nominal,
+                tick: record.tick,
+                sent_before: 0,
+                cause: record.cause as u32,
+                port: record.port as u32,
+                outcome: outcome as u32,
+                reserved: [0; 2],
+                length: count,
+            },
+            refs,
+        };
+        self.entries += 1;
+        entry
+    }
+}
+
+/// The most inputs of an operator.
+pub const MAX_INPUTS: usize = 16;
+
+fn output_ref(port: usize, sent: &Sent, count: u32, incarnation: u32) -> JournalRef {
+    JournalRef {
+        first: sent.next - u64::from(count),
+        total: sent.next,
+        lost: sent.lost,
+        passed: 0,
+        count,
+        incarnation,
+        port: port as u32,
+        kind: RefKind::Output as u32,
+    }
+}
+
+fn build_step(graph: &Graph, node: &OperatorNode, files: &dyn Files) -> Result<Box<dyn Step>, SetupError> {
+    let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
+    let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();
+    let setup = Setup {
+        operator: &node.name,
+        every: node.every,
+        input_frames: &input_frames,
+        output_frames: &output_frames,
+        frames: &graph.frames,
+        files,
+    };
+    // A panic in `new` is a fault of the operator, too.
+    catch_unwind(AssertUnwindSafe(|| (node.stage.build)(&node.params, &setup))).unwrap_or_else(|panic| {
+        Err(SetupError(format!("it panicked while it was made: {}", panic_text(&*panic))))
+    })
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(|s| (*s).to_string())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "a panic without words".to_string())
+}

@@ -1,0 +1,109 @@
+//! An operator whose activations are decided elsewhere.
+
+use std::sync::Arc;
+
+use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
+
+use super::{Committed, PlacementError};
+use crate::cell::Cell;
+use crate::graph::Graph;
+use crate::operator::Policy;
+use crate::outputs::{Buffer, Lender};
+use crate::record::Record;
+use crate::setup::Files;
+use crate::shelf::{Parcel, Shelf};
+
+/// One operator: its present incarnation, and the samples that wait for it.
+pub struct Directed {
+    graph: Arc<Graph>,
+    operator: usize,
+    cell: Option<Cell>,
+    shelf: Shelf,
+}
+
+impl Directed {
+    /// Operator number `operator`, without an incarnation yet.
+    pub fn new(graph: Arc<Graph>, operator: usize) -> Self {
+        Self { graph, operator, cell: None, shelf: Shelf::default() }
+    }
+
+    fn name(&self) -> &str {
+        &self.graph.operators[self.operator].name
+    }
+
+    /// Begins an incarnation.
+    pub fn start(&mut self, incarnation: u32, time: u64, files: &dyn Files) -> Result<Entry, PlacementError> {
+        let built = Cell::build(&self.graph, self.operator, incarnation, files)
+            .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
+        Ok(self.cell.insert(built).mark(Cause::Start, time, &[]))
+    }
+
+    /// Puts a sample where activations will find it.
+    pub fn deliver(&mut self, port: usize, parcel: Parcel) {
+        self.shelf.put(port, parcel);
+    }
+
+    /// Does one activation.
+    pub fn activate(&mut self, record: &Record) -> Result<Committed, PlacementError> {
+        for r in &record.inputs {
+            if self.shelf.get(r.port as usize, r.incarnation, r.first).is_none() {
+                return Err(PlacementError::Sample {
+                    operator: self.name().to_string(),
+                    port: r.port,
+                    incarnation: r.incarnation,
+                    sequence: r.first,
+                });
+            }
+        }
+        let node = &self.graph.operators[self.operator];
+        let cell = self.cell.as_mut().ok_or_else(|| gone(&node.name))?;
+        let shelf = &self.shelf;
+        let find = |port: usize| {
+            let r = record.inputs.iter().find(|r| r.port as usize == port)?;
+            Some(shelf.get(port, r.incarnation, r.first)?.pieces())
+        };
+        let mut heap = Heap { kinds: node.stage.kind.outputs.iter().map(|o| o.sample).collect() };
+        let entry = cell.activate(record, &find, &mut heap);
+        let fault = (entry.body.outcome != 0).then(|| cell.fault().unwrap_or_default().to_string());
+        let outputs = cell
+            .take_drafts()
+            .map(|draft| {
+                (
+                    draft.port,
+                    Parcel::copy_of(node.stage.kind.outputs[draft.port].sample, draft.buffer.pieces()),
+                )
+            })
+            .collect();
+        for r in &record.inputs {
+            let port = r.port as usize;
+            // A `latest` sample may be named again; anything else is consumed once.
+            let held = node.inputs.get(port).is_some_and(|i| i.policy == Policy::Latest);
+            if held || r.kind == RefKind::Held as u32 {
+                self.shelf.forget_before(port, r.incarnation, r.first);
+            } else {
+                self.shelf.forget_before(port, r.incarnation, r.first + 1);
+            }
+        }
+        Ok(Committed { entry, outputs, fault })
+    }
+
+    /// Ends the incarnation in order.
+    pub fn end(&mut self, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
+        let name = self.name().to_string();
+        Ok(self.cell.take().ok_or_else(|| gone(&name))?.mark(Cause::End, time, inputs))
+    }
+}
+
+fn gone(operator: &str) -> PlacementError {
+    PlacementError::Gone { operator: operator.to_string(), reason: "it has no incarnation".to_string() }
+}
+
+struct Heap {
+    kinds: Vec<&'static SampleKind>,
+}
+
+impl Lender for Heap {
+    fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
+        Some(Buffer::heap(self.kinds.get(port)?, elements))
+    }
+}

@@ -1,0 +1,53 @@
+//! All operators in this thread.
+
+use std::sync::Arc;
+
+use stillpoint_samples::{Entry, JournalRef};
+
+use super::{Committed, Directed, Placement, PlacementError};
+use crate::graph::Graph;
+use crate::record::Record;
+use crate::setup::Files;
+use crate::shelf::Parcel;
+
+/// All operators in this thread.
+pub struct Local<'f> {
+    graph: Arc<Graph>,
+    operators: Vec<Directed>,
+    files: &'f dyn Files,
+}
+
+impl<'f> Local<'f> {
+    /// The operators of a graph, without incarnations yet.
+    pub fn new(graph: Arc<Graph>, files: &'f dyn Files) -> Self {
+        let operators = (0..graph.operators.len()).map(|i| Directed::new(graph.clone(), i)).collect();
+        Self { graph, operators, files }
+    }
+
+    /// Hands a sample of an output to its consumers.
+    pub fn deliver(&mut self, operator: usize, output: usize, parcel: &Parcel) {
+        for (consumer, port) in self.graph.consumers(operator, output) {
+            self.operators[consumer].deliver(port, parcel.clone());
+        }
+    }
+}
+
+impl Placement for Local<'_> {
+    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
+        self.operators[operator].start(incarnation, time, self.files)
+    }
+
+    fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
+        let committed = self.operators[operator].activate(record)?;
+        for (port, parcel) in &committed.outputs {
+            for (consumer, input) in self.graph.consumers(operator, *port) {
+                self.operators[consumer].deliver(input, parcel.clone());
+            }
+        }
+        Ok(committed)
+    }
+
+    fn end(&mut self, operator: usize, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
+        self.operators[operator].end(time, inputs)
+    }
+}

@@ -1,0 +1,83 @@
+//! Placements: where activations happen. They know nothing of who decides when.
+//!
+//! - `directed`: an operator whose activations are decided elsewhere
+//! - `local`: all operators in this thread
+//! - `threads`: a thread per operator
+//!
+//! Processes that are directed stand in `live`, since they share children and pipes with the live executor.
+
+mod directed;
+mod local;
+mod threads;
+
+pub use directed::Directed;
+pub use local::Local;
+pub use threads::Threads;
+
+use stillpoint_samples::Entry;
+
+use crate::record::Record;
+use crate::shelf::Parcel;
+
+/// What an activation left behind: its entry, and its outputs in the order of sending.
+#[derive(Clone, Debug)]
+pub struct Committed {
+    /// The journal entry.
+    pub entry: Entry,
+    /// The outputs, with the number of their port.
+    pub outputs: Vec<(usize, Parcel)>,
+    /// What a failed activation said.
+    pub fault: Option<String>,
+}
+
+/// Why a placement could not do what a schedule asked.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum PlacementError {
+    /// The operator could not be made.
+    #[error("operator {operator}: {reason}")]
+    Setup {
+        /// Name of the operator.
+        operator: String,
+        /// What it said.
+        reason: String,
+    },
+    /// A sample that the record names is not there.
+    #[error(
+        "operator {operator}: sample {sequence} of incarnation {incarnation} on input {port} is not there"
+    )]
+    Sample {
+        /// Name of the operator.
+        operator: String,
+        /// Number of the input.
+        port: u32,
+        /// Incarnation of the producer.
+        incarnation: u32,
+        /// Sequence of the sample.
+        sequence: u64,
+    },
+    /// The other end is gone.
+    #[error("operator {operator}: {reason}")]
+    Gone {
+        /// Name of the operator.
+        operator: String,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// Where activations happen.
+pub trait Placement {
+    /// Begins an incarnation of an operator and gives the entry that marks it.
+    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError>;
+
+    /// Does one activation. Its outputs have reached every consumer when this returns.
+    fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError>;
+
+    /// Ends an incarnation in order and gives the entry that marks it. `inputs` is the account of its inputs.
+    fn end(
+        &mut self,
+        operator: usize,
+        time: u64,
+        inputs: &[stillpoint_samples::JournalRef],
+    ) -> Result<Entry, PlacementError>;
+}

@@ -1,0 +1,115 @@
+//! A thread per operator. Samples are shared by reference count; nothing else is.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
+use stillpoint_samples::{Entry, JournalRef};
+
+use super::{Committed, Directed, Placement, PlacementError};
+use crate::graph::Graph;
+use crate::record::Record;
+use crate::setup::Files;
+use crate::shelf::Parcel;
+
+enum Ask {
+    Start { incarnation: u32, time: u64 },
+    Deliver { port: usize, parcel: Parcel },
+    Activate(Record),
+    End { time: u64, inputs: Vec<JournalRef> },
+}
+
+enum Answer {
+    Entry(Result<Entry, PlacementError>),
+    Committed(Box<Result<Committed, PlacementError>>),
+}
+
+struct Worker {
+    ask: Sender<Ask>,
+    answer: Receiver<Answer>,
+    _thread: JoinHandle<()>,
+}
+
+/// A thread per operator.
+pub struct Threads {
+    graph: Arc<Graph>,
+    workers: Vec<Worker>,
+}
+
+impl Threads {
+    /// Starts a thread per operator of a graph.
+    pub fn new(graph: Arc<Graph>, files: &Arc<dyn Files + Send + Sync>) -> Self {
+        let workers = (0..graph.operators.len())
+            .map(|operator| {
+                let (ask, asked) = unbounded();
+                let (reply, answer) = bounded(1);
+                let graph = graph.clone();
+                let files = files.clone();
+                let thread = std::thread::spawn(move || {
+                    serve(Directed::new(graph, operator), &asked, &reply, &*files)
+                });
+                Worker { ask, answer, _thread: thread }
+            })
+            .collect();
+        Self { graph, workers }
+    }
+
+    fn gone(&self, operator: usize) -> PlacementError {
+        PlacementError::Gone {
+            operator: self.graph.operators[operator].name.clone(),
+            reason: "its thread has ended".to_string(),
+        }
+    }
+
+    fn ask_for_entry(&self, operator: usize, ask: Ask) -> Result<Entry, PlacementError> {
+        let worker = &self.workers[operator];
+        worker.ask.send(ask).map_err(|_| self.gone(operator))?;
+        match worker.answer.recv() {
+            Ok(Answer::Entry(entry)) => entry,
+            _ => Err(self.gone(operator)),
+        }
+    }
+}
+
+fn serve(mut directed: Directed, asked: &Receiver<Ask>, reply: &Sender<Answer>, files: &dyn Files) {
+    for ask in asked {
+        let answer = match ask {
+            Ask::Start { incarnation, time } => Answer::Entry(directed.start(incarnation, time, files)),
+            Ask::Activate(record) => Answer::Committed(Box::new(directed.activate(&record))),
+            Ask::End { time, inputs } => Answer::Entry(directed.end(time, &inputs)),
+            Ask::Deliver { port, parcel } => {
+                directed.deliver(port, parcel);
+                continue;
+            }
+        };
+        if reply.send(answer).is_err() {
+            return;
+        }
+    }
+}
+
+impl Placement for Threads {
+    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
+        self.ask_for_entry(operator, Ask::Start { incarnation, time })
+    }
+
+    fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
+        let worker = &self.workers[operator];
+        worker.ask.send(Ask::Activate(record.clone())).map_err(|_| self.gone(operator))?;
+        let committed = match worker.answer.recv() {
+            Ok(Answer::Committed(committed)) => (*committed)?,
+            _ => return Err(self.gone(operator)),
+        };
+        for (output, parcel) in &committed.outputs {
+            for (consumer, port) in self.graph.consumers(operator, *output) {
+                let deliver = Ask::Deliver { port, parcel: parcel.clone() };
+                self.workers[consumer].ask.send(deliver).map_err(|_| self.gone(consumer))?;
+            }
+        }
+        Ok(committed)
+    }
+
+    fn end(&mut self, operator: usize, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
+        self.ask_for_entry(operator, Ask::End { time, inputs: inputs.to_vec() })
+    }
+}

@@ -1,0 +1,65 @@
+//! A shelf: the samples that wait for an operator whose activations are decided elsewhere.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use stillpoint_samples::{AlignedBytes, Head, Pieces, SampleKind};
+
+/// A sample on the heap, shared by its consumers: head, body and exactly `count` elements.
+#[derive(Clone, Debug)]
+pub struct Parcel {
+    /// Its type.
+    pub kind: &'static SampleKind,
+    /// Its bytes.
+    pub bytes: Arc<AlignedBytes>,
+}
+
+impl Parcel {
+    /// A copy of a sample's bytes; what lies beyond its count is left behind.
+    pub fn copy_of(kind: &'static SampleKind, pieces: Pieces<'_>) -> Self {
+        let cut = pieces.check(kind).unwrap_or(pieces);
+        let mut bytes = AlignedBytes::zeroed(cut.meta.len() + cut.payload.len());
+        let (meta, payload) = bytes.split_at_mut(cut.meta.len());
+        meta.copy_from_slice(cut.meta);
+        payload.copy_from_slice(cut.payload);
+        Self { kind, bytes: Arc::new(bytes) }
+    }
+
+    /// Its bytes in two pieces.
+    pub fn pieces(&self) -> Pieces<'_> {
+        let (meta, payload) = self.bytes.split_at(self.kind.meta_size().min(self.bytes.len()));
+        Pieces { meta, payload }
+    }
+
+    /// Its head.
+    pub fn head(&self) -> Head {
+        self.pieces().head()
+    }
+}
+
+/// The samples that wait for one operator, by input, producer's incarnation and sequence.
+#[derive(Default)]
+pub struct Shelf {
+    waiting: BTreeMap<(usize, u32, u64), Parcel>,
+}
+
+impl Shelf {
+    /// Puts a sample on the shelf.
+    pub fn put(&mut self, port: usize, parcel: Parcel) {
+        let head = parcel.head();
+        self.waiting.insert((port, head.incarnation, head.sequence), parcel);
+    }
+
+    /// The sample of this name.
+    pub fn get(&self, port: usize, incarnation: u32, sequence: u64) -> Option<&Parcel> {
+        self.waiting.get(&(port, incarnation, sequence))
+    }
+
+    /// Forgets what came before this sample on the input: consumption never goes back.
+    pub fn forget_before(&mut self, port: usize, incarnation: u32, sequence: u64) {
+        while let Some((key, _)) = self.waiting.range((port, 0, 0)..(port, incarnation, sequence)).next() {
+            let key = *key;
+            self.waiting.remove(&key);
+        }
+    }
+}
