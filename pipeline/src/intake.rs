@@ -249,6 +249,14 @@ impl<T: Arrival> Intake<T> {
         }
     }
 
+    /// Starts the account anew for a new incarnation of the operator; the samples that wait stay.
+    pub fn renew(&mut self) {
+        for p in &mut self.ports {
+            p.current = None;
+            p.count = Count { incarnation: p.count.incarnation, next: p.count.next, ..Count::default() };
+        }
+    }
+
     /// The account of every input that ever brought something, as references to no sample.
     pub fn account(&self) -> Vec<JournalRef> {
         let brought = self.ports.iter().enumerate().filter_map(|(i, p)| {

@@ -18,6 +18,7 @@ pub mod outputs;
 pub mod params;
 pub mod placement;
 pub mod record;
+pub mod schedule;
 pub mod setup;
 pub mod shelf;
 pub mod spec;
