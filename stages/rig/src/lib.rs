@@ -1,1 +1,11 @@
-//! stillpoint
+//! The virtual rig: a head on a couch, as a depth camera sees it.
+//!
+//! Plain mathematics that knows nothing of pipelines; SI units and radians throughout.
+//!
+//! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
+//! - [`camera`]: pinhole intrinsics and the camera's place over the couch
+//! - [`ray`]: one ray against one shape
+
+pub mod camera;
+pub mod ray;
+pub mod shape;
