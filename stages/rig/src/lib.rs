@@ -7,9 +7,11 @@
 //! - [`scene`]: couch, pads, clutter and floor
 //! - [`camera`]: pinhole intrinsics and the camera's place over the couch
 //! - [`ray`]: one ray against one shape
+//! - [`trajectory`]: scripted head motion
 
 pub mod camera;
 pub mod head;
 pub mod ray;
 pub mod scene;
 pub mod shape;
+pub mod trajectory;
