@@ -7,11 +7,17 @@
 //! - [`scene`]: couch, pads, clutter and floor
 //! - [`camera`]: pinhole intrinsics and the camera's place over the couch
 //! - [`ray`]: one ray against one shape
+//! - [`quadric`]: an ellipsoid as a camera sees it, row by row
+//! - [`view`]: depth, label and incidence per pixel
+//! - [`render`]: the view of a scene with the head at a pose
 //! - [`trajectory`]: scripted head motion
 
 pub mod camera;
 pub mod head;
+pub mod quadric;
 pub mod ray;
+pub mod render;
 pub mod scene;
 pub mod shape;
 pub mod trajectory;
+pub mod view;
