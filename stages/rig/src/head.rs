@@ -5,7 +5,7 @@
 //!
 //! Sizes are of the order of public anthropometric means for adults (head breadth 155 mm,
 //! length 195 mm, chin to crown 225 mm). The neck ends in a stump, as a phantom's does.
-//! The nose, the ears and the parting of brow and chin are not quite symmetrical, as faces are not.
+//! Nose, ears, brow and chin are not quite symmetrical, as faces are not.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
