@@ -1,1 +1,31 @@
-//! stillpoint
+//! The virtual rig: a head on a couch, as a depth camera sees it.
+//!
+//! Plain mathematics that knows nothing of pipelines; SI units and radians throughout.
+//!
+//! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
+//! - [`head`]: the parametric head
+//! - [`scene`]: couch, pads, clutter and floor
+//! - [`camera`]: pinhole intrinsics and the camera's place over the couch
+//! - [`ray`]: one ray against one shape
+//! - [`quadric`]: an ellipsoid as a camera sees it, row by row
+//! - [`view`]: depth, label and incidence per pixel
+//! - [`render`]: the view of a scene with the head at a pose
+//! - [`normal`]: normal deviates from uniform bits
+//! - [`noise`]: the model of a depth camera's errors, with presets
+//! - [`shadow`]: what a projector beside the camera cannot light
+//! - [`sensor`]: from a view to the depth image that a camera would give
+//! - [`trajectory`]: scripted head motion
+
+pub mod camera;
+pub mod head;
+pub mod noise;
+pub mod normal;
+pub mod quadric;
+pub mod ray;
+pub mod render;
+pub mod scene;
+pub mod sensor;
+pub mod shadow;
+pub mod shape;
+pub mod trajectory;
+pub mod view;

@@ -1,0 +1,268 @@
+//! Scripted head motion: a pure function of the time since start and a seed.
+//!
+//! Offsets are in the couch frame, about a pose of rest: `couch_from_head = T(dt) T(rest) dR R(rest)`.
+//! So the head turns about its own origin, between the ear canals.
+//! Angles: pitch about the couch's x (nodding), roll about its y (turning to a side on the pillow),
+//! yaw about its z (tilting to a shoulder), `dR = Rz(yaw) Ry(roll) Rx(pitch)`, all right-handed.
+
+use core::f64::consts::TAU;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use crate::scene::PAD_HEIGHT;
+
+/// Which script the head follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Motion {
+    /// Nothing moves.
+    Still,
+    /// Every 10 s the head moves within 1.5 s to another pose and stays:
+    /// up to 8 mm in height, 3 mm sideways and along, 1.5 deg in each angle, by the seed. The first 10 s are rest.
+    Steps,
+    /// Slow nodding (1.5 deg at 0.1 Hz), breathing (0.3 mm and 0.1 deg at 0.25 Hz), drift below 2 mm
+    /// over minutes, and in every second window of 20 s, on average, a cough.
+    Nods,
+    /// In 30 s the height goes from 2.5 to 14 mm over rest, pitch from 0.25 to 1.6 deg and roll from
+    /// 35 to 45 deg, then all stay (the range of figure 4.11 of the dissertation).
+    Sweep,
+}
+
+/// A script with its seed and its pose of rest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    motion: Motion,
+    seed: u64,
+    rest: Isometry3<f64>,
+}
+
+/// Translation (m) and angles (rad): pitch, roll, yaw.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Offset {
+    translation: Vector3<f64>,
+    angles: Vector3<f64>,
+}
+
+/// The pose at which the adult head lies supine on the pad and looks straight up.
+pub fn rest_on_pad() -> Isometry3<f64> {
+    // The back of the head is 95 mm below the ear canals, 4 mm of it in the pad.
+    Isometry3::translation(0.0, -0.02, PAD_HEIGHT + 0.091)
+}
+
+impl Trajectory {
+    /// A script about a pose of rest, `couch_from_head` when nothing has moved.
+    pub fn new(motion: Motion, seed: u64, rest: Isometry3<f64>) -> Self {
+        Self { motion, seed, rest }
+    }
+
+    /// The head's pose `t` seconds after the start; before the start, and for a
+    /// time that is no number, the pose at the start; after 1e9 s the pose at that time.
+    pub fn couch_from_head(&self, t: f64) -> Isometry3<f64> {
+        // A NaN is not above zero.
+        let t = if t > 0.0 { t.min(1e9) } else { 0.0 };
+        let offset = match self.motion {
+            Motion::Still => Offset::default(),
+            Motion::Steps => self.steps(t),
+            Motion::Nods => self.nods(t),
+            Motion::Sweep => sweep(t),
+        };
+        let angles = offset.angles;
+        let turn = UnitQuaternion::from_euler_angles(angles.x, angles.y, angles.z);
+        Isometry3::from_parts(
+            Translation3::from(self.rest.translation.vector + offset.translation),
+            turn * self.rest.rotation,
+        )
+    }
+
+    fn steps(&self, t: f64) -> Offset {
+        const PERIOD_SECS: f64 = 10.0;
+        const MOVE_SECS: f64 = 1.5;
+        let period = (t / PERIOD_SECS).floor();
+        let part = smooth_step((t - period * PERIOD_SECS) / MOVE_SECS);
+        let from = self.level((period as u64).saturating_sub(1));
+        let to = self.level(period as u64);
+        Offset {
+            translation: from.translation.lerp(&to.translation, part),
+            angles: from.angles.lerp(&to.angles, part),
+        }
+    }
+
+    /// Where the head stays in a period of the steps.
+    fn level(&self, period: u64) -> Offset {
+        if period == 0 {
+            return Offset::default();
+        }
+        let signed = |draw| 2.0 * uniform(self.seed, period, draw) - 1.0;
+        let tilt = 1.5f64.to_radians();
+        Offset {
+            translation: Vector3::new(
+                3e-3 * signed(0),
+                3e-3 * signed(1),
+                8e-3 * uniform(self.seed, period, 2),
+            ),
+            angles: Vector3::new(signed(3), signed(4), signed(5)) * tilt,
+        }
+    }
+
+    fn nods(&self, t: f64) -> Offset {
+        let breath = libm::sin(TAU * 0.25 * t);
+        let cough = self.cough(t);
+        let pitch_degrees = 1.5 * libm::sin(TAU * 0.1 * t) + 0.1 * breath + 0.6 * cough;
+        Offset {
+            translation: self.drift(t) + Vector3::new(0.0, 1e-3 * cough, 0.3e-3 * breath + 2e-3 * cough),
+            angles: Vector3::new(pitch_degrees.to_radians(), 0.0, 0.0),
+        }
+    }
+
+    /// Slow wandering from zero at the start: two sines of 60 to 180 s and 0.5 mm on each axis.
+    fn drift(&self, t: f64) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| {
+            let sine = |number: u64| {
+                let draw = 4 * axis as u64 + 2 * number;
+                let period_secs = 60.0 + 120.0 * uniform(self.seed, DRIFT, draw);
+                let phase = TAU * uniform(self.seed, DRIFT, draw + 1);
+                0.5e-3 * (libm::sin(TAU * t / period_secs + phase) - libm::sin(phase))
+            };
+            sine(0) + sine(1)
+        })
+    }
+
+    /// From -1 to 1: a burst of 0.8 s somewhere in about every second window of 20 s.
+    fn cough(&self, t: f64) -> f64 {
+        const WINDOW_SECS: f64 = 20.0;
+        const BURST_SECS: f64 = 0.8;
+        let window = (t / WINDOW_SECS).floor();
+        let draw = |number| uniform(self.seed ^ COUGH, window as u64, number);
+        if draw(0) < 0.5 {
+            return 0.0;
+        }
+        let start = 1.0 + draw(1) * (WINDOW_SECS - BURST_SECS - 2.0);
+        let since = t - window * WINDOW_SECS - start;
+        if !(0.0..BURST_SECS).contains(&since) {
+            return 0.0;
+        }
+        let envelope = libm::sin(0.5 * TAU * since / BURST_SECS);
+        envelope * envelope * libm::sin(TAU * 2.5 * since)
+    }
+}
+
+fn sweep(t: f64) -> Offset {
+    const RAMP_SECS: f64 = 30.0;
+    let part = smooth_step(t / RAMP_SECS);
+    let between = |from: f64, to: f64| from + (to - from) * part;
+    Offset {
+        translation: Vector3::new(0.0, 0.0, between(2.5e-3, 14e-3)),
+        angles: Vector3::new(between(0.25, 1.6).to_radians(), between(35.0, 45.0).to_radians(), 0.0),
+    }
+}
+
+/// From 0 to 1 with no velocity at either end: the cubic with zero slope at 0 and 1.
+fn smooth_step(part: f64) -> f64 {
+    let p = part.clamp(0.0, 1.0);
+    p * p * (3.0 - 2.0 * p)
+}
+
+const DRIFT: u64 = u64::MAX;
+const COUGH: u64 = 0x636f_7567_6821;
+
+/// A number from 0 up to 1 for each (seed, index, draw), by the finaliser of splitmix64
+/// (Steele, Lea and Flood 2014): any time can be asked for without those before it.
+fn uniform(seed: u64, index: u64, draw: u64) -> f64 {
+    let mut hash = seed;
+    for word in [index, draw] {
+        hash =
+            hash.wrapping_add(word.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+        hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        hash ^= hash >> 31;
+    }
+    (hash >> 11) as f64 / (1u64 << 53) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ALL: [Motion; 4] = [Motion::Still, Motion::Steps, Motion::Nods, Motion::Sweep];
+
+    fn height_and_angles(motion: Motion, t: f64) -> (f64, (f64, f64, f64)) {
+        let pose = Trajectory::new(motion, 7, Isometry3::identity()).couch_from_head(t);
+        let (pitch, roll, yaw) = pose.rotation.euler_angles();
+        (pose.translation.z * 1e3, (pitch.to_degrees(), roll.to_degrees(), yaw.to_degrees()))
+    }
+
+    #[test]
+    fn every_motion_stays_below_60_mm_and_20_degrees_a_second() {
+        const STEP_SECS: f64 = 2e-3;
+        for motion in ALL {
+            for seed in 0..4 {
+                let script = Trajectory::new(motion, seed, rest_on_pad());
+                let mut before = script.couch_from_head(0.0);
+                for step in 1..100_000 {
+                    let now = script.couch_from_head(f64::from(step) * STEP_SECS);
+                    let speed = (now.translation.vector - before.translation.vector).norm() / STEP_SECS;
+                    let turning = now.rotation.angle_to(&before.rotation).to_degrees() / STEP_SECS;
+                    assert!(speed < 0.06, "{motion:?} seed {seed} step {step}: {speed} m/s");
+                    assert!(turning < 20.0, "{motion:?} seed {seed} step {step}: {turning} deg/s");
+                    before = now;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_sweep_has_the_range_of_the_figure() {
+        let (z, (pitch, roll, yaw)) = height_and_angles(Motion::Sweep, 0.0);
+        assert!((z - 2.5).abs() < 1e-9 && (pitch - 0.25).abs() < 1e-9 && (roll - 35.0).abs() < 1e-9);
+        assert!(yaw.abs() < 1e-9);
+        let (z, (pitch, roll, _)) = height_and_angles(Motion::Sweep, 1e6);
+        assert!((z - 14.0).abs() < 1e-9 && (pitch - 1.6).abs() < 1e-9 && (roll - 45.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn still_is_the_pose_of_rest_for_ever() {
+        let script = Trajectory::new(Motion::Still, 3, rest_on_pad());
+        assert_eq!(script.couch_from_head(0.0), rest_on_pad());
+        assert_eq!(script.couch_from_head(1e9), rest_on_pad());
+    }
+
+    #[test]
+    fn steps_and_nods_start_at_rest() {
+        for motion in [Motion::Steps, Motion::Nods] {
+            let (z, (pitch, roll, yaw)) = height_and_angles(motion, 0.0);
+            assert!(z.abs() < 1e-12 && pitch.abs() + roll.abs() + yaw.abs() < 1e-12, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn steps_move_every_direction_by_the_seed() {
+        let at = |seed, t| Trajectory::new(Motion::Steps, seed, rest_on_pad()).couch_from_head(t);
+        assert_ne!(at(1, 15.0), at(2, 15.0));
+        assert_eq!(at(1, 15.0), at(1, 19.9));
+        assert_ne!(at(1, 15.0), at(1, 25.0));
+    }
+
+    #[test]
+    fn about_every_second_window_has_a_cough() {
+        let script = Trajectory::new(Motion::Nods, 7, rest_on_pad());
+        let coughs = |window: u32| {
+            (0..400).any(|step| script.cough(f64::from(window) * 20.0 + f64::from(step) * 0.05) != 0.0)
+        };
+        let count = (0..200).filter(|&window| coughs(window)).count();
+        assert!((70..130).contains(&count), "{count}");
+    }
+
+    proptest! {
+        #[test]
+        fn every_time_gives_a_finite_pose_with_a_unit_quaternion(
+            t in prop_oneof![any::<f64>(), Just(f64::NAN), Just(f64::INFINITY), 0.0..1e5f64],
+            seed in any::<u64>(),
+        ) {
+            for motion in ALL {
+                let pose = Trajectory::new(motion, seed, rest_on_pad()).couch_from_head(t);
+                prop_assert!(pose.translation.vector.norm() < 1.0, "{motion:?} {}", pose);
+                prop_assert!((pose.rotation.norm() - 1.0).abs() < 1e-12, "{motion:?} {}", pose);
+            }
+        }
+    }
+}
