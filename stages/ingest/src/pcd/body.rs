@@ -19,7 +19,8 @@ pub struct PcdCloud {
 
 /// Reads a PCD file: the fields x, y and z of any number type; other fields are skipped.
 ///
-/// Bytes after the last binary record are ignored. Memory stays within 100 times the file's size.
+/// Bytes after the last binary record are ignored. Memory stays within 500 times the file's size, and within 20 times it
+/// where the file is not compressed.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
