@@ -1,6 +1,6 @@
 //! Follows what a stage before has cut out of a cloud.
 //!
-//! - [`centroid`]: the mean of a cloud and how well it is known.
+//! - [`mod@centroid`]: the mean of a cloud and how well it is known.
 
 pub mod centroid;
 
