@@ -69,10 +69,15 @@ impl Plane {
         }
         let mean = sum / count;
         let second = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) / count;
-        let eigen = (second - mean * mean.transpose()).symmetric_eigen();
+        let covariance = second - mean * mean.transpose();
+        // The eigenvalue iteration is not promised to end for NaN.
+        if covariance.iter().any(|c| !c.is_finite()) {
+            return None;
+        }
+        let eigen = covariance.symmetric_eigen();
         let [smallest, middle, largest] = ascending(&eigen.eigenvalues);
         // Points in line leave the normal open.
-        if !(eigen.eigenvalues[middle] > 1e-9 * eigen.eigenvalues[largest]) {
+        if eigen.eigenvalues[middle] <= 1e-9 * eigen.eigenvalues[largest] {
             return None;
         }
         Self::from_point_normal(&(origin + mean), &eigen.eigenvectors.column(smallest).into_owned())
