@@ -19,7 +19,8 @@ impl CellKey {
             if !(shifted >= 0.0 && shifted < f64::from(2 * REACH)) {
                 return None;
             }
-            key = key << 21 | shifted as u64;
+            // Through i32, for which the processor has an instruction.
+            key = key << 21 | shifted as i32 as u64;
         }
         Some(Self(key))
     }
