@@ -94,13 +94,6 @@ fn ious(cloud: &[[f32; 3]], labels: &[u8], face: &[u32]) -> (f64, f64) {
     (both / either, both / (either - mixed))
 }
 
-fn params(sensor: &str) -> FaceParams {
-    match sensor {
-        "kinect_v2" => FaceParams { ..FaceParams::default() },
-        _ => FaceParams::default(),
-    }
-}
-
 #[derive(Default)]
 struct Row {
     frames: f64,
@@ -116,7 +109,7 @@ struct Row {
 fn sequence(root: &Path, sensor: &str) -> Row {
     let (meta, reference) = (json(&root.join("meta.json")), json(&root.join("pcl_reference.json")));
     let truth = plane_of(&meta["sensors"][sensor]["table_plane_camera"]);
-    let mut segmenter = FaceSegmenter::new(params(sensor)).unwrap();
+    let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
     let mut row = Row { iou_least: 1.0, ..Row::default() };
     for (i, frame) in meta["frames"].as_array().unwrap().iter().enumerate() {
         let depth = frame["files"][sensor]["depth"].as_str().unwrap();
@@ -150,8 +143,10 @@ fn head_and_plane_are_found_for_every_sensor() {
     );
     let mut sum = 0.0;
     let mut failures = Vec::new();
+    // The flying pixels of a time-of-flight camera count against it.
+    let bars = [("kinect_v1", 0.97), ("kinect_v2", 0.93), ("n35", 0.97)];
     for name in ["synth_fig411", "synth_random"] {
-        for sensor in ["kinect_v1", "kinect_v2", "n35"] {
+        for (sensor, bar) in bars {
             let row = sequence(&root.join(name), sensor);
             eprintln!(
                 "{name:13} {sensor:10} {:6}  {:.4} {:.4} {:.4}   {:.3} deg {:.2} mm    {:.3} deg       {:.1}",
@@ -165,8 +160,7 @@ fn head_and_plane_are_found_for_every_sensor() {
                 row.milliseconds
             );
             sum += row.iou;
-            let bar = if sensor == "kinect_v2" { 0.8 } else { 0.8 };
-            if row.iou_least < bar || row.degrees > 1.0 || row.millimetres > 5.0 {
+            if row.iou < bar || row.iou_least < 0.8 || row.degrees > 1.0 || row.millimetres > 5.0 {
                 failures.push(format!("{name} {sensor}"));
             }
         }
