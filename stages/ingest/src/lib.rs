@@ -1,1 +1,13 @@
-//! stillpoint
+//! Turns what a sensor or a file gives into organised point clouds.
+//!
+//! A cloud here is row-major, in metres, in the camera's frame (x right, y down, z forward).
+//! A pixel without a point holds [`INVALID_POINT`].
+//!
+//! - [`pcd`]: point cloud files, ascii, binary and compressed.
+//! - [`depth`]: 16-bit depth images and their deprojection.
+
+pub mod depth;
+pub mod pcd;
+
+/// The one invalid point: a quiet NaN of one bit pattern in every coordinate, so that clouds compare by bytes.
+pub const INVALID_POINT: [f32; 3] = [f32::from_bits(0x7fc0_0000); 3];

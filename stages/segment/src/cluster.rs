@@ -1,0 +1,222 @@
+//! Euclidean clusters: points joined by steps of at most a tolerance.
+//!
+//! Points go into cells of tolerance / sqrt(3), in which any two are near enough. Two cells within two steps of each
+//! other join if any point of one is near enough to one of the other. This gives the clusters of single linkage exactly.
+
+use crate::cells::{CellIndex, CellKey};
+
+/// Marks a point that is in no cluster that was kept.
+pub const NO_CLUSTER: u32 = u32::MAX;
+
+/// The clustering with its buffers; after the first frames it allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub struct EuclideanClusters {
+    index: CellIndex,
+    cell_of_point: Vec<u32>,
+    /// Where each cell's points start in `members`; one more at the end.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+    parents: Vec<u32>,
+    counts: Vec<u32>,
+    roots: Vec<u32>,
+    sizes: Vec<u32>,
+    labels: Vec<u32>,
+}
+
+/// Half of the 124 cells around one within two steps: the other half finds its pairs from the other side.
+const NEIGHBOURS: [[i32; 3]; 62] = {
+    let mut neighbours = [[0; 3]; 62];
+    let mut i = 0;
+    while i < 62 {
+        let n = i as i32 + 63;
+        neighbours[i] = [n / 25 - 2, n / 5 % 5 - 2, n % 5 - 2];
+        i += 1;
+    }
+    neighbours
+};
+
+#[inline]
+fn distance_squared(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    x * x + y * y + z * z
+}
+
+impl EuclideanClusters {
+    /// A clustering without buffers yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Joins `points` (finite, in metres) whose distance is at most `tolerance` metres, and keeps the clusters of at
+    /// least `min_points`: the largest first, among equals the one with the earliest point.
+    pub fn find(&mut self, points: &[[f32; 3]], tolerance: f64, min_points: usize) {
+        self.sort_into_cells(points, tolerance);
+        self.parents.clear();
+        self.parents.extend(0..self.index.len() as u32);
+        let near = (tolerance * tolerance) as f32;
+        for cell in 0..self.index.len() as u32 {
+            let key = self.index.keys()[cell as usize];
+            for other in NEIGHBOURS.iter().filter_map(|&by| self.index.get(key.offset(by)?)) {
+                let (a, b) = (root(&mut self.parents, cell), root(&mut self.parents, other));
+                if a != b && self.touch(points, cell, other, near) {
+                    self.parents[a.max(b) as usize] = a.min(b);
+                }
+            }
+        }
+        self.label(points.len(), min_points);
+    }
+
+    /// Points in each kept cluster, the largest first.
+    #[must_use]
+    pub fn sizes(&self) -> &[u32] {
+        &self.sizes
+    }
+
+    /// For each point the place of its cluster in [`sizes`](Self::sizes), or [`NO_CLUSTER`].
+    #[must_use]
+    pub fn labels(&self) -> &[u32] {
+        &self.labels
+    }
+
+    fn sort_into_cells(&mut self, points: &[[f32; 3]], tolerance: f64) {
+        self.index.clear();
+        self.cell_of_point.clear();
+        // A little narrower than tolerance / sqrt(3), so that rounding parts no cell's points.
+        let inverse_side = 3.0_f64.sqrt() / tolerance * (1.0 + 1e-6);
+        for &point in points {
+            let cell = CellKey::of(point, inverse_side).map_or(NO_CLUSTER, |key| self.index.insert(key));
+            self.cell_of_point.push(cell);
+        }
+        // A counting sort keeps the points of a cell in their order.
+        self.starts.clear();
+        self.starts.resize(self.index.len() + 2, 0);
+        for &cell in self.cell_of_point.iter().filter(|&&cell| cell != NO_CLUSTER) {
+            self.starts[cell as usize + 2] += 1;
+        }
+        for cell in 2..self.starts.len() {
+            self.starts[cell] += self.starts[cell - 1];
+        }
+        self.members.clear();
+        self.members.resize(self.starts[self.starts.len() - 1] as usize, 0);
+        for (point, &cell) in self.cell_of_point.iter().enumerate().filter(|&(_, &cell)| cell != NO_CLUSTER) {
+            let next = &mut self.starts[cell as usize + 1];
+            self.members[*next as usize] = point as u32;
+            *next += 1;
+        }
+        self.starts.pop();
+    }
+
+    fn members(&self, cell: u32) -> &[u32] {
+        &self.members[self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize]
+    }
+
+    fn touch(&self, points: &[[f32; 3]], a: u32, b: u32, near: f32) -> bool {
+        self.members(a).iter().any(|&i| {
+            self.members(b).iter().any(|&j| distance_squared(points[i as usize], points[j as usize]) <= near)
+        })
+    }
+
+    /// Numbers the roots by size and gives each point its cluster's number.
+    fn label(&mut self, points: usize, min_points: usize) {
+        self.counts.clear();
+        self.counts.resize(self.index.len(), 0);
+        self.roots.clear();
+        for cell in 0..self.index.len() as u32 {
+            let root = root(&mut self.parents, cell);
+            if root == cell {
+                self.roots.push(cell);
+            }
+            self.counts[root as usize] += self.members(cell).len() as u32;
+        }
+        self.roots.retain(|&root| self.counts[root as usize] as usize >= min_points);
+        // Cells are numbered by their first point, and a root is the first cell of its cluster.
+        self.roots.sort_unstable_by_key(|&root| (std::cmp::Reverse(self.counts[root as usize]), root));
+        self.sizes.clear();
+        self.sizes.extend(self.roots.iter().map(|&root| self.counts[root as usize]));
+        self.counts.fill(NO_CLUSTER);
+        for (number, &root) in self.roots.iter().enumerate() {
+            self.counts[root as usize] = number as u32;
+        }
+        self.labels.clear();
+        for point in 0..points {
+            let label = match self.cell_of_point[point] {
+                NO_CLUSTER => NO_CLUSTER,
+                cell => self.counts[root(&mut self.parents, cell) as usize],
+            };
+            self.labels.push(label);
+        }
+    }
+}
+
+/// The cell that stands for `cell`'s cluster, with the path to it halved.
+fn root(parents: &mut [u32], mut cell: u32) -> u32 {
+    while parents[cell as usize] != cell {
+        parents[cell as usize] = parents[parents[cell as usize] as usize];
+        cell = parents[cell as usize];
+    }
+    cell
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Single linkage by comparing all pairs.
+    fn by_all_pairs(points: &[[f32; 3]], tolerance: f64) -> Vec<u32> {
+        let mut parents: Vec<u32> = (0..points.len() as u32).collect();
+        for i in 0..points.len() {
+            for j in 0..i {
+                if distance_squared(points[i], points[j]) <= (tolerance * tolerance) as f32 {
+                    let (a, b) = (root(&mut parents, i as u32), root(&mut parents, j as u32));
+                    parents[a.max(b) as usize] = a.min(b);
+                }
+            }
+        }
+        (0..points.len() as u32).map(|i| root(&mut parents, i)).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn clusters_are_those_of_all_pairs(
+            points in prop::collection::vec(prop::array::uniform3(-0.2..0.2_f32), 0..150),
+            tolerance in 0.02..0.1_f64,
+        ) {
+            let mut clusters = EuclideanClusters::new();
+            clusters.find(&points, tolerance, 1);
+            let expected = by_all_pairs(&points, tolerance);
+            for i in 0..points.len() {
+                for j in 0..i {
+                    prop_assert_eq!(clusters.labels()[i] == clusters.labels()[j], expected[i] == expected[j]);
+                }
+            }
+            prop_assert_eq!(clusters.sizes().iter().sum::<u32>() as usize, points.len());
+        }
+    }
+
+    #[test]
+    fn largest_cluster_comes_first_and_small_ones_are_left_out() {
+        let line = |start: f32, n: usize| (0..n).map(move |i| [start + i as f32 * 0.01, 0.0, 1.0]);
+        let points: Vec<_> = line(0.0, 5).chain(line(1.0, 9)).chain(line(2.0, 2)).collect();
+        let mut clusters = EuclideanClusters::new();
+        clusters.find(&points, 0.02, 3);
+        assert_eq!(clusters.sizes(), [9, 5]);
+        assert_eq!(clusters.labels()[..5], [1; 5]);
+        assert_eq!(clusters.labels()[5..14], [0; 9]);
+        assert_eq!(clusters.labels()[14..], [NO_CLUSTER; 2]);
+    }
+
+    #[test]
+    fn second_frame_remembers_nothing_of_the_first() {
+        let points: Vec<_> = (0..500).map(|i| [i as f32 * 0.013, (i % 7) as f32 * 0.1, 1.0]).collect();
+        let mut used = EuclideanClusters::new();
+        used.find(&points, 0.05, 1);
+        used.find(&points[..100], 0.11, 2);
+        let mut fresh = EuclideanClusters::new();
+        fresh.find(&points[..100], 0.11, 2);
+        assert_eq!((used.labels(), used.sizes()), (fresh.labels(), fresh.sizes()));
+    }
+}

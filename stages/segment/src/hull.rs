@@ -1,0 +1,134 @@
+//! Convex hull of points on a plane (Andrew's monotone chain), and which points stand over it.
+
+use crate::plane::{Plane, vector};
+use nalgebra::Vector3;
+
+/// A convex outline on a plane, with its buffers; after the first frame, [`build`](Self::build) allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub struct ConvexHull {
+    axes: (Vector3<f64>, Vector3<f64>),
+    points: Vec<[f64; 2]>,
+    /// Counter-clockwise, without repeats.
+    corners: Vec<[f64; 2]>,
+}
+
+/// Twice the signed area of the triangle `a`, `b`, `c`: positive where `c` is left of the way from `a` to `b`.
+#[inline]
+fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+impl ConvexHull {
+    /// A hull that contains nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The hull of `points` (finite, in metres) projected along the normal onto `plane`.
+    pub fn build(&mut self, plane: &Plane, points: impl IntoIterator<Item = [f32; 3]>) {
+        self.axes = plane.axes();
+        self.points.clear();
+        let axes = self.axes;
+        self.points.extend(points.into_iter().map(|p| project(&axes, p)));
+        self.points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+        self.corners.clear();
+        chain(&mut self.corners, self.points.iter().copied());
+        // The last corner of a chain is the first of the next one.
+        self.corners.pop();
+        let lower = self.corners.len();
+        chain_from(&mut self.corners, lower, self.points.iter().rev().copied());
+        self.corners.pop();
+    }
+
+    /// Whether `point`, projected along the normal, lies within the hull or on its edge.
+    #[must_use]
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        let p = project(&self.axes, point);
+        let Some(&last) = self.corners.last() else { return false };
+        let mut from = last;
+        self.corners.len() >= 3
+            && self.corners.iter().all(|&to| {
+                let left = turn(from, to, p) >= 0.0;
+                from = to;
+                left
+            })
+    }
+
+    /// Area in square metres.
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        let Some(&first) = self.corners.first() else { return 0.0 };
+        self.corners.windows(2).map(|edge| turn(first, edge[0], edge[1])).sum::<f64>() / 2.0
+    }
+
+    /// Corners in metres along the plane's two axes, counter-clockwise as seen from the normal's side.
+    #[must_use]
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners
+    }
+}
+
+#[inline]
+fn project(axes: &(Vector3<f64>, Vector3<f64>), point: [f32; 3]) -> [f64; 2] {
+    let point = vector(point);
+    [axes.0.dot(&point), axes.1.dot(&point)]
+}
+
+fn chain(corners: &mut Vec<[f64; 2]>, points: impl Iterator<Item = [f64; 2]>) {
+    chain_from(corners, 0, points);
+}
+
+/// Appends the chain of sorted points that turns left at every corner, leaving the first `kept` corners alone.
+fn chain_from(corners: &mut Vec<[f64; 2]>, kept: usize, points: impl Iterator<Item = [f64; 2]>) {
+    for point in points {
+        while let [.., a, b] = corners[kept..] {
+            if turn(a, b, point) > 0.0 {
+                break;
+            }
+            corners.pop();
+        }
+        corners.push(point);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn facing() -> Plane {
+        Plane { normal: Vector3::new(0.0, 0.0, -1.0), offset: 1.0 }
+    }
+
+    fn hull(points: &[[f32; 2]]) -> ConvexHull {
+        let mut hull = ConvexHull::new();
+        hull.build(&facing(), points.iter().map(|&[x, y]| [x, y, 1.0]));
+        hull
+    }
+
+    #[test]
+    fn hull_of_a_filled_square_is_its_four_corners() {
+        let filled: Vec<_> = (0..121).map(|i| [(i % 11) as f32, (i / 11) as f32]).collect();
+        let hull = hull(&filled);
+        assert_eq!(hull.corners().len(), 4);
+        assert_eq!(hull.area(), 100.0);
+    }
+
+    #[test]
+    fn points_over_the_hull_are_inside_at_any_height() {
+        let hull = hull(&[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]);
+        assert_eq!(hull.corners().len(), 3);
+        assert!(hull.contains([0.4, 0.4, 0.2]));
+        assert!(hull.contains([1.0, 0.0, 0.9]), "an edge belongs to the hull");
+        assert!(!hull.contains([1.5, 1.5, 0.2]));
+        assert!(!hull.contains([f32::NAN; 3]));
+    }
+
+    #[test]
+    fn too_few_points_and_points_in_line_contain_nothing() {
+        for points in [&[][..], &[[0.0, 0.0]], &[[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]] {
+            assert!(!hull(points).contains([1.0, 1.0, 1.0]), "{points:?}");
+            assert_eq!(hull(points).area(), 0.0);
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Voxel grid: one centroid for the points of each cubic cell.
+
+use crate::cells::{CellIndex, CellKey};
+
+/// Marks a point that fell into no cell.
+pub const NO_VOXEL: u32 = u32::MAX;
+
+/// A voxel grid with its buffers; after the first frames of a size, [`downsample`](Self::downsample) allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub struct VoxelGrid {
+    index: CellIndex,
+    sums: Vec<[f64; 3]>,
+    counts: Vec<u32>,
+    centroids: Vec<[f32; 3]>,
+    voxel_of_point: Vec<u32>,
+}
+
+impl VoxelGrid {
+    /// An empty grid.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Gathers the points of `cloud` that lie within `range_max` metres of the origin into cells `leaf` metres wide.
+    ///
+    /// Voxels are in the order in which the cloud first enters them. Points that are not finite, too far away or
+    /// 2^20 cells from the origin are in none.
+    pub fn downsample(&mut self, cloud: &[[f32; 3]], leaf: f64, range_max: f64) {
+        self.index.clear();
+        self.sums.clear();
+        self.counts.clear();
+        self.voxel_of_point.clear();
+        self.voxel_of_point.reserve(cloud.len());
+        let inverse_leaf = 1.0 / leaf;
+        let range_squared = (range_max * range_max) as f32;
+        // Neighbouring pixels mostly share a cell.
+        let mut last = None;
+        for &point in cloud {
+            let [x, y, z] = point;
+            // Not within range, written so that NaN is outside.
+            let within = x * x + y * y + z * z <= range_squared;
+            let Some(key) = (if within { CellKey::of(point, inverse_leaf) } else { None }) else {
+                self.voxel_of_point.push(NO_VOXEL);
+                continue;
+            };
+            let voxel = match last {
+                Some((last_key, voxel)) if last_key == key => voxel,
+                _ => self.index.insert(key),
+            };
+            last = Some((key, voxel));
+            self.voxel_of_point.push(voxel);
+            let at = voxel as usize;
+            if at == self.sums.len() {
+                self.sums.push([0.0; 3]);
+                self.counts.push(0);
+            }
+            let sum = &mut self.sums[at];
+            sum[0] += f64::from(x);
+            sum[1] += f64::from(y);
+            sum[2] += f64::from(z);
+            self.counts[at] += 1;
+        }
+        self.centroids.clear();
+        self.centroids.extend(self.sums.iter().zip(&self.counts).map(|(sum, &count)| {
+            let inverse = 1.0 / f64::from(count);
+            sum.map(|s| (s * inverse) as f32)
+        }));
+    }
+
+    /// The centroid of each voxel, in metres.
+    #[must_use]
+    pub fn centroids(&self) -> &[[f32; 3]] {
+        &self.centroids
+    }
+
+    /// The number of points in each voxel.
+    #[must_use]
+    pub fn counts(&self) -> &[u32] {
+        &self.counts
+    }
+
+    /// For each point of the cloud its voxel, or [`NO_VOXEL`].
+    #[must_use]
+    pub fn voxel_of_point(&self) -> &[u32] {
+        &self.voxel_of_point
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAN: [f32; 3] = [f32::NAN; 3];
+
+    #[test]
+    fn points_of_a_cell_become_their_centroid_in_order_of_first_sight() {
+        let mut grid = VoxelGrid::new();
+        let cloud = [[0.25, 0.0, 1.0], NAN, [0.01, 0.02, 1.0], [0.03, 0.04, 1.0], [0.27, 0.02, 1.02]];
+        grid.downsample(&cloud, 0.1, 10.0);
+        assert_eq!(grid.voxel_of_point(), [0, NO_VOXEL, 1, 1, 0]);
+        assert_eq!(grid.counts(), [2, 2]);
+        assert_eq!(grid.centroids(), [[0.26, 0.01, 1.01], [0.02, 0.03, 1.0]]);
+    }
+
+    #[test]
+    fn points_beyond_the_range_are_in_no_voxel() {
+        let mut grid = VoxelGrid::new();
+        grid.downsample(&[[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]], 0.1, 1.5);
+        assert_eq!(grid.voxel_of_point(), [0, NO_VOXEL]);
+    }
+
+    #[test]
+    fn second_frame_remembers_nothing_of_the_first() {
+        let (mut used, mut fresh) = (VoxelGrid::new(), VoxelGrid::new());
+        let frame: Vec<_> = (0..9000).map(|i| [i as f32 * 0.001, 0.0, 1.0]).collect();
+        used.downsample(&frame, 0.002, 20.0);
+        for grid in [&mut used, &mut fresh] {
+            grid.downsample(&frame[..500], 0.01, 20.0);
+        }
+        assert_eq!(used.centroids(), fresh.centroids());
+        assert_eq!(used.voxel_of_point(), fresh.voxel_of_point());
+    }
+}

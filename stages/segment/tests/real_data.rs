@@ -1,0 +1,207 @@
+//! The chain on rendered and measured clouds, against labels and PCL 1.13.
+//!
+//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use chacha20::ChaCha8Rng;
+use chacha20::rand_core::SeedableRng;
+use nalgebra::Vector3;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use stillpoint_ingest::depth::{Intrinsics, decode_png, deproject};
+use stillpoint_segment::mlesac::{Mlesac, MlesacParams};
+use stillpoint_segment::voxel::VoxelGrid;
+use stillpoint_segment::{FaceParams, FaceSegmenter, Plane};
+
+const HEAD: u8 = 4;
+const MIXED: u8 = 7;
+
+/// The perception data, or `None` with a message where it is not there.
+fn perception() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception");
+    if root.is_dir() {
+        return Some(root);
+    }
+    eprintln!("skipped: no perception data; STILLPOINT_DATA names the folder that holds `perception`");
+    None
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+fn plane_of(value: &Value) -> Plane {
+    let [a, b, c, d] = [0, 1, 2, 3].map(|i| value[i].as_f64().unwrap());
+    let normal = Vector3::new(a, b, c).normalize();
+    let plane = Plane { normal, offset: d };
+    if d < 0.0 { Plane { normal: -normal, offset: -d } } else { plane }
+}
+
+/// PCL's MLESAC result for `input` with voxels of 5 mm.
+fn pcl_plane(reference: &Value, input: &str) -> Plane {
+    let of_input = |r: &&Value| {
+        r["input"] == input && r["method"] == "mlesac" && r["params"]["voxel_leaf_m"].as_f64() == Some(0.005)
+    };
+    plane_of(&reference["results"].as_array().unwrap().iter().find(of_input).unwrap()["plane"])
+}
+
+/// Degrees between the normals and millimetres between the offsets.
+fn difference(a: &Plane, b: &Plane) -> (f64, f64) {
+    (a.angle_to(b).to_degrees(), (a.offset - b.offset).abs() * 1000.0)
+}
+
+fn labels(path: &Path) -> Vec<u8> {
+    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Grayscale, png::BitDepth::Eight));
+    bytes
+}
+
+fn cloud(meta: &Value, sensor: &str, path: &Path) -> Vec<[f32; 3]> {
+    let s = &meta["sensors"][sensor];
+    let number = |key: &str| s[key].as_f64().unwrap();
+    let camera = Intrinsics {
+        fx: number("fx"),
+        fy: number("fy"),
+        cx: number("cx"),
+        cy: number("cy"),
+        metres_per_count: meta["depth_unit_m"].as_f64().unwrap(),
+    };
+    let image = decode_png(&std::fs::read(path).unwrap()).unwrap();
+    let mut points = vec![[0.0; 3]; image.counts.len()];
+    deproject(&image.counts, image.width, image.height, &camera, &mut points).unwrap();
+    points
+}
+
+/// Intersection over union of the face's pixels and those labelled head: over all, and with mixed pixels left out.
+fn ious(cloud: &[[f32; 3]], labels: &[u8], face: &[u32]) -> (f64, f64) {
+    let mut in_face = vec![false; cloud.len()];
+    for &i in face {
+        in_face[i as usize] = true;
+    }
+    let (mut both, mut either, mut mixed) = (0.0, 0.0, 0.0);
+    for i in (0..cloud.len()).filter(|&i| cloud[i][2].is_finite()) {
+        let head = labels[i] == HEAD;
+        both += f64::from(u8::from(head && in_face[i]));
+        either += f64::from(u8::from(head || in_face[i]));
+        mixed += f64::from(u8::from(labels[i] == MIXED && in_face[i]));
+    }
+    (both / either, both / (either - mixed))
+}
+
+#[derive(Default)]
+struct Row {
+    frames: f64,
+    iou: f64,
+    iou_least: f64,
+    iou_unmixed: f64,
+    degrees: f64,
+    millimetres: f64,
+    true_degrees: f64,
+    milliseconds: f64,
+}
+
+fn sequence(root: &Path, sensor: &str) -> Row {
+    let (meta, reference) = (json(&root.join("meta.json")), json(&root.join("pcl_reference.json")));
+    let truth = plane_of(&meta["sensors"][sensor]["table_plane_camera"]);
+    let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
+    let mut row = Row { iou_least: 1.0, ..Row::default() };
+    for (i, frame) in meta["frames"].as_array().unwrap().iter().enumerate() {
+        let depth = frame["files"][sensor]["depth"].as_str().unwrap();
+        let cloud = cloud(&meta, sensor, &root.join(depth));
+        let labels = labels(&root.join(frame["files"][sensor]["label"].as_str().unwrap()));
+        let mut rng = ChaCha8Rng::seed_from_u64(i as u64);
+        let start = Instant::now();
+        let face = segmenter.segment(&cloud, &mut rng).unwrap();
+        row.milliseconds += start.elapsed().as_secs_f64() * 1000.0;
+        let (iou, unmixed) = ious(&cloud, &labels, face.indices);
+        let (degrees, millimetres) = difference(&face.plane, &pcl_plane(&reference, depth));
+        row.frames += 1.0;
+        row.iou += iou;
+        row.iou_least = row.iou_least.min(iou);
+        row.iou_unmixed += unmixed;
+        row.degrees = row.degrees.max(degrees);
+        row.millimetres = row.millimetres.max(millimetres);
+        row.true_degrees = row.true_degrees.max(face.plane.angle_to(&truth).to_degrees());
+    }
+    for mean in [&mut row.iou, &mut row.iou_unmixed, &mut row.milliseconds] {
+        *mean /= row.frames;
+    }
+    row
+}
+
+#[test]
+fn head_and_plane_are_found_for_every_sensor() {
+    let Some(root) = perception() else { return };
+    eprintln!(
+        "sequence      sensor     frames  mIoU   least  unmixed  plane to PCL (max)   to truth (max)  ms a frame"
+    );
+    let mut sum = 0.0;
+    let mut failures = Vec::new();
+    // The flying pixels of a time-of-flight camera count against it.
+    let bars = [("kinect_v1", 0.97), ("kinect_v2", 0.93), ("n35", 0.97)];
+    for name in ["synth_fig411", "synth_random"] {
+        for (sensor, bar) in bars {
+            let row = sequence(&root.join(name), sensor);
+            eprintln!(
+                "{name:13} {sensor:10} {:6}  {:.4} {:.4} {:.4}   {:.3} deg {:.2} mm    {:.3} deg       {:.1}",
+                row.frames,
+                row.iou,
+                row.iou_least,
+                row.iou_unmixed,
+                row.degrees,
+                row.millimetres,
+                row.true_degrees,
+                row.milliseconds
+            );
+            sum += row.iou;
+            if row.iou < bar || row.iou_least < 0.8 || row.degrees > 1.0 || row.millimetres > 5.0 {
+                failures.push(format!("{name} {sensor}"));
+            }
+        }
+    }
+    eprintln!("mIoU over all {:.4}", sum / 6.0);
+    assert!(failures.is_empty(), "{failures:?}");
+}
+
+#[test]
+fn planes_of_measured_clouds_are_those_of_pcl() {
+    let Some(root) = perception().map(|root| root.join("real")) else { return };
+    let reference = json(&root.join("pcl_reference.json"));
+    let mut grid = VoxelGrid::new();
+    let mut mlesac = Mlesac::new();
+    let mut failures = Vec::new();
+    for name in
+        ["table_scene_mug_stereo_textured", "milk_cartoon_all_small_clorox", "mOSD_learn0", "mOSD_test60"]
+    {
+        let input = format!("{name}.pcd");
+        let cloud = stillpoint_ingest::pcd::read(&std::fs::read(root.join(&input)).unwrap()).unwrap();
+        let expected = pcl_plane(&reference, &input);
+        let (mut degrees, mut millimetres, mut inliers) = (0.0_f64, 0.0_f64, 0);
+        grid.downsample(&cloud.points, 0.005, 2.5);
+        for seed in 0..20 {
+            let fit = mlesac
+                .find(
+                    grid.centroids(),
+                    &MlesacParams { tolerance: 0.01, iterations: 1000 },
+                    &mut ChaCha8Rng::seed_from_u64(seed),
+                )
+                .unwrap();
+            let (d, m) = difference(&fit.plane, &expected);
+            (degrees, millimetres, inliers) = (degrees.max(d), millimetres.max(m), fit.inliers);
+        }
+        eprintln!(
+            "{name:33} {:6} voxels {inliers:6} on the plane, worst of 20 seeds {degrees:.3} deg {millimetres:.2} mm",
+            grid.centroids().len()
+        );
+        if degrees > 1.0 || millimetres > 5.0 {
+            failures.push(name);
+        }
+    }
+    assert!(failures.is_empty(), "{failures:?}");
+}
