@@ -11,6 +11,6 @@ mod scan;
 mod source;
 
 pub(crate) use block::{Block, Loaded};
-pub(crate) use record::{AttachmentRecord, Channel, Message, Record, Schema, next_record};
+pub(crate) use record::{Channel, Message, Record, Schema, next_record};
 pub(crate) use scan::{Damage, Scan, scan};
 pub use source::Source;
