@@ -1,0 +1,215 @@
+//! Whether everything that replay needs is in a session, and what is missing where not.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::path::PathBuf;
+
+use stillpoint_samples::{Cause, Entry, RefKind};
+
+use crate::account::{END_RECORD, Lost};
+use crate::session::{Ended, Session};
+use crate::topic::Role;
+
+/// Whether a session says of itself that it is complete.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Completeness {
+    /// Every source sample, every remote sample and the journal are there.
+    Complete,
+    /// They are not: why, never empty.
+    Gaps(Vec<Gap>),
+}
+
+/// One reason why a session is not complete.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Gap {
+    /// The recorder died.
+    Cut {
+        /// The last part.
+        part: PathBuf,
+        /// Where its last whole record ends, bytes.
+        whole: u64,
+        /// Bytes in the file.
+        size: u64,
+    },
+    /// Bytes are not what was written.
+    Damaged {
+        /// The part.
+        part: PathBuf,
+        /// Where, in bytes from the start of the file.
+        offset: u64,
+        /// What is wrong.
+        what: String,
+    },
+    /// Samples of a topic that replay needs, listed as lost by the recorder.
+    Lost(Lost),
+    /// Samples of a topic that replay needs, missing without being listed.
+    Unlisted(Lost),
+    /// What recorder or supervisor said at the end.
+    Stated(String),
+}
+
+impl fmt::Display for Gap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cut { part, whole, size } => write!(
+                f,
+                "{}: the recorder died; {whole} of {size} bytes are whole records and no end of session follows",
+                part.display()
+            ),
+            Self::Damaged { part, offset, what } => {
+                write!(f, "{}: what stands at offset {offset} is damaged: {what}", part.display())
+            }
+            Self::Lost(l) => write!(
+                f,
+                "`{}`, incarnation {}: {} samples from {} on were not kept",
+                l.topic, l.incarnation, l.count, l.first
+            ),
+            Self::Unlisted(l) => write!(
+                f,
+                "`{}`, incarnation {}: {} samples from {} on are missing and not listed as lost",
+                l.topic, l.incarnation, l.count, l.first
+            ),
+            Self::Stated(text) => f.write_str(text),
+        }
+    }
+}
+
+/// All that is missing.
+pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    if let Ended::Cut { part, whole, size } = session.ended() {
+        gaps.push(Gap::Cut { part, whole, size });
+    }
+    for part in &session.parts {
+        for d in &part.damage {
+            gaps.push(Gap::Damaged { part: part.path.clone(), offset: d.offset, what: d.what.clone() });
+        }
+    }
+    for (name, value) in session.metadata().get(END_RECORD).into_iter().flatten() {
+        if name.starts_with("gap.") {
+            gaps.push(Gap::Stated(value.clone()));
+        }
+    }
+    let required: BTreeSet<&str> =
+        session.topics().iter().filter(|t| t.role.is_required()).map(|t| t.name.as_str()).collect();
+    let mut listed: BTreeMap<(&str, u32), Vec<Range>> = BTreeMap::new();
+    for lost in session.lost() {
+        if required.contains(lost.topic.as_str()) {
+            gaps.push(Gap::Lost(lost.clone()));
+        }
+        let range = Range { first: lost.first, end: lost.first.saturating_add(lost.count) };
+        listed.entry((&lost.topic, lost.incarnation)).or_default().push(range);
+    }
+    for (number, topic) in session.topics().iter().enumerate().filter(|(_, t)| t.role.is_required()) {
+        let mut there: BTreeMap<u32, Vec<Range>> = BTreeMap::new();
+        for (incarnation, sequence) in session.numbers(number) {
+            push(there.entry(incarnation).or_default(), sequence);
+        }
+        let sent = sent(session, number);
+        let incarnations: BTreeSet<u32> = there.keys().chain(sent.keys()).copied().collect();
+        for incarnation in incarnations {
+            let mut known = there.remove(&incarnation).unwrap_or_default();
+            let up_to = known.last().map_or(0, |r| r.end);
+            let sent = sent.get(&incarnation);
+            let expected = sent.map_or_else(|| vec![Range { first: 0, end: up_to }], |s| s.ranges.clone());
+            known.extend(listed.get(&(topic.name.as_str(), incarnation)).into_iter().flatten().copied());
+            let missing = without(expected, known);
+            let count = missing.iter().fold(0_u64, |n, r| n.saturating_add(r.end - r.first));
+            if count > sent.map_or(0, |s| s.no_memory) {
+                gaps.extend(missing.into_iter().map(|r| {
+                    Gap::Unlisted(Lost {
+                        topic: topic.name.clone(),
+                        incarnation,
+                        first: r.first,
+                        count: r.end - r.first,
+                    })
+                }));
+            }
+        }
+    }
+    gaps
+}
+
+/// Sequence numbers from `first` to before `end`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Range {
+    first: u64,
+    end: u64,
+}
+
+/// Adds a number that is not below those before it.
+fn push(ranges: &mut Vec<Range>, sequence: u64) {
+    let end = sequence.saturating_add(1);
+    match ranges.last_mut() {
+        Some(last) if last.end == sequence => last.end = end,
+        _ => ranges.push(Range { first: sequence, end }),
+    }
+}
+
+/// What of `expected` no range of `known` covers.
+fn without(mut expected: Vec<Range>, mut known: Vec<Range>) -> Vec<Range> {
+    expected.sort();
+    known.sort();
+    let mut missing = Vec::new();
+    let mut done = 0;
+    let mut k = 0;
+    for range in expected {
+        let mut at = range.first.max(done);
+        while at < range.end {
+            while k < known.len() && known[k].end <= at {
+                k += 1;
+            }
+            match known.get(k) {
+                Some(next) if next.first <= at => at = next.end,
+                next => {
+                    let end = next.map_or(range.end, |n| n.first.min(range.end));
+                    missing.push(Range { first: at, end });
+                    at = end;
+                }
+            }
+        }
+        done = done.max(range.end);
+    }
+    missing
+}
+
+/// What the producer's journal says that it sent.
+#[derive(Default)]
+struct Sent {
+    ranges: Vec<Range>,
+    /// Samples that found no memory: they may be missing.
+    no_memory: u64,
+}
+
+/// What was sent on a topic, by incarnation, as far as the journal of its producer tells. The outputs of the last
+/// entry of an incarnation that did not end in order are left out: they may never have been sent.
+fn sent(session: &Session, topic: usize) -> BTreeMap<u32, Sent> {
+    let name = &session.topics()[topic].name;
+    let operator = &session.topics()[topic].operator;
+    let ports = session.topics().iter().find_map(|t| match &t.role {
+        Role::Journal { outputs, .. } if t.operator == *operator => outputs.iter().position(|o| o == name),
+        _ => None,
+    });
+    let mut by_incarnation: BTreeMap<u32, Sent> = BTreeMap::new();
+    let (Some(port), Some(entries)) = (ports, session.journals().get(operator)) else { return by_incarnation };
+    for (i, entry) in entries.iter().enumerate() {
+        let last = entries.get(i + 1).is_none_or(|next| next.head.incarnation != entry.head.incarnation);
+        let sent = by_incarnation.entry(entry.head.incarnation).or_default();
+        if last && entry.cause() != Some(Cause::End) {
+            continue;
+        }
+        for r in outputs(entry, port) {
+            sent.no_memory = sent.no_memory.max(r.lost);
+            let end = r.first.saturating_add(u64::from(r.count));
+            if r.count > 0 {
+                sent.ranges.push(Range { first: r.first, end });
+            }
+        }
+    }
+    by_incarnation
+}
+
+/// The references of an entry to what it sent on an output.
+pub(crate) fn outputs(entry: &Entry, port: usize) -> impl Iterator<Item = &stillpoint_samples::JournalRef> {
+    entry.refs_of(RefKind::Output).filter(move |r| r.port as usize == port)
+}

@@ -1,0 +1,58 @@
+//! Why a session cannot be read.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why a session cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The operating system refused.
+    #[error("{path}: {cause}")]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// What the operating system answered.
+        cause: io::Error,
+    },
+    /// A folder without a part.
+    #[error("{path}: no part-000.mcap is in this folder, so it is no session")]
+    NoParts {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Another kind of file.
+    #[error("{path}: this is no MCAP file (its first 8 bytes are not MCAP's): give a session's folder or a part of one")]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A topic whose samples had another layout when the session was recorded.
+    #[error(
+        "topic `{topic}` was recorded as {recorded}, this build has {ours}: {difference}; \
+         read it with the build that recorded it"
+    )]
+    Layout {
+        /// The topic.
+        topic: String,
+        /// Type name in the recording.
+        recorded: String,
+        /// Type name in this build.
+        ours: String,
+        /// Which fields differ.
+        difference: String,
+    },
+    /// A message that is not the sample that its channel promises.
+    #[error("{path}: the message on `{topic}` at byte {within} of the chunk at offset {offset} is damaged: {what}")]
+    Message {
+        /// The part.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Where the chunk's records start in the file.
+        offset: u64,
+        /// Where the message starts in the chunk's records.
+        within: usize,
+        /// What is wrong.
+        what: String,
+    },
+}

@@ -1,0 +1,139 @@
+//! The records of one chunk, decompressed within bounds.
+
+use std::io::{self, Read};
+
+use super::record::ChunkHeader;
+use super::source::Source;
+
+/// No chunk may grow beyond this: a chunk is 1 MiB and one sample.
+const LARGEST_CHUNK: u64 = 1 << 30;
+/// lz4 turns one byte into at most 255.
+const LZ4_RATIO: u64 = 255;
+/// A run-length block of zstd is four bytes for at most 128 KiB.
+const ZSTD_RATIO: u64 = 128 * 1024 / 4;
+/// A zstd frame may ask for this window at most, 2^23 bytes, whatever its header says.
+const ZSTD_WINDOW_LOG: u32 = 23;
+
+/// How the records of a block are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Compressed {
+    No,
+    Lz4,
+    Zstd,
+}
+
+/// Where records lie in a file: the inside of a chunk, or one record that stands outside any chunk.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Block {
+    /// First stored byte in the file.
+    pub offset: u64,
+    /// Stored bytes that are there.
+    pub stored: u64,
+    /// Bytes after decompression, as the file says.
+    pub size: u64,
+    /// Checksum of the decompressed bytes; 0 where there is none.
+    pub crc: u32,
+    pub compressed: Compressed,
+    /// The file ends inside the chunk: there is no checksum to go by.
+    pub cut: bool,
+}
+
+/// What a block held.
+pub(crate) enum Loaded {
+    /// Every byte.
+    Whole(Vec<u8>),
+    /// What came out before the cut.
+    Partial(Vec<u8>),
+    /// Not what was written; its records cannot be believed.
+    Damaged(String),
+}
+
+impl Block {
+    /// The block of a chunk whose records start at `offset`, with `there` bytes of the file from there on.
+    pub fn of_chunk(header: &ChunkHeader, offset: u64, there: u64) -> Result<Self, String> {
+        let compressed = match header.compression.as_str() {
+            "" => Compressed::No,
+            "lz4" => Compressed::Lz4,
+            "zstd" => Compressed::Zstd,
+            other => return Err(format!("its compression `{}` is not known", other.escape_debug())),
+        };
+        Ok(Self {
+            offset,
+            stored: header.compressed_size.min(there),
+            size: header.uncompressed_size,
+            crc: header.crc,
+            compressed,
+            cut: header.compressed_size > there,
+        })
+    }
+
+    /// Largest size that the stored bytes can justify.
+    fn limit(&self) -> u64 {
+        let ratio = match self.compressed {
+            Compressed::No => 1,
+            Compressed::Lz4 => LZ4_RATIO,
+            Compressed::Zstd => ZSTD_RATIO,
+        };
+        self.stored.saturating_mul(ratio).min(self.size).min(LARGEST_CHUNK)
+    }
+
+    /// Reads the block. Memory grows with what comes out, never with what a header promises.
+    pub fn load(&self, source: &Source) -> io::Result<Loaded> {
+        let stored = source.read(self.offset, usize::try_from(self.stored).unwrap_or(usize::MAX))?;
+        let (bytes, fault) = match self.compressed {
+            Compressed::No => (stored, None),
+            Compressed::Lz4 => match lz4::Decoder::new(&stored[..]) {
+                Ok(decoder) => drain(decoder, self.limit()),
+                Err(e) => (Vec::new(), Some(e.to_string())),
+            },
+            Compressed::Zstd => match zstd::stream::read::Decoder::with_buffer(&stored[..]) {
+                Ok(mut decoder) => match decoder.window_log_max(ZSTD_WINDOW_LOG) {
+                    Ok(()) => drain(decoder, self.limit()),
+                    Err(e) => (Vec::new(), Some(e.to_string())),
+                },
+                Err(e) => (Vec::new(), Some(e.to_string())),
+            },
+        };
+        if self.cut {
+            return Ok(Loaded::Partial(bytes));
+        }
+        if bytes.len() as u64 != self.size {
+            let fault = fault.map(|f| format!(": {f}")).unwrap_or_default();
+            let (found, size) = (bytes.len(), self.size);
+            return Ok(Loaded::Damaged(format!("{found} bytes came out of it where {size} went in{fault}")));
+        }
+        let crc = if self.crc == 0 { 0 } else { crc32fast::hash(&bytes) };
+        if crc != self.crc {
+            let stored = self.crc;
+            return Ok(Loaded::Damaged(format!("its checksum is {crc:08x} where {stored:08x} was stored")));
+        }
+        Ok(Loaded::Whole(bytes))
+    }
+}
+
+/// All that comes out up to `limit`, and the fault that ended it.
+fn drain(mut from: impl Read, limit: u64) -> (Vec<u8>, Option<String>) {
+    let mut bytes = Vec::new();
+    let limit = usize::try_from(limit).unwrap_or(usize::MAX);
+    let mut step = 64 * 1024;
+    loop {
+        let start = bytes.len();
+        if start >= limit {
+            return (bytes, None);
+        }
+        bytes.resize(limit.min(start + step), 0);
+        match from.read(&mut bytes[start..]) {
+            Ok(0) => {
+                bytes.truncate(start);
+                return (bytes, None);
+            }
+            Ok(n) => bytes.truncate(start + n),
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => bytes.truncate(start),
+            Err(e) => {
+                bytes.truncate(start);
+                return (bytes, Some(e.to_string()));
+            }
+        }
+        step = (step * 2).min(1 << 20);
+    }
+}

@@ -1,0 +1,78 @@
+//! `PointCloud` as `sensor_msgs/msg/PointCloud2`: the points' bytes are its data.
+
+use stillpoint_samples::{AlignedBytes, CloudShape, HEAD_SIZE, Head, Pieces, Point, PointCloud, Sample};
+use zerocopy::{FromBytes, IntoBytes};
+
+use super::cdr::{Reader, Writer};
+use super::{Envelope, Fault, Shared};
+
+const POINT: u32 = size_of::<Point>() as u32;
+/// `PointField.FLOAT32`.
+const FLOAT32: u8 = 7;
+
+fn shape(sample: &Pieces<'_>) -> Option<CloudShape> {
+    CloudShape::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
+}
+
+/// Whether the message says all that the sample says.
+pub(super) fn fits(sample: &Pieces<'_>) -> bool {
+    shape(sample).is_some_and(|s| {
+        s.reserved == 0
+            && u64::from(s.width) * u64::from(s.height) == u64::from(s.length)
+            && s.width.checked_mul(POINT).is_some()
+            && u32::try_from(sample.payload.len()).is_ok()
+    })
+}
+
+pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
+    let shape = shape(sample).unwrap_or_default();
+    let mut w = Writer::new(out);
+    w.header(sample.head().stamp, frame);
+    w.u32(shape.height);
+    w.u32(shape.width);
+    w.u32(3);
+    for (name, offset) in [("x", 0), ("y", 4), ("z", 8)] {
+        w.text(name);
+        w.u32(offset);
+        w.u8(FLOAT32);
+        w.u32(1);
+    }
+    w.u8(0);
+    w.u32(POINT);
+    w.u32(shape.width.wrapping_mul(POINT));
+    w.bytes(sample.payload);
+    // Not dense: an invalid point is NaN.
+    w.u8(0);
+}
+
+pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+    let mut r = Reader::new(data)?;
+    let stamp = r.header()?;
+    let (height, width) = (r.u32()?, r.u32()?);
+    let fields = r.u32()?;
+    if fields != 3 {
+        return Err(format!("its points have {fields} fields where x, y and z are 3"));
+    }
+    for _ in 0..3 {
+        r.text()?;
+        r.u32()?;
+        r.u8()?;
+        r.u32()?;
+    }
+    r.u8()?;
+    let (step, _row) = (r.u32()?, r.u32()?);
+    let points = r.bytes()?;
+    let count = u64::from(width) * u64::from(height);
+    if step != POINT || points.len() as u64 != count.saturating_mul(u64::from(POINT)) {
+        return Err(format!("{} bytes are not {width} x {height} points of {POINT} bytes", points.len()));
+    }
+    let length = u32::try_from(count).map_err(|_| format!("{count} points are too many"))?;
+    let head: Head = shared.head(envelope, stamp, length);
+    let shape = CloudShape { width, height, reserved: 0, length };
+    let meta = PointCloud::KIND.meta_size();
+    let mut bytes = AlignedBytes::zeroed(meta + points.len());
+    bytes[..HEAD_SIZE].copy_from_slice(head.as_bytes());
+    bytes[HEAD_SIZE..meta].copy_from_slice(shape.as_bytes());
+    bytes[meta..].copy_from_slice(points);
+    Ok(bytes)
+}

@@ -1,0 +1,105 @@
+//! `DepthImage` as `sensor_msgs/msg/Image` (`16UC1`). Its intrinsics are in the channel's metadata, exact, and in a
+//! `sensor_msgs/msg/CameraInfo` beside it for viewers.
+
+use std::collections::BTreeMap;
+
+use stillpoint_samples::{AlignedBytes, DepthImage, HEAD_SIZE, Intrinsics, Pieces, Sample};
+use zerocopy::{FromBytes, IntoBytes};
+
+use super::cdr::{Reader, Writer};
+use super::{Envelope, Fault, Shared};
+
+const PIXEL: u32 = size_of::<u16>() as u32;
+
+fn intrinsics(sample: &Pieces<'_>) -> Option<Intrinsics> {
+    Intrinsics::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
+}
+
+fn numbers(i: &Intrinsics) -> [(&'static str, f64); 5] {
+    [
+        ("stillpoint.fx_px", i.fx),
+        ("stillpoint.fy_px", i.fy),
+        ("stillpoint.cx_px", i.cx),
+        ("stillpoint.cy_px", i.cy),
+        ("stillpoint.depth_unit_m", i.depth_unit),
+    ]
+}
+
+/// The intrinsics as texts that read back exactly. `None`: they do not, or the image is no grid.
+pub(super) fn extra(sample: &Pieces<'_>) -> Option<BTreeMap<String, String>> {
+    let i = intrinsics(sample)?;
+    let grid = i.reserved == 0
+        && u64::from(i.width) * u64::from(i.height) == u64::from(i.length)
+        && i.width.checked_mul(PIXEL).is_some()
+        && u32::try_from(sample.payload.len()).is_ok();
+    let mut extra = BTreeMap::new();
+    for (name, value) in numbers(&i) {
+        let text = value.to_string();
+        // A NaN has more bits than its text.
+        text.parse::<f64>().ok().filter(|back| back.to_bits() == value.to_bits())?;
+        extra.insert(name.to_owned(), text);
+    }
+    grid.then_some(extra)
+}
+
+pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
+    let i = intrinsics(sample).unwrap_or_default();
+    let mut w = Writer::new(out);
+    w.header(sample.head().stamp, frame);
+    w.u32(i.height);
+    w.u32(i.width);
+    w.text("16UC1");
+    w.u8(0);
+    w.u32(i.width.wrapping_mul(PIXEL));
+    w.bytes(sample.payload);
+}
+
+pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+    let mut r = Reader::new(data)?;
+    let stamp = r.header()?;
+    let (height, width) = (r.u32()?, r.u32()?);
+    let encoding = r.text()?;
+    let (big_endian, _step) = (r.u8()?, r.u32()?);
+    let pixels = r.bytes()?;
+    let count = u64::from(width) * u64::from(height);
+    if encoding != "16UC1" || big_endian != 0 || pixels.len() as u64 != count.saturating_mul(u64::from(PIXEL)) {
+        let encoding = encoding.escape_debug();
+        return Err(format!("{} bytes of `{encoding}` are not {width} x {height} depths", pixels.len()));
+    }
+    let length = u32::try_from(count).map_err(|_| format!("{count} pixels are too many"))?;
+    let mut i = Intrinsics { width, height, length, ..Intrinsics::default() };
+    for (to, (name, _)) in
+        [&mut i.fx, &mut i.fy, &mut i.cx, &mut i.cy, &mut i.depth_unit].into_iter().zip(numbers(&Intrinsics::default()))
+    {
+        let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
+        *to = text.parse().map_err(|_| format!("`{name}` is `{}`, no number", text.escape_debug()))?;
+    }
+    let meta = DepthImage::KIND.meta_size();
+    let mut bytes = AlignedBytes::zeroed(meta + pixels.len());
+    bytes[..HEAD_SIZE].copy_from_slice(shared.head(envelope, stamp, length).as_bytes());
+    bytes[HEAD_SIZE..meta].copy_from_slice(i.as_bytes());
+    bytes[meta..].copy_from_slice(pixels);
+    Ok(bytes)
+}
+
+/// Appends the `sensor_msgs/msg/CameraInfo` of a depth image.
+pub(crate) fn camera_info(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
+    let i = intrinsics(sample).unwrap_or_default();
+    let mut w = Writer::new(out);
+    w.header(sample.head().stamp, frame);
+    w.u32(i.height);
+    w.u32(i.width);
+    w.text("plumb_bob");
+    w.u32(5);
+    w.f64s(&[0.0; 5]);
+    w.f64s(&[i.fx, 0.0, i.cx, 0.0, i.fy, i.cy, 0.0, 0.0, 1.0]);
+    w.f64s(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    w.f64s(&[i.fx, 0.0, i.cx, 0.0, 0.0, i.fy, i.cy, 0.0, 0.0, 0.0, 1.0, 0.0]);
+    w.u32(0);
+    w.u32(0);
+    // No region of interest: zeros mean the whole image.
+    for _ in 0..4 {
+        w.u32(0);
+    }
+    w.u8(0);
+}

@@ -1,0 +1,194 @@
+//! How a sample stands in a recording, and how its exact bytes come back.
+//!
+//! Kinds that ROS has a message for are recorded as that message, the others as their own bytes, which are a CDR body
+//! already. A sample whose standard message would lose anything (a stamp beyond the range of ROS time, a grid that is
+//! not its point count) is recorded in its own form on the same topic, so that every form is lossless by construction.
+//!
+//! What a standard message has no place for: the origin is MCAP's `publish_time` (on every channel), the low half of
+//! the sequence is MCAP's `sequence`, and the high half, the incarnation and what else holds for many samples at once
+//! are in the metadata of the channel, so that a topic has a channel for each of their values.
+//!
+//! - `cdr`: numbers and texts at their CDR places
+//! - `own`: the sample's own bytes
+//! - `cloud`: `PointCloud` as `sensor_msgs/msg/PointCloud2`
+//! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
+//! - `depth`: `DepthImage` as `sensor_msgs/msg/Image`, with a `sensor_msgs/msg/CameraInfo`
+//! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
+//! - `schema`: the `ros2msg` texts
+
+mod cdr;
+mod cloud;
+mod depth;
+mod own;
+mod pose;
+pub(crate) mod schema;
+mod transforms;
+
+use std::collections::BTreeMap;
+
+use stillpoint_samples::{AlignedBytes, Head, Pieces, SampleKind};
+
+pub(crate) use cdr::{Reader, Writer};
+pub use transforms::StaticTransform;
+pub(crate) use transforms::{transforms_from, transforms_message};
+
+/// Why a message is not the sample that it claims to be.
+pub(crate) type Fault = String;
+
+/// The message type that samples of a kind are recorded as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Form {
+    /// The sample's own bytes.
+    Own,
+    /// `sensor_msgs/msg/PointCloud2`.
+    Cloud,
+    /// `geometry_msgs/msg/PoseWithCovarianceStamped`.
+    Pose,
+    /// `sensor_msgs/msg/Image`.
+    Depth,
+}
+
+/// What one channel says about all of its messages.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Shared {
+    pub incarnation: u32,
+    /// High half of the sequence.
+    pub sequence_high: u32,
+    /// What the form itself keeps here.
+    pub extra: BTreeMap<String, String>,
+}
+
+/// Where a message stands beside its bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Envelope {
+    /// MCAP's sequence.
+    pub sequence: u32,
+    /// MCAP's publish time.
+    pub publish_time: u64,
+}
+
+impl Form {
+    /// The preferred form of a kind, by its exact layout.
+    pub fn of(kind: &SampleKind) -> Self {
+        use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample};
+        [(PointCloud::KIND, Self::Cloud), (Pose::KIND, Self::Pose), (DepthImage::KIND, Self::Depth)]
+            .into_iter()
+            .find(|(k, _)| *k == kind)
+            .map_or(Self::Own, |(_, form)| form)
+    }
+
+    /// Name in a channel's metadata.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Own => "own",
+            Self::Cloud => "PointCloud2",
+            Self::Pose => "PoseWithCovarianceStamped",
+            Self::Depth => "Image",
+        }
+    }
+
+    /// The form of this name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Own, Self::Cloud, Self::Pose, Self::Depth].into_iter().find(|f| f.name() == name)
+    }
+
+    /// Name and text of the schema.
+    pub fn schema(self, kind: &SampleKind) -> (String, String) {
+        let (name, text) = match self {
+            Self::Own => return (kind.schema_name(), kind.ros_schema()),
+            Self::Cloud => schema::POINT_CLOUD,
+            Self::Pose => schema::POSE,
+            Self::Depth => schema::IMAGE,
+        };
+        (name.to_owned(), text.to_owned())
+    }
+
+    /// What the channel of this sample must say. `None`: this form would lose something of it.
+    pub fn shared(self, sample: &Pieces<'_>) -> Option<Shared> {
+        let head = sample.head();
+        if self == Self::Own {
+            // The bytes say everything themselves.
+            return Some(Shared::default());
+        }
+        let extra = match self {
+            Self::Own => BTreeMap::new(),
+            _ if !cdr::is_ros_time(head.stamp) => return None,
+            Self::Cloud => cloud::fits(sample).then(BTreeMap::new)?,
+            Self::Pose => BTreeMap::new(),
+            Self::Depth => depth::extra(sample)?,
+        };
+        Some(Shared { incarnation: head.incarnation, sequence_high: (head.sequence >> 32) as u32, extra })
+    }
+
+    /// Appends the message to `out`.
+    pub fn encode(self, sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
+        match self {
+            Self::Own => own::encode(sample, out),
+            Self::Cloud => cloud::encode(sample, frame, out),
+            Self::Pose => pose::encode(sample, frame, out),
+            Self::Depth => depth::encode(sample, frame, out),
+        }
+    }
+
+    /// The bytes of the sample behind a message.
+    pub fn decode(
+        self,
+        kind: &SampleKind,
+        shared: &Shared,
+        envelope: Envelope,
+        data: &[u8],
+    ) -> Result<AlignedBytes, Fault> {
+        match self {
+            Self::Own => own::decode(kind, data),
+            Self::Cloud => cloud::decode(shared, envelope, data),
+            Self::Pose => pose::decode(shared, envelope, data),
+            Self::Depth => depth::decode(shared, envelope, data),
+        }
+    }
+}
+
+impl Shared {
+    /// The head behind a message.
+    fn head(&self, envelope: Envelope, stamp: u64, count: u32) -> Head {
+        Head {
+            stamp,
+            origin: envelope.publish_time,
+            sequence: self.sequence(envelope),
+            incarnation: self.incarnation,
+            count,
+        }
+    }
+
+    /// The whole sequence number behind a message.
+    pub fn sequence(&self, envelope: Envelope) -> u64 {
+        u64::from(self.sequence_high) << 32 | u64::from(envelope.sequence)
+    }
+}
+
+pub(crate) use depth::camera_info;
+pub(crate) use own::head as own_head;
+
+const INCARNATION: &str = "stillpoint.incarnation";
+const SEQUENCE_HIGH: &str = "stillpoint.sequence_high";
+
+impl Shared {
+    /// As entries of a channel's metadata. The own form needs none.
+    pub fn entries(&self, form: Form) -> BTreeMap<String, String> {
+        let mut entries = self.extra.clone();
+        if form != Form::Own {
+            entries.insert(INCARNATION.to_owned(), self.incarnation.to_string());
+            entries.insert(SEQUENCE_HIGH.to_owned(), self.sequence_high.to_string());
+        }
+        entries
+    }
+
+    /// Out of a channel's metadata.
+    pub fn from_entries(entries: &BTreeMap<String, String>) -> Self {
+        let number = |key: &str| entries.get(key).and_then(|t| t.parse().ok()).unwrap_or(0);
+        Self {
+            incarnation: number(INCARNATION),
+            sequence_high: number(SEQUENCE_HIGH),
+            extra: entries.clone(),
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`. ROS puts the scalar of a quaternion last, a sample first.
+
+use stillpoint_samples::{AlignedBytes, HEAD_SIZE, Pieces, Pose, PoseElement, Sample};
+use zerocopy::{FromBytes, IntoBytes};
+
+use super::cdr::{Reader, Writer};
+use super::{Envelope, Fault, Shared};
+
+pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
+    let mut w = Writer::new(out);
+    w.header(sample.head().stamp, frame);
+    if let Ok(pose) = PoseElement::read_from_bytes(sample.payload) {
+        let [qw, qx, qy, qz] = pose.orientation;
+        w.f64s(&pose.position);
+        w.f64s(&[qx, qy, qz, qw]);
+        w.f64s(&pose.covariance);
+    }
+}
+
+pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+    let mut r = Reader::new(data)?;
+    let stamp = r.header()?;
+    let mut position = [0.0; 3];
+    for p in &mut position {
+        *p = r.f64()?;
+    }
+    let [qx, qy, qz, qw] = [r.f64()?, r.f64()?, r.f64()?, r.f64()?];
+    let mut covariance = [0.0; 36];
+    for c in &mut covariance {
+        *c = r.f64()?;
+    }
+    let pose = PoseElement { position, orientation: [qw, qx, qy, qz], covariance };
+    let mut bytes = AlignedBytes::zeroed(Pose::KIND.meta_size() + size_of::<PoseElement>());
+    bytes[..HEAD_SIZE].copy_from_slice(shared.head(envelope, stamp, 1).as_bytes());
+    bytes[HEAD_SIZE..].copy_from_slice(pose.as_bytes());
+    Ok(bytes)
+}

@@ -1,0 +1,184 @@
+//! The `ros2msg` texts of the messages that sessions hold, with all that they refer to.
+
+/// A schema's name and its text.
+pub(crate) type Schema = (&'static str, &'static str);
+
+pub(crate) const POINT_CLOUD: Schema = (
+    "sensor_msgs/msg/PointCloud2",
+    "\
+std_msgs/Header header
+uint32 height
+uint32 width
+sensor_msgs/PointField[] fields
+bool is_bigendian
+uint32 point_step
+uint32 row_step
+uint8[] data
+bool is_dense
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: sensor_msgs/PointField
+uint8 INT8=1
+uint8 UINT8=2
+uint8 INT16=3
+uint8 UINT16=4
+uint8 INT32=5
+uint8 UINT32=6
+uint8 FLOAT32=7
+uint8 FLOAT64=8
+string name
+uint32 offset
+uint8 datatype
+uint32 count
+",
+);
+
+pub(crate) const POSE: Schema = (
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "\
+std_msgs/Header header
+geometry_msgs/PoseWithCovariance pose
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/PoseWithCovariance
+geometry_msgs/Pose pose
+float64[36] covariance
+================================================================================
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+",
+);
+
+pub(crate) const IMAGE: Schema = (
+    "sensor_msgs/msg/Image",
+    "\
+std_msgs/Header header
+uint32 height
+uint32 width
+string encoding
+uint8 is_bigendian
+uint32 step
+uint8[] data
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+",
+);
+
+pub(crate) const CAMERA_INFO: Schema = (
+    "sensor_msgs/msg/CameraInfo",
+    "\
+std_msgs/Header header
+uint32 height
+uint32 width
+string distortion_model
+float64[] d
+float64[9] k
+float64[9] r
+float64[12] p
+uint32 binning_x
+uint32 binning_y
+sensor_msgs/RegionOfInterest roi
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: sensor_msgs/RegionOfInterest
+uint32 x_offset
+uint32 y_offset
+uint32 height
+uint32 width
+bool do_rectify
+",
+);
+
+pub(crate) const TRANSFORMS: Schema = (
+    "tf2_msgs/msg/TFMessage",
+    "\
+geometry_msgs/TransformStamped[] transforms
+================================================================================
+MSG: geometry_msgs/TransformStamped
+std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Transform
+geometry_msgs/Vector3 translation
+geometry_msgs/Quaternion rotation
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+",
+);
+
+/// What could not be kept: `count` samples of `topic` from number `first` on.
+pub(crate) const LOST: Schema = (
+    "stillpoint_msgs/msg/Lost",
+    "\
+uint64 first
+uint64 count
+uint32 incarnation
+string topic
+",
+);
+
+/// Logical time against realtime, both ns since the epoch.
+pub(crate) const CLOCK: Schema = (
+    "stillpoint_msgs/msg/Clock",
+    "\
+uint64 logical  # ns
+uint64 realtime  # ns
+",
+);

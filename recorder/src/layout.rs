@@ -1,0 +1,51 @@
+//! Whether the samples of a recorded topic are a kind of this build, and where not, which fields differ.
+
+use stillpoint_samples::{SampleKind, by_name};
+
+/// What the samples of a recorded topic are to this build.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TopicKind {
+    /// A kind of this build.
+    Known(&'static SampleKind),
+    /// A kind of this build had another layout when the session was recorded.
+    Changed {
+        /// The kind as this build has it.
+        ours: &'static SampleKind,
+        /// Which fields differ.
+        difference: String,
+    },
+    /// No kind of this build: to be shown by its schema.
+    Opaque,
+}
+
+impl TopicKind {
+    /// Looks up a recorded type (`Pose@0123456789abcdef`) with its schema text.
+    pub(crate) fn of(type_name: &str, schema: &str) -> Self {
+        let name = type_name.split('@').next().unwrap_or_default();
+        match by_name(name) {
+            Some(kind) if kind.type_name() == type_name => Self::Known(kind),
+            Some(ours) => Self::Changed { ours, difference: difference(schema, &ours.ros_schema()) },
+            None => Self::Opaque,
+        }
+    }
+}
+
+/// The fields of one schema text that the other has not, in a sentence.
+fn difference(recorded: &str, ours: &str) -> String {
+    let fields = |text: &str| -> Vec<String> {
+        let is_field = |l: &&str| !l.is_empty() && !l.starts_with(['#', '=']) && !l.starts_with("MSG:");
+        text.lines().map(str::trim).filter(is_field).map(|l| l.replace("  # ", " in ")).collect()
+    };
+    let (recorded, ours) = (fields(recorded), fields(ours));
+    let only = |a: &[String], b: &[String]| -> Vec<String> {
+        a.iter().filter(|f| !b.contains(f)).map(|f| format!("`{f}`")).collect()
+    };
+    let (there, here) = (only(&recorded, &ours), only(&ours, &recorded));
+    match (there.is_empty(), here.is_empty()) {
+        (true, true) if recorded.is_empty() => "the recording does not describe its fields".to_owned(),
+        (true, true) => "the fields have another order".to_owned(),
+        (false, true) => format!("only the recording has {}", there.join(", ")),
+        (true, false) => format!("only this build has {}", here.join(", ")),
+        (false, false) => format!("the recording has {} where this build has {}", there.join(", "), here.join(", ")),
+    }
+}

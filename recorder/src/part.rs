@@ -1,0 +1,172 @@
+//! One part of a session, opened: its channels and where its messages are.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+use crate::account::{CLOCK_CHANNEL, FRAMES_CHANNEL, LOST_CHANNEL};
+use crate::file::{Block, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan};
+use crate::form::{Envelope, Form, Shared, own_head};
+
+/// What the messages of a channel are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Use {
+    /// Samples of the topic.
+    Samples { form: Form, shared: Shared },
+    /// Made from the samples of a topic, for viewers.
+    Beside { topic: String, shared: Shared },
+    /// Losses.
+    Lost,
+    /// The clock.
+    Clock,
+    /// The static frames.
+    Frames,
+    /// Not of this project.
+    Opaque,
+}
+
+/// A channel with what it is for.
+#[derive(Clone, Debug)]
+pub(crate) struct PartChannel {
+    pub channel: Channel,
+    pub purpose: Use,
+}
+
+/// One part.
+#[derive(Debug)]
+pub(crate) struct Part {
+    pub path: PathBuf,
+    pub source: Source,
+    pub size: u64,
+    pub scan: Scan,
+    pub schemas: BTreeMap<u16, Schema>,
+    pub channels: BTreeMap<u16, PartChannel>,
+    pub damage: Vec<Damage>,
+}
+
+impl Part {
+    /// Walks over the file and hands every message of it to `each`. `None`: it is no MCAP file.
+    pub fn open(
+        path: PathBuf,
+        source: Source,
+        mut each: impl FnMut(&PartChannel, u32, usize, &Message<'_>) -> Result<(), String>,
+    ) -> io::Result<Option<Self>> {
+        let size = source.size()?;
+        let Some(mut scan) = scan(&source)? else { return Ok(None) };
+        let damage = std::mem::take(&mut scan.damage);
+        let mut part = Self { path, source, size, scan, schemas: BTreeMap::new(), channels: BTreeMap::new(), damage };
+        for number in 0..part.scan.blocks.len() {
+            let Some(bytes) = part.load(number)? else { continue };
+            let offset = part.scan.blocks[number].offset;
+            let (mut at, mut start) = (0, 0);
+            while let Some((_, record)) = next_record(&bytes, &mut at) {
+                let fault = match record {
+                    Ok(Record::Message(m)) => match part.channels.get(&m.channel) {
+                        Some(channel) => each(channel, number as u32, start, &m).err(),
+                        None => Some(format!("a message of channel {} comes before that channel", m.channel)),
+                    },
+                    Ok(Record::Channel(channel)) => part.add_channel(channel),
+                    Ok(Record::Schema(schema)) => part.add_schema(schema),
+                    Ok(_) => None,
+                    Err(fault) => Some(fault.to_owned()),
+                };
+                if let Some(fault) = fault {
+                    let what = format!("at byte {start} of its records, {fault}");
+                    part.damage.push(Damage { offset, what });
+                }
+                start = at;
+            }
+            if at < bytes.len() && !part.scan.blocks[number].cut {
+                let what = format!("its last {} bytes are no whole record", bytes.len() - at);
+                part.damage.push(Damage { offset, what });
+            }
+        }
+        Ok(Some(part))
+    }
+
+    /// The records of a block. `None`: they are damaged, which is noted.
+    fn load(&mut self, number: usize) -> io::Result<Option<Vec<u8>>> {
+        let block = &mut self.scan.blocks[number];
+        Ok(match block.load(&self.source)? {
+            Loaded::Whole(bytes) | Loaded::Partial(bytes) => Some(bytes),
+            Loaded::Damaged(what) => {
+                self.damage.push(Damage { offset: block.offset, what });
+                None
+            }
+        })
+    }
+
+    /// The records of a block as it was when the part was opened; nothing where they are damaged.
+    pub fn records(&self, number: usize) -> io::Result<Vec<u8>> {
+        Ok(match self.scan.blocks.get(number).map(|b: &Block| b.load(&self.source)).transpose()? {
+            Some(Loaded::Whole(bytes) | Loaded::Partial(bytes)) => bytes,
+            _ => Vec::new(),
+        })
+    }
+
+    fn add_schema(&mut self, schema: Schema) -> Option<String> {
+        let id = schema.id;
+        match self.schemas.get(&id) {
+            _ if id == 0 => Some("a schema has the number 0".to_owned()),
+            Some(known) if *known != schema => Some(format!("schema {id} is defined twice, differently")),
+            Some(_) => None,
+            None => {
+                self.schemas.insert(id, schema);
+                None
+            }
+        }
+    }
+
+    fn add_channel(&mut self, channel: Channel) -> Option<String> {
+        let id = channel.id;
+        if let Some(known) = self.channels.get(&id) {
+            return (known.channel != channel).then(|| format!("channel {id} is defined twice, differently"));
+        }
+        if channel.schema_id != 0 && !self.schemas.contains_key(&channel.schema_id) {
+            return Some(format!("channel {id} names schema {}, which is not there", channel.schema_id));
+        }
+        let purpose = Use::of(&channel);
+        self.channels.insert(id, PartChannel { channel, purpose });
+        None
+    }
+}
+
+impl Use {
+    fn of(channel: &Channel) -> Self {
+        let shared = || Shared::from_entries(&channel.metadata);
+        match channel.topic.as_str() {
+            LOST_CHANNEL => return Self::Lost,
+            CLOCK_CHANNEL => return Self::Clock,
+            FRAMES_CHANNEL => return Self::Frames,
+            _ => {}
+        }
+        if let Some(topic) = channel.metadata.get("stillpoint.beside") {
+            return Self::Beside { topic: topic.clone(), shared: shared() };
+        }
+        match channel.metadata.get("stillpoint.form").and_then(|name| Form::from_name(name)) {
+            Some(form) => Self::Samples { form, shared: shared() },
+            None => Self::Opaque,
+        }
+    }
+
+    /// Incarnation and sequence of the sample that a message is, or stands beside. `None`: it is of no sample.
+    pub fn number(&self, message: &Message<'_>) -> Result<Option<(u32, u64)>, String> {
+        let envelope = Envelope::of(message);
+        Ok(match self {
+            Self::Samples { form: Form::Own, .. } => {
+                let head = own_head(message.data)?;
+                Some((head.incarnation, head.sequence))
+            }
+            Self::Samples { shared, .. } | Self::Beside { shared, .. } => {
+                Some((shared.incarnation, shared.sequence(envelope)))
+            }
+            Self::Lost | Self::Clock | Self::Frames | Self::Opaque => None,
+        })
+    }
+}
+
+impl Envelope {
+    pub fn of(message: &Message<'_>) -> Self {
+        Self { sequence: message.sequence, publish_time: message.publish_time }
+    }
+}

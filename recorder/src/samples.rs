@@ -1,0 +1,95 @@
+//! The samples of a session in the order of recording.
+
+use std::sync::Arc;
+
+use stillpoint_samples::AlignedBytes;
+
+use crate::error::SessionError;
+use crate::file::{Record, next_record};
+use crate::part::Use;
+use crate::session::{Place, Session};
+
+/// A sample out of a session: its exact bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Number of its topic in [`Session::topics`].
+    pub topic: usize,
+    /// Incarnation of its producer.
+    pub incarnation: u32,
+    /// Its number on the topic.
+    pub sequence: u64,
+    /// Realtime at which it was recorded, ns since the epoch: for people, never compared.
+    pub log_time: u64,
+    /// `Head ++ Body ++ elements`, as it was in shared memory.
+    pub sample: AlignedBytes,
+}
+
+/// Walks over the samples of a session.
+pub struct Samples<'a> {
+    session: &'a Session,
+    /// Topics to give.
+    chosen: Vec<bool>,
+    place: Place,
+    /// The records of the block, once it is read.
+    bytes: Option<Arc<Vec<u8>>>,
+}
+
+impl<'a> Samples<'a> {
+    pub(crate) fn new(session: &'a Session, chosen: Vec<bool>) -> Self {
+        Self { session, chosen, place: Place { part: 0, block: 0, start: 0 }, bytes: None }
+    }
+
+    /// Moves to the next block that there is, and reads it.
+    fn block(&mut self) -> Result<Option<Arc<Vec<u8>>>, SessionError> {
+        if let Some(bytes) = &self.bytes {
+            return Ok(Some(Arc::clone(bytes)));
+        }
+        while let Some(part) = self.session.parts.get(self.place.part as usize) {
+            if (self.place.block as usize) < part.scan.blocks.len() {
+                let bytes = self.session.records(self.place.part, self.place.block)?;
+                self.bytes = Some(Arc::clone(&bytes));
+                return Ok(Some(bytes));
+            }
+            self.place = Place { part: self.place.part + 1, block: 0, start: 0 };
+        }
+        Ok(None)
+    }
+
+    fn skip_block(&mut self) {
+        self.bytes = None;
+        self.place = Place { block: self.place.block + 1, start: 0, ..self.place };
+    }
+
+    fn is_chosen(&self, channel: u16) -> bool {
+        self.session.parts[self.place.part as usize].channels.get(&channel).is_some_and(|c| {
+            matches!(c.purpose, Use::Samples { .. })
+                && self.session.topic_number(&c.channel.topic).is_some_and(|n| self.chosen[n])
+        })
+    }
+}
+
+impl Iterator for Samples<'_> {
+    type Item = Result<Recorded, SessionError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let bytes = match self.block() {
+                Ok(bytes) => bytes?,
+                Err(e) => {
+                    self.skip_block();
+                    return Some(Err(e));
+                }
+            };
+            let place = self.place;
+            match next_record(&bytes, &mut self.place.start) {
+                None => self.skip_block(),
+                Some((_, Ok(Record::Message(m)))) if self.is_chosen(m.channel) => {
+                    if let Some(found) = self.session.decode(place, &m).transpose() {
+                        return Some(found);
+                    }
+                }
+                Some(_) => {}
+            }
+        }
+    }
+}

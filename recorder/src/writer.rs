@@ -1,0 +1,327 @@
+//! Writes one part of a session to any `Write`. It reads no clock and opens no file: two writes of the same input give
+//! the same bytes.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::Write;
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use stillpoint_samples::{BytesError, Pieces};
+
+use crate::account::{
+    CLOCK_CHANNEL, Closing, ClockSample, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
+};
+use crate::form::{Form, Shared, StaticTransform, camera_info, schema, transforms_message};
+use crate::topic::{TOPIC_RECORD, TopicInfo};
+
+/// Bytes after which a chunk is closed.
+pub const CHUNK_SIZE: u64 = 1 << 20;
+/// Channels that one topic may have; samples that would need more are recorded in their own form.
+const MOST_CHANNELS: usize = 64;
+
+/// How chunks are compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Compression {
+    /// Not at all.
+    None,
+    /// Fast.
+    #[default]
+    Lz4,
+    /// Small.
+    Zstd,
+}
+
+/// A file that is kept in the session.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Attachment {
+    /// Its name in the session.
+    pub name: String,
+    /// Its media type.
+    pub media_type: String,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// What stands at the start of a part, before any sample.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Opening {
+    /// The pipeline as run, the resolved params, every file that a param names.
+    pub attachments: Vec<Attachment>,
+    /// Seeds, build and CPU identity and the like: entries by the name of their record.
+    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Frames that do not move, for `/tf_static`.
+    pub frames: Vec<StaticTransform>,
+    /// The session's time at the start of the part, against realtime.
+    pub clock: Option<ClockSample>,
+}
+
+/// Why a part could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The file took no more bytes, or refused them.
+    #[error("cannot write the recording: {0}; what was flushed before is readable")]
+    Mcap(#[from] mcap::McapError),
+    /// The bytes given are no sample of the topic.
+    #[error("topic `{topic}`: {fault}")]
+    Sample {
+        /// The topic.
+        topic: String,
+        /// What is wrong with the bytes.
+        fault: BytesError,
+    },
+    /// Two topics of one name.
+    #[error("topic `{0}` is in the recording already: name each topic once")]
+    Twice(String),
+    /// The topic is of another writer.
+    #[error("topic number {0} was not added to this recording")]
+    NoTopic(usize),
+}
+
+/// A topic of a [`PartWriter`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct TopicId(usize);
+
+struct Topic {
+    info: TopicInfo,
+    /// Forms in the order of preference.
+    forms: Vec<Form>,
+    channels: BTreeMap<(Form, Shared), u16>,
+    /// The last channel used: nearly always the next one too.
+    last: Option<(Form, Shared, u16)>,
+    camera_info: BTreeMap<Shared, u16>,
+}
+
+/// Writes one part. Dropping it ends the file in order but writes no end record: the session then counts as cut.
+pub struct PartWriter<W: Write> {
+    out: mcap::Writer<NoSeek<W>>,
+    topics: Vec<Topic>,
+    lost_channel: u16,
+    clock_channel: u16,
+    notes: u32,
+    lost: u64,
+    message: Vec<u8>,
+}
+
+impl<W: Write> PartWriter<W> {
+    /// Starts a part with its attachments and metadata, and flushes them.
+    ///
+    /// # Errors
+    /// What writing answers.
+    pub fn new(w: W, compression: Compression, opening: &Opening) -> Result<Self, WriteError> {
+        let options = mcap::WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("stillpoint-recorder/", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(CHUNK_SIZE))
+            .disable_seeking(true)
+            // Threads of its own would compete with the operators, and their number would show in the bytes.
+            .compression_threads(0)
+            .compression(match compression {
+                Compression::None => None,
+                Compression::Lz4 => Some(mcap::Compression::Lz4),
+                Compression::Zstd => Some(mcap::Compression::Zstd),
+            });
+        let mut out = options.create(NoSeek::new(w))?;
+        let start = opening.clock.map_or(0, |c| c.realtime_ns);
+        for a in &opening.attachments {
+            attach(&mut out, &a.name, &a.media_type, &a.bytes, start)?;
+        }
+        for (name, entries) in &opening.metadata {
+            out.write_metadata(&Metadata { name: name.clone(), metadata: entries.clone() })?;
+        }
+        let lost_channel = add_channel(&mut out, LOST_CHANNEL, schema::LOST, &qos())?;
+        let clock_channel = add_channel(&mut out, CLOCK_CHANNEL, schema::CLOCK, &qos())?;
+        let frames_channel = add_channel(&mut out, FRAMES_CHANNEL, schema::TRANSFORMS, &qos())?;
+        let mut part = Self { out, topics: Vec::new(), lost_channel, clock_channel, notes: 0, lost: 0, message: Vec::new() };
+        if !opening.frames.is_empty() {
+            let stamp = opening.clock.map_or(0, |c| c.logical_ns);
+            part.message = transforms_message(stamp, &opening.frames);
+            part.put(frames_channel, 0, start, start)?;
+        }
+        if let Some(clock) = opening.clock {
+            part.clock(clock)?;
+        }
+        part.flush()?;
+        Ok(part)
+    }
+
+    /// Adds a topic. Add all of them before the first sample: each ends the chunk that is open.
+    ///
+    /// # Errors
+    /// A topic of that name is there already, or what writing answers.
+    pub fn add_topic(&mut self, info: TopicInfo) -> Result<TopicId, WriteError> {
+        if self.topics.iter().any(|t| t.info.name == info.name) {
+            return Err(WriteError::Twice(info.name));
+        }
+        self.out.write_metadata(&Metadata { name: TOPIC_RECORD.to_owned(), metadata: info.entries() })?;
+        let mut forms = vec![Form::of(info.kind), Form::Own];
+        forms.dedup();
+        self.topics.push(Topic { info, forms, channels: BTreeMap::new(), last: None, camera_info: BTreeMap::new() });
+        Ok(TopicId(self.topics.len() - 1))
+    }
+
+    /// Writes a sample. `log_time_ns` is realtime, ns since the epoch: it is for people and is never compared.
+    ///
+    /// # Errors
+    /// The bytes are no sample of the topic's kind, or what writing answers.
+    pub fn write(&mut self, topic: TopicId, sample: Pieces<'_>, log_time_ns: u64) -> Result<(), WriteError> {
+        let t = self.topics.get(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
+        let sample = sample
+            .check(t.info.kind)
+            .map_err(|fault| WriteError::Sample { topic: t.info.name.clone(), fault })?;
+        let (form, shared) = preferred(t, &sample);
+        let channel = match &t.last {
+            Some((f, s, channel)) if *f == form && *s == shared => *channel,
+            _ => self.channel(topic.0, form, shared.clone())?,
+        };
+        let head = sample.head();
+        let frame = self.topics[topic.0].info.frame.clone().unwrap_or_default();
+        self.message.clear();
+        form.encode(&sample, &frame, &mut self.message);
+        self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
+        if form == Form::Depth {
+            let channel = self.camera_info_channel(topic.0, shared)?;
+            self.message.clear();
+            camera_info(&sample, &frame, &mut self.message);
+            self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
+        }
+        Ok(())
+    }
+
+    /// Lists samples that could not be kept.
+    ///
+    /// # Errors
+    /// What writing answers.
+    pub fn note_lost(&mut self, topic: TopicId, incarnation: u32, first: u64, count: u64, log_time_ns: u64) -> Result<(), WriteError> {
+        let t = self.topics.get(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
+        let lost = Lost { topic: t.info.name.clone(), incarnation, first, count };
+        self.lost = self.lost.saturating_add(count);
+        self.message.clear();
+        lost.encode(&mut self.message);
+        self.note(self.lost_channel, log_time_ns)
+    }
+
+    /// Writes how the session's time stands to realtime.
+    ///
+    /// # Errors
+    /// What writing answers.
+    pub fn clock(&mut self, sample: ClockSample) -> Result<(), WriteError> {
+        self.message.clear();
+        sample.encode(&mut self.message);
+        self.note(self.clock_channel, sample.realtime_ns)
+    }
+
+    /// Closes the chunk and flushes the file: all that was written so far survives the process.
+    ///
+    /// # Errors
+    /// What writing answers.
+    pub fn flush(&mut self) -> Result<(), WriteError> {
+        Ok(self.out.flush()?)
+    }
+
+    /// Ends the session in order and gives the `Write` back.
+    ///
+    /// # Errors
+    /// What writing answers; the session then counts as cut.
+    pub fn finish(mut self, closing: &Closing) -> Result<W, WriteError> {
+        if let Some(ledger) = &closing.ledger {
+            attach(&mut self.out, LEDGER_ATTACHMENT, "application/json", ledger, closing.realtime_ns)?;
+        }
+        let end = Metadata { name: END_RECORD.to_owned(), metadata: closing.entries(self.lost) };
+        self.out.write_metadata(&end)?;
+        self.out.finish()?;
+        Ok(self.out.into_inner().into_inner())
+    }
+
+    fn note(&mut self, channel: u16, log_time_ns: u64) -> Result<(), WriteError> {
+        let number = self.notes;
+        self.notes = number.wrapping_add(1);
+        self.put(channel, number, log_time_ns, log_time_ns)
+    }
+
+    fn put(&mut self, channel_id: u16, sequence: u32, log_time: u64, publish_time: u64) -> Result<(), WriteError> {
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+        Ok(self.out.write_to_known_channel(&header, &self.message)?)
+    }
+
+    fn channel(&mut self, topic: usize, form: Form, shared: Shared) -> Result<u16, WriteError> {
+        let t = &mut self.topics[topic];
+        let key = (form, shared);
+        let channel = match t.channels.get(&key) {
+            Some(channel) => *channel,
+            None => {
+                let (name, text) = form.schema(t.info.kind);
+                let mut metadata = qos();
+                metadata.insert("stillpoint.form".to_owned(), form.name().to_owned());
+                metadata.insert("stillpoint.type".to_owned(), t.info.kind.type_name());
+                if let Some(frame) = &t.info.frame {
+                    metadata.insert("stillpoint.frame".to_owned(), frame.clone());
+                }
+                metadata.extend(key.1.entries(form));
+                let channel = add_channel(&mut self.out, &t.info.name, (&name, &text), &metadata)?;
+                t.channels.insert(key.clone(), channel);
+                channel
+            }
+        };
+        t.last = Some((key.0, key.1, channel));
+        Ok(channel)
+    }
+
+    fn camera_info_channel(&mut self, topic: usize, shared: Shared) -> Result<u16, WriteError> {
+        let t = &mut self.topics[topic];
+        if let Some(channel) = t.camera_info.get(&shared) {
+            return Ok(*channel);
+        }
+        let mut metadata = qos();
+        metadata.insert("stillpoint.beside".to_owned(), t.info.name.clone());
+        metadata.extend(shared.entries(Form::Depth));
+        let name = format!("{}/camera_info", t.info.name);
+        let channel = add_channel(&mut self.out, &name, schema::CAMERA_INFO, &metadata)?;
+        t.camera_info.insert(shared, channel);
+        Ok(channel)
+    }
+}
+
+/// The first form that loses nothing and for which the topic has a channel, or room for one.
+fn preferred(t: &Topic, sample: &Pieces<'_>) -> (Form, Shared) {
+    for form in &t.forms {
+        if let Some(shared) = form.shared(sample) {
+            let known = t.last.as_ref().is_some_and(|(f, s, _)| f == form && *s == shared);
+            if known || t.channels.len() < MOST_CHANNELS || t.channels.contains_key(&(*form, shared.clone())) {
+                return (*form, shared);
+            }
+        }
+    }
+    (Form::Own, Shared::default())
+}
+
+/// rosbag2 expects the key in every channel.
+fn qos() -> BTreeMap<String, String> {
+    BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())])
+}
+
+fn add_channel<W: Write>(
+    out: &mut mcap::Writer<NoSeek<W>>,
+    topic: &str,
+    (name, text): (&str, &str),
+    metadata: &BTreeMap<String, String>,
+) -> Result<u16, WriteError> {
+    let schema = out.add_schema(name, "ros2msg", text.as_bytes())?;
+    Ok(out.add_channel(schema, topic, "cdr", metadata)?)
+}
+
+fn attach<W: Write>(
+    out: &mut mcap::Writer<NoSeek<W>>,
+    name: &str,
+    media_type: &str,
+    bytes: &[u8],
+    time: u64,
+) -> Result<(), WriteError> {
+    Ok(out.attach(&mcap::Attachment {
+        log_time: time,
+        create_time: time,
+        name: name.to_owned(),
+        media_type: media_type.to_owned(),
+        data: Cow::Borrowed(bytes),
+    })?)
+}
