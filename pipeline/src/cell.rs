@@ -9,6 +9,7 @@ use stillpoint_samples::{
 use zerocopy::IntoBytes;
 
 use crate::activation::{Activation, Brought, Consumed, RandomKey};
+use crate::console::Inbox;
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::{SetupError, Step};
 use crate::outputs::{Draft, Lender, Outputs};
@@ -54,7 +55,7 @@ impl Cell {
     ) -> Result<Self, SetupError> {
         let node = &graph.operators[operator];
         Ok(Self {
-            step: build_step(graph, node, files)?,
+            step: build_step(graph, node, files, inbox)?,
             kinds: node
                 .stage
                 .kind
@@ -240,7 +241,7 @@ fn output_ref(port: usize, sent: &Sent, count: u32, incarnation: u32) -> Journal
     }
 }
 
-fn build_step(graph: &Graph, node: &OperatorNode, files: &dyn Files) -> Result<Box<dyn Step>, SetupError> {
+fn build_step(graph: &Graph, node: &OperatorNode, files: &dyn Files, inbox: Inbox) -> Result<Box<dyn Step>, SetupError> {
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
     let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();
     let setup = Setup {
@@ -250,6 +251,7 @@ fn build_step(graph: &Graph, node: &OperatorNode, files: &dyn Files) -> Result<B
         output_frames: &output_frames,
         frames: &graph.frames,
         files,
+        inbox,
     };
     // A panic in `new` is a fault of the operator, too.
     catch_unwind(AssertUnwindSafe(|| (node.stage.build)(&node.params, &setup))).unwrap_or_else(|panic| {

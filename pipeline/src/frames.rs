@@ -48,6 +48,24 @@ impl Rigid {
         Self { translation: back.rotate(self.translation).map(|x| -x), rotation }
     }
 
+    /// The rotation as a unit quaternion, scalar first, scalar not negative.
+    pub fn quaternion(&self) -> [f64; 4] {
+        let r = self.rotation;
+        let trace = r[0][0] + r[1][1] + r[2][2];
+        // Shepperd's choice: divide by the largest of the four.
+        let squares = [trace, r[0][0], r[1][1], r[2][2]];
+        let best = (0..4).fold(0, |b, i| if squares[i] > squares[b] { i } else { b });
+        let q = match best {
+            0 => [1.0 + trace, r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]],
+            1 => [r[2][1] - r[1][2], 1.0 + r[0][0] - r[1][1] - r[2][2], r[0][1] + r[1][0], r[0][2] + r[2][0]],
+            2 => [r[0][2] - r[2][0], r[0][1] + r[1][0], 1.0 - r[0][0] + r[1][1] - r[2][2], r[1][2] + r[2][1]],
+            _ => [r[1][0] - r[0][1], r[0][2] + r[2][0], r[1][2] + r[2][1], 1.0 - r[0][0] - r[1][1] + r[2][2]],
+        };
+        let norm = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+        let sign = if q[0] < 0.0 { -norm } else { norm };
+        q.map(|x| x / sign)
+    }
+
     /// `self` after `first`.
     pub fn after(&self, first: &Self) -> Self {
         let (a, b) = (self.rotation, first.rotation);

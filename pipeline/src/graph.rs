@@ -42,6 +42,8 @@ pub struct OperatorNode {
     pub outputs: Vec<OutputNode>,
     /// Number of its process.
     pub process: usize,
+    /// Files and folders that its params name, relative to the pipeline's file.
+    pub files: Vec<String>,
 }
 
 /// An input of a checked pipeline.

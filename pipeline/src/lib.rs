@@ -10,15 +10,21 @@
 
 pub mod activation;
 pub mod cell;
+pub mod clock;
+pub mod console;
+pub mod files;
 pub mod frames;
 pub mod graph;
 pub mod intake;
+pub mod ledger;
+pub mod live;
 pub mod operator;
 pub mod outputs;
 pub mod params;
 pub mod placement;
 pub mod record;
 pub mod schedule;
+pub mod session;
 pub mod setup;
 pub mod shelf;
 pub mod spec;

@@ -1,5 +1,6 @@
 //! What an operator is told once, when it is made.
 
+use crate::console::Inbox;
 use crate::frames::{Frames, Rigid};
 use crate::operator::SetupError;
 
@@ -17,6 +18,8 @@ pub struct Setup<'a> {
     pub frames: &'a Frames,
     /// Bytes of the files that parameters name.
     pub files: &'a dyn Files,
+    /// Commands of people, for a console.
+    pub inbox: Inbox,
 }
 
 impl Setup<'_> {

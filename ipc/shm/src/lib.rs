@@ -7,15 +7,18 @@
 //! - `topic`: services and their contract
 //! - `erased`: the calls of iceoryx2 that carry any type
 //! - `ports`: publisher, subscriber, loan, received sample
+//! - `realtime`: scheduling class and locked memory
 //! - `wake`: notifier, listener, waiting on several of them
 
 mod domain;
 mod erased;
 mod ports;
 mod topic;
+mod realtime;
 mod wake;
 
 pub use domain::{Domain, sweep};
+pub use realtime::real_time;
 pub use ports::{Loan, Publisher, Received, Subscriber};
 pub use topic::{Contract, Topic};
 pub use wake::{Listener, Notifier, Wake, WakeReason};

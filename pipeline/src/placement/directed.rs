@@ -6,6 +6,7 @@ use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
 
 use super::{Committed, PlacementError};
 use crate::cell::Cell;
+use crate::console::Inbox;
 use crate::graph::Graph;
 use crate::operator::Policy;
 use crate::outputs::{Buffer, Lender};
@@ -33,7 +34,7 @@ impl Directed {
 
     /// Begins an incarnation.
     pub fn start(&mut self, incarnation: u32, time: u64, files: &dyn Files) -> Result<Entry, PlacementError> {
-        let built = Cell::build(&self.graph, self.operator, incarnation, files)
+        let built = Cell::build(&self.graph, self.operator, incarnation, files, Inbox::default())
             .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
         Ok(self.cell.insert(built).mark(Cause::Start, time, &[]))
     }

@@ -7,4 +7,5 @@
 
 mod events;
 
+pub(crate) use events::depth_of;
 pub use events::{Events, RunError, Witness};

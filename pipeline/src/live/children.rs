@@ -1,0 +1,180 @@
+//! The children of a supervisor: starting them, telling them, hearing them.
+
+use std::collections::VecDeque;
+use std::os::fd::OwnedFd;
+use std::path::PathBuf;
+use std::process::{Child as Process, ChildStdin, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use serde::Serialize;
+
+use super::control::FromWorker;
+use super::pipe::{Line, Lines, say};
+
+/// How a child process is started.
+#[derive(Clone, Debug)]
+pub struct Launch {
+    /// The program.
+    pub program: PathBuf,
+    /// Its argument that makes it a worker.
+    pub worker: &'static str,
+    /// Its argument that makes it a recorder.
+    pub recorder: &'static str,
+}
+
+/// A child process.
+pub struct Child {
+    /// Name in messages.
+    pub name: String,
+    process: Process,
+    stdin: Option<ChildStdin>,
+    lines: Lines,
+    heard: VecDeque<FromWorker>,
+    ended: bool,
+}
+
+/// A failure that a child told of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// Name of the operator, or of the process.
+    pub operator: String,
+    /// Incarnation, where it is known.
+    pub incarnation: u32,
+    /// What it said.
+    pub reason: String,
+    /// Whether its process ended by it.
+    pub fatal: bool,
+}
+
+impl Child {
+    /// Starts a child and greets it.
+    pub fn start<T: Serialize>(launch: &Launch, role: &str, name: &str, hello: &T) -> Result<Self, String> {
+        let mut process = Command::new(&launch.program)
+            .arg(role)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::inherit())
+            .spawn()
+            .map_err(|e| format!("process {name} cannot be started from {}: {e}", launch.program.display()))?;
+        let stdout = process.stdout.take().ok_or("a child without standard output")?;
+        let stdin = process.stdin.take();
+        let mut child = Self {
+            name: name.to_string(),
+            process,
+            stdin,
+            lines: Lines::new(OwnedFd::from(stdout)),
+            heard: VecDeque::new(),
+            ended: false,
+        };
+        child.tell(hello);
+        Ok(child)
+    }
+
+    /// Process number.
+    pub fn pid(&self) -> u32 {
+        self.process.id()
+    }
+
+    /// Whether its end of the pipe is closed: it is gone, or about to be.
+    pub fn is_gone(&self) -> bool {
+        self.ended
+    }
+
+    /// Tells it something. A child that is gone hears nothing; its end is noticed by the pipe.
+    pub fn tell<T: Serialize>(&mut self, message: &T) {
+        if let Some(stdin) = &mut self.stdin
+            && say(stdin, message).is_err()
+        {
+            self.stdin = None;
+        }
+    }
+
+    /// Takes what it has said. Failures go into `told`.
+    pub fn listen(&mut self, told: &mut Vec<Told>) {
+        while !self.ended {
+            match self.lines.next::<FromWorker>() {
+                Ok(Line::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
+                    let operator = if operator.is_empty() { self.name.clone() } else { operator };
+                    told.push(Told { operator, incarnation, reason, fatal });
+                }
+                Ok(Line::Message(message)) => self.heard.push_back(message),
+                Ok(Line::Nothing) => return,
+                Ok(Line::Ended) => self.ended = true,
+                Err(reason) => {
+                    told.push(Told { operator: self.name.clone(), incarnation: 0, reason, fatal: true });
+                    self.kill();
+                    self.ended = true;
+                }
+            }
+        }
+    }
+
+    /// The oldest message that was heard and not taken.
+    pub fn next(&mut self) -> Option<FromWorker> {
+        self.heard.pop_front()
+    }
+
+    /// Waits for the answer to an order. `Err`: the child is gone, or did not answer in time.
+    pub fn answer(&mut self, patience: Duration, told: &mut Vec<Told>) -> Result<FromWorker, String> {
+        let end = Instant::now() + patience;
+        loop {
+            self.listen(told);
+            if let Some(message) = self.next() {
+                return Ok(message);
+            }
+            if self.ended {
+                return Err(format!("process {} has ended", self.name));
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Err(format!("process {} did not answer within {} ms", self.name, patience.as_millis()));
+            }
+            wait_any(&[&*self], left);
+        }
+    }
+
+    /// Ends it at once.
+    pub fn kill(&mut self) {
+        let _ = self.process.kill();
+    }
+
+    /// Closes its orders and waits for its end; kills it when that takes too long.
+    pub fn reap(mut self, patience: Duration) -> Option<ExitStatus> {
+        self.stdin = None;
+        let end = Instant::now() + patience;
+        loop {
+            match self.process.try_wait() {
+                Ok(Some(status)) => return Some(status),
+                Ok(None) if Instant::now() < end => {
+                    let mut told = Vec::new();
+                    self.listen(&mut told);
+                    if self.ended {
+                        // The pipe closes a moment before the process is gone.
+                        return self.process.wait().ok();
+                    }
+                    wait_any(&[&self], Duration::from_millis(20));
+                }
+                _ => {
+                    self.kill();
+                    return self.process.wait().ok();
+                }
+            }
+        }
+    }
+}
+
+/// Waits until a child has said something, or for so long.
+pub fn wait_any(children: &[&Child], patience: Duration) {
+    let mut fds: Vec<_> = children
+        .iter()
+        .filter(|c| !c.ended)
+        .map(|c| PollFd::from_borrowed_fd(c.lines.fd(), PollFlags::IN))
+        .collect();
+    let wait = Timespec {
+        tv_sec: i64::try_from(patience.as_secs()).unwrap_or(i64::MAX),
+        tv_nsec: i64::from(patience.subsec_nanos()),
+    };
+    // An interruption only makes the wait shorter.
+    let _ = poll(&mut fds, Some(&wait));
+}

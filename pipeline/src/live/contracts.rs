@@ -1,0 +1,116 @@
+//! The topics of a graph, and how much memory they take.
+
+use stillpoint_samples::{ConsoleCommand, Journal, Sample, SampleKind};
+use stillpoint_shm::Contract;
+
+use crate::graph::Graph;
+use crate::schedule::depth_of;
+
+/// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
+const TAPS: usize = 6;
+/// Samples that a consumer holds at a time: the one that waits, the one in work or held, and one more on its way.
+const BORROWED: usize = 3;
+/// Entries that wait for the recorder: enough for 5 ms at 200,000 activations a second.
+pub const JOURNAL_DEPTH: usize = 1024;
+/// Bytes of a topic that may wait for the recorder.
+const RECORDER_BYTES: usize = 4 << 20;
+
+/// Name of an operator's journal topic.
+pub fn journal_topic(operator: &str) -> String {
+    format!("{operator}.journal")
+}
+
+/// How many samples of a topic wait for the recorder.
+pub fn recorder_depth(kind: &SampleKind, capacity: usize) -> usize {
+    let bytes = kind.meta_size() + capacity * kind.element_size;
+    (RECORDER_BYTES / bytes.max(1)).clamp(4, 1024)
+}
+
+/// The contract of an output.
+pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
+    let node = &graph.operators[operator];
+    let output = &node.outputs[port];
+    let kind = node.stage.kind.outputs[port].sample;
+    let consumers: Vec<_> = graph.consumers(operator, port).collect();
+    let deepest = consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
+    let recorded = if graph.is_recorded(operator, port) { recorder_depth(kind, output.capacity) } else { 1 };
+    let buffer = deepest.max(recorded).max(TAP_DEPTH);
+    Contract {
+        buffer,
+        borrowed: BORROWED,
+        subscribers: consumers.len() + TAPS,
+        publishers: 4,
+        nodes: graph.processes.len() + 2 + TAPS,
+        // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
+        pool: deepest.max(recorded) + consumers.len() * (BORROWED - 1) + 3,
+        ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
+    }
+}
+
+/// The deepest buffer of somebody who looks in.
+pub const TAP_DEPTH: usize = 2;
+
+/// The contract of a journal.
+pub fn journal(graph: &Graph, operator: usize) -> Contract {
+    let node = &graph.operators[operator];
+    let capacity = node.inputs.len() + node.outputs.len();
+    Contract {
+        buffer: JOURNAL_DEPTH,
+        borrowed: BORROWED,
+        subscribers: TAPS,
+        publishers: 4,
+        nodes: graph.processes.len() + 2 + TAPS,
+        pool: JOURNAL_DEPTH + 8,
+        ..Contract::new(&journal_topic(&node.name), Journal::KIND, None, capacity)
+    }
+}
+
+/// Name of the topic through which people reach a console.
+pub fn inbox_topic(operator: &str) -> String {
+    format!("{operator}.inbox")
+}
+
+/// The contract of a console's inbox.
+pub fn inbox(graph: &Graph, operator: usize) -> Contract {
+    Contract {
+        buffer: 16,
+        subscribers: 2,
+        publishers: 8,
+        nodes: graph.processes.len() + 2 + TAPS,
+        pool: 20,
+        ..Contract::new(&inbox_topic(&graph.operators[operator].name), ConsoleCommand::KIND, None, 1)
+    }
+}
+
+/// Every contract of a graph.
+pub fn all(graph: &Graph) -> Vec<Contract> {
+    let mut contracts = Vec::new();
+    for (operator, node) in graph.operators.iter().enumerate() {
+        contracts.push(journal(graph, operator));
+        contracts.extend((0..node.outputs.len()).map(|port| output(graph, operator, port)));
+        if node.stage.kind.name == crate::console::KIND_NAME {
+            contracts.push(inbox(graph, operator));
+        }
+    }
+    contracts
+}
+
+/// Refuses a graph whose samples do not fit into shared memory: a write beyond its end would be a SIGBUS.
+pub fn check_room(graph: &Graph) -> Result<(), String> {
+    let needed: usize = all(graph).iter().map(Contract::pool_bytes).sum();
+    let Ok(room) = rustix::fs::statvfs("/dev/shm") else { return Ok(()) };
+    let free = room.f_bavail.saturating_mul(room.f_frsize);
+    if needed as u64 > free {
+        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+        let mut worst = all(graph);
+        worst.sort_by_key(|c| std::cmp::Reverse(c.pool_bytes()));
+        let largest = worst.first().map(|c| c.topic.clone()).unwrap_or_default();
+        return Err(format!(
+            "the pipeline's topics may take {} MiB of shared memory, and /dev/shm has {} MiB free: make /dev/shm larger \
+             or lower the capacities (the largest topic is {largest})",
+            mib(needed as u64),
+            mib(free)
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,209 @@
+//! What supervisor and children say to each other, one JSON line each.
+
+use serde::{Deserialize, Serialize};
+use stillpoint_samples::{Cause, JournalRef};
+use zerocopy::{FromBytes, IntoBytes};
+
+use crate::clock::SessionClock;
+use crate::record::Record;
+
+/// What a child is told first: all that it needs to make the same graph.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Hello {
+    /// Name of the process.
+    pub process: String,
+    /// Text of the pipeline.
+    pub source: String,
+    /// Name of its file, for messages; params' files are found beside it.
+    pub file: String,
+    /// `--set` overrides.
+    pub sets: Vec<String>,
+    /// Root folder of the domain.
+    pub root: std::path::PathBuf,
+    /// Prefix of the domain.
+    pub prefix: String,
+    /// The session's clock.
+    pub clock: SessionClock,
+    /// First incarnation of each operator of the process, in the order of the process.
+    pub incarnations: Vec<u32>,
+    /// Whether activations are decided by the supervisor.
+    pub directed: bool,
+}
+
+/// From the supervisor to a worker.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum ToWorker {
+    /// Connect to all publishers that are there, and say so.
+    Connect,
+    /// Begin. Timers count from `epoch`, session time in ns.
+    Go {
+        /// Zero of the timers.
+        epoch: u64,
+    },
+    /// Stop timers and sources, drain the inputs, mark the end, and say so.
+    Stop,
+    /// End the process.
+    Exit,
+    /// Directed: begin an incarnation.
+    Start {
+        /// Number of the operator.
+        operator: usize,
+        /// Its incarnation.
+        incarnation: u32,
+        /// Session time, ns.
+        time: u64,
+    },
+    /// Directed: take the samples that wait on an input.
+    Take {
+        /// Number of the operator.
+        operator: usize,
+        /// Number of the input.
+        port: usize,
+    },
+    /// Directed: do an activation.
+    Activate {
+        /// Number of the operator.
+        operator: usize,
+        /// What to do.
+        record: WireRecord,
+    },
+    /// Directed: end an incarnation in order.
+    End {
+        /// Number of the operator.
+        operator: usize,
+        /// Session time, ns.
+        time: u64,
+        /// Account of its inputs.
+        inputs: Vec<WireRef>,
+    },
+}
+
+/// From a worker to the supervisor.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum FromWorker {
+    /// All ports are made.
+    Made,
+    /// All publishers that are there are connected.
+    Connected,
+    /// An operator failed. A fatal failure ends the process.
+    Fault {
+        /// Name of the operator.
+        operator: String,
+        /// Its incarnation.
+        incarnation: u32,
+        /// What it said.
+        reason: String,
+        /// Whether the process ends by it.
+        fatal: bool,
+    },
+    /// Inputs are drained and ends are marked.
+    Stopped,
+    /// The recorder's account of what it kept.
+    Recorded(RecorderReport),
+    /// Directed: the entry was published.
+    Entry,
+    /// Directed: taken.
+    Taken,
+    /// Directed: entry and outputs were published; so many on each output.
+    Committed {
+        /// Samples sent on each output.
+        sent: Vec<u32>,
+        /// What a failed activation said.
+        fault: Option<String>,
+    },
+    /// Directed: it could not be done.
+    Refused(String),
+}
+
+/// What the recorder kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecorderReport {
+    /// Samples written, journals included.
+    pub samples: u64,
+    /// Bytes of samples written.
+    pub bytes: u64,
+    /// Samples that it could not keep, by topic.
+    pub lost: std::collections::BTreeMap<String, u64>,
+    /// The file.
+    pub part: std::path::PathBuf,
+}
+
+/// From the supervisor to the recorder.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum ToRecorder {
+    /// Connect to all publishers that are there, and say so.
+    Connect,
+    /// Take what waits, and end the session with this ledger (JSON).
+    Finish {
+        /// The ledger.
+        ledger: String,
+        /// Reasons why the session is not complete, as far as the supervisor knows.
+        gaps: Vec<String>,
+        /// Whether the run ended as it should.
+        in_order: bool,
+    },
+}
+
+/// What the recorder is told first.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct HelloRecorder {
+    /// As to a worker.
+    pub hello: Hello,
+    /// Folder of the session.
+    pub session: std::path::PathBuf,
+    /// Compression of the chunks: `lz4`, `zstd` or `none`.
+    pub compression: String,
+    /// Facts about build and machine, for the session's metadata.
+    pub identity: std::collections::BTreeMap<String, String>,
+}
+
+/// A reference as numbers.
+pub type WireRef = Vec<u8>;
+
+/// A record as JSON carries it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct WireRecord {
+    time: u64,
+    nominal: u64,
+    tick: u64,
+    cause: u32,
+    port: usize,
+    inputs: Vec<WireRef>,
+}
+
+/// References as bytes.
+pub fn wire_refs(refs: &[JournalRef]) -> Vec<WireRef> {
+    refs.iter().map(|r| r.as_bytes().to_vec()).collect()
+}
+
+/// References out of bytes.
+pub fn refs_of_wire(wire: &[WireRef]) -> Option<Vec<JournalRef>> {
+    wire.iter().map(|bytes| JournalRef::read_from_bytes(bytes).ok()).collect()
+}
+
+impl From<&Record> for WireRecord {
+    fn from(r: &Record) -> Self {
+        Self {
+            time: r.time,
+            nominal: r.nominal,
+            tick: r.tick,
+            cause: r.cause as u32,
+            port: r.port,
+            inputs: wire_refs(&r.inputs),
+        }
+    }
+}
+
+impl WireRecord {
+    /// The record; `None` where it makes no sense.
+    pub fn record(&self) -> Option<Record> {
+        Some(Record {
+            time: self.time,
+            nominal: self.nominal,
+            tick: self.tick,
+            cause: Cause::from_number(self.cause)?,
+            port: self.port,
+            inputs: refs_of_wire(&self.inputs)?,
+        })
+    }
+}

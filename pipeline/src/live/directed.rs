@@ -1,0 +1,197 @@
+//! A worker whose activations are decided by the supervisor (lock-step).
+
+use std::sync::Arc;
+
+use stillpoint_samples::{Entry, Journal, Sample};
+use stillpoint_shm::{Domain, Publisher, ShmError, Subscriber, Topic};
+use zerocopy::IntoBytes;
+
+use super::contracts;
+use super::control::{FromWorker, ToWorker, refs_of_wire};
+use super::pipe::{Lines, say};
+use super::worker::wait_for;
+use crate::graph::{Graph, ProcessNode};
+use crate::placement::{Committed, Directed};
+use crate::setup::Files;
+use crate::shelf::Parcel;
+
+/// The operators of a directed process.
+pub struct DirectedWorker<'f> {
+    members: Vec<Member>,
+    files: &'f dyn Files,
+}
+
+struct Member {
+    number: usize,
+    directed: Directed,
+    inlets: Vec<Option<(Subscriber, &'static stillpoint_samples::SampleKind)>>,
+    outlets: Vec<Publisher>,
+    journal: Publisher,
+    _topics: Vec<Topic>,
+}
+
+impl<'f> DirectedWorker<'f> {
+    /// Makes the ports of the process.
+    pub fn open(
+        graph: Arc<Graph>,
+        process: &ProcessNode,
+        domain: &Domain,
+        files: &'f dyn Files,
+    ) -> Result<Self, String> {
+        let members =
+            process.operators.iter().map(|o| Member::open(&graph, *o, domain).map_err(|e| e.to_string()));
+        Ok(Self { members: members.collect::<Result<_, _>>()?, files })
+    }
+
+    /// Does what it is told until the supervisor ends it.
+    pub fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+        let tell = |message: &FromWorker| say(&mut std::io::stdout().lock(), message).map_err(|e| e.to_string());
+        tell(&FromWorker::Made)?;
+        loop {
+            let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };
+            match order {
+                ToWorker::Exit => return Ok(()),
+                ToWorker::Go { .. } => {}
+                ToWorker::Connect => {
+                    for member in &self.members {
+                        member.connect().map_err(|e| e.to_string())?;
+                    }
+                    tell(&FromWorker::Connected)?;
+                }
+                ToWorker::Stop => tell(&FromWorker::Stopped)?,
+                order => {
+                    let answer = self.obey(order).unwrap_or_else(FromWorker::Refused);
+                    tell(&answer)?;
+                }
+            }
+        }
+    }
+
+    fn obey(&mut self, order: ToWorker) -> Result<FromWorker, String> {
+        let files = self.files;
+        match order {
+            ToWorker::Start { operator, incarnation, time } => {
+                let member = self.member(operator)?;
+                let entry = member.directed.start(incarnation, time, files).map_err(|e| e.to_string())?;
+                member.publish_entry(&entry)?;
+                Ok(FromWorker::Entry)
+            }
+            ToWorker::Take { operator, port } => {
+                self.member(operator)?.take(port)?;
+                Ok(FromWorker::Taken)
+            }
+            ToWorker::Activate { operator, record } => {
+                let member = self.member(operator)?;
+                let record = record.record().ok_or("a record that makes no sense")?;
+                let committed = member.directed.activate(&record).map_err(|e| e.to_string())?;
+                let sent = member.commit(&committed)?;
+                Ok(FromWorker::Committed { sent, fault: committed.fault })
+            }
+            ToWorker::End { operator, time, inputs } => {
+                let member = self.member(operator)?;
+                let inputs = refs_of_wire(&inputs).ok_or("an account that makes no sense")?;
+                let entry = member.directed.end(time, &inputs).map_err(|e| e.to_string())?;
+                member.publish_entry(&entry)?;
+                Ok(FromWorker::Entry)
+            }
+            other => Err(format!("a directed worker cannot do {other:?}")),
+        }
+    }
+
+    fn member(&mut self, operator: usize) -> Result<&mut Member, String> {
+        self.members
+            .iter_mut()
+            .find(|m| m.number == operator)
+            .ok_or_else(|| format!("operator {operator} is not in this process"))
+    }
+}
+
+impl Member {
+    fn open(graph: &Arc<Graph>, number: usize, domain: &Domain) -> Result<Self, ShmError> {
+        let node = &graph.operators[number];
+        let mut topics = Vec::new();
+        let mut inlets = Vec::new();
+        for (input, port) in node.inputs.iter().zip(node.stage.kind.inputs) {
+            inlets.push(match input.edge {
+                None => None,
+                Some(edge) => {
+                    let contract = contracts::output(graph, edge.operator, edge.output);
+                    let depth = contract.buffer;
+                    let topic = Topic::open(domain, &contract)?;
+                    let subscriber = topic.subscriber(depth)?;
+                    topics.push(topic);
+                    Some((subscriber, port.sample))
+                }
+            });
+        }
+        let mut outlets = Vec::new();
+        for output in 0..node.outputs.len() {
+            let topic = Topic::open(domain, &contracts::output(graph, number, output))?;
+            outlets.push(topic.publisher()?);
+            topics.push(topic);
+        }
+        let topic = Topic::open(domain, &contracts::journal(graph, number))?;
+        let journal = topic.publisher()?;
+        topics.push(topic);
+        let directed = Directed::new(graph.clone(), number);
+        Ok(Self { number, directed, inlets, outlets, journal, _topics: topics })
+    }
+
+    fn connect(&self) -> Result<(), ShmError> {
+        for publisher in &self.outlets {
+            publisher.connect()?;
+        }
+        self.journal.connect()?;
+        for (subscriber, _) in self.inlets.iter().flatten() {
+            subscriber.connect()?;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, port: usize) -> Result<(), String> {
+        let Some(Some((subscriber, kind))) = self.inlets.get(port) else {
+            return Err(format!("input {port} is not connected"));
+        };
+        while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
+            self.directed.deliver(port, Parcel::copy_of(kind, sample.pieces()));
+        }
+        Ok(())
+    }
+
+    /// The commit rule holds here, too: the entry first.
+    fn commit(&mut self, committed: &Committed) -> Result<Vec<u32>, String> {
+        self.publish_entry(&committed.entry)?;
+        let mut sent = vec![0; self.outlets.len()];
+        for (port, parcel) in &committed.outputs {
+            let pieces = parcel.pieces();
+            let elements = parcel.head().count as usize;
+            let loan = self.outlets[*port].loan(elements).map_err(|e| e.to_string())?;
+            // The supervisor and the consumers take each sample before the next is made, so memory comes back.
+            let mut loan = loan.ok_or("the memory of an output is used up in lock-step")?;
+            let (meta, payload) = loan.parts_mut();
+            meta.copy_from_slice(pieces.meta);
+            payload[..pieces.payload.len()].copy_from_slice(pieces.payload);
+            self.outlets[*port].send(loan).map_err(|e| e.to_string())?;
+            sent[*port] += 1;
+        }
+        Ok(sent)
+    }
+
+    fn publish_entry(&mut self, entry: &Entry) -> Result<(), String> {
+        publish_entry(&self.journal, entry)
+    }
+}
+
+/// Publishes a journal entry. Without it an activation must not be seen.
+pub fn publish_entry(journal: &Publisher, entry: &Entry) -> Result<(), String> {
+    let loan = journal.loan(entry.refs.len()).map_err(|e| e.to_string())?;
+    let mut loan = loan.ok_or("the journal's memory is used up: somebody holds its samples")?;
+    let (meta, payload) = loan.parts_mut();
+    debug_assert_eq!(meta.len(), Journal::KIND.meta_size());
+    let (head, body) = meta.split_at_mut(stillpoint_samples::HEAD_SIZE);
+    head.copy_from_slice(entry.head.as_bytes());
+    body.copy_from_slice(entry.body.as_bytes());
+    let refs = entry.refs.as_bytes();
+    payload[..refs.len()].copy_from_slice(refs);
+    journal.send(loan).map(drop).map_err(|e| e.to_string())
+}

@@ -1,0 +1,256 @@
+//! One operator in a worker: its cell, its ports, and the commit of its activations.
+
+use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
+use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
+
+use super::contracts;
+use super::directed::publish_entry;
+use crate::cell::Cell;
+use crate::clock::SessionClock;
+use crate::console::Inbox;
+use crate::graph::Graph;
+use crate::intake::Intake;
+use crate::outputs::{Buffer, Lender};
+use crate::record::Record;
+use crate::schedule::depth_of;
+use crate::setup::Files;
+
+/// One operator in a worker.
+pub struct Member {
+    /// Number of the operator.
+    pub operator: usize,
+    /// Its present incarnation.
+    pub cell: Cell,
+    intake: Intake<Received>,
+    inlets: Vec<Option<Subscriber>>,
+    outlets: Outlets,
+    journal: Publisher,
+    inbox: Option<(Subscriber, Inbox)>,
+    every: Option<u64>,
+    tick: u64,
+    epoch: u64,
+    /// Time of the last activation: stamps of an operator rise.
+    last: u64,
+    sent_before: u64,
+    /// Panics in a row.
+    pub panics: u32,
+    /// Keeps the services alive while this process has ports on them.
+    _topics: Vec<Topic>,
+}
+
+struct Outlets {
+    ports: Vec<(Publisher, Option<Notifier>)>,
+    /// What the last loan failed of, other than used-up memory.
+    fault: Option<ShmError>,
+}
+
+impl Lender for Outlets {
+    fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
+        match self.ports.get(port)?.0.loan(elements) {
+            Ok(loan) => loan.map(Buffer::Shared),
+            Err(e) => {
+                self.fault = Some(e);
+                None
+            }
+        }
+    }
+}
+
+/// What a look at a member came to.
+pub enum Looked {
+    /// An activation was done and committed.
+    Activated(Outcome),
+    /// Nothing to do before this time, ns; `None`: before something arrives.
+    Idle(Option<u64>),
+}
+
+impl Member {
+    /// Makes the ports of an operator. `listeners` gets those that its process is woken by.
+    pub fn open(
+        graph: &Graph,
+        operator: usize,
+        incarnation: u32,
+        domain: &Domain,
+        files: &dyn Files,
+        listeners: &mut Vec<Listener>,
+    ) -> Result<Self, String> {
+        let node = &graph.operators[operator];
+        let text = |e: ShmError| e.to_string();
+        let inbox = Inbox::default();
+        let mut topics = Vec::new();
+        let mut inlets = Vec::new();
+        for input in &node.inputs {
+            let Some(edge) = input.edge else {
+                inlets.push(None);
+                continue;
+            };
+            let topic =
+                Topic::open(domain, &contracts::output(graph, edge.operator, edge.output)).map_err(text)?;
+            inlets.push(Some(topic.subscriber(depth_of(input.policy)).map_err(text)?));
+            if graph.operators[edge.operator].process != node.process {
+                listeners.push(topic.listener().map_err(text)?);
+            }
+            topics.push(topic);
+        }
+        let mut ports = Vec::new();
+        for port in 0..node.outputs.len() {
+            let topic = Topic::open(domain, &contracts::output(graph, operator, port)).map_err(text)?;
+            let outside = graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
+            let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
+            ports.push((topic.publisher().map_err(text)?, notifier));
+            topics.push(topic);
+        }
+        let journal = Topic::open(domain, &contracts::journal(graph, operator)).map_err(text)?;
+        let journal_port = journal.publisher().map_err(text)?;
+        topics.push(journal);
+        let mut people = None;
+        if node.stage.kind.name == crate::console::KIND_NAME {
+            let topic = Topic::open(domain, &contracts::inbox(graph, operator)).map_err(text)?;
+            people = Some((topic.subscriber(16).map_err(text)?, inbox.clone()));
+            topics.push(topic);
+        }
+        let cell =
+            Cell::build(graph, operator, incarnation, files, inbox).map_err(|e| format!("{}: {}", node.name, e.0))?;
+        Ok(Self {
+            operator,
+            cell,
+            intake: Intake::new(node),
+            inlets,
+            outlets: Outlets { ports, fault: None },
+            journal: journal_port,
+            inbox: people,
+            every: node.every,
+            tick: 0,
+            epoch: 0,
+            last: 0,
+            sent_before: 0,
+            panics: 0,
+            _topics: topics,
+        })
+    }
+
+    /// Connects to all ports that are there.
+    pub fn connect(&self) -> Result<(), ShmError> {
+        for (publisher, _) in &self.outlets.ports {
+            publisher.connect()?;
+        }
+        self.journal.connect()?;
+        for inlet in self.inlets.iter().flatten() {
+            inlet.connect()?;
+        }
+        Ok(())
+    }
+
+    /// Begins: marks the incarnation, and sets the timer to its next tick after `now`.
+    pub fn begin(&mut self, epoch: u64, now: u64) -> Result<(), String> {
+        self.epoch = epoch;
+        if let Some(every) = self.every {
+            self.tick = now.saturating_sub(epoch).div_ceil(every);
+        }
+        self.last = now;
+        let entry = self.cell.mark(Cause::Start, now, &[]);
+        self.publish_entry(&entry)
+    }
+
+    /// Replaces the incarnation after a panic; its ports and the samples that wait stay.
+    pub fn reincarnate(&mut self, graph: &Graph, files: &dyn Files, clock: &SessionClock) -> Result<(), String> {
+        let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
+        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox).map_err(|e| e.0)?;
+        self.intake.renew();
+        let now = clock.now().max(self.last + 1);
+        self.last = now;
+        let entry = self.cell.mark(Cause::Start, now, &[]);
+        self.publish_entry(&entry)
+    }
+
+    /// Does one activation if there is cause for one. `timers`: whether ticks count.
+    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<Looked, String> {
+        // The clock is read once per activation.
+        let now = clock.now().max(self.last + 1);
+        self.read_inbox()?;
+        let due = self.every.filter(|_| timers).map(|every| self.epoch + self.tick * every);
+        let mut fault = None;
+        let inlets = &self.inlets;
+        let ready = self.intake.ready(now, &mut |port| match inlets.get(port)?.as_ref()?.receive() {
+            Ok(sample) => sample,
+            Err(e) => {
+                fault = Some(e);
+                None
+            }
+        });
+        if let Some(fault) = fault {
+            return Err(fault.to_string());
+        }
+        let due_now = due.filter(|d| *d <= now);
+        let input = ready.filter(|trigger| due_now.is_none_or(|d| trigger.since <= d));
+        let (cause, port, nominal, tick) = match (input, due_now, self.every) {
+            (Some(trigger), _, _) => (trigger.cause, trigger.port, now, 0),
+            (None, Some(_), Some(every)) => {
+                // Ticks that passed while the operator was busy are skipped; the number of the tick shows it.
+                let tick = (now - self.epoch) / every;
+                self.tick = tick + 1;
+                (Cause::Timer, 0, self.epoch + tick * every, tick)
+            }
+            _ => {
+                let visible = self.intake.next_visible();
+                return Ok(Looked::Idle([due, visible].into_iter().flatten().min()));
+            }
+        };
+        let record = Record { time: now, nominal, tick, cause, port, inputs: self.intake.begin(cause, port) };
+        self.last = now;
+        let intake = &self.intake;
+        let entry = self.cell.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
+        let outcome = entry.outcome().unwrap_or(Outcome::Error);
+        self.commit(entry, clock)?;
+        self.intake.end();
+        Ok(Looked::Activated(outcome))
+    }
+
+    /// Marks the end of the incarnation with the account of its inputs.
+    pub fn finish(&mut self, clock: &SessionClock) -> Result<(), String> {
+        let now = clock.now().max(self.last + 1);
+        let entry = self.cell.mark(Cause::End, now, &self.intake.account());
+        self.publish_entry(&entry)
+    }
+
+    /// The commit rule: the entry, then the outputs, then the listeners.
+    fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), String> {
+        if let Some(fault) = self.outlets.fault.take() {
+            return Err(fault.to_string());
+        }
+        entry.body.sent_before = self.sent_before;
+        self.publish_entry(&entry)?;
+        let mut notify = [false; 64];
+        for draft in self.cell.take_drafts() {
+            if let Buffer::Shared(loan) = draft.buffer {
+                self.outlets.ports[draft.port].0.send(loan).map_err(|e| e.to_string())?;
+                notify[draft.port.min(63)] = true;
+            }
+        }
+        for ((_, notifier), sent) in self.outlets.ports.iter().zip(notify) {
+            if let (Some(notifier), true) = (notifier, sent) {
+                notifier.notify();
+            }
+        }
+        self.sent_before = clock.now();
+        Ok(())
+    }
+
+    fn publish_entry(&self, entry: &Entry) -> Result<(), String> {
+        publish_entry(&self.journal, entry)
+    }
+
+    fn read_inbox(&mut self) -> Result<(), String> {
+        if let Some((subscriber, inbox)) = &self.inbox {
+            while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
+                if let Ok(view) = sample.pieces().view::<ConsoleCommand>()
+                    && let Some(command) = view.first()
+                {
+                    inbox.put(*command);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+

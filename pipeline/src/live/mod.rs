@@ -1,0 +1,38 @@
+//! The live executor: the clock's schedule, spread over processes.
+//!
+//! - `children`: starting child processes, telling and hearing them
+//! - `contracts`: the topics of a graph, and how much memory they take
+//! - `control`: what supervisor and children say to each other
+//! - `pipe`: lines over the children's pipes, unbuffered
+//! - `run_folder`: where a run is found by others, and how a dead one is swept
+//! - `worker`: a process of operators
+//! - `directed`: a worker whose activations are decided by the supervisor
+//! - `member`: one operator in a worker
+//! - `recorder`: the process that records
+//! - `status`: what a run looks like from its journals
+//! - `supervisor`: starts, watches, restarts and ends the processes of a run
+
+pub mod contracts;
+pub mod control;
+mod directed;
+mod member;
+mod children;
+mod pipe;
+mod recorder;
+pub mod run_folder;
+pub mod status;
+mod supervisor;
+mod worker;
+
+pub use children::Launch;
+pub use recorder::recorder_main;
+pub use supervisor::{Fault, Recorded, Run, RunOptions, RunReport, Supervisor};
+pub use worker::worker_main;
+
+use stillpoint_samples::{Entry, Journal, Pieces};
+
+/// An entry out of the bytes of a journal sample.
+pub fn entry_of(pieces: Pieces<'_>) -> Option<Entry> {
+    let view = pieces.view::<Journal>().ok()?;
+    Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
+}

@@ -1,0 +1,80 @@
+//! Lines over the children's pipes. Reads are unbuffered but for the rest of a line, which is asked for before a wait:
+//! two lines that arrive together are both seen.
+
+use std::io::Write;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// The reading end of a pipe of JSON lines.
+pub struct Lines {
+    fd: OwnedFd,
+    rest: Vec<u8>,
+    ended: bool,
+}
+
+/// What reading a line gave.
+pub enum Line<T> {
+    /// A message.
+    Message(T),
+    /// Nothing yet.
+    Nothing,
+    /// The other end is gone.
+    Ended,
+}
+
+/// The longest line that is taken.
+const LONGEST: usize = 64 << 20;
+
+impl Lines {
+    /// Reads lines from `fd`.
+    pub fn new(fd: OwnedFd) -> Self {
+        Self { fd, rest: Vec::new(), ended: false }
+    }
+
+    /// The descriptor, to wait on.
+    pub fn fd(&self) -> BorrowedFd<'_> {
+        self.fd.as_fd()
+    }
+
+    /// The next line, without waiting.
+    pub fn next<T: DeserializeOwned>(&mut self) -> Result<Line<T>, String> {
+        loop {
+            if let Some(end) = self.rest.iter().position(|b| *b == b'\n') {
+                let line: Vec<u8> = self.rest.drain(..=end).collect();
+                return serde_json::from_slice(&line)
+                    .map(Line::Message)
+                    .map_err(|e| format!("a line of the control pipe cannot be read: {e}"));
+            }
+            if self.ended {
+                return Ok(Line::Ended);
+            }
+            let mut poll_fd = [PollFd::new(&self.fd, PollFlags::IN)];
+            match poll(&mut poll_fd, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })) {
+                Ok(0) => return Ok(Line::Nothing),
+                Ok(_) | Err(rustix::io::Errno::INTR) => {}
+                Err(e) => return Err(e.to_string()),
+            }
+            let mut buffer = [0u8; 8192];
+            match rustix::io::read(&self.fd, &mut buffer) {
+                Ok(0) => self.ended = true,
+                Ok(n) => self.rest.extend_from_slice(&buffer[..n]),
+                Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => {}
+                Err(e) => return Err(e.to_string()),
+            }
+            if self.rest.len() > LONGEST {
+                return Err("a line of the control pipe is too long".to_string());
+            }
+        }
+    }
+}
+
+/// Writes a message as one line.
+pub fn say<T: Serialize>(to: &mut impl Write, message: &T) -> std::io::Result<()> {
+    let mut line = serde_json::to_vec(message)?;
+    line.push(b'\n');
+    to.write_all(&line)?;
+    to.flush()
+}

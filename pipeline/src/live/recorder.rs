@@ -1,0 +1,259 @@
+//! The process that records: it polls, off the data path, and a second thread writes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crossbeam_channel::{Receiver, Sender, unbounded};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use stillpoint_recorder::{ClockSample, Closing, Compression, PartWriter, TopicId, create_part};
+use stillpoint_samples::{Journal, Sample, SampleKind};
+use stillpoint_shm::{Domain, Subscriber, Topic};
+
+use super::contracts;
+use super::control::{FromWorker, HelloRecorder, RecorderReport, ToRecorder};
+use super::pipe::{Line, say};
+use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
+use crate::clock::{SessionClock, realtime};
+use crate::graph::Graph;
+use crate::operator::Registry;
+use crate::session::{opening, topic_infos};
+use crate::shelf::Parcel;
+
+/// How often shared memory is looked at, ns.
+const PERIOD: i64 = 5_000_000;
+/// How often the file is flushed, ns: what is flushed survives a kill.
+const FLUSH_EVERY: u64 = 500_000_000;
+/// How often the clock's relation to realtime is noted, ns.
+const CLOCK_EVERY: u64 = 10_000_000_000;
+/// Bytes that may wait for the disk.
+const MOST_WAITING: usize = 256 << 20;
+
+/// The body of the recorder's process.
+pub fn recorder_main(registry: &Registry) -> ExitCode {
+    ignore_interrupts();
+    match serve(registry) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            let operator = "recorder".to_string();
+            let _ = say(
+                &mut std::io::stdout(),
+                &FromWorker::Fault { operator, incarnation: 0, reason, fatal: true },
+            );
+            ExitCode::from(70)
+        }
+    }
+}
+
+fn serve(registry: &Registry) -> Result<(), String> {
+    let mut orders = orders()?;
+    let Some(hello) = wait_for::<HelloRecorder>(&mut orders)? else { return Ok(()) };
+    let graph = graph_of(&hello.hello, registry)?;
+    let domain = Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
+    let mut recorder = Recorder::open(&graph, &domain, &hello)?;
+    let tell = |m: &FromWorker| say(&mut std::io::stdout().lock(), m).map_err(|e| e.to_string());
+    tell(&FromWorker::Made)?;
+    loop {
+        loop {
+            match orders.next::<ToRecorder>()? {
+                Line::Nothing => break,
+                Line::Message(ToRecorder::Connect) => {
+                    recorder.connect()?;
+                    tell(&FromWorker::Connected)?;
+                }
+                Line::Message(ToRecorder::Finish { ledger, gaps, in_order }) => {
+                    let facts = BTreeMap::from([("in_order".to_string(), in_order.to_string())]);
+                    let report = recorder.finish(Some(ledger), gaps, facts)?;
+                    return tell(&FromWorker::Recorded(report));
+                }
+                Line::Ended => {
+                    recorder.finish(None, vec!["the supervisor died".to_string()], BTreeMap::new())?;
+                    return Ok(());
+                }
+            }
+        }
+        recorder.drain()?;
+        let mut fd = [PollFd::from_borrowed_fd(orders.fd(), PollFlags::IN)];
+        match poll(&mut fd, Some(&Timespec { tv_sec: 0, tv_nsec: PERIOD })) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => {}
+            Err(e) => return Err(e.to_string()),
+        }
+    }
+}
+
+struct Tap {
+    subscriber: Subscriber,
+    kind: &'static SampleKind,
+    topic: TopicId,
+    name: String,
+    /// By incarnation: the number expected next.
+    next: BTreeMap<u32, u64>,
+    _topic: Topic,
+}
+
+enum Item {
+    Sample { topic: TopicId, parcel: Parcel, log_time: u64 },
+    Lost { topic: TopicId, incarnation: u32, first: u64, count: u64 },
+}
+
+struct Recorder {
+    taps: Vec<Tap>,
+    items: Option<Sender<Item>>,
+    waiting: Arc<AtomicUsize>,
+    writer: Option<std::thread::JoinHandle<Result<Written, String>>>,
+    lost: BTreeMap<String, u64>,
+    part: PathBuf,
+}
+
+struct Written {
+    part: PartWriter<std::fs::File>,
+    samples: u64,
+    bytes: u64,
+}
+
+impl Recorder {
+    fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, String> {
+        let clock = hello.hello.clock;
+        let (path, file) = create_part(&hello.session).map_err(|e| place(&hello.session, &e))?;
+        let compression = match hello.compression.as_str() {
+            "none" => Compression::None,
+            "zstd" => Compression::Zstd,
+            _ => Compression::Lz4,
+        };
+        let start = opening(graph, &hello.hello, &hello.identity)?;
+        let mut part = PartWriter::new(file, compression, &start).map_err(|e| e.to_string())?;
+        let mut taps = Vec::new();
+        for (info, source) in topic_infos(graph) {
+            let (contract, kind) = match source {
+                (operator, None) => (contracts::journal(graph, operator), Journal::KIND),
+                (operator, Some(port)) => {
+                    (contracts::output(graph, operator, port), graph.operators[operator].stage.kind.outputs[port].sample)
+                }
+            };
+            let topic = Topic::open(domain, &contract).map_err(|e| e.to_string())?;
+            let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
+            let name = info.name.clone();
+            let id = part.add_topic(info).map_err(|e| e.to_string())?;
+            taps.push(Tap { subscriber, kind, topic: id, name, next: BTreeMap::new(), _topic: topic });
+        }
+        part.flush().map_err(|e| e.to_string())?;
+        let (items, inbox) = unbounded();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let counter = waiting.clone();
+        let writer = std::thread::spawn(move || write(part, &inbox, &counter, clock));
+        Ok(Self { taps, items: Some(items), waiting, writer: Some(writer), lost: BTreeMap::new(), part: path })
+    }
+
+    fn connect(&self) -> Result<(), String> {
+        for tap in &self.taps {
+            tap.subscriber.connect().map_err(|e| e.to_string())?;
+        }
+        Ok(())
+    }
+
+    /// Takes everything that waits, and says whether there was anything.
+    fn drain(&mut self) -> Result<bool, String> {
+        if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
+            // The writer ends by itself only when the disk refuses.
+            return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
+                Some(Ok(Err(reason))) => reason,
+                _ => "the recording's writer ended".to_string(),
+            });
+        }
+        let Some(items) = &self.items else { return Ok(false) };
+        let mut any = false;
+        for tap in &mut self.taps {
+            while let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? {
+                any = true;
+                let head = sample.head();
+                let next = tap.next.entry(head.incarnation).or_insert(0);
+                let mut lose = |first: u64, count: u64| {
+                    *self.lost.entry(tap.name.clone()).or_insert(0) += count;
+                    let _ = items.send(Item::Lost { topic: tap.topic, incarnation: head.incarnation, first, count });
+                };
+                if head.sequence > *next {
+                    lose(*next, head.sequence - *next);
+                }
+                *next = head.sequence + 1;
+                let size = tap.kind.total_size(head.count).unwrap_or(0);
+                if self.waiting.load(Ordering::Relaxed) + size > MOST_WAITING {
+                    lose(head.sequence, 1);
+                    continue;
+                }
+                self.waiting.fetch_add(size, Ordering::Relaxed);
+                let parcel = Parcel::copy_of(tap.kind, sample.pieces());
+                let _ = items.send(Item::Sample { topic: tap.topic, parcel, log_time: realtime() });
+            }
+        }
+        Ok(any)
+    }
+
+    fn finish(
+        &mut self,
+        ledger: Option<String>,
+        gaps: Vec<String>,
+        facts: BTreeMap<String, String>,
+    ) -> Result<RecorderReport, String> {
+        while self.drain()? {}
+        self.items = None;
+        let written = match self.writer.take().map(std::thread::JoinHandle::join) {
+            Some(Ok(written)) => written?,
+            _ => return Err("the recording's writer panicked".to_string()),
+        };
+        let closing = Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
+        let file = written.part.finish(&closing).map_err(|e| e.to_string())?;
+        file.sync_all().map_err(|e| place(&self.part, &e))?;
+        Ok(RecorderReport {
+            samples: written.samples,
+            bytes: written.bytes,
+            lost: std::mem::take(&mut self.lost),
+            part: self.part.clone(),
+        })
+    }
+}
+
+fn write(
+    mut part: PartWriter<std::fs::File>,
+    inbox: &Receiver<Item>,
+    waiting: &AtomicUsize,
+    clock: SessionClock,
+) -> Result<Written, String> {
+    let (mut samples, mut bytes) = (0, 0);
+    let (mut flushed, mut related) = (clock.now(), clock.now());
+    let mut dirty = false;
+    loop {
+        let item = inbox.recv_timeout(std::time::Duration::from_nanos(FLUSH_EVERY / 2));
+        match item {
+            Ok(Item::Sample { topic, parcel, log_time }) => {
+                part.write(topic, parcel.pieces(), log_time).map_err(|e| e.to_string())?;
+                samples += 1;
+                bytes += parcel.bytes.len() as u64;
+                waiting.fetch_sub(parcel.bytes.len(), Ordering::Relaxed);
+                dirty = true;
+            }
+            Ok(Item::Lost { topic, incarnation, first, count }) => {
+                part.note_lost(topic, incarnation, first, count, realtime()).map_err(|e| e.to_string())?;
+                dirty = true;
+            }
+            Err(crossbeam_channel::RecvTimeoutError::Timeout) => {}
+            Err(crossbeam_channel::RecvTimeoutError::Disconnected) => return Ok(Written { part, samples, bytes }),
+        }
+        let now = clock.now();
+        if now - related >= CLOCK_EVERY {
+            related = now;
+            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() }).map_err(|e| e.to_string())?;
+            dirty = true;
+        }
+        if dirty && now - flushed >= FLUSH_EVERY {
+            flushed = now;
+            dirty = false;
+            part.flush().map_err(|e| e.to_string())?;
+        }
+    }
+}
+
+fn place(path: &Path, e: &std::io::Error) -> String {
+    format!("{}: {e}; choose another folder with --record", path.display())
+}

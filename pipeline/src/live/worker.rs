@@ -1,0 +1,322 @@
+//! A process of operators: one thread, upstream before downstream.
+
+use std::io::Write;
+use std::os::fd::{AsFd, OwnedFd};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use stillpoint_samples::Outcome;
+use stillpoint_shm::{Domain, Wake};
+
+use super::control::{FromWorker, Hello, ToWorker};
+use super::directed::DirectedWorker;
+use super::member::{Looked, Member};
+use super::pipe::{Line, Lines, say};
+use crate::clock::{SessionClock, float_state_is_standard};
+use crate::files::DiskFiles;
+use crate::graph::{Graph, Priority, Restart};
+use crate::operator::Registry;
+use crate::spec;
+
+/// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
+pub fn worker_main(registry: &Registry) -> ExitCode {
+    // Ctrl-C reaches the whole process group; the supervisor ends the run in order.
+    ignore_interrupts();
+    // A panic is contained, journalled and told; the default message would only stand beside that.
+    std::panic::set_hook(Box::new(|_| {}));
+    match serve(registry) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            let fault = FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true };
+            let _ = say(&mut std::io::stdout(), &fault);
+            ExitCode::from(70)
+        }
+    }
+}
+
+/// Keeps SIGINT and SIGTERM from ending this process: the pipe's end does.
+pub(super) fn ignore_interrupts() {
+    // A flag that nobody reads: the signal is taken and has no effect.
+    let nobody = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, nobody.clone());
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGTERM, nobody);
+}
+
+/// Standard input as lines.
+pub(super) fn orders() -> Result<Lines, String> {
+    let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(|e| e.to_string())?;
+    Ok(Lines::new(stdin))
+}
+
+/// The next order, waiting for it. `None`: the supervisor is gone.
+pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Result<Option<T>, String> {
+    loop {
+        match orders.next()? {
+            Line::Message(message) => return Ok(Some(message)),
+            Line::Ended => return Ok(None),
+            Line::Nothing => {
+                let mut fd = [rustix::event::PollFd::from_borrowed_fd(orders.fd(), rustix::event::PollFlags::IN)];
+                match rustix::event::poll(&mut fd, None) {
+                    Ok(_) | Err(rustix::io::Errno::INTR) => {}
+                    Err(e) => return Err(e.to_string()),
+                }
+            }
+        }
+    }
+}
+
+/// The graph that a hello describes.
+pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
+    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &files)
+        .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
+    Ok(Arc::new(graph))
+}
+
+fn serve(registry: &Registry) -> Result<(), String> {
+    let mut orders = orders()?;
+    let Some(hello) = wait_for::<Hello>(&mut orders)? else { return Ok(()) };
+    if !float_state_is_standard() {
+        return Err("this thread does not round to nearest, or flushes subnormal numbers to zero".to_string());
+    }
+    let graph = graph_of(&hello, registry)?;
+    let process = graph
+        .processes
+        .iter()
+        .find(|p| p.name == hello.process)
+        .ok_or_else(|| format!("the pipeline has no process {}", hello.process))?
+        .clone();
+    place(process.core, process.priority)?;
+    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
+    if hello.directed {
+        return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
+    }
+    let mut listeners = Vec::new();
+    let mut members = Vec::new();
+    for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
+        members.push(Member::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
+    }
+    let limit = match process.restart {
+        Restart::Never => 0,
+        Restart::OnFault { limit, .. } => limit,
+    };
+    let watch = Watch::start(&graph, &process.operators);
+    let mut worker = Worker {
+        graph,
+        files,
+        clock: hello.clock,
+        members,
+        wake: Wake::new(listeners),
+        watch,
+        limit,
+        running: false,
+        stopping: false,
+        stopped: false,
+    };
+    tell(&FromWorker::Made)?;
+    worker.serve(&mut orders)
+}
+
+fn tell(message: &FromWorker) -> Result<(), String> {
+    say(&mut std::io::stdout().lock(), message).map_err(|e| format!("the supervisor cannot be told: {e}"))
+}
+
+struct Worker {
+    graph: Arc<Graph>,
+    files: DiskFiles,
+    clock: SessionClock,
+    members: Vec<Member>,
+    wake: Wake,
+    watch: Option<Watch>,
+    /// Panics in a row that are answered with a new incarnation.
+    limit: u32,
+    running: bool,
+    stopping: bool,
+    stopped: bool,
+}
+
+impl Worker {
+    fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+        loop {
+            loop {
+                match orders.next()? {
+                    Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
+                    Line::Message(order) => self.obey(&order)?,
+                    Line::Nothing => break,
+                }
+            }
+            let mut timeout = None;
+            if self.running && !self.stopped {
+                let (worked, next) = self.pass()?;
+                if worked {
+                    continue;
+                }
+                if self.stopping {
+                    for member in &mut self.members {
+                        member.finish(&self.clock)?;
+                    }
+                    self.stopped = true;
+                    tell(&FromWorker::Stopped)?;
+                    continue;
+                }
+                timeout = next.map(|at| at.saturating_sub(self.clock.now()));
+            }
+            self.wake.wait(orders.fd(), timeout).map_err(|e| e.to_string())?;
+        }
+    }
+
+    fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
+        match order {
+            ToWorker::Connect => {
+                for member in &self.members {
+                    member.connect().map_err(|e| e.to_string())?;
+                }
+                tell(&FromWorker::Connected)
+            }
+            ToWorker::Go { epoch } => {
+                let now = self.clock.now().max(*epoch);
+                for member in &mut self.members {
+                    member.begin(*epoch, now)?;
+                }
+                self.running = true;
+                Ok(())
+            }
+            ToWorker::Stop => {
+                self.stopping = true;
+                Ok(())
+            }
+            other => Err(format!("this worker is not directed, but was told {other:?}")),
+        }
+    }
+
+    /// Looks at every member once, upstream first. Says whether anything was done, and when the next look is due.
+    fn pass(&mut self) -> Result<(bool, Option<u64>), String> {
+        let mut worked = false;
+        let mut next: Option<u64> = None;
+        for member in &mut self.members {
+            if let Some(watch) = &self.watch {
+                watch.enter(member.operator);
+            }
+            let looked = member.look(&self.clock, !self.stopping);
+            if let Some(watch) = &self.watch {
+                watch.leave();
+            }
+            match looked? {
+                Looked::Activated(outcome) => {
+                    worked = true;
+                    contain(member, outcome, self.limit, &self.graph, &self.files, &self.clock)?;
+                }
+                Looked::Idle(at) => next = [next, at].into_iter().flatten().min(),
+            }
+        }
+        Ok((worked, next))
+    }
+}
+
+/// Answers an outcome: an error is told, a panic begins a new incarnation while the policy allows it.
+fn contain(
+    member: &mut Member,
+    outcome: Outcome,
+    limit: u32,
+    graph: &Graph,
+    files: &DiskFiles,
+    clock: &SessionClock,
+) -> Result<(), String> {
+    if outcome == Outcome::Done {
+        member.panics = 0;
+        return Ok(());
+    }
+    let operator = graph.operators[member.operator].name.clone();
+    let incarnation = member.cell.incarnation();
+    let mut reason = member.cell.fault().unwrap_or_default().to_string();
+    let mut fatal = false;
+    if outcome == Outcome::Panic {
+        member.panics += 1;
+        if member.panics > limit {
+            fatal = true;
+            reason = format!("{reason} ({} panics in a row)", member.panics);
+        } else if let Err(e) = member.reincarnate(graph, files, clock) {
+            fatal = true;
+            reason = format!("{reason}; it cannot be made again: {e}");
+        }
+    }
+    tell(&FromWorker::Fault { operator, incarnation, reason, fatal })?;
+    if fatal {
+        // The supervisor decides what follows.
+        let _ = std::io::stdout().flush();
+        std::process::exit(70);
+    }
+    Ok(())
+}
+
+/// Binds this thread to a core and sets its scheduling class, or says what forbids it.
+fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
+    if let Some(core) = core {
+        let mut set = rustix::thread::CpuSet::new();
+        if core >= rustix::thread::CpuSet::MAX_CPU {
+            return Err(format!("there is no core {core}"));
+        }
+        set.set(core);
+        rustix::thread::sched_setaffinity(None, &set)
+            .map_err(|e| format!("this process cannot be bound to core {core}: {e}; choose a core that exists"))?;
+    }
+    if let Priority::Fifo(level) = priority {
+        stillpoint_shm::real_time(level)?;
+    }
+    Ok(())
+}
+
+/// Ends the process when a step takes longer than its operator's deadline.
+struct Watch {
+    /// Number of the operator plus one, in the high half, and milliseconds since the watch began, in the low half; 0
+    /// between steps.
+    now: Arc<AtomicU64>,
+    started: std::time::Instant,
+}
+
+impl Watch {
+    /// Begins to watch, if any of the operators has a deadline.
+    fn start(graph: &Arc<Graph>, operators: &[usize]) -> Option<Self> {
+        let shortest = operators.iter().filter_map(|o| graph.operators[*o].deadline).min()?;
+        let now = Arc::new(AtomicU64::new(0));
+        let started = std::time::Instant::now();
+        let (word, graph) = (now.clone(), graph.clone());
+        let period = std::time::Duration::from_nanos((shortest / 4).clamp(1_000_000, 50_000_000));
+        std::thread::spawn(move || {
+            loop {
+                std::thread::sleep(period);
+                let value = word.load(Ordering::Relaxed);
+                let Some(operator) = (value >> 40).checked_sub(1) else { continue };
+                let node = &graph.operators[operator as usize];
+                let since = value & 0xff_ffff_ffff;
+                let elapsed = (started.elapsed().as_micros() as u64).saturating_sub(since) * 1000;
+                if node.deadline.is_some_and(|deadline| elapsed > deadline) {
+                    let fault = FromWorker::Fault {
+                        operator: node.name.clone(),
+                        incarnation: 0,
+                        reason: format!("a step took {} ms, longer than its deadline", elapsed / 1_000_000),
+                        fatal: true,
+                    };
+                    // Not through the lock of standard output: the thread that hangs may hold it.
+                    if let Ok(mut line) = serde_json::to_vec(&fault) {
+                        line.push(b'\n');
+                        let _ = rustix::io::write(rustix::stdio::stdout(), &line);
+                    }
+                    rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL).ok();
+                }
+            }
+        });
+        Some(Self { now, started })
+    }
+
+    fn enter(&self, operator: usize) {
+        let since = (self.started.elapsed().as_micros() as u64) & 0xff_ffff_ffff;
+        self.now.store(((operator as u64 + 1) << 40) | since, Ordering::Relaxed);
+    }
+
+    fn leave(&self) {
+        self.now.store(0, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,146 @@
+//! What a session says about its run: topics, attachments and metadata.
+
+use std::collections::BTreeMap;
+
+use sha2::{Digest, Sha256};
+use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, StaticTransform, TopicInfo};
+use stillpoint_samples::{Journal, Sample};
+
+use crate::clock::realtime;
+use crate::files::DiskFiles;
+use crate::graph::Graph;
+use crate::live::contracts::journal_topic;
+use crate::live::control::Hello;
+use crate::operator::Role;
+use crate::setup::Files;
+
+/// Name of the attachment that is the pipeline's text.
+pub const PIPELINE: &str = "pipeline.yaml";
+/// Name of the attachment with the `--set` overrides, a JSON list.
+pub const SETS: &str = "sets.json";
+/// Name of the attachment with the resolved params, JSON by operator.
+pub const PARAMS: &str = "params.json";
+/// Folder of the files that params name, among the attachments.
+pub const FILES: &str = "files/";
+/// Metadata record with name of the pipeline, seed and file name.
+pub const RUN: &str = "stillpoint.run";
+/// Metadata record with build and CPU.
+pub const IDENTITY: &str = "stillpoint.identity";
+
+/// The topics that a session of this graph keeps. Each with its operator, and its output where it is no journal.
+pub fn topic_infos(graph: &Graph) -> Vec<(TopicInfo, (usize, Option<usize>))> {
+    let mut infos = Vec::new();
+    for (operator, node) in graph.operators.iter().enumerate() {
+        let topic_of = |edge: &Option<crate::graph::Edge>| {
+            edge.map(|e| graph.operators[e.operator].outputs[e.output].topic.clone()).unwrap_or_default()
+        };
+        let role = TopicRole::Journal {
+            inputs: node.inputs.iter().map(|i| topic_of(&i.edge)).collect(),
+            outputs: node.outputs.iter().map(|o| o.topic.clone()).collect(),
+        };
+        let info = TopicInfo {
+            name: journal_topic(&node.name),
+            operator: node.name.clone(),
+            kind: Journal::KIND,
+            frame: None,
+            role,
+        };
+        infos.push((info, (operator, None)));
+        for (port, output) in node.outputs.iter().enumerate() {
+            if !graph.is_recorded(operator, port) {
+                continue;
+            }
+            let role = match node.stage.kind.role {
+                Role::Source => TopicRole::Source,
+                Role::Operator => TopicRole::Computed,
+            };
+            let info = TopicInfo {
+                name: output.topic.clone(),
+                operator: node.name.clone(),
+                kind: node.stage.kind.outputs[port].sample,
+                frame: output.frame.clone(),
+                role,
+            };
+            infos.push((info, (operator, Some(port))));
+        }
+    }
+    infos
+}
+
+/// The start of a part.
+pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>) -> Result<Opening, String> {
+    let json = |value: &serde_json::Value| serde_json::to_vec_pretty(value).map_err(|e| e.to_string());
+    let keep = |name: &str, media: &str, bytes: Vec<u8>| Attachment {
+        name: name.to_string(),
+        media_type: media.to_string(),
+        bytes,
+    };
+    let params: serde_json::Map<String, serde_json::Value> =
+        graph.operators.iter().map(|o| (o.name.clone(), o.params.resolved.clone())).collect();
+    let mut attachments = vec![
+        keep(PIPELINE, "application/yaml", hello.source.clone().into_bytes()),
+        keep(SETS, "application/json", json(&serde_json::json!(hello.sets))?),
+        keep(PARAMS, "application/json", json(&serde_json::Value::Object(params))?),
+    ];
+    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let mut hashes = BTreeMap::new();
+    let mut names: Vec<&String> = graph.operators.iter().flat_map(|o| &o.files).collect();
+    names.sort();
+    names.dedup();
+    for name in names {
+        for file in files.list(name).map_err(|e| format!("{name}: {e}"))? {
+            let bytes = files.read(&file).map_err(|e| format!("{file}: {e}"))?;
+            hashes.insert(file.clone(), hex(&Sha256::digest(&bytes)));
+            attachments.push(keep(&format!("{FILES}{file}"), "application/octet-stream", bytes));
+        }
+    }
+    let run = BTreeMap::from([
+        ("pipeline".to_string(), graph.name.clone()),
+        ("file".to_string(), hello.file.clone()),
+        ("seed".to_string(), graph.seed.to_string()),
+        ("directed".to_string(), hello.directed.to_string()),
+    ]);
+    let metadata = BTreeMap::from([
+        (RUN.to_string(), run),
+        (IDENTITY.to_string(), identity.clone()),
+        ("stillpoint.files".to_string(), hashes),
+    ]);
+    let frames = graph
+        .frames
+        .placed
+        .iter()
+        .map(|(name, frame)| StaticTransform {
+            parent: frame.parent.clone(),
+            child: name.clone(),
+            translation: frame.parent_from_frame.translation,
+            rotation: frame.parent_from_frame.quaternion(),
+        })
+        .collect();
+    let clock = Some(ClockSample { logical_ns: hello.clock.started(), realtime_ns: realtime() });
+    Ok(Opening { attachments, metadata, frames, clock })
+}
+
+/// Lower-case hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// Build and CPU of this process: replay is exact on the same of both.
+pub fn identity() -> BTreeMap<String, String> {
+    let mut facts = BTreeMap::from([
+        ("stillpoint".to_string(), env!("CARGO_PKG_VERSION").to_string()),
+        ("profile".to_string(), if cfg!(debug_assertions) { "debug" } else { "release" }.to_string()),
+        ("architecture".to_string(), std::env::consts::ARCH.to_string()),
+    ]);
+    if let Ok(bytes) = std::env::current_exe().and_then(std::fs::read) {
+        facts.insert("build".to_string(), hex(&Sha256::digest(&bytes)));
+    }
+    if let Ok(text) = std::fs::read_to_string("/proc/cpuinfo") {
+        for (key, name) in [("model name", "cpu"), ("flags", "cpu_features"), ("Features", "cpu_features")] {
+            if let Some(value) = text.lines().find_map(|l| l.strip_prefix(key)?.split_once(':')) {
+                facts.insert(name.to_string(), value.1.trim().to_string());
+            }
+        }
+    }
+    facts
+}
