@@ -30,6 +30,8 @@ pub struct OperatorNode {
     pub stage: Stage,
     /// Its parameters.
     pub params: CheckedParams,
+    /// Files and folders that its parameters name, as the config writes them.
+    pub files: Vec<String>,
     /// Period of its timer, ns.
     pub every: Option<u64>,
     /// Time that the simulated executor charges for a step, ns.
