@@ -52,6 +52,7 @@ impl Cell {
         operator: usize,
         incarnation: u32,
         files: &dyn Files,
+        inbox: Inbox,
     ) -> Result<Self, SetupError> {
         let node = &graph.operators[operator];
         Ok(Self {
@@ -241,7 +242,12 @@ fn output_ref(port: usize, sent: &Sent, count: u32, incarnation: u32) -> Journal
     }
 }
 
-fn build_step(graph: &Graph, node: &OperatorNode, files: &dyn Files, inbox: Inbox) -> Result<Box<dyn Step>, SetupError> {
+fn build_step(
+    graph: &Graph,
+    node: &OperatorNode,
+    files: &dyn Files,
+    inbox: Inbox,
+) -> Result<Box<dyn Step>, SetupError> {
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
     let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();
     let setup = Setup {

@@ -93,7 +93,10 @@ impl Ledger {
                     left: 0,
                     unexplained: 0,
                 };
-                let sent = self.sent.iter().filter(|((o, p, _), _)| (*o, *p as usize) == (edge.operator, edge.output));
+                let sent = self
+                    .sent
+                    .iter()
+                    .filter(|((o, p, _), _)| (*o, *p as usize) == (edge.operator, edge.output));
                 for ((_, _, incarnation), (total, homeless)) in sent {
                     self.balance(&mut line, consumer, port as u32, *incarnation, *total, *homeless);
                 }
@@ -104,11 +107,20 @@ impl Ledger {
     }
 
     /// Adds what one incarnation of the producer sent. `total` counts from sequence 0.
-    fn balance(&self, line: &mut Line, consumer: usize, port: u32, incarnation: u32, total: u64, homeless: u64) {
+    fn balance(
+        &self,
+        line: &mut Line,
+        consumer: usize,
+        port: u32,
+        incarnation: u32,
+        total: u64,
+        homeless: u64,
+    ) {
         line.sent += total;
         // Numbers below this are accounted for.
         let mut next = 0;
-        let accounts = self.taken.iter().filter(|((c, _, p, i), _)| (*c, *p, *i) == (consumer, port, incarnation));
+        let accounts =
+            self.taken.iter().filter(|((c, _, p, i), _)| (*c, *p, *i) == (consumer, port, incarnation));
         let mut explained = 0;
         let mut gaps = 0;
         for ((_, life, _, _), r) in accounts {

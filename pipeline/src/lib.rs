@@ -8,6 +8,10 @@
 //! - `graph`: the checked pipeline
 //! - `spec`: from YAML to a graph, with every fault of the file
 
+#![forbid(unsafe_code)]
+// The derives name this crate by its path, here too.
+extern crate self as stillpoint_pipeline;
+
 pub mod activation;
 pub mod cell;
 pub mod clock;
@@ -32,5 +36,5 @@ pub mod spec;
 pub use activation::Activation;
 pub use operator::{Operator, Registry, Stage};
 pub use outputs::Outputs;
-pub use params::Params;
+pub use params::{Choice, Params};
 pub use setup::Setup;

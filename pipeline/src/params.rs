@@ -1,7 +1,58 @@
 //! Parameters: one typed struct per operator, from which parsing, defaults, ranges, schema and reference come.
+//!
+//! ```
+//! use stillpoint_pipeline::{Choice, Params};
+//!
+//! #[derive(Clone, Params)]
+//! struct FaceParams {
+//!     /// Edge of a voxel.
+//!     #[param(unit = "m", default = "4 mm", min = "0.5 mm", max = "50 mm")]
+//!     leaf: f64,
+//!     /// Hypotheses that are tried for the plane.
+//!     #[param(default = 500, min = 1, max = 100000)]
+//!     iterations: u32,
+//!     /// Wait before the first frame.
+//!     #[param(unit = "ns", default = "0 s")]
+//!     wait: u64,
+//!     /// Where the sensor stands.
+//!     #[param(unit = "m")]
+//!     at: [f64; 3],
+//!     /// What the head does.
+//!     #[param(default = "nods")]
+//!     motion: Motion,
+//!     /// The model, a path from the pipeline's file.
+//!     #[param(file)]
+//!     model: Option<String>,
+//! }
+//!
+//! #[derive(Clone, Copy, Choice)]
+//! enum Motion {
+//!     Still,
+//!     Nods,
+//! }
+//! ```
+//!
+//! Fields are `f64`, `f32`, `u32`, `u64`, `i64`, `usize`, `bool`, `String`, a [`Choice`](derive@Choice), another
+//! [`Params`] struct, `[T; N]`, `Vec<T>` or `Option<T>` of these. The doc comment is the description. A field without a
+//! default that is no `Option` must be given. A float with a unit is SI; a whole number with a unit (`ns`, `px`) is an
+//! exact count of that unit.
+//!
+//! - `value`: the types that a parameter can have
+//! - `reader`: reading them, with every fault
+
+mod reader;
+mod value;
 
 use std::any::Any;
 use std::sync::Arc;
+
+#[doc(hidden)]
+pub use crate::spec::tree::Node;
+pub use reader::{ParamReader, verify};
+#[doc(hidden)]
+pub use serde_json as json;
+pub use stillpoint_params_derive::{Choice, Params};
+pub use value::{ParamType, ParamValue, Presence};
 
 /// Parameters of an operator. Derive it.
 pub trait Params: Sized + Clone + Send + Sync + 'static {
@@ -11,22 +62,90 @@ pub trait Params: Sized + Clone + Send + Sync + 'static {
     fn read(reader: &mut ParamReader<'_>) -> Option<Self>;
 }
 
-/// One parameter, for schema and reference.
+/// What a text parameter names outside the config.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Names {
+    /// Nothing.
+    Nothing,
+    /// A file, by its path from the pipeline's file.
+    File,
+    /// A file, or a folder of files, by its path from the pipeline's file.
+    Files,
+}
+
+/// One parameter, for reading, schema and reference.
 #[derive(Clone, Copy, Debug)]
 pub struct ParamField {
     /// Name in the config.
     pub name: &'static str,
+    /// What it is for, from the doc comment.
+    pub about: &'static str,
+    /// Its type.
+    pub ty: ParamType,
+    /// Whether it must be given where it has no default.
+    pub presence: Presence,
+    /// Its unit: SI for floats, the unit that is counted for whole numbers; empty for plain numbers.
+    pub unit: &'static str,
+    /// Its default as a config would write it.
+    pub default: Option<&'static str>,
+    /// Its least value as a config would write it.
+    pub min: Option<&'static str>,
+    /// A value that it must exceed, as a config would write it.
+    pub above: Option<&'static str>,
+    /// Its greatest value as a config would write it.
+    pub max: Option<&'static str>,
+    /// The texts that it may be; empty where any will do.
+    pub choices: &'static [&'static str],
+    /// What its text names.
+    pub names: Names,
 }
 
-/// Reads parameters out of a config.
-pub struct ParamReader<'a> {
-    resolved: &'a serde_json::Value,
-}
+impl ParamField {
+    /// A field with nothing but its name and type. The derive fills in the rest.
+    pub const fn new(name: &'static str, ty: ParamType) -> Self {
+        Self {
+            name,
+            about: "",
+            ty,
+            presence: Presence::Required,
+            unit: "",
+            default: None,
+            min: None,
+            above: None,
+            max: None,
+            choices: &[],
+            names: Names::Nothing,
+        }
+    }
 
-impl ParamReader<'_> {
-    /// The parameters as read, defaults filled in, in SI units.
-    pub fn resolved(&self) -> serde_json::Value {
-        self.resolved.clone()
+    /// Whether a config must give it.
+    pub fn is_required(&self) -> bool {
+        self.default.is_none()
+            && match (self.presence, self.ty) {
+                (Presence::Required, _) => true,
+                (Presence::Group, ParamType::Group(fields)) => fields.iter().any(Self::is_required),
+                _ => false,
+            }
+    }
+
+    /// The texts that it may be: its own choices, or those of its type.
+    pub fn choices(&self) -> &'static [&'static str] {
+        match self.ty {
+            ParamType::Choice(names) => names,
+            _ => self.choices,
+        }
+    }
+
+    /// Its range in words, where it has one.
+    pub fn range(&self) -> Option<String> {
+        match (self.min, self.above, self.max) {
+            (None, None, None) => None,
+            (Some(min), _, Some(max)) => Some(format!("from {min} to {max}")),
+            (None, Some(above), Some(max)) => Some(format!("above {above}, up to {max}")),
+            (Some(min), _, None) => Some(format!("at least {min}")),
+            (None, Some(above), None) => Some(format!("above {above}")),
+            (None, None, Some(max)) => Some(format!("at most {max}")),
+        }
     }
 }
 
@@ -41,7 +160,9 @@ pub struct CheckedParams {
 
 impl Params for () {
     const FIELDS: &'static [ParamField] = &[];
-    fn read(_: &mut ParamReader<'_>) -> Option<Self> {
+    fn read(reader: &mut ParamReader<'_>) -> Option<Self> {
+        reader.open(Self::FIELDS);
+        reader.keep(serde_json::Value::Object(serde_json::Map::new()));
         Some(())
     }
 }

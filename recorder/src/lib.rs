@@ -32,7 +32,7 @@ mod session;
 mod topic;
 mod writer;
 
-pub use account::{Closing, ClockSample, LEDGER_ATTACHMENT, Lost};
+pub use account::{ClockSample, Closing, LEDGER_ATTACHMENT, Lost};
 pub use complete::{Completeness, Gap};
 pub use error::SessionError;
 pub use file::Source;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use stillpoint_samples::{Entry, Pieces, Journal};
+use stillpoint_samples::{Entry, Journal, Pieces};
 
 use crate::account::{ClockSample, END_RECORD, Lost};
 use crate::cache::BlockCache;
@@ -189,7 +189,12 @@ impl Session {
         self.topics.len() - 1
     }
 
-    fn add_message(&mut self, channel: &PartChannel, place: Place, message: &Message<'_>) -> Result<(), String> {
+    fn add_message(
+        &mut self,
+        channel: &PartChannel,
+        place: Place,
+        message: &Message<'_>,
+    ) -> Result<(), String> {
         match &channel.purpose {
             Use::Lost => self.lost.push(Lost::decode(message.data)?),
             Use::Clock => self.clock.push(ClockSample::decode(message.data)?),
@@ -210,7 +215,9 @@ impl Session {
                     let key = (number, incarnation, sequence);
                     if self.index.contains_key(&key) {
                         let topic = &channel.channel.topic;
-                        return Err(format!("sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"));
+                        return Err(format!(
+                            "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
+                        ));
                     }
                     self.index.insert(key, place);
                 }
@@ -227,7 +234,10 @@ impl Session {
         for recorded in self.samples_where(is_journal) {
             let Ok(recorded) = recorded else { continue };
             let operator = &self.topics[recorded.topic].operator;
-            let Ok(pieces) = Pieces::split(<Journal as stillpoint_samples::Sample>::KIND, &recorded.sample) else { continue };
+            let Ok(pieces) = Pieces::split(<Journal as stillpoint_samples::Sample>::KIND, &recorded.sample)
+            else {
+                continue;
+            };
             if let Ok(view) = pieces.view::<Journal>() {
                 let entry = Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() };
                 journals.entry(operator.clone()).or_default().push(entry);
@@ -337,7 +347,12 @@ impl Session {
     ///
     /// # Errors
     /// It cannot be read, or is not what its channel promises.
-    pub fn sample(&self, topic: usize, incarnation: u32, sequence: u64) -> Result<Option<Recorded>, SessionError> {
+    pub fn sample(
+        &self,
+        topic: usize,
+        incarnation: u32,
+        sequence: u64,
+    ) -> Result<Option<Recorded>, SessionError> {
         let Some(place) = self.index.get(&(topic, incarnation, sequence)) else { return Ok(None) };
         let bytes = self.records(place.part, place.block)?;
         let mut at = place.start;
@@ -368,7 +383,9 @@ impl Session {
             within: place.start,
             what,
         };
-        let Some((incarnation, sequence)) = channel.purpose.number(m).map_err(fault)? else { return Ok(None) };
+        let Some((incarnation, sequence)) = channel.purpose.number(m).map_err(fault)? else {
+            return Ok(None);
+        };
         if self.index.get(&(topic, incarnation, sequence)) != Some(&place) {
             return Ok(None);
         }

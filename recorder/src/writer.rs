@@ -10,7 +10,7 @@ use mcap::write::NoSeek;
 use stillpoint_samples::{BytesError, Pieces};
 
 use crate::account::{
-    CLOCK_CHANNEL, Closing, ClockSample, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
+    CLOCK_CHANNEL, ClockSample, Closing, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
 };
 use crate::form::{Form, Shared, StaticTransform, camera_info, schema, transforms_message};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
@@ -132,7 +132,15 @@ impl<W: Write> PartWriter<W> {
         let lost_channel = add_channel(&mut out, LOST_CHANNEL, schema::LOST, &qos())?;
         let clock_channel = add_channel(&mut out, CLOCK_CHANNEL, schema::CLOCK, &qos())?;
         let frames_channel = add_channel(&mut out, FRAMES_CHANNEL, schema::TRANSFORMS, &qos())?;
-        let mut part = Self { out, topics: Vec::new(), lost_channel, clock_channel, notes: 0, lost: 0, message: Vec::new() };
+        let mut part = Self {
+            out,
+            topics: Vec::new(),
+            lost_channel,
+            clock_channel,
+            notes: 0,
+            lost: 0,
+            message: Vec::new(),
+        };
         if !opening.frames.is_empty() {
             let stamp = opening.clock.map_or(0, |c| c.logical_ns);
             part.message = transforms_message(stamp, &opening.frames);
@@ -156,7 +164,13 @@ impl<W: Write> PartWriter<W> {
         self.out.write_metadata(&Metadata { name: TOPIC_RECORD.to_owned(), metadata: info.entries() })?;
         let mut forms = vec![Form::of(info.kind), Form::Own];
         forms.dedup();
-        self.topics.push(Topic { info, forms, channels: BTreeMap::new(), last: None, camera_info: BTreeMap::new() });
+        self.topics.push(Topic {
+            info,
+            forms,
+            channels: BTreeMap::new(),
+            last: None,
+            camera_info: BTreeMap::new(),
+        });
         Ok(TopicId(self.topics.len() - 1))
     }
 
@@ -192,7 +206,14 @@ impl<W: Write> PartWriter<W> {
     ///
     /// # Errors
     /// What writing answers.
-    pub fn note_lost(&mut self, topic: TopicId, incarnation: u32, first: u64, count: u64, log_time_ns: u64) -> Result<(), WriteError> {
+    pub fn note_lost(
+        &mut self,
+        topic: TopicId,
+        incarnation: u32,
+        first: u64,
+        count: u64,
+        log_time_ns: u64,
+    ) -> Result<(), WriteError> {
         let t = self.topics.get(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
         let lost = Lost { topic: t.info.name.clone(), incarnation, first, count };
         self.lost = self.lost.saturating_add(count);
@@ -239,7 +260,13 @@ impl<W: Write> PartWriter<W> {
         self.put(channel, number, log_time_ns, log_time_ns)
     }
 
-    fn put(&mut self, channel_id: u16, sequence: u32, log_time: u64, publish_time: u64) -> Result<(), WriteError> {
+    fn put(
+        &mut self,
+        channel_id: u16,
+        sequence: u32,
+        log_time: u64,
+        publish_time: u64,
+    ) -> Result<(), WriteError> {
         let header = MessageHeader { channel_id, sequence, log_time, publish_time };
         Ok(self.out.write_to_known_channel(&header, &self.message)?)
     }
@@ -287,7 +314,8 @@ fn preferred(t: &Topic, sample: &Pieces<'_>) -> (Form, Shared) {
     for form in &t.forms {
         if let Some(shared) = form.shared(sample) {
             let known = t.last.as_ref().is_some_and(|(f, s, _)| f == form && *s == shared);
-            if known || t.channels.len() < MOST_CHANNELS || t.channels.contains_key(&(*form, shared.clone())) {
+            if known || t.channels.len() < MOST_CHANNELS || t.channels.contains_key(&(*form, shared.clone()))
+            {
                 return (*form, shared);
             }
         }

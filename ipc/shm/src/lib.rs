@@ -13,13 +13,13 @@
 mod domain;
 mod erased;
 mod ports;
-mod topic;
 mod realtime;
+mod topic;
 mod wake;
 
 pub use domain::{Domain, sweep};
-pub use realtime::real_time;
 pub use ports::{Loan, Publisher, Received, Subscriber};
+pub use realtime::real_time;
 pub use topic::{Contract, Topic};
 pub use wake::{Listener, Notifier, Wake, WakeReason};
 

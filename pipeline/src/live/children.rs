@@ -56,7 +56,9 @@ impl Child {
             .stdout(Stdio::piped())
             .stderr(Stdio::inherit())
             .spawn()
-            .map_err(|e| format!("process {name} cannot be started from {}: {e}", launch.program.display()))?;
+            .map_err(|e| {
+                format!("process {name} cannot be started from {}: {e}", launch.program.display())
+            })?;
         let stdout = process.stdout.take().ok_or("a child without standard output")?;
         let stdin = process.stdin.take();
         let mut child = Self {
@@ -128,7 +130,11 @@ impl Child {
             }
             let left = end.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(format!("process {} did not answer within {} ms", self.name, patience.as_millis()));
+                return Err(format!(
+                    "process {} did not answer within {} ms",
+                    self.name,
+                    patience.as_millis()
+                ));
             }
             wait_any(&[&*self], left);
         }

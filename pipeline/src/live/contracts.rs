@@ -32,7 +32,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let output = &node.outputs[port];
     let kind = node.stage.kind.outputs[port].sample;
     let consumers: Vec<_> = graph.consumers(operator, port).collect();
-    let deepest = consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
+    let deepest =
+        consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
     let recorded = if graph.is_recorded(operator, port) { recorder_depth(kind, output.capacity) } else { 1 };
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
     Contract {

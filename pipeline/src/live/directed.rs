@@ -45,7 +45,8 @@ impl<'f> DirectedWorker<'f> {
 
     /// Does what it is told until the supervisor ends it.
     pub fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
-        let tell = |message: &FromWorker| say(&mut std::io::stdout().lock(), message).map_err(|e| e.to_string());
+        let tell =
+            |message: &FromWorker| say(&mut std::io::stdout().lock(), message).map_err(|e| e.to_string());
         tell(&FromWorker::Made)?;
         loop {
             let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };

@@ -95,7 +95,8 @@ impl Member {
         let mut ports = Vec::new();
         for port in 0..node.outputs.len() {
             let topic = Topic::open(domain, &contracts::output(graph, operator, port)).map_err(text)?;
-            let outside = graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
+            let outside =
+                graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
             ports.push((topic.publisher().map_err(text)?, notifier));
             topics.push(topic);
@@ -109,8 +110,8 @@ impl Member {
             people = Some((topic.subscriber(16).map_err(text)?, inbox.clone()));
             topics.push(topic);
         }
-        let cell =
-            Cell::build(graph, operator, incarnation, files, inbox).map_err(|e| format!("{}: {}", node.name, e.0))?;
+        let cell = Cell::build(graph, operator, incarnation, files, inbox)
+            .map_err(|e| format!("{}: {}", node.name, e.0))?;
         Ok(Self {
             operator,
             cell,
@@ -153,9 +154,15 @@ impl Member {
     }
 
     /// Replaces the incarnation after a panic; its ports and the samples that wait stay.
-    pub fn reincarnate(&mut self, graph: &Graph, files: &dyn Files, clock: &SessionClock) -> Result<(), String> {
+    pub fn reincarnate(
+        &mut self,
+        graph: &Graph,
+        files: &dyn Files,
+        clock: &SessionClock,
+    ) -> Result<(), String> {
         let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
-        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox).map_err(|e| e.0)?;
+        self.cell =
+            Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox).map_err(|e| e.0)?;
         self.intake.renew();
         let now = clock.now().max(self.last + 1);
         self.last = now;
@@ -253,4 +260,3 @@ impl Member {
         Ok(())
     }
 }
-

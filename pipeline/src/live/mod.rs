@@ -12,11 +12,11 @@
 //! - `status`: what a run looks like from its journals
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
+mod children;
 pub mod contracts;
 pub mod control;
 mod directed;
 mod member;
-mod children;
 mod pipe;
 mod recorder;
 pub mod run_folder;

@@ -51,7 +51,8 @@ fn serve(registry: &Registry) -> Result<(), String> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<HelloRecorder>(&mut orders)? else { return Ok(()) };
     let graph = graph_of(&hello.hello, registry)?;
-    let domain = Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
+    let domain =
+        Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
     let mut recorder = Recorder::open(&graph, &domain, &hello)?;
     let tell = |m: &FromWorker| say(&mut std::io::stdout().lock(), m).map_err(|e| e.to_string());
     tell(&FromWorker::Made)?;
@@ -128,9 +129,10 @@ impl Recorder {
         for (info, source) in topic_infos(graph) {
             let (contract, kind) = match source {
                 (operator, None) => (contracts::journal(graph, operator), Journal::KIND),
-                (operator, Some(port)) => {
-                    (contracts::output(graph, operator, port), graph.operators[operator].stage.kind.outputs[port].sample)
-                }
+                (operator, Some(port)) => (
+                    contracts::output(graph, operator, port),
+                    graph.operators[operator].stage.kind.outputs[port].sample,
+                ),
             };
             let topic = Topic::open(domain, &contract).map_err(|e| e.to_string())?;
             let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
@@ -143,7 +145,14 @@ impl Recorder {
         let waiting = Arc::new(AtomicUsize::new(0));
         let counter = waiting.clone();
         let writer = std::thread::spawn(move || write(part, &inbox, &counter, clock));
-        Ok(Self { taps, items: Some(items), waiting, writer: Some(writer), lost: BTreeMap::new(), part: path })
+        Ok(Self {
+            taps,
+            items: Some(items),
+            waiting,
+            writer: Some(writer),
+            lost: BTreeMap::new(),
+            part: path,
+        })
     }
 
     fn connect(&self) -> Result<(), String> {
@@ -171,7 +180,12 @@ impl Recorder {
                 let next = tap.next.entry(head.incarnation).or_insert(0);
                 let mut lose = |first: u64, count: u64| {
                     *self.lost.entry(tap.name.clone()).or_insert(0) += count;
-                    let _ = items.send(Item::Lost { topic: tap.topic, incarnation: head.incarnation, first, count });
+                    let _ = items.send(Item::Lost {
+                        topic: tap.topic,
+                        incarnation: head.incarnation,
+                        first,
+                        count,
+                    });
                 };
                 if head.sequence > *next {
                     lose(*next, head.sequence - *next);
@@ -202,7 +216,8 @@ impl Recorder {
             Some(Ok(written)) => written?,
             _ => return Err("the recording's writer panicked".to_string()),
         };
-        let closing = Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
+        let closing =
+            Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
         let file = written.part.finish(&closing).map_err(|e| e.to_string())?;
         file.sync_all().map_err(|e| place(&self.part, &e))?;
         Ok(RecorderReport {
@@ -238,12 +253,15 @@ fn write(
                 dirty = true;
             }
             Err(crossbeam_channel::RecvTimeoutError::Timeout) => {}
-            Err(crossbeam_channel::RecvTimeoutError::Disconnected) => return Ok(Written { part, samples, bytes }),
+            Err(crossbeam_channel::RecvTimeoutError::Disconnected) => {
+                return Ok(Written { part, samples, bytes });
+            }
         }
         let now = clock.now();
         if now - related >= CLOCK_EVERY {
             related = now;
-            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() }).map_err(|e| e.to_string())?;
+            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() })
+                .map_err(|e| e.to_string())?;
             dirty = true;
         }
         if dirty && now - flushed >= FLUSH_EVERY {

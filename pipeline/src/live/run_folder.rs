@@ -52,7 +52,10 @@ impl RunFolder {
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&runs).map_err(|e| say(&runs, e))?;
         let start = crate::clock::realtime();
         for attempt in 0..100u64 {
-            let id = format!("{:08x}", (start / 1000 + attempt * 7919 + u64::from(std::process::id()) * 104_729) as u32);
+            let id = format!(
+                "{:08x}",
+                (start / 1000 + attempt * 7919 + u64::from(std::process::id()) * 104_729) as u32
+            );
             let path = runs.join(&id);
             match std::fs::DirBuilder::new().mode(0o700).create(&path) {
                 Ok(()) => {
@@ -91,7 +94,9 @@ impl RunFolder {
     pub fn publish(&self, card: &RunCard) -> Result<(), String> {
         let text = serde_json::to_vec_pretty(card).map_err(|e| e.to_string())?;
         let (draft, done) = (self.path.join("run.json.new"), self.path.join("run.json"));
-        std::fs::write(&draft, text).and_then(|()| std::fs::rename(&draft, &done)).map_err(|e| format!("{}: {e}", done.display()))
+        std::fs::write(&draft, text)
+            .and_then(|()| std::fs::rename(&draft, &done))
+            .map_err(|e| format!("{}: {e}", done.display()))
     }
 }
 

@@ -59,7 +59,8 @@ pub struct OperatorFigures {
 impl Status {
     /// The figures of a graph, before anything happened.
     pub fn new(graph: &Graph) -> Self {
-        let histogram = || Histogram::new(3).unwrap_or_else(|_| unreachable!("3 significant digits are supported"));
+        let histogram =
+            || Histogram::new(3).unwrap_or_else(|_| unreachable!("3 significant digits are supported"));
         let operators = graph.operators.iter().map(|node| Figures {
             name: node.name.clone(),
             activations: 0,
@@ -109,7 +110,8 @@ impl Status {
                 continue;
             }
             // Totals start anew with each incarnation on either side.
-            match f.lost_by_port.iter_mut().find(|(port, life, _)| (*port, *life) == (r.port, r.incarnation)) {
+            match f.lost_by_port.iter_mut().find(|(port, life, _)| (*port, *life) == (r.port, r.incarnation))
+            {
                 Some((_, _, lost)) => {
                     f.lost += r.lost.saturating_sub(*lost);
                     *lost = r.lost;

@@ -146,7 +146,8 @@ impl Supervisor {
         let swept = sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
-        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
+        let domain =
+            Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
         for contract in contracts::all(&graph) {
             topics.push(Topic::create(&domain, &contract).map_err(|e| e.to_string())?);
@@ -154,7 +155,8 @@ impl Supervisor {
         let mut journals = Vec::new();
         for operator in 0..graph.operators.len() {
             let name = contracts::journal_topic(&graph.operators[operator].name);
-            let topic = topics.iter().find(|t| t.contract().topic == name).ok_or("a journal without a topic")?;
+            let topic =
+                topics.iter().find(|t| t.contract().topic == name).ok_or("a journal without a topic")?;
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
         }
         let workers = (0..graph.processes.len())
@@ -192,13 +194,16 @@ impl Supervisor {
             let child = self.start_worker(index)?;
             self.workers[index].child = Some(child);
         }
-        let mut children: Vec<&mut Child> = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
+        let mut children: Vec<&mut Child> =
+            self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
         children.extend(self.recorder.as_mut());
         for child in children {
             let answer = child.answer(PATIENCE, &mut self.told);
             if !matches!(answer, Ok(FromWorker::Made)) {
                 let said = self.told.first().map(|t| t.reason.clone());
-                return Err(said.unwrap_or_else(|| answer.err().unwrap_or_else(|| "a child is confused".to_string())));
+                return Err(
+                    said.unwrap_or_else(|| answer.err().unwrap_or_else(|| "a child is confused".to_string()))
+                );
             }
         }
         self.connect_all();
@@ -237,7 +242,9 @@ impl Supervisor {
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
             clock: self.clock,
-            incarnations: node.map(|p| p.operators.iter().map(|o| self.lives[*o]).collect()).unwrap_or_default(),
+            incarnations: node
+                .map(|p| p.operators.iter().map(|o| self.lives[*o]).collect())
+                .unwrap_or_default(),
             directed: false,
         }
     }
@@ -376,7 +383,8 @@ impl Supervisor {
         let child = worker.child.take()?;
         let name = child.name.clone();
         let status = child.reap(Duration::from_secs(1));
-        let reason = format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
+        let reason =
+            format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
         self.faults.push(Fault { operator: name.clone(), reason: reason.clone(), fatal: true });
         self.connect_all();
         self.read_journals();
@@ -388,7 +396,9 @@ impl Supervisor {
         worker.last_death = now;
         let last = self.faults.iter().rev().nth(1).filter(|f| f.fatal).map(|f| format!(" ({})", f.reason));
         match self.graph.processes[worker.process].restart {
-            Restart::Never => Some(format!("{reason}{}; its restart policy is never", last.unwrap_or_default())),
+            Restart::Never => {
+                Some(format!("{reason}{}; its restart policy is never", last.unwrap_or_default()))
+            }
             Restart::OnFault { limit, .. } if worker.restarts >= limit => {
                 Some(format!("{reason}{}; it was restarted {limit} times already", last.unwrap_or_default()))
             }
@@ -426,7 +436,8 @@ impl Supervisor {
     fn replace_recorder(&mut self) -> Result<Option<String>, String> {
         if let Some(child) = self.recorder.take() {
             let status = child.reap(Duration::from_secs(1));
-            let reason = format!("the recorder ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
+            let reason =
+                format!("the recorder ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
             self.faults.push(Fault { operator: "recorder".to_string(), reason, fatal: true });
         }
         self.domain.clean_dead_nodes();
@@ -460,7 +471,12 @@ impl Supervisor {
                     answer = child.answer(PATIENCE, &mut self.told);
                 }
                 if let Err(reason) = answer {
-                    self.told.push(Told { operator: child.name.clone(), incarnation: 0, reason, fatal: true });
+                    self.told.push(Told {
+                        operator: child.name.clone(),
+                        incarnation: 0,
+                        reason,
+                        fatal: true,
+                    });
                 }
             }
             self.read_journals();

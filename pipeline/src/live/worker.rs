@@ -56,7 +56,8 @@ pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Re
             Line::Message(message) => return Ok(Some(message)),
             Line::Ended => return Ok(None),
             Line::Nothing => {
-                let mut fd = [rustix::event::PollFd::from_borrowed_fd(orders.fd(), rustix::event::PollFlags::IN)];
+                let mut fd =
+                    [rustix::event::PollFd::from_borrowed_fd(orders.fd(), rustix::event::PollFlags::IN)];
                 match rustix::event::poll(&mut fd, None) {
                     Ok(_) | Err(rustix::io::Errno::INTR) => {}
                     Err(e) => return Err(e.to_string()),
@@ -259,8 +260,9 @@ fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
             return Err(format!("there is no core {core}"));
         }
         set.set(core);
-        rustix::thread::sched_setaffinity(None, &set)
-            .map_err(|e| format!("this process cannot be bound to core {core}: {e}; choose a core that exists"))?;
+        rustix::thread::sched_setaffinity(None, &set).map_err(|e| {
+            format!("this process cannot be bound to core {core}: {e}; choose a core that exists")
+        })?;
     }
     if let Priority::Fifo(level) = priority {
         stillpoint_shm::real_time(level)?;
@@ -304,7 +306,8 @@ impl Watch {
                         line.push(b'\n');
                         let _ = rustix::io::write(rustix::stdio::stdout(), &line);
                     }
-                    rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL).ok();
+                    rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)
+                        .ok();
                 }
             }
         });

@@ -1,0 +1,279 @@
+//! Reading parameters out of the marked tree, with every fault.
+
+use std::cell::RefCell;
+
+use serde_json::Value as Json;
+
+use super::value::choices_help;
+use super::{Names, ParamField, ParamType, ParamValue};
+use crate::setup::Files;
+use crate::spec::faults::{Code, Complaint, Findings};
+use crate::spec::near::{nearest, shown};
+use crate::spec::source::Span;
+use crate::spec::tree::{Entry, Keys, Node, Value};
+use crate::spec::yaml;
+
+/// Source number of a default: it stands in no text that people see.
+const DEFAULT: usize = usize::MAX;
+
+/// Reads parameters out of a config.
+pub struct ParamReader<'a> {
+    entries: &'a [Entry],
+    keys: Option<Keys<'a>>,
+    /// What the parameters belong to, for messages.
+    owner: &'a str,
+    /// Where a missing parameter is reported.
+    place: Span,
+    findings: &'a Findings,
+    files: &'a dyn Files,
+    named: &'a RefCell<Vec<String>>,
+    resolved: Json,
+}
+
+impl<'a> ParamReader<'a> {
+    /// A reader of the entries of `params:`. Files that parameters name are added to `named`.
+    pub(crate) fn new(
+        entries: &'a [Entry],
+        owner: &'a str,
+        place: Span,
+        findings: &'a Findings,
+        files: &'a dyn Files,
+        named: &'a RefCell<Vec<String>>,
+    ) -> Self {
+        Self { entries, keys: None, owner, place, findings, files, named, resolved: Json::Null }
+    }
+
+    /// The parameters as read, defaults filled in, in SI units.
+    pub fn resolved(&self) -> Json {
+        self.resolved.clone()
+    }
+
+    /// Sorts the entries by the fields; an unknown one is a fault. To be called first.
+    pub fn open(&mut self, fields: &'static [ParamField]) {
+        let names: Vec<&'static str> = fields.iter().map(|f| f.name).collect();
+        self.keys = Some(Keys::called("parameter", self.entries, &names, self.owner, self.findings));
+    }
+
+    /// Reads one field.
+    pub fn field<T: ParamValue>(&self, field: &'static ParamField) -> Option<T> {
+        match (self.keys.as_ref().and_then(|k| k.get(field.name)), field.default) {
+            (Some(entry), _) => T::read(&entry.value, field, self),
+            (None, Some(text)) => T::read(&default_node(text, T::TYPE, self.findings)?, field, self),
+            (None, None) => T::absent(field, self),
+        }
+    }
+
+    /// Reads a nested group of fields.
+    pub fn group<T: super::Params>(&self, node: &Node, field: &ParamField) -> Option<T> {
+        let entries = node.map(&shown(field.name), "a mapping", self.findings)?;
+        self.nested(entries, field, node.span.first(1))
+    }
+
+    /// A nested group that the config does not give: all its fields have their defaults.
+    pub fn absent_group<T: super::Params>(&self, field: &ParamField) -> Option<T> {
+        if field.is_required() {
+            self.missing(field);
+            return None;
+        }
+        self.nested(&[], field, self.place)
+    }
+
+    fn nested<T: super::Params>(&self, entries: &[Entry], field: &ParamField, place: Span) -> Option<T> {
+        let owner = format!("`{}` of {}", field.name, self.owner);
+        T::read(&mut ParamReader::new(entries, &owner, place, self.findings, self.files, self.named))
+    }
+
+    /// Keeps what [`resolved`](Self::resolved) returns. To be called last.
+    pub fn keep(&mut self, resolved: Json) {
+        self.resolved = resolved;
+    }
+
+    /// Reads a text that must be one of `names`.
+    pub fn choice<'n>(
+        &self,
+        node: &'n Node,
+        field: &ParamField,
+        names: &'static [&'static str],
+    ) -> Option<&'n str> {
+        let text = node.scalar(&shown(field.name), "a text", self.findings)?;
+        if names.contains(&text) {
+            return Some(text);
+        }
+        let help = match nearest(text, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => choices_help(names),
+        };
+        let message = format!("{} is not a choice", shown(text));
+        self.complain(node, field, Complaint::new(Code::UnknownChoice, message, help));
+        None
+    }
+
+    /// Faults of this reader.
+    pub fn findings(&self) -> &Findings {
+        self.findings
+    }
+
+    /// Adds a fault about the value of a field.
+    pub fn complain(&self, node: &Node, field: &ParamField, complaint: Complaint) {
+        let Complaint { code, message, help } = complaint;
+        if node.span.source == DEFAULT {
+            let message = format!("the default of `{}` cannot be read: {message}", field.name);
+            self.findings.say(self.place, code, message, "report it: the operator is declared wrongly");
+        } else {
+            self.findings.say(node.span, code, format!("`{}`: {message}", field.name), help);
+        }
+    }
+
+    /// Adds the fault that a field must be given.
+    pub fn missing(&self, field: &ParamField) {
+        let example = example(field);
+        self.findings.say(
+            self.place,
+            Code::MissingParam,
+            format!("{} needs the parameter `{}`", self.owner, field.name),
+            format!("add `{}: {example}`", field.name),
+        );
+    }
+
+    /// Checks that a file is there and keeps its name.
+    pub(super) fn file(&self, node: &Node, field: &ParamField, name: &str) -> bool {
+        let wrong = match (self.files.list(name), field.names) {
+            (Err(reason), _) => {
+                Some((reason, "write its path from the folder of this file, or put it there"))
+            }
+            (Ok(list), Names::File) if list != [name] => {
+                Some(("it is a folder, but one file is due".into(), "name a file in it"))
+            }
+            (Ok(list), _) if list.is_empty() => Some(("the folder is empty".into(), "put the files into it")),
+            _ => None,
+        };
+        if let Some((reason, help)) = wrong {
+            let message = format!("{} cannot be used: {reason}", shown(name));
+            self.complain(node, field, Complaint::new(Code::FileMissing, message, help));
+            return false;
+        }
+        let mut named = self.named.borrow_mut();
+        if !named.iter().any(|n| n == name) {
+            named.push(name.to_owned());
+        }
+        true
+    }
+}
+
+/// A value that a config could give for a field, for help and reference.
+pub(crate) fn example(field: &ParamField) -> String {
+    example_of(field, field.ty)
+}
+
+fn example_of(field: &ParamField, ty: ParamType) -> String {
+    let quantity = |plain: &str| match (field.min.or(field.max), crate::spec::units::find(field.unit)) {
+        (Some(bound), _) => bound.to_owned(),
+        (None, Some((dimension, _))) => {
+            let unit = dimension.units.get(1).or(dimension.units.first()).map_or("", |u| u.symbol);
+            format!("5 {unit}")
+        }
+        (None, None) => plain.to_owned(),
+    };
+    match ty {
+        ParamType::Number => quantity("0.5"),
+        ParamType::Integer { .. } => quantity("5"),
+        ParamType::Switch => "true".into(),
+        ParamType::Text => match (field.choices.first(), field.names) {
+            (Some(choice), _) => (*choice).to_owned(),
+            (None, Names::Nothing) => "text".into(),
+            (None, _) => "path/to/file".into(),
+        },
+        ParamType::Choice(names) => names.first().copied().unwrap_or_default().to_owned(),
+        ParamType::List { of, len } => {
+            let item = example_of(field, *of);
+            format!("[{}]", vec![item; len.unwrap_or(1).clamp(1, 6)].join(", "))
+        }
+        ParamType::Group(fields) => {
+            let required: Vec<String> = fields
+                .iter()
+                .filter(|f| f.is_required())
+                .map(|f| format!("{}: {}", f.name, example(f)))
+                .collect();
+            format!("{{ {} }}", required.join(", "))
+        }
+    }
+}
+
+fn default_node(text: &'static str, ty: ParamType, findings: &Findings) -> Option<Node> {
+    let span = Span { source: DEFAULT, start: 0, end: 0, line: 1, column: 1 };
+    match ty {
+        ParamType::List { .. } | ParamType::Group(_) => {
+            let mut node = yaml::parse(text, DEFAULT, 0, findings)?;
+            mark(&mut node, span);
+            Some(node)
+        }
+        _ => Some(Node::text(text, span)),
+    }
+}
+
+/// Gives a tree one place.
+fn mark(node: &mut Node, span: Span) {
+    node.span = span;
+    match &mut node.value {
+        Value::List(items) => items.iter_mut().for_each(|n| mark(n, span)),
+        Value::Map(entries) => entries.iter_mut().for_each(|e| mark(&mut e.value, span)),
+        _ => {}
+    }
+}
+
+/// Whether units, defaults and ranges of parameters can be read: for a test in each family of operators.
+pub fn verify<T: super::Params>() -> Result<(), String> {
+    verify_fields(T::FIELDS)
+}
+
+fn verify_fields(fields: &'static [ParamField]) -> Result<(), String> {
+    for field in fields {
+        let innermost = innermost(field.ty);
+        if let ParamType::Group(nested) = innermost {
+            verify_fields(nested)?;
+        }
+        if field.about.is_empty() {
+            return Err(format!("`{}` has no description", field.name));
+        }
+        let bounds = [field.min, field.above, field.max].into_iter().flatten();
+        let mut texts: Vec<&str> = bounds.collect();
+        if !matches!(field.ty, ParamType::List { .. }) {
+            texts.extend(field.default);
+        }
+        let known = crate::spec::units::find(field.unit);
+        if !field.unit.is_empty() && known.is_none() {
+            return Err(format!("`{}` has the unknown unit {}", field.name, field.unit));
+        }
+        for text in texts {
+            let read = match innermost {
+                ParamType::Number if field.unit.is_empty() => crate::spec::quantity::plain(text).map(|_| ()),
+                ParamType::Number => {
+                    let si = known.map(|(d, _)| d.si());
+                    if si != Some(field.unit) {
+                        return Err(format!("`{}` must be in SI: {}", field.name, si.unwrap_or_default()));
+                    }
+                    crate::spec::quantity::si(text, field.unit).map(|_| ())
+                }
+                ParamType::Integer { .. } if field.unit.is_empty() => {
+                    crate::spec::quantity::whole(text).map(|_| ())
+                }
+                ParamType::Integer { .. } => crate::spec::quantity::whole_in(text, field.unit).map(|_| ()),
+                ParamType::Text | ParamType::Choice(_)
+                    if !field.choices().is_empty() && !field.choices().contains(&text) =>
+                {
+                    return Err(format!("`{}`: {text} is not a choice", field.name));
+                }
+                _ => Ok(()),
+            };
+            read.map_err(|c| format!("`{}`: {}", field.name, c.message))?;
+        }
+    }
+    Ok(())
+}
+
+fn innermost(ty: ParamType) -> ParamType {
+    match ty {
+        ParamType::List { of, .. } => innermost(*of),
+        other => other,
+    }
+}

@@ -1,0 +1,203 @@
+//! The graph: everything in topological order, with processes and recording resolved.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::check::numbers;
+use super::document::Document;
+use super::faults::{Code, Findings};
+use super::near::{shown, suggestion};
+use super::port_frames::PortFrames;
+use super::processes::RESTART;
+use super::record::Parsed;
+use super::source::Marked;
+use super::sync::Consumption;
+use super::wiring::Wired;
+use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record};
+use crate::params::CheckedParams;
+
+/// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
+/// each.
+pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNode> {
+    let numbers = numbers(document);
+    let mut home: BTreeMap<usize, &str> = BTreeMap::new();
+    let mut processes = Vec::new();
+    for parsed in &document.processes {
+        let name = parsed.name.value.as_str();
+        let mut operators = Vec::new();
+        for member in &parsed.operators {
+            let Some(&number) = numbers.get(member.value.as_str()) else {
+                unknown_operator(document, member, findings);
+                continue;
+            };
+            match home.insert(number, name) {
+                Some(other) => findings.say(
+                    member.span,
+                    Code::ProcessShared,
+                    format!("{} is in the process `{other}` already", shown(&member.value)),
+                    format!("take it out of `{other}` or of `{name}`"),
+                ),
+                None => operators.push(number),
+            }
+        }
+        processes.push(ProcessNode {
+            name: name.to_owned(),
+            operators,
+            restart: parsed.restart,
+            core: parsed.core,
+            priority: parsed.priority,
+        });
+    }
+    for parsed in &document.processes {
+        let name = parsed.name.value.as_str();
+        if let Some(number) = numbers.get(name)
+            && !home.contains_key(number)
+        {
+            findings.say(
+                parsed.name.span,
+                Code::DuplicateName,
+                format!(
+                    "{} is also an operator outside this process, whose own process has that name",
+                    shown(name)
+                ),
+                "give the process another name, or make the operator a member",
+            );
+        } else if let Some(number) = numbers.get(name)
+            && home.get(number).is_some_and(|h| *h != name)
+        {
+            findings.say(
+                parsed.name.span,
+                Code::DuplicateName,
+                format!("{} is also an operator of another process", shown(name)),
+                "give the process another name",
+            );
+        }
+    }
+    for (number, operator) in document.operators.iter().enumerate() {
+        if !home.contains_key(&number) {
+            processes.push(ProcessNode {
+                name: operator.name.value.clone(),
+                operators: vec![number],
+                restart: RESTART,
+                core: None,
+                priority: Priority::Normal,
+            });
+        }
+    }
+    processes
+}
+
+fn unknown_operator(document: &Document<'_>, name: &Marked<String>, findings: &Findings) {
+    let names = document.operators.iter().map(|o| o.name.value.as_str());
+    findings.say(
+        name.span,
+        Code::UnknownOperator,
+        format!("there is no operator {}", shown(&name.value)),
+        suggestion(&name.value, names, "operators", findings),
+    );
+}
+
+/// What is recorded.
+pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> Record {
+    let topics = match &document.record {
+        Parsed::Sources => return Record::Sources,
+        Parsed::All => return Record::All,
+        Parsed::Topics(topics) => topics,
+    };
+    let numbers = numbers(document);
+    let mut kept = BTreeSet::new();
+    let mut list = Vec::new();
+    for topic in topics {
+        let (operator, port) = (&topic.value.operator, &topic.value.port);
+        let Some(&number) = numbers.get(operator.value.as_str()) else {
+            unknown_operator(document, operator, findings);
+            continue;
+        };
+        let Some(stage) = &wired[number].stage else { continue };
+        let name = format!("{}.{}", operator.value, port.value);
+        if !stage.kind.outputs.iter().any(|o| o.name == port.value) {
+            findings.say(
+                port.span,
+                Code::UnknownTopic,
+                format!("there is no topic {}: `{}` has no such output", shown(&name), operator.value),
+                suggestion(&port.value, stage.kind.outputs.iter().map(|o| o.name), "outputs", findings),
+            );
+        } else if !kept.insert(name.clone()) {
+            findings.say(
+                topic.span,
+                Code::DuplicateName,
+                format!("{} stands twice in the list", shown(&name)),
+                "remove one of them",
+            );
+        } else {
+            list.push(name);
+        }
+    }
+    Record::Topics(list)
+}
+
+/// The checked pipeline. `None` only where a fault was found and something is therefore missing.
+#[allow(clippy::too_many_arguments)] // One argument per part of the check, each used once.
+pub fn graph(
+    document: Document<'_>,
+    wired: Vec<Wired>,
+    checked: Vec<(Option<CheckedParams>, Vec<String>)>,
+    policies: Vec<Vec<Consumption>>,
+    frames: PortFrames,
+    order: Vec<usize>,
+    mut processes: Vec<ProcessNode>,
+    record: Record,
+) -> Option<Graph> {
+    let mut place = vec![0; order.len()];
+    for (new, old) in order.iter().enumerate() {
+        *place.get_mut(*old)? = new;
+    }
+    let mut process_of = vec![0; order.len()];
+    for (number, process) in processes.iter_mut().enumerate() {
+        for member in &mut process.operators {
+            *member = *place.get(*member)?;
+            process_of[*member] = number;
+        }
+        process.operators.sort_unstable();
+    }
+    let mut checked: Vec<_> = checked.into_iter().map(Some).collect();
+    let mut operators = Vec::with_capacity(order.len());
+    for (new, old) in order.iter().enumerate() {
+        let parsed = document.operators.get(*old)?;
+        let stage = wired.get(*old)?.stage?;
+        let (params, files) = checked.get_mut(*old)?.take()?;
+        let params = params?;
+        let capacities = (stage.capacities)(&params);
+        let inputs =
+            wired[*old].inputs.iter().zip(&policies[*old]).map(|(input, (policy, leader))| InputNode {
+                edge: input.edge.map(|e| Edge { operator: place[e.operator], ..e }),
+                policy: *policy,
+                sync_leader: *leader,
+                frame: input.edge.and_then(|e| frames.output(e.operator, e.output)).map(str::to_owned),
+            });
+        let outputs = stage.kind.outputs.iter().enumerate().map(|(port, output)| OutputNode {
+            topic: format!("{}.{}", parsed.name.value, output.name),
+            frame: frames.output(*old, port).map(str::to_owned),
+            capacity: capacities.get(port).copied().unwrap_or(1),
+        });
+        operators.push(OperatorNode {
+            name: parsed.name.value.clone(),
+            stage,
+            params,
+            files,
+            every: parsed.every.as_ref().map(|e| e.value),
+            latency: parsed.latency,
+            deadline: parsed.deadline,
+            inputs: inputs.collect(),
+            outputs: outputs.collect(),
+            process: process_of[new],
+        });
+    }
+    Some(Graph {
+        name: document.name,
+        seed: document.seed,
+        frames: document.frames,
+        operators,
+        processes,
+        record,
+    })
+}

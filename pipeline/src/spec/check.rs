@@ -1,0 +1,140 @@
+//! The pass over a whole pipeline: parse, look up, check, and make the graph only where nothing is wrong.
+
+use std::cell::RefCell;
+
+use super::document::{self, Document};
+use super::faults::{Code, Faults, Findings};
+use super::operators::ParsedOperator;
+use super::source::Sources;
+use super::tree::Entry;
+use super::wiring::Wired;
+use super::{assemble, order, port_frames, sets, sync, wiring, yaml};
+use crate::graph::Graph;
+use crate::operator::{Registry, Role, Stage, Timer};
+use crate::params::{CheckedParams, ParamReader};
+use crate::setup::Files;
+
+/// Reads a pipeline and checks all of it. `file_name` is what faults name; each of `sets` is an
+/// `operator.param=value` that replaces what the file says; `files` answers for the files that parameters name.
+pub fn check(
+    text: &str,
+    file_name: &str,
+    sets: &[String],
+    registry: &Registry,
+    files: &dyn Files,
+) -> Result<Graph, Faults> {
+    let findings = Findings::default();
+    let graph = pass(text, sets, registry, files, &findings);
+    match graph {
+        Some(graph) if findings.is_empty() => Ok(graph),
+        _ => {
+            if findings.is_empty() {
+                let place = Default::default();
+                findings.say(
+                    place,
+                    Code::Syntax,
+                    "the pipeline cannot be read",
+                    "report it: no reason was found",
+                );
+            }
+            Err(findings.into_faults(Sources::new(file_name, text, sets)))
+        }
+    }
+}
+
+fn pass(
+    text: &str,
+    sets: &[String],
+    registry: &Registry,
+    files: &dyn Files,
+    findings: &Findings,
+) -> Option<Graph> {
+    let parsed = yaml::parse(text, 0, 0, findings);
+    let Some(mut root) = parsed else {
+        if findings.is_empty() {
+            findings.say(
+                Default::default(),
+                Code::WrongShape,
+                "the file is empty",
+                format!("begin with `stillpoint: {}`", document::VERSION),
+            );
+        }
+        return None;
+    };
+    let seed = sets::apply(&mut root, sets, findings);
+    let mut document = document::read(&root, findings)?;
+    document.seed = seed.unwrap_or(document.seed);
+    let wired = wiring::connect(&document, registry, findings);
+    let mut checked = Vec::new();
+    for (parsed, wired) in document.operators.iter().zip(&wired) {
+        let named = RefCell::new(Vec::new());
+        let params = wired.stage.as_ref().and_then(|stage| params(parsed, stage, files, &named, findings));
+        if let Some(stage) = &wired.stage {
+            timer(parsed, stage, wired, findings);
+        }
+        checked.push((params, named.into_inner()));
+    }
+    let policies = sync::policies(&document, &wired, findings);
+    let order = order::upstream_first(&document, &wired, findings);
+    let frames = port_frames::resolve(&document, &wired, findings);
+    let processes = assemble::processes(&document, findings);
+    let record = assemble::record(&document, &wired, findings);
+    if !findings.is_empty() {
+        return None;
+    }
+    assemble::graph(document, wired, checked, policies, frames, order, processes, record)
+}
+
+fn params(
+    parsed: &ParsedOperator<'_>,
+    stage: &Stage,
+    files: &dyn Files,
+    named: &RefCell<Vec<String>>,
+    findings: &Findings,
+) -> Option<CheckedParams> {
+    let entries: &[Entry] = match parsed.params {
+        Some(node) => node.map("`params`", "a mapping from parameters to values", findings)?,
+        None => &[],
+    };
+    // A missing parameter is reported where the operator is: it has no place of its own.
+    let place = parsed.name.span;
+    (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))
+}
+
+fn timer(parsed: &ParsedOperator<'_>, stage: &Stage, wired: &Wired, findings: &Findings) {
+    let (name, kind) = (&parsed.name.value, stage.kind.name);
+    // A missing required input is a fault of its own.
+    let is_idle = !wired.is_fed() && stage.kind.inputs.iter().all(|i| !i.required);
+    match (stage.kind.timer, parsed.has_every) {
+        (Timer::Required, None) => findings.say(
+            parsed.name.span,
+            Code::TimerMissing,
+            format!("`{name}` ({kind}) runs by a timer, but `every` does not say how often"),
+            "add `every: 10 ms` with its period",
+        ),
+        (Timer::No, Some(span)) => findings.say(
+            span,
+            Code::TimerForbidden,
+            format!("`{name}` ({kind}) runs when samples come and has no timer"),
+            "remove `every`",
+        ),
+        (timer, None) if stage.kind.role == Role::Operator && is_idle => {
+            let help = match timer {
+                Timer::No => "connect an input, or remove the operator",
+                _ => "connect an input, or add `every: 10 ms`",
+            };
+            findings.say(
+                parsed.name.span,
+                Code::NeverActivated,
+                format!("nothing ever activates `{name}` ({kind}): none of its inputs is connected"),
+                help,
+            );
+        }
+        _ => {}
+    }
+}
+
+/// Numbers of operators by name.
+pub(super) fn numbers<'d>(document: &'d Document<'_>) -> std::collections::BTreeMap<&'d str, usize> {
+    document.operators.iter().enumerate().map(|(i, o)| (o.name.value.as_str(), i)).collect()
+}

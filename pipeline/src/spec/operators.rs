@@ -1,0 +1,89 @@
+//! The section `operators` as it was written.
+
+use super::document::{check_name, missing, period, time};
+use super::faults::Findings;
+use super::inputs::{self, ParsedInput};
+use super::source::{Marked, Span};
+use super::tree::{Entry, Keys, Node};
+
+/// Keys of an operator.
+pub const KEYS: &[&str] = &["use", "params", "inputs", "every", "frame", "latency", "deadline"];
+
+/// An operator as it was written.
+pub struct ParsedOperator<'t> {
+    /// Its name.
+    pub name: Marked<String>,
+    /// Its kind; `None` where it was not readable.
+    pub kind: Option<Marked<String>>,
+    /// Its parameters.
+    pub params: Option<&'t Node>,
+    /// Its inputs.
+    pub inputs: Vec<ParsedInput>,
+    /// Period of its timer, ns.
+    pub every: Option<Marked<u64>>,
+    /// `every` stands there, readable or not.
+    pub has_every: Option<Span>,
+    /// Its frame.
+    pub frame: Option<Marked<String>>,
+    /// `frame` stands there, readable or not.
+    pub has_frame: Option<Span>,
+    /// Time that the simulated executor charges, ns.
+    pub latency: u64,
+    /// Longest step, ns.
+    pub deadline: Option<u64>,
+}
+
+/// Reads the section.
+pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>> {
+    let due = "a mapping from names to operators";
+    let Some(entries) = entry.value.map("`operators`", due, findings) else { return Vec::new() };
+    if entries.is_empty() {
+        missing("`operators`", "rig", "{ use: family.kind }", entry.key.span, findings);
+    }
+    entries.iter().map(|e| operator(e, findings)).collect()
+}
+
+fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
+    let name = entry.key.clone();
+    check_name(&name, "an operator", findings);
+    let mut parsed = ParsedOperator {
+        name,
+        kind: None,
+        params: None,
+        inputs: Vec::new(),
+        every: None,
+        has_every: None,
+        frame: None,
+        has_frame: None,
+        latency: 0,
+        deadline: None,
+    };
+    let place = "an operator";
+    let Some(entries) =
+        entry.value.map(&format!("`{}`", parsed.name.value), "{ use: family.kind }", findings)
+    else {
+        return parsed;
+    };
+    let keys = Keys::of(entries, KEYS, place, findings);
+    match keys.get("use") {
+        Some(e) => {
+            parsed.kind = e
+                .value
+                .scalar("`use`", "the kind of the operator", findings)
+                .map(|t| Marked::new(t.to_owned(), e.value.span));
+        }
+        None => missing(place, "use", "family.kind", parsed.name.span, findings),
+    }
+    parsed.params = keys.get("params").map(|e| &e.value);
+    parsed.inputs = keys.get("inputs").map(|e| inputs::read(&e.value, findings)).unwrap_or_default();
+    parsed.has_every = keys.get("every").map(|e| e.key.span);
+    parsed.every = keys.get("every").and_then(|e| period(e, findings));
+    parsed.has_frame = keys.get("frame").map(|e| e.key.span);
+    parsed.frame = keys.get("frame").and_then(|e| {
+        let text = e.value.scalar("`frame`", "the name of a frame", findings)?;
+        Some(Marked::new(text.to_owned(), e.value.span))
+    });
+    parsed.latency = keys.get("latency").and_then(|e| time(e, findings)).map_or(0, |t| t.value);
+    parsed.deadline = keys.get("deadline").and_then(|e| period(e, findings)).map(|t| t.value);
+    parsed
+}

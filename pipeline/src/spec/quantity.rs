@@ -1,0 +1,303 @@
+//! Quantities: a number with a unit, read as SI.
+//!
+//! `4 mm` is the double nearest to 0.004: the decimal point is moved before the number becomes binary.
+
+use super::faults::{Code, Complaint};
+use super::near::{nearest, shown};
+use super::units::{DIMENSIONS, Dimension, Factor, Unit, find};
+
+/// Most characters of a quantity.
+const LONGEST: usize = 64;
+
+/// A decimal number as written.
+struct Decimal<'t> {
+    negative: bool,
+    whole: &'t str,
+    fraction: &'t str,
+    exponent: i32,
+}
+
+impl Decimal<'_> {
+    fn text(&self, shift: i32) -> String {
+        let sign = if self.negative { "-" } else { "" };
+        format!("{sign}{}.{}e{}", self.whole, self.fraction, self.exponent + shift)
+    }
+
+    /// The digits as a whole number, and the power of ten that goes with it.
+    fn digits(&self) -> Option<(i128, i32)> {
+        let digits = format!("0{}{}", self.whole, self.fraction.trim_end_matches('0'));
+        let dropped = self.fraction.len() - self.fraction.trim_end_matches('0').len();
+        let value: i128 = digits.parse().ok()?;
+        let power = self.exponent - (self.fraction.len() - dropped) as i32;
+        Some((if self.negative { -value } else { value }, power))
+    }
+}
+
+/// Splits a text into its number and the rest.
+fn split(text: &str) -> Option<(Decimal<'_>, &str)> {
+    let text = text.trim();
+    if text.len() > LONGEST {
+        return None;
+    }
+    let (negative, body) = match text.as_bytes().first()? {
+        b'-' => (true, &text[1..]),
+        b'+' => (false, &text[1..]),
+        _ => (false, text),
+    };
+    let run = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();
+    let (whole, mut rest) = body.split_at(run(body));
+    let mut fraction = "";
+    if let Some(after) = rest.strip_prefix('.') {
+        (fraction, rest) = after.split_at(run(after));
+    }
+    if whole.is_empty() && fraction.is_empty() {
+        return None;
+    }
+    let mut exponent = 0;
+    if let Some(after) = rest.strip_prefix(['e', 'E']) {
+        let signed = after.strip_prefix(['-', '+']).unwrap_or(after);
+        let digits = run(signed);
+        if digits > 0 {
+            let end = after.len() - signed.len() + digits;
+            exponent = after[..end].parse().ok().filter(|e: &i32| e.abs() <= 400)?;
+            rest = &after[end..];
+        }
+    }
+    Some((Decimal { negative, whole, fraction, exponent }, rest.trim()))
+}
+
+/// A plain number, with no unit.
+pub fn plain(text: &str) -> Result<f64, Complaint> {
+    let (decimal, unit) = split(text).ok_or_else(|| not_a_number(text, "a number", "5"))?;
+    refuse_unit(text, unit)?;
+    finite(text, decimal.text(0).parse().unwrap_or(f64::NAN))
+}
+
+/// A plain whole number, with no unit.
+pub fn whole(text: &str) -> Result<i128, Complaint> {
+    let (decimal, unit) = split(text).ok_or_else(|| not_a_number(text, "a whole number", "5"))?;
+    refuse_unit(text, unit)?;
+    shifted(&decimal, 0, 1).ok_or_else(|| {
+        Complaint::new(
+            Code::NotANumber,
+            format!("{} is not a whole number", shown(text)),
+            "write a whole number, for example 5",
+        )
+    })
+}
+
+/// A quantity in the SI unit of what `unit` measures.
+pub fn si(text: &str, unit: &str) -> Result<f64, Complaint> {
+    let dimension = known(unit)?;
+    let (decimal, found) = in_dimension(text, dimension)?;
+    let value = match found.factor {
+        Factor::Ten(power) => decimal.text(power).parse().unwrap_or(f64::NAN),
+        Factor::Whole(factor) => match decimal.digits() {
+            Some((digits, power)) if digits.checked_mul(i128::from(factor)).is_some() => {
+                format!("{}e{power}", digits * i128::from(factor)).parse().unwrap_or(f64::NAN)
+            }
+            _ => decimal.text(0).parse().unwrap_or(f64::NAN) * f64::from(factor),
+        },
+        Factor::Real(factor) => decimal.text(0).parse().unwrap_or(f64::NAN) * factor,
+    };
+    finite(text, value)
+}
+
+/// A quantity as an exact whole number of `unit`.
+pub fn whole_in(text: &str, unit: &str) -> Result<i128, Complaint> {
+    let dimension = known(unit)?;
+    let base = dimension.unit(unit).map_or(0, |u| match u.factor {
+        Factor::Ten(power) => power,
+        _ => 0,
+    });
+    let (decimal, found) = in_dimension(text, dimension)?;
+    let value = match found.factor {
+        Factor::Ten(power) => shifted(&decimal, power - base, 1),
+        Factor::Whole(factor) => shifted(&decimal, -base, i128::from(factor)),
+        Factor::Real(_) => None,
+    };
+    value.ok_or_else(|| {
+        Complaint::new(
+            Code::NotANumber,
+            format!("{} is not a whole number of {unit}", shown(text)),
+            format!("round it to a whole number of {unit}"),
+        )
+    })
+}
+
+/// A time in whole nanoseconds.
+pub fn nanoseconds(text: &str) -> Result<u64, Complaint> {
+    let value = whole_in(text, "ns")?;
+    u64::try_from(value).map_err(|_| {
+        Complaint::new(
+            Code::OutOfRange,
+            format!("{} is not a time from 0 s to 584 years", shown(text)),
+            "write a time that is not negative, for example `10 ms`",
+        )
+    })
+}
+
+fn known(unit: &str) -> Result<&'static Dimension, Complaint> {
+    find(unit).map(|(d, _)| d).ok_or_else(|| {
+        Complaint::new(
+            Code::UnknownUnit,
+            format!("this build asks for the unit {}, which it does not know", shown(unit)),
+            "report it: the operator's parameters are declared wrongly",
+        )
+    })
+}
+
+/// The decimal times `factor` times ten to `shift`, where that is a whole number.
+fn shifted(decimal: &Decimal<'_>, shift: i32, factor: i128) -> Option<i128> {
+    let (digits, power) = decimal.digits()?;
+    let mut value = digits.checked_mul(factor)?;
+    let power = power + shift;
+    for _ in 0..power.unsigned_abs() {
+        if value == 0 {
+            break;
+        }
+        if power > 0 {
+            value = value.checked_mul(10)?;
+        } else if value % 10 == 0 {
+            value /= 10;
+        } else {
+            return None;
+        }
+    }
+    Some(value)
+}
+
+fn in_dimension<'t>(
+    text: &'t str,
+    dimension: &'static Dimension,
+) -> Result<(Decimal<'t>, &'static Unit), Complaint> {
+    let due = dimension.name;
+    let example = example(dimension);
+    let (decimal, written) = split(text).ok_or_else(|| not_a_number(text, due, &example))?;
+    if let Some(unit) = dimension.unit(written) {
+        return Ok((decimal, unit));
+    }
+    if written.starts_with([',', '.', '-', '+', '_']) {
+        return Err(not_a_number(text, due, &example));
+    }
+    let number = text.trim()[..text.trim().len() - written.len()].trim_end();
+    let units = || dimension.units.iter().map(|u| u.symbol);
+    if written.is_empty() {
+        return Err(Complaint::new(
+            Code::MissingUnit,
+            format!("{} has no unit, but {due} is due", shown(text)),
+            format!("write it with its unit: {}", one_of(&units().collect::<Vec<_>>(), number)),
+        ));
+    }
+    if let Some((other, _)) = find(written) {
+        return Err(Complaint::new(
+            Code::WrongUnit,
+            format!("{} is {}, but {due} is due", shown(text), other.name),
+            format!("write it in {}", or(&units().collect::<Vec<_>>())),
+        ));
+    }
+    let near = nearest(written, units())
+        .or_else(|| nearest(written, DIMENSIONS.iter().flat_map(|d| d.units).map(|u| u.symbol)));
+    let help = match near {
+        Some(near) if dimension.unit(near).is_some() => format!("did you mean `{number} {near}`?"),
+        _ => format!("write it in {}", or(&units().collect::<Vec<_>>())),
+    };
+    Err(Complaint::new(
+        Code::UnknownUnit,
+        format!("{} is not a unit, and {due} is due", shown(written)),
+        help,
+    ))
+}
+
+fn example(dimension: &Dimension) -> String {
+    format!("5 {}", dimension.units.get(1).or(dimension.units.first()).map_or("", |u| u.symbol))
+}
+
+fn one_of(units: &[&str], number: &str) -> String {
+    let shown: Vec<String> = units.iter().take(3).map(|u| format!("`{number} {u}`")).collect();
+    or(&shown.iter().map(String::as_str).collect::<Vec<_>>())
+}
+
+/// `a, b or c`.
+pub fn or(words: &[&str]) -> String {
+    match words {
+        [] => String::new(),
+        [one] => (*one).to_owned(),
+        [most @ .., last] => format!("{} or {last}", most.join(", ")),
+    }
+}
+
+fn refuse_unit(text: &str, unit: &str) -> Result<(), Complaint> {
+    if unit.is_empty() {
+        return Ok(());
+    }
+    let number = text.trim()[..text.trim().len() - unit.len()].trim_end();
+    Err(match find(unit) {
+        Some((dimension, _)) => Complaint::new(
+            Code::WrongUnit,
+            format!("{} is {}, but a plain number is due", shown(text), dimension.name),
+            format!("write `{number}`"),
+        ),
+        None => not_a_number(text, "a plain number", number),
+    })
+}
+
+fn finite(text: &str, value: f64) -> Result<f64, Complaint> {
+    if value.is_finite() {
+        // No second zero: equal configs resolve to equal bytes.
+        return Ok(if value == 0.0 { 0.0 } else { value });
+    }
+    Err(Complaint::new(Code::NotANumber, format!("{} is not finite", shown(text)), "write a finite number"))
+}
+
+fn not_a_number(text: &str, due: &str, example: &str) -> Complaint {
+    let dotted = text.replacen(',', ".", 1);
+    let help = if text.contains(',') && split(&dotted).is_some() {
+        format!("write the decimal point as a point: `{}`", dotted.trim())
+    } else {
+        format!("write {due}, for example `{example}`")
+    };
+    Complaint::new(Code::NotANumber, format!("{} is not {due}", shown(text)), help)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimal_quantities_are_the_nearest_double() {
+        assert_eq!(si("4 mm", "m"), Ok(0.004));
+        assert_eq!(si("0.3mm", "m"), Ok(0.0003));
+        assert_eq!(si("-450 mm", "m"), Ok(-0.45));
+        assert_eq!(si("1.1e3 us", "s"), Ok(0.0011));
+        assert_eq!(si("15 kPa", "Pa"), Ok(15000.0));
+        assert_eq!(si("0.1 min", "s"), Ok(6.0));
+        assert_eq!(si("50 %", "1"), Ok(0.5));
+        assert_eq!(si("180 deg", "rad"), Ok(std::f64::consts::PI));
+        assert_eq!(si("15 psi", "Pa"), Ok(103_421.359_397_525_41));
+        assert_eq!(si("9.81 m/s^2", "m/s2"), Ok(9.81));
+    }
+
+    #[test]
+    fn times_are_exact_nanoseconds() {
+        assert_eq!(nanoseconds("10 ms"), Ok(10_000_000));
+        assert_eq!(nanoseconds("0.1 s"), Ok(100_000_000));
+        assert_eq!(nanoseconds("1.5 min"), Ok(90_000_000_000));
+        assert_eq!(nanoseconds("18446744073.709551615 s"), Ok(u64::MAX));
+        assert!(nanoseconds("0.5 ns").is_err());
+        assert!(nanoseconds("-1 s").is_err());
+        assert!(nanoseconds("1e300 s").is_err());
+    }
+
+    #[test]
+    fn wrong_units_are_refused_with_what_is_due() {
+        let code = |text| si(text, "m").unwrap_err().code;
+        assert_eq!(code("4"), Code::MissingUnit);
+        assert_eq!(code("4 ms"), Code::WrongUnit);
+        assert_eq!(code("4 nn"), Code::UnknownUnit);
+        assert_eq!(code("four mm"), Code::NotANumber);
+        assert_eq!(code(".inf"), Code::NotANumber);
+        assert_eq!(code("1e400 m"), Code::NotANumber);
+        assert_eq!(si("4,5 mm", "m").unwrap_err().help, "write the decimal point as a point: `4.5 mm`");
+    }
+}

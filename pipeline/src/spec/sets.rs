@@ -1,0 +1,123 @@
+//! `--set operator.param=value`: what the command line puts in the place of what the file says.
+
+use super::document;
+use super::faults::{Code, Findings};
+use super::near::{shown, suggestion};
+use super::operators;
+use super::source::{Marked, Span};
+use super::tree::{Entry, Node, Value};
+use super::yaml;
+
+/// Applies the arguments to the tree, in their order. Returns the seed where `seed=N` is among them.
+pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Option<u64> {
+    let mut seed = None;
+    for (number, text) in sets.iter().enumerate() {
+        let source = number + 1;
+        let all = Span { source, start: 0, end: text.len(), line: 1, column: 1 };
+        let Some((path, value)) = text.split_once('=') else {
+            let message = format!("{} sets nothing: `=` is missing", shown(text));
+            findings.say(all, Code::Set, message, "write `--set operator.param=value`");
+            continue;
+        };
+        let offset = path.len() + 1;
+        let node = yaml::parse(value, source, offset, findings);
+        let Some(node) = node.filter(|n| !matches!(n.value, Value::Nothing)) else {
+            if value.trim().is_empty() {
+                let message = format!("{} sets no value", shown(text));
+                findings.say(all, Code::Set, message, format!("write `--set {path}=value`"));
+            }
+            continue;
+        };
+        if path == "seed" {
+            seed = document::seed(&node, findings);
+        } else {
+            put(root, path, node, all, findings);
+        }
+    }
+    seed
+}
+
+/// Puts a value at `operator.key` or `operator.param.field`.
+fn put(root: &mut Node, path: &str, node: Node, all: Span, findings: &Findings) {
+    let steps = steps(path, all);
+    let [operator, rest @ ..] = steps.as_slice() else { return };
+    if rest.is_empty() || steps.iter().any(|s| s.value.is_empty()) {
+        let message = format!("{} names no parameter", shown(path));
+        findings.say(all.first(path.len()), Code::Set, message, "write `--set operator.param=value`");
+        return;
+    }
+    let Some(found) = find_operator(root, operator, findings) else { return };
+    let mut at = found;
+    let is_key = rest.len() == 1
+        && operators::KEYS.contains(&rest[0].value.as_str())
+        && !matches!(rest[0].value.as_str(), "use" | "params" | "inputs");
+    if !is_key {
+        let Some(params) = child(at, &Marked::new("params".into(), operator.span), findings) else { return };
+        at = params;
+    }
+    let Some((last, groups)) = rest.split_last() else { return };
+    for group in groups {
+        match child(at, group, findings) {
+            Some(next) => at = next,
+            None => return,
+        }
+    }
+    let Value::Map(entries) = &mut at.value else { return };
+    match entries.iter_mut().find(|e| e.key.value == last.value) {
+        // The key is the argument's now, so that a fault about it names the argument.
+        Some(entry) => *entry = Entry { key: last.clone(), value: node },
+        None => entries.push(Entry { key: last.clone(), value: node }),
+    }
+}
+
+fn steps(path: &str, all: Span) -> Vec<Marked<String>> {
+    let mut start = 0;
+    path.split('.')
+        .map(|step| {
+            let column = 1 + path[..start].chars().count();
+            let span = Span { start, end: start + step.len(), column, ..all };
+            start += step.len() + 1;
+            Marked::new(step.to_owned(), span)
+        })
+        .collect()
+}
+
+fn find_operator<'t>(root: &'t mut Node, name: &Marked<String>, findings: &Findings) -> Option<&'t mut Node> {
+    let Value::Map(sections) = &mut root.value else { return None };
+    let section = sections.iter_mut().find(|e| e.key.value == "operators")?;
+    let Value::Map(entries) = &mut section.value.value else { return None };
+    let number = entries.iter().position(|e| e.key.value == name.value);
+    if number.is_none() {
+        let names: Vec<&str> = entries.iter().map(|e| e.key.value.as_str()).collect();
+        findings.say(
+            name.span,
+            Code::UnknownOperator,
+            format!("there is no operator {}", shown(&name.value)),
+            suggestion(&name.value, names.iter().copied(), "operators", findings),
+        );
+    }
+    entries.get_mut(number?).map(|e| &mut e.value)
+}
+
+/// The mapping under a key, made where it is not there.
+fn child<'t>(at: &'t mut Node, key: &Marked<String>, findings: &Findings) -> Option<&'t mut Node> {
+    let Value::Map(entries) = &mut at.value else { return None };
+    let number = match entries.iter().position(|e| e.key.value == key.value) {
+        Some(number) => number,
+        None => {
+            let value = Node::new(Value::Map(Vec::new()), key.span);
+            entries.push(Entry { key: key.clone(), value });
+            entries.len() - 1
+        }
+    };
+    let node = &mut entries.get_mut(number)?.value;
+    if matches!(node.value, Value::Nothing) {
+        node.value = Value::Map(Vec::new());
+    }
+    if !matches!(node.value, Value::Map(_)) {
+        let message = format!("{} is {} and has no parts", shown(&key.value), node.value.words());
+        findings.say(key.span, Code::Set, message, "set the whole of it");
+        return None;
+    }
+    Some(node)
+}

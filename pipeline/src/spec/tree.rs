@@ -1,0 +1,185 @@
+//! The marked tree: YAML as it was written, each key and value with its place.
+
+use super::faults::{Code, Findings};
+use super::near::{listed, nearest, shown};
+use super::source::{Marked, Span};
+
+/// A value and where it stands.
+#[derive(Clone, Debug)]
+pub struct Node {
+    /// Where it stands.
+    pub span: Span,
+    /// What it is.
+    pub value: Value,
+}
+
+/// What a node is.
+#[derive(Clone, Debug)]
+pub enum Value {
+    /// Nothing was written.
+    Nothing,
+    /// Something was written that was refused already: say no more about it.
+    Refused,
+    /// A scalar as its text.
+    Text(String),
+    /// A sequence.
+    List(Vec<Node>),
+    /// A mapping, in the order of the file.
+    Map(Vec<Entry>),
+}
+
+/// A key with its value.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// The key.
+    pub key: Marked<String>,
+    /// The value.
+    pub value: Node,
+}
+
+impl Value {
+    /// The value in words, for messages.
+    pub fn words(&self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::Refused | Self::Text(_) => "a text",
+            Self::List(_) => "a list",
+            Self::Map(_) => "a mapping",
+        }
+    }
+}
+
+impl Node {
+    /// A node.
+    pub fn new(value: Value, span: Span) -> Self {
+        Self { span, value }
+    }
+
+    /// A scalar.
+    pub fn text(text: impl Into<String>, span: Span) -> Self {
+        Self::new(Value::Text(text.into()), span)
+    }
+
+    /// Says that something else is due here.
+    pub fn refuse(&self, what: &str, due: &str, findings: &Findings) {
+        if !matches!(self.value, Value::Refused) {
+            let found = self.value.words();
+            findings.say(
+                self.span,
+                Code::WrongShape,
+                format!("{what} is {found}, but must be {due}"),
+                format!("write {due}"),
+            );
+        }
+    }
+
+    /// The text of a scalar, or a fault.
+    pub fn scalar(&self, what: &str, due: &str, findings: &Findings) -> Option<&str> {
+        match &self.value {
+            Value::Text(t) => Some(t),
+            _ => {
+                self.refuse(what, due, findings);
+                None
+            }
+        }
+    }
+
+    /// The items of a sequence, or a fault.
+    pub fn list(&self, what: &str, due: &str, findings: &Findings) -> Option<&[Node]> {
+        match &self.value {
+            Value::List(items) => Some(items),
+            _ => {
+                self.refuse(what, due, findings);
+                None
+            }
+        }
+    }
+
+    /// The entries of a mapping, or a fault.
+    pub fn map(&self, what: &str, due: &str, findings: &Findings) -> Option<&[Entry]> {
+        match &self.value {
+            Value::Map(entries) => Some(entries),
+            _ => {
+                self.refuse(what, due, findings);
+                None
+            }
+        }
+    }
+
+    /// The value of a key of a mapping.
+    pub fn get(&self, key: &str) -> Option<&Node> {
+        match &self.value {
+            Value::Map(entries) => entries.iter().find(|e| e.key.value == key).map(|e| &e.value),
+            _ => None,
+        }
+    }
+
+    /// Number of nodes, this one included.
+    pub fn count(&self) -> usize {
+        1 + match &self.value {
+            Value::List(items) => items.iter().map(Node::count).sum::<usize>(),
+            Value::Map(entries) => entries.iter().map(|e| e.value.count()).sum(),
+            _ => 0,
+        }
+    }
+}
+
+/// The entries of a mapping by the keys that it may have.
+pub struct Keys<'t> {
+    found: Vec<(&'static str, &'t Entry)>,
+}
+
+/// Keys that DESIGN.md describes and this version does not have.
+const LATER: &[&str] = &["links", "hosts", "host"];
+
+impl<'t> Keys<'t> {
+    /// Sorts entries by known keys. An unknown key is a fault; where a known one is near and free, its value is
+    /// still read as that one, so that its faults come to light in the same pass.
+    pub fn of(entries: &'t [Entry], known: &[&'static str], place: &str, findings: &Findings) -> Self {
+        Self::called("key", entries, known, place, findings)
+    }
+
+    /// Like [`of`](Self::of), for keys that people call something else.
+    pub fn called(
+        noun: &str,
+        entries: &'t [Entry],
+        known: &[&'static str],
+        place: &str,
+        findings: &Findings,
+    ) -> Self {
+        let mut found: Vec<_> = entries
+            .iter()
+            .filter_map(|e| known.iter().find(|k| **k == e.key.value).map(|k| (*k, e)))
+            .collect();
+        for entry in entries.iter().filter(|e| !known.contains(&e.key.value.as_str())) {
+            let key = entry.key.value.as_str();
+            let name = shown(key);
+            if LATER.contains(&key) {
+                findings.say(
+                    entry.key.span,
+                    Code::UnknownKey,
+                    format!("{name} is not in this version"),
+                    format!("remove {name}"),
+                );
+                continue;
+            }
+            let free: Vec<&str> =
+                known.iter().copied().filter(|k| !found.iter().any(|(f, _)| f == k)).collect();
+            let near = if findings.is_full() { None } else { nearest(key, free.iter().copied()) };
+            let help = match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => listed(known.iter().copied(), &format!("{noun}s")),
+            };
+            findings.say(entry.key.span, Code::UnknownKey, format!("{place} has no {noun} {name}"), help);
+            if let Some(near) = near.and_then(|n| known.iter().find(|k| **k == n)) {
+                found.push((near, entry));
+            }
+        }
+        Self { found }
+    }
+
+    /// The entry of a key.
+    pub fn get(&self, key: &str) -> Option<&'t Entry> {
+        self.found.iter().find(|(k, _)| *k == key).map(|(_, e)| *e)
+    }
+}

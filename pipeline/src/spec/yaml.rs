@@ -1,0 +1,292 @@
+//! From YAML text to the marked tree.
+//!
+//! Anchors, aliases, merge keys, tags and further documents are refused: a config says each thing where it holds, and
+//! a short text cannot grow into a long one.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Tag};
+
+use super::faults::{Code, Findings};
+use super::near::shown;
+use super::source::{Marked, Span};
+use super::tree::{Entry, Node, Value};
+
+/// Most bytes of a pipeline.
+pub const MOST_BYTES: usize = 256 * 1024;
+/// Deepest nesting.
+pub const DEEPEST: usize = 24;
+
+/// Reads a text that stands `offset` bytes into its source. `None` where the text is no YAML, which is a fault.
+pub fn parse(text: &str, source: usize, offset: usize, findings: &Findings) -> Option<Node> {
+    let places = Places::new(text, source, offset);
+    if text.len() > MOST_BYTES {
+        findings.say(
+            places.at(0, 0, 1, 0),
+            Code::TooLarge,
+            format!("the text has {} bytes, more than the {MOST_BYTES} that a pipeline may have", text.len()),
+            "split it into several pipelines",
+        );
+        return None;
+    }
+    let mut growth = Growth { places, findings, open: Vec::new(), root: None };
+    let mut parser = Parser::new_from_str(text);
+    let mut documents = 0;
+    while let Some(event) = parser.next_event() {
+        let (event, span) = match event {
+            Ok(pair) => pair,
+            Err(error) => {
+                growth.syntax(&error);
+                return None;
+            }
+        };
+        let span = growth.places.between(span.start, span.end);
+        if matches!(event, Event::DocumentStart(_)) {
+            documents += 1;
+            if documents > 1 {
+                findings.say(
+                    span,
+                    Code::NotSupported,
+                    "a second document begins here, but a file holds one pipeline",
+                    "move it into a file of its own",
+                );
+                break;
+            }
+        }
+        if !growth.take(event, span) {
+            return None;
+        }
+    }
+    growth.root
+}
+
+/// Character positions as places: the parser counts characters, a place counts bytes.
+struct Places<'t> {
+    text: &'t str,
+    bytes: Option<Vec<usize>>,
+    source: usize,
+    offset: usize,
+}
+
+impl<'t> Places<'t> {
+    fn new(text: &'t str, source: usize, offset: usize) -> Self {
+        let bytes = (!text.is_ascii() && text.len() <= MOST_BYTES)
+            .then(|| text.char_indices().map(|(i, _)| i).chain([text.len()]).collect());
+        Self { text, bytes, source, offset }
+    }
+
+    fn byte(&self, index: usize) -> usize {
+        match &self.bytes {
+            Some(b) => b.get(index).copied().unwrap_or(self.text.len()),
+            None => index.min(self.text.len()),
+        }
+    }
+
+    fn at(&self, start: usize, end: usize, line: usize, column: usize) -> Span {
+        let shift = if line <= 1 { self.offset } else { 0 };
+        Span {
+            source: self.source,
+            start: start + self.offset,
+            end: end.max(start) + self.offset,
+            line: line.max(1),
+            column: column + 1 + shift,
+        }
+    }
+
+    fn between(&self, start: Marker, end: Marker) -> Span {
+        self.at(self.byte(start.index()), self.byte(end.index()), start.line(), start.col())
+    }
+}
+
+/// A collection that is not closed yet.
+enum Open {
+    List { span: Span, items: Vec<Node> },
+    Map { span: Span, entries: Vec<Entry>, seen: BTreeMap<String, usize>, key: Key },
+}
+
+/// The key that waits for its value.
+enum Key {
+    None,
+    Known(Marked<String>),
+    /// A key that was refused: its value is dropped.
+    Refused,
+}
+
+/// The tree while it grows.
+struct Growth<'t> {
+    places: Places<'t>,
+    findings: &'t Findings,
+    open: Vec<Open>,
+    root: Option<Node>,
+}
+
+impl Growth<'_> {
+    /// Takes an event. False where nothing sensible can follow.
+    fn take(&mut self, event: Event<'_>, span: Span) -> bool {
+        match event {
+            Event::Scalar(text, style, anchor, tag) => {
+                self.marks(anchor, tag, span);
+                let nothing = style == ScalarStyle::Plain
+                    && matches!(text.as_ref(), "" | "~" | "null" | "Null" | "NULL");
+                let value = if nothing { Value::Nothing } else { Value::Text(text.into_owned()) };
+                self.place(Node::new(value, span));
+            }
+            Event::Alias(_) => {
+                self.findings.say(
+                    span,
+                    Code::NotSupported,
+                    "an alias repeats what stands elsewhere, but a pipeline says each thing where it holds",
+                    "write the value itself",
+                );
+                self.place(Node::new(Value::Refused, span));
+            }
+            Event::SequenceStart(anchor, tag) => {
+                self.marks(anchor, tag, span);
+                self.open.push(Open::List { span, items: Vec::new() });
+            }
+            Event::MappingStart(anchor, tag) => {
+                self.marks(anchor, tag, span);
+                let seen = BTreeMap::new();
+                self.open.push(Open::Map { span, entries: Vec::new(), seen, key: Key::None });
+            }
+            Event::SequenceEnd | Event::MappingEnd => match self.open.pop() {
+                Some(Open::List { span: from, items }) => {
+                    self.place(Node::new(Value::List(items), Span { end: span.end.max(from.end), ..from }));
+                }
+                Some(Open::Map { span: from, entries, .. }) => {
+                    self.place(Node::new(Value::Map(entries), Span { end: span.end.max(from.end), ..from }));
+                }
+                None => {}
+            },
+            _ => {}
+        }
+        if self.open.len() > DEEPEST {
+            self.findings.say(
+                span,
+                Code::TooLarge,
+                format!("the nesting is deeper than the {DEEPEST} levels that a pipeline may have"),
+                "remove the brackets that nothing needs",
+            );
+            return false;
+        }
+        true
+    }
+
+    fn marks(&self, anchor: usize, tag: Option<Cow<'_, Tag>>, span: Span) {
+        if anchor > 0 {
+            self.findings.say(
+                span,
+                Code::NotSupported,
+                "an anchor (`&`) marks this for repetition, but a pipeline says each thing where it holds",
+                "remove the anchor and write the value where it is needed",
+            );
+        }
+        if let Some(tag) = tag {
+            let tag = shown(&tag.to_string());
+            self.findings.say(
+                span,
+                Code::NotSupported,
+                format!("the tag {tag} says a type, but the key says it already"),
+                "remove the tag",
+            );
+        }
+    }
+
+    /// Puts a finished node where it belongs.
+    fn place(&mut self, mut node: Node) {
+        match self.open.last_mut() {
+            None => self.root = Some(node),
+            Some(Open::List { items, .. }) => items.push(node),
+            Some(Open::Map { entries, seen, key, .. }) => match std::mem::replace(key, Key::None) {
+                Key::None => *key = self.findings.key(node, seen),
+                Key::Known(known) => {
+                    // An empty value has no place of its own: the key stands for it.
+                    if matches!(node.value, Value::Nothing) && node.span.start >= node.span.end {
+                        node.span = known.span;
+                    }
+                    entries.push(Entry { key: known, value: node });
+                }
+                Key::Refused => {}
+            },
+        }
+    }
+
+    fn syntax(&self, error: &ScanError) {
+        let marker = *error.marker();
+        let mut span = self.places.between(marker, marker);
+        let info = error.info();
+        let line = self.places.text.lines().nth(span.line - 1).unwrap_or("");
+        let unclosed = self.open.iter().rev().find_map(|open| {
+            let (Open::List { span, .. } | Open::Map { span, .. }) = open;
+            let first = self.places.text.as_bytes().get(span.start.wrapping_sub(self.places.offset));
+            first.filter(|b| matches!(b, b'{' | b'[')).map(|b| (*span, char::from(*b)))
+        });
+        let indented_by_tab = line.chars().take_while(|c| c.is_whitespace()).any(|c| c == '\t');
+        let (message, help) = if indented_by_tab {
+            ("a tab indents this line, which YAML forbids".to_owned(), "indent with spaces".to_owned())
+        } else if info.contains("anchor") {
+            ("this names an anchor, which a pipeline does not have".into(), "write the value itself".into())
+        } else if let Some((at, bracket)) = unclosed.filter(|(at, _)| at.line < span.line) {
+            span = at.first(1);
+            let close = if bracket == '{' { '}' } else { ']' };
+            (
+                format!("this `{bracket}` is not closed where a `,` or `{close}` is due"),
+                format!("close it with `{close}`, or put a `,` between its entries"),
+            )
+        } else {
+            let help = if info.contains("mapping values") || info.contains("block mapping") {
+                "indent the keys of one mapping alike, and put each on a line of its own"
+            } else if unclosed.is_some() {
+                "put a `,` between the entries, and close each bracket"
+            } else if info.contains("quoted") || info.contains("quote") {
+                "close the quotes"
+            } else {
+                "look for a missing colon, bracket, quote or indent in this line or the one before"
+            };
+            (format!("this is not YAML: {info}"), help.to_owned())
+        };
+        self.findings.say(span, Code::Syntax, message, help);
+    }
+}
+
+impl Findings {
+    /// A node as a key; a fault where it cannot be one.
+    fn key(&self, node: Node, seen: &mut BTreeMap<String, usize>) -> Key {
+        let text = match node.value {
+            Value::Text(text) => text,
+            Value::Refused => return Key::Refused,
+            other => {
+                let found = other.words();
+                self.say(
+                    node.span,
+                    Code::WrongShape,
+                    format!("a key is {found}, but must be a name"),
+                    "write a name",
+                );
+                return Key::Refused;
+            }
+        };
+        if text == "<<" {
+            self.say(
+                node.span,
+                Code::NotSupported,
+                "`<<` merges what stands elsewhere, but a pipeline says each thing where it holds",
+                "write the keys themselves",
+            );
+            return Key::Refused;
+        }
+        if let Some(line) = seen.get(&text) {
+            let name = shown(&text);
+            self.say(
+                node.span,
+                Code::DuplicateName,
+                format!("{name} stands twice: it is on line {line} already"),
+                "remove one of them or give it another name",
+            );
+            return Key::Refused;
+        }
+        seen.insert(text.clone(), node.span.line);
+        Key::Known(Marked::new(text, node.span))
+    }
+}
