@@ -24,6 +24,11 @@ impl<'f> Local<'f> {
         Self { graph, operators, files }
     }
 
+    /// Does one activation, and keeps its outputs from the consumers.
+    pub fn activate_alone(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
+        self.operators[operator].activate(record)
+    }
+
     /// Hands a sample of an output to its consumers.
     pub fn deliver(&mut self, operator: usize, output: usize, parcel: &Parcel) {
         for (consumer, port) in self.graph.consumers(operator, output) {
@@ -40,9 +45,7 @@ impl Placement for Local<'_> {
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
         let committed = self.operators[operator].activate(record)?;
         for (port, parcel) in &committed.outputs {
-            for (consumer, input) in self.graph.consumers(operator, *port) {
-                self.operators[consumer].deliver(input, parcel.clone());
-            }
+            self.deliver(operator, *port, parcel);
         }
         Ok(committed)
     }
