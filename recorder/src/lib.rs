@@ -13,6 +13,7 @@
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `layout`: whether a recorded type is a kind of this build
 //! - `complete`: what is missing
+//! - `recover`, `cut`: mends a session whose recorder died, up to where it is consistent
 //! - `file`: MCAP as bytes that nobody vouches for
 //! - `error`: why a session cannot be read
 
@@ -21,12 +22,14 @@
 mod account;
 mod cache;
 mod complete;
+mod cut;
 mod error;
 mod file;
 mod folder;
 mod form;
 mod layout;
 mod part;
+mod recover;
 mod samples;
 mod session;
 mod topic;
@@ -39,6 +42,7 @@ pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
 pub use layout::TopicKind;
+pub use recover::{RecoverError, Report, recover, recover_session};
 pub use samples::{Recorded, Samples};
 pub use session::{Ended, Session, Topic};
 pub use topic::{Role, TopicInfo};

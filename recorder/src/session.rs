@@ -324,7 +324,7 @@ impl Session {
     }
 
     /// The incarnation and sequence of every sample of a topic, in order.
-    pub fn numbers(&self, topic: usize) -> impl Iterator<Item = (u32, u64)> {
+    pub fn numbers(&self, topic: usize) -> impl DoubleEndedIterator<Item = (u32, u64)> {
         self.index.range((topic, 0, 0)..=(topic, u32::MAX, u64::MAX)).map(|((_, i, s), _)| (*i, *s))
     }
 
