@@ -49,9 +49,9 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
             producers.push(Producer { topic, inputs, outputs, entries, kept: entries.len() });
         }
     }
-    let recorded = recorded_ends(session);
+    let (recorded, lost) = (recorded_ends(session), lost_ends(session));
     loop {
-        let available = available(session, &producers, &recorded);
+        let available = available(session, &producers, &recorded, &lost);
         let mut shorter = false;
         for p in &mut producers {
             let inputs = p.inputs;
@@ -84,7 +84,7 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
     limits
 }
 
-/// Behind the last sample of each topic that is recorded or listed as lost. Topics without any are left out.
+/// Behind the last sample of each topic that is recorded. Topics without any are left out.
 fn recorded_ends(session: &Session) -> BTreeMap<&str, (u32, u64)> {
     let mut ends = BTreeMap::new();
     for (number, topic) in session.topics().iter().enumerate() {
@@ -92,6 +92,12 @@ fn recorded_ends(session: &Session) -> BTreeMap<&str, (u32, u64)> {
             ends.insert(topic.name.as_str(), (incarnation, sequence.saturating_add(1)));
         }
     }
+    ends
+}
+
+/// Behind the last sample of each topic that is listed as lost: what was lost was not cut.
+fn lost_ends(session: &Session) -> BTreeMap<&str, (u32, u64)> {
+    let mut ends: BTreeMap<&str, (u32, u64)> = BTreeMap::new();
     for lost in session.lost() {
         let end = ends.entry(lost.topic.as_str()).or_default();
         *end = (*end).max((lost.incarnation, lost.first.saturating_add(lost.count)));
@@ -104,16 +110,26 @@ fn available<'a>(
     session: &'a Session,
     producers: &[Producer<'a>],
     recorded: &BTreeMap<&'a str, (u32, u64)>,
+    lost: &BTreeMap<&'a str, (u32, u64)>,
 ) -> BTreeMap<&'a str, (u32, u64)> {
     let mut available = recorded.clone();
+    for (name, end) in lost {
+        let known = available.entry(name).or_default();
+        *known = (*known).max(*end);
+    }
     for p in producers {
         for (port, name) in p.outputs.iter().enumerate() {
             let journalled = p.end(port);
-            let topic = session.topic_number(name).map(|n| &session.topics()[n]);
-            let end = match topic.map(|t| &t.role) {
+            let number = session.topic_number(name);
+            let source = number.filter(|n| session.topics()[*n].role == Role::Source);
+            let end = match source {
                 // Replay cannot make it: it must be recorded too.
-                Some(Role::Source) => journalled.min(recorded.get(name.as_str()).copied().unwrap_or((0, 0))),
-                _ => journalled,
+                Some(number) => {
+                    let last = session.last_before(number, journalled);
+                    let lost = lost.get(name.as_str()).copied().unwrap_or_default();
+                    last.map_or((0, 0), |(i, s)| (i, s.saturating_add(1))).max(lost).min(journalled)
+                }
+                None => journalled,
             };
             available.insert(name, end);
         }

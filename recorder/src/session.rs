@@ -328,6 +328,12 @@ impl Session {
         self.index.range((topic, 0, 0)..=(topic, u32::MAX, u64::MAX)).map(|((_, i, s), _)| (*i, *s))
     }
 
+    /// Incarnation and sequence of the last sample of a topic before (incarnation, sequence).
+    pub(crate) fn last_before(&self, topic: usize, (incarnation, sequence): (u32, u64)) -> Option<(u32, u64)> {
+        let mut before = self.index.range((topic, 0, 0)..(topic, incarnation, sequence));
+        before.next_back().map(|((_, i, s), _)| (*i, *s))
+    }
+
     /// Whether a sample is there.
     pub fn has(&self, topic: usize, incarnation: u32, sequence: u64) -> bool {
         self.index.contains_key(&(topic, incarnation, sequence))

@@ -4,7 +4,7 @@ mod fixture;
 
 use std::sync::Arc;
 
-use fixture::{START, cloud, head, opening, pieces, pipeline, topic};
+use fixture::{START, Tee, cloud, head, opening, pieces, pipeline, topic};
 use stillpoint_recorder::{
     Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session, SessionError,
     TopicKind,
@@ -72,17 +72,8 @@ fn losses_of_a_computed_topic_are_no_gaps() {
 
 #[test]
 fn a_footer_without_an_end_record_is_no_end() {
-    struct Shared(Arc<std::sync::Mutex<Vec<u8>>>);
-    impl std::io::Write for Shared {
-        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-            self.0.lock().unwrap().write(bytes)
-        }
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
     let file = Arc::new(std::sync::Mutex::new(Vec::new()));
-    drop(PartWriter::new(Shared(Arc::clone(&file)), Compression::Lz4, &opening()).unwrap());
+    drop(PartWriter::new(Tee(Arc::clone(&file)), Compression::Lz4, &opening()).unwrap());
     let bytes = file.lock().unwrap().clone();
     assert!(mcap::Summary::read(&bytes).unwrap().is_some(), "the file ends in a footer");
     assert!(matches!(open(vec![bytes]).ended(), Ended::Cut { .. }));
