@@ -94,7 +94,9 @@ fn bare(compression: Compression, samples: &[AlignedBytes]) -> Result<(), Box<dy
 }
 
 /// CPU time of this process that `work` takes.
-fn cpu_seconds(work: impl FnOnce() -> Result<(), Box<dyn std::error::Error>>) -> Result<f64, Box<dyn std::error::Error>> {
+fn cpu_seconds(
+    work: impl FnOnce() -> Result<(), Box<dyn std::error::Error>>,
+) -> Result<f64, Box<dyn std::error::Error>> {
     let before = cpu()?;
     work()?;
     Ok(cpu()? - before)

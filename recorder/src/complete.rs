@@ -191,7 +191,9 @@ fn sent(session: &Session, topic: usize) -> BTreeMap<u32, Sent> {
         _ => None,
     });
     let mut by_incarnation: BTreeMap<u32, Sent> = BTreeMap::new();
-    let (Some(port), Some(entries)) = (ports, session.journals().get(operator)) else { return by_incarnation };
+    let (Some(port), Some(entries)) = (ports, session.journals().get(operator)) else {
+        return by_incarnation;
+    };
     for (i, entry) in entries.iter().enumerate() {
         let last = entries.get(i + 1).is_none_or(|next| next.head.incarnation != entry.head.incarnation);
         let sent = by_incarnation.entry(entry.head.incarnation).or_default();

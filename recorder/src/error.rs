@@ -21,7 +21,9 @@ pub enum SessionError {
         path: PathBuf,
     },
     /// Another kind of file.
-    #[error("{path}: this is no MCAP file (its first 8 bytes are not MCAP's): give a session's folder or a part of one")]
+    #[error(
+        "{path}: this is no MCAP file (its first 8 bytes are not MCAP's): give a session's folder or a part of one"
+    )]
     NotMcap {
         /// The file.
         path: PathBuf,
@@ -42,7 +44,9 @@ pub enum SessionError {
         difference: String,
     },
     /// A message that is not the sample that its channel promises.
-    #[error("{path}: the message on `{topic}` at byte {within} of the chunk at offset {offset} is damaged: {what}")]
+    #[error(
+        "{path}: the message on `{topic}` at byte {within} of the chunk at offset {offset} is damaged: {what}"
+    )]
     Message {
         /// The part.
         path: PathBuf,

@@ -46,6 +46,8 @@ fn difference(recorded: &str, ours: &str) -> String {
         (true, true) => "the fields have another order".to_owned(),
         (false, true) => format!("only the recording has {}", there.join(", ")),
         (true, false) => format!("only this build has {}", here.join(", ")),
-        (false, false) => format!("the recording has {} where this build has {}", there.join(", "), here.join(", ")),
+        (false, false) => {
+            format!("the recording has {} where this build has {}", there.join(", "), here.join(", "))
+        }
     }
 }

@@ -4,12 +4,12 @@
 //! with the profile `ros2` that standard tools open; a recorder that dies goes on in the next part. What a session
 //! could not keep is listed in it, and [`Session::completeness`] says whether all that replay needs is there.
 //!
-//! - `writer`: one part, to any `Write`
+//! - `writer`, `opening`, `channels`: one part, to any `Write`; what it starts with; the channels of its topics
 //! - `topic`: what a session says about a topic
 //! - `account`: what a session says about itself: losses, clock, end
 //! - `form`: how a sample stands in a recording
 //! - `folder`: the folder of a session, and its file modes
-//! - `session`: a session, opened
+//! - `session`, `load`, `fetch`: a session, opened; how its parts are read; one sample of it
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `layout`: whether a recorded type is a kind of this build
 //! - `complete`: what is missing
@@ -21,13 +21,17 @@
 
 mod account;
 mod cache;
+mod channels;
 mod complete;
 mod cut;
 mod error;
+mod fetch;
 mod file;
 mod folder;
 mod form;
 mod layout;
+mod load;
+mod opening;
 mod part;
 mod recover;
 mod samples;
@@ -35,15 +39,16 @@ mod session;
 mod topic;
 mod writer;
 
-pub use account::{Closing, ClockSample, LEDGER_ATTACHMENT, Lost};
+pub use account::{ClockSample, Closing, LEDGER_ATTACHMENT, Lost};
 pub use complete::{Completeness, Gap};
 pub use error::SessionError;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
 pub use layout::TopicKind;
+pub use opening::{Attachment, Compression, Opening};
 pub use recover::{RecoverError, Report, recover, recover_session};
 pub use samples::{Recorded, Samples};
 pub use session::{Ended, Session, Topic};
 pub use topic::{Role, TopicInfo};
-pub use writer::{Attachment, CHUNK_SIZE, Compression, Opening, PartWriter, TopicId, WriteError};
+pub use writer::{CHUNK_SIZE, PartWriter, TopicId, WriteError};

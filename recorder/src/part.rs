@@ -54,7 +54,8 @@ impl Part {
         let size = source.size()?;
         let Some(mut scan) = scan(&source)? else { return Ok(None) };
         let damage = std::mem::take(&mut scan.damage);
-        let mut part = Self { path, source, size, scan, schemas: BTreeMap::new(), channels: BTreeMap::new(), damage };
+        let mut part =
+            Self { path, source, size, scan, schemas: BTreeMap::new(), channels: BTreeMap::new(), damage };
         for number in 0..part.scan.blocks.len() {
             let Some(bytes) = part.load(number)? else { continue };
             let offset = part.scan.blocks[number].offset;

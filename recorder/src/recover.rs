@@ -175,7 +175,11 @@ fn rewrite<W: Write>(
             let Some(channel) = part.channels.get(&m.channel) else { continue };
             if let Some(topic) = beyond(limits, channel, &m) {
                 let of_sample = matches!(channel.purpose, Use::Samples { .. });
-                let count = if journals.contains(topic) { &mut report.entries_dropped } else { &mut report.outputs_dropped };
+                let count = if journals.contains(topic) {
+                    &mut report.entries_dropped
+                } else {
+                    &mut report.outputs_dropped
+                };
                 *count += u64::from(of_sample);
                 continue;
             }

@@ -89,7 +89,8 @@ impl Described {
     /// Out of the entries of a topic's metadata record. `None`: they do not name a topic and its type.
     pub fn from_entries(entries: &BTreeMap<String, String>) -> Option<Self> {
         let get = |key: &str| entries.get(key).cloned();
-        let ports = |key: &str| entries.get(key).map(|t| t.lines().map(str::to_owned).collect()).unwrap_or_default();
+        let ports =
+            |key: &str| entries.get(key).map(|t| t.lines().map(str::to_owned).collect()).unwrap_or_default();
         Some(Self {
             name: get("topic")?,
             operator: get("operator").unwrap_or_default(),

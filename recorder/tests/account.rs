@@ -1,13 +1,20 @@
 //! A session says of itself what it holds and what it lacks.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test stops at the first surprise"
+)]
+
 mod fixture;
 
 use std::sync::Arc;
 
 use fixture::{START, Tee, cloud, head, opening, pieces, pipeline, topic};
 use stillpoint_recorder::{
-    Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session, SessionError,
-    TopicKind,
+    Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session,
+    SessionError, TopicKind,
 };
 use stillpoint_samples::{PointCloud, Sample};
 
@@ -125,7 +132,8 @@ fn an_unknown_kind_is_listed_and_has_no_samples() {
 fn replace(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
     assert_eq!(from.len(), to.len());
     let mut bytes = bytes.to_vec();
-    let found: Vec<_> = bytes.windows(from.len()).enumerate().filter(|(_, w)| *w == from).map(|(i, _)| i).collect();
+    let found: Vec<_> =
+        bytes.windows(from.len()).enumerate().filter(|(_, w)| *w == from).map(|(i, _)| i).collect();
     assert!(!found.is_empty());
     for i in found {
         bytes[i..i + to.len()].copy_from_slice(to);

@@ -1,5 +1,12 @@
 //! A file cut at any byte is mended into one that standard readers open, and keeps what is consistent.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test stops at the first surprise"
+)]
+
 mod fixture;
 
 use std::collections::BTreeSet;
@@ -7,8 +14,8 @@ use std::sync::Arc;
 
 use fixture::{Written, pipeline, samples};
 use stillpoint_recorder::{
-    Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part, create_session, recover,
-    recover_session,
+    Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part, create_session,
+    recover, recover_session,
 };
 
 fn mend(bytes: &[u8]) -> (Vec<u8>, Report) {
@@ -18,7 +25,7 @@ fn mend(bytes: &[u8]) -> (Vec<u8>, Report) {
 /// Opens a file as any MCAP tool does, by its summary and by its messages.
 fn opens_in_the_ordinary_reader(bytes: &[u8]) -> usize {
     let summary = mcap::Summary::read(bytes).unwrap().expect("a summary");
-    let messages = mcap::MessageStream::new(bytes).unwrap().map(|m| m.unwrap()).count();
+    let messages = mcap::MessageStream::new(bytes).unwrap().inspect(|m| assert!(m.is_ok())).count();
     assert_eq!(summary.stats.unwrap().message_count, messages as u64);
     messages
 }
@@ -119,7 +126,8 @@ fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_
     let image = w.add_topic(topic("cam.image", DepthImage::KIND, Role::Source)).unwrap();
     let clouds = w.add_topic(topic("seg.cloud", PointCloud::KIND, Role::Computed)).unwrap();
     let cam = w.add_topic(topic("cam.journal", Journal::KIND, journal(&[], &["cam.image"]))).unwrap();
-    let seg = w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &["seg.cloud"]))).unwrap();
+    let seg =
+        w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &["seg.cloud"]))).unwrap();
     for i in 0..6 {
         if i < 4 {
             let bytes = entry(head(i), i, Cause::Timer, &[reference(RefKind::Output, 0, 0, i)]);

@@ -1,5 +1,12 @@
 //! What is written comes back bit for bit, in every form.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test stops at the first surprise"
+)]
+
 mod fixture;
 
 use fixture::{cloud, depth, head, opening, pieces, pipeline, sample, samples, topic};

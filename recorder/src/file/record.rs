@@ -169,7 +169,13 @@ pub(crate) fn parse(opcode: u8, body: &[u8]) -> Result<Record<'_>, Fault> {
             if crc != 0 && crc != crc32fast::hash(&body[..hashed]) {
                 return Err("the checksum of the attachment is wrong");
             }
-            Record::Attachment(AttachmentRecord { log_time, create_time, name, media_type, data: data.to_vec() })
+            Record::Attachment(AttachmentRecord {
+                log_time,
+                create_time,
+                name,
+                media_type,
+                data: data.to_vec(),
+            })
         }
         op::METADATA => Record::Metadata { name: c.string()?, entries: c.map()? },
         _ => Record::Other,

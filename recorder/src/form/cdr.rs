@@ -92,7 +92,9 @@ impl<'a> Reader<'a> {
     pub fn new(data: &'a [u8]) -> Result<Self, Fault> {
         match data.split_first_chunk() {
             Some((&ENCAPSULATION, body)) => Ok(Self { body, at: 0 }),
-            Some((other, _)) => Err(format!("it starts with {other:02x?} where {ENCAPSULATION:02x?} marks CDR")),
+            Some((other, _)) => {
+                Err(format!("it starts with {other:02x?} where {ENCAPSULATION:02x?} marks CDR"))
+            }
             None => Err(format!("{} bytes are no CDR message", data.len())),
         }
     }
@@ -101,7 +103,8 @@ impl<'a> Reader<'a> {
     pub fn raw(&mut self, n: usize, align: usize) -> Result<&'a [u8], Fault> {
         let start = self.at.next_multiple_of(align);
         let end = start.checked_add(n).filter(|end| *end <= self.body.len());
-        let end = end.ok_or_else(|| format!("it ends at {} bytes, before its field at {start}", self.body.len()))?;
+        let end =
+            end.ok_or_else(|| format!("it ends at {} bytes, before its field at {start}", self.body.len()))?;
         self.at = end;
         Ok(&self.body[start..end])
     }

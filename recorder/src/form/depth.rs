@@ -62,14 +62,16 @@ pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result
     let (big_endian, _step) = (r.u8()?, r.u32()?);
     let pixels = r.bytes()?;
     let count = u64::from(width) * u64::from(height);
-    if encoding != "16UC1" || big_endian != 0 || pixels.len() as u64 != count.saturating_mul(u64::from(PIXEL)) {
+    if encoding != "16UC1" || big_endian != 0 || pixels.len() as u64 != count.saturating_mul(u64::from(PIXEL))
+    {
         let encoding = encoding.escape_debug();
         return Err(format!("{} bytes of `{encoding}` are not {width} x {height} depths", pixels.len()));
     }
     let length = u32::try_from(count).map_err(|_| format!("{count} pixels are too many"))?;
     let mut i = Intrinsics { width, height, length, ..Intrinsics::default() };
-    for (to, (name, _)) in
-        [&mut i.fx, &mut i.fy, &mut i.cx, &mut i.cy, &mut i.depth_unit].into_iter().zip(numbers(&Intrinsics::default()))
+    for (to, (name, _)) in [&mut i.fx, &mut i.fy, &mut i.cx, &mut i.cy, &mut i.depth_unit]
+        .into_iter()
+        .zip(numbers(&Intrinsics::default()))
     {
         let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
         *to = text.parse().map_err(|_| format!("`{name}` is `{}`, no number", text.escape_debug()))?;
