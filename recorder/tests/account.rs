@@ -127,6 +127,8 @@ fn an_unknown_kind_is_listed_and_has_no_samples() {
     assert_eq!(session.topics()[0].kind, TopicKind::Opaque);
     assert_eq!(session.topics()[0].samples, 1);
     assert_eq!(session.samples().count(), 0);
+    let raw: Vec<_> = session.messages(|topic| topic == "cam.cloud").map(|m| m.unwrap()).collect();
+    assert_eq!((raw.len(), raw[0].schema_name), (1, "sensor_msgs/msg/PointCloud2"));
 }
 
 fn replace(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
