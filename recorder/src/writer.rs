@@ -2,7 +2,6 @@
 //! the same bytes.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::io::Write;
 
 use mcap::records::{MessageHeader, Metadata};
@@ -12,49 +11,13 @@ use stillpoint_samples::{BytesError, Pieces};
 use crate::account::{
     CLOCK_CHANNEL, ClockSample, Closing, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
 };
-use crate::form::{Form, Shared, StaticTransform, camera_info, schema, transforms_message};
+use crate::channels::{Out, Topic, add_channel, qos};
+use crate::form::{Form, camera_info, schema, transforms_message};
+use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
 /// Bytes after which a chunk is closed.
 pub const CHUNK_SIZE: u64 = 1 << 20;
-/// Channels that one topic may have; samples that would need more are recorded in their own form.
-const MOST_CHANNELS: usize = 64;
-
-/// How chunks are compressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Compression {
-    /// Not at all.
-    None,
-    /// Fast.
-    #[default]
-    Lz4,
-    /// Small.
-    Zstd,
-}
-
-/// A file that is kept in the session.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Attachment {
-    /// Its name in the session.
-    pub name: String,
-    /// Its media type.
-    pub media_type: String,
-    /// Its bytes.
-    pub bytes: Vec<u8>,
-}
-
-/// What stands at the start of a part, before any sample.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Opening {
-    /// The pipeline as run, the resolved params, every file that a param names.
-    pub attachments: Vec<Attachment>,
-    /// Seeds, build and CPU identity and the like: entries by the name of their record.
-    pub metadata: BTreeMap<String, BTreeMap<String, String>>,
-    /// Frames that do not move, for `/tf_static`.
-    pub frames: Vec<StaticTransform>,
-    /// The session's time at the start of the part, against realtime.
-    pub clock: Option<ClockSample>,
-}
 
 /// Why a part could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -82,19 +45,9 @@ pub enum WriteError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TopicId(usize);
 
-struct Topic {
-    info: TopicInfo,
-    /// Forms in the order of preference.
-    forms: Vec<Form>,
-    channels: BTreeMap<(Form, Shared), u16>,
-    /// The last channel used: nearly always the next one too.
-    last: Option<(Form, Shared, u16)>,
-    camera_info: BTreeMap<Shared, u16>,
-}
-
 /// Writes one part. Dropping it ends the file in order but writes no end record: the session then counts as cut.
 pub struct PartWriter<W: Write> {
-    out: mcap::Writer<NoSeek<W>>,
+    out: Out<W>,
     topics: Vec<Topic>,
     lost_channel: u16,
     clock_channel: u16,
@@ -162,15 +115,7 @@ impl<W: Write> PartWriter<W> {
             return Err(WriteError::Twice(info.name));
         }
         self.out.write_metadata(&Metadata { name: TOPIC_RECORD.to_owned(), metadata: info.entries() })?;
-        let mut forms = vec![Form::of(info.kind), Form::Own];
-        forms.dedup();
-        self.topics.push(Topic {
-            info,
-            forms,
-            channels: BTreeMap::new(),
-            last: None,
-            camera_info: BTreeMap::new(),
-        });
+        self.topics.push(Topic::new(info));
         Ok(TopicId(self.topics.len() - 1))
     }
 
@@ -179,22 +124,19 @@ impl<W: Write> PartWriter<W> {
     /// # Errors
     /// The bytes are no sample of the topic's kind, or what writing answers.
     pub fn write(&mut self, topic: TopicId, sample: Pieces<'_>, log_time_ns: u64) -> Result<(), WriteError> {
-        let t = self.topics.get(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
+        let t = self.topics.get_mut(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
         let sample = sample
             .check(t.info.kind)
             .map_err(|fault| WriteError::Sample { topic: t.info.name.clone(), fault })?;
-        let (form, shared) = preferred(t, &sample);
-        let channel = match &t.last {
-            Some((f, s, channel)) if *f == form && *s == shared => *channel,
-            _ => self.channel(topic.0, form, shared.clone())?,
-        };
+        let (form, shared) = t.preferred(&sample);
+        let channel = t.channel(&mut self.out, form, shared.clone())?;
         let head = sample.head();
-        let frame = self.topics[topic.0].info.frame.clone().unwrap_or_default();
+        let frame = t.info.frame.clone().unwrap_or_default();
         self.message.clear();
         form.encode(&sample, &frame, &mut self.message);
         self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
         if form == Form::Depth {
-            let channel = self.camera_info_channel(topic.0, shared)?;
+            let channel = self.topics[topic.0].camera_info_channel(&mut self.out, shared)?;
             self.message.clear();
             camera_info(&sample, &frame, &mut self.message);
             self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
@@ -270,76 +212,10 @@ impl<W: Write> PartWriter<W> {
         let header = MessageHeader { channel_id, sequence, log_time, publish_time };
         Ok(self.out.write_to_known_channel(&header, &self.message)?)
     }
-
-    fn channel(&mut self, topic: usize, form: Form, shared: Shared) -> Result<u16, WriteError> {
-        let t = &mut self.topics[topic];
-        let key = (form, shared);
-        let channel = match t.channels.get(&key) {
-            Some(channel) => *channel,
-            None => {
-                let (name, text) = form.schema(t.info.kind);
-                let mut metadata = qos();
-                metadata.insert("stillpoint.form".to_owned(), form.name().to_owned());
-                metadata.insert("stillpoint.type".to_owned(), t.info.kind.type_name());
-                if let Some(frame) = &t.info.frame {
-                    metadata.insert("stillpoint.frame".to_owned(), frame.clone());
-                }
-                metadata.extend(key.1.entries(form));
-                let channel = add_channel(&mut self.out, &t.info.name, (&name, &text), &metadata)?;
-                t.channels.insert(key.clone(), channel);
-                channel
-            }
-        };
-        t.last = Some((key.0, key.1, channel));
-        Ok(channel)
-    }
-
-    fn camera_info_channel(&mut self, topic: usize, shared: Shared) -> Result<u16, WriteError> {
-        let t = &mut self.topics[topic];
-        if let Some(channel) = t.camera_info.get(&shared) {
-            return Ok(*channel);
-        }
-        let mut metadata = qos();
-        metadata.insert("stillpoint.beside".to_owned(), t.info.name.clone());
-        metadata.extend(shared.entries(Form::Depth));
-        let name = format!("{}/camera_info", t.info.name);
-        let channel = add_channel(&mut self.out, &name, schema::CAMERA_INFO, &metadata)?;
-        t.camera_info.insert(shared, channel);
-        Ok(channel)
-    }
-}
-
-/// The first form that loses nothing and for which the topic has a channel, or room for one.
-fn preferred(t: &Topic, sample: &Pieces<'_>) -> (Form, Shared) {
-    for form in &t.forms {
-        if let Some(shared) = form.shared(sample) {
-            let known = t.last.as_ref().is_some_and(|(f, s, _)| f == form && *s == shared);
-            if known || t.channels.len() < MOST_CHANNELS || t.channels.contains_key(&(*form, shared.clone()))
-            {
-                return (*form, shared);
-            }
-        }
-    }
-    (Form::Own, Shared::default())
-}
-
-/// rosbag2 expects the key in every channel.
-fn qos() -> BTreeMap<String, String> {
-    BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())])
-}
-
-fn add_channel<W: Write>(
-    out: &mut mcap::Writer<NoSeek<W>>,
-    topic: &str,
-    (name, text): (&str, &str),
-    metadata: &BTreeMap<String, String>,
-) -> Result<u16, WriteError> {
-    let schema = out.add_schema(name, "ros2msg", text.as_bytes())?;
-    Ok(out.add_channel(schema, topic, "cdr", metadata)?)
 }
 
 fn attach<W: Write>(
-    out: &mut mcap::Writer<NoSeek<W>>,
+    out: &mut Out<W>,
     name: &str,
     media_type: &str,
     bytes: &[u8],

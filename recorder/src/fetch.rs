@@ -1,0 +1,66 @@
+//! One sample out of a session, by its number.
+
+use std::sync::Arc;
+
+use crate::error::SessionError;
+use crate::file::{Message, Record, next_record};
+use crate::form::{Envelope, Form};
+use crate::layout::TopicKind;
+use crate::part::Use;
+use crate::samples::Recorded;
+use crate::session::{Place, Session};
+
+impl Session {
+    /// One sample; `None` where it was not kept, or its topic is of no kind of this build.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not what its channel promises.
+    pub fn sample(
+        &self,
+        topic: usize,
+        incarnation: u32,
+        sequence: u64,
+    ) -> Result<Option<Recorded>, SessionError> {
+        let Some(place) = self.index.get(&(topic, incarnation, sequence)) else { return Ok(None) };
+        let bytes = self.records(place.part, place.block)?;
+        let mut at = place.start;
+        match next_record(&bytes, &mut at) {
+            Some((_, Ok(Record::Message(m)))) => self.decode(*place, &m),
+            _ => Ok(None),
+        }
+    }
+
+    pub(crate) fn records(&self, part: u32, block: u32) -> Result<Arc<Vec<u8>>, SessionError> {
+        let p = &self.parts[part as usize];
+        self.cache
+            .get((part, block), || p.records(block as usize))
+            .map_err(|cause| SessionError::Io { path: p.path.clone(), cause })
+    }
+
+    /// The sample of a message. `None`: it is no sample of a known kind, or another stands in the index for it.
+    pub(crate) fn decode(&self, place: Place, m: &Message<'_>) -> Result<Option<Recorded>, SessionError> {
+        let part = &self.parts[place.part as usize];
+        let Some(channel) = part.channels.get(&m.channel) else { return Ok(None) };
+        let Use::Samples { form, shared } = &channel.purpose else { return Ok(None) };
+        let Some(topic) = self.topic_number(&channel.channel.topic) else { return Ok(None) };
+        let TopicKind::Known(kind) = self.topics[topic].kind else { return Ok(None) };
+        let fault = |what: String| SessionError::Message {
+            path: part.path.clone(),
+            topic: channel.channel.topic.clone(),
+            offset: part.scan.blocks.get(place.block as usize).map_or(0, |b| b.offset),
+            within: place.start,
+            what,
+        };
+        let Some((incarnation, sequence)) = channel.purpose.number(m).map_err(fault)? else {
+            return Ok(None);
+        };
+        if self.index.get(&(topic, incarnation, sequence)) != Some(&place) {
+            return Ok(None);
+        }
+        if *form != Form::Own && *form != Form::of(kind) {
+            return Err(fault(format!("a {} is not recorded as {}", kind.name, form.name())));
+        }
+        let sample = form.decode(kind, shared, Envelope::of(m), m.data).map_err(fault)?;
+        Ok(Some(Recorded { topic, incarnation, sequence, log_time: m.log_time, sample }))
+    }
+}

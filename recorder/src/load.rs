@@ -1,0 +1,136 @@
+//! Reads the parts of a session: what each message says goes to its place.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use stillpoint_samples::{Entry, Journal, Pieces, Sample};
+
+use crate::account::{ClockSample, Lost};
+use crate::error::SessionError;
+use crate::file::{Channel, Message, Source, scan};
+use crate::form::transforms_from;
+use crate::layout::TopicKind;
+use crate::opening::Attachment;
+use crate::part::{Part, PartChannel, Use};
+use crate::session::{Place, Session, Topic};
+use crate::topic::{Described, Role, TOPIC_RECORD};
+
+impl Session {
+    pub(crate) fn add_part(&mut self, path: PathBuf, source: Source) -> Result<(), SessionError> {
+        let number = self.parts.len() as u32;
+        let io = |cause| SessionError::Io { path: path.clone(), cause };
+        // The topics are described before the first message, in records that the walk over the file finds first.
+        let found = scan(&source).map_err(io)?;
+        for (name, entries) in found.into_iter().flat_map(|s| s.metadata) {
+            if name == TOPIC_RECORD {
+                if let Some(described) = Described::from_entries(&entries) {
+                    self.describe(described);
+                }
+            } else {
+                self.metadata.entry(name).or_insert(entries);
+            }
+        }
+        let part = Part::open(path.clone(), source, |channel, block, start, message| {
+            self.add_message(channel, Place { part: number, block, start }, message)
+        })
+        .map_err(io)?;
+        let mut part = part.ok_or(SessionError::NotMcap { path })?;
+        for a in std::mem::take(&mut part.scan.attachments) {
+            let attachment = Attachment { name: a.name.clone(), media_type: a.media_type, bytes: a.data };
+            self.attachments.entry(a.name).or_insert(attachment);
+        }
+        self.parts.push(part);
+        Ok(())
+    }
+
+    fn describe(&mut self, d: Described) -> usize {
+        if let Some(number) = self.numbers.get(&d.name) {
+            return *number;
+        }
+        let kind = TopicKind::of(&d.type_name, &d.schema);
+        self.numbers.insert(d.name.clone(), self.topics.len());
+        self.topics.push(Topic {
+            name: d.name,
+            operator: d.operator,
+            type_name: d.type_name,
+            schema: d.schema,
+            frame: d.frame,
+            role: d.role,
+            kind,
+            samples: 0,
+            bytes: 0,
+        });
+        self.topics.len() - 1
+    }
+
+    fn add_message(
+        &mut self,
+        channel: &PartChannel,
+        place: Place,
+        message: &Message<'_>,
+    ) -> Result<(), String> {
+        match &channel.purpose {
+            Use::Lost => self.lost.push(Lost::decode(message.data)?),
+            Use::Clock => self.clock.push(ClockSample::decode(message.data)?),
+            Use::Frames => {
+                for t in transforms_from(message.data)? {
+                    if !self.frames.contains(&t) {
+                        self.frames.push(t);
+                    }
+                }
+            }
+            Use::Beside { .. } => {}
+            Use::Samples { .. } | Use::Opaque => {
+                let number = match self.numbers.get(&channel.channel.topic) {
+                    Some(number) => *number,
+                    None => self.describe(described_by(&channel.channel)),
+                };
+                if let Some((incarnation, sequence)) = channel.purpose.number(message)? {
+                    let key = (number, incarnation, sequence);
+                    if self.index.contains_key(&key) {
+                        let topic = &channel.channel.topic;
+                        return Err(format!(
+                            "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
+                        ));
+                    }
+                    self.index.insert(key, place);
+                }
+                self.topics[number].samples += 1;
+                self.topics[number].bytes += message.data.len() as u64;
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn read_journals(&mut self) {
+        let mut journals: BTreeMap<String, Vec<Entry>> = BTreeMap::new();
+        let is_journal = |t: &Topic| matches!(t.role, Role::Journal { .. });
+        for recorded in self.samples_where(is_journal) {
+            let Ok(recorded) = recorded else { continue };
+            let operator = &self.topics[recorded.topic].operator;
+            let Ok(pieces) = Pieces::split(Journal::KIND, &recorded.sample) else {
+                continue;
+            };
+            if let Ok(view) = pieces.view::<Journal>() {
+                let entry = Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() };
+                journals.entry(operator.clone()).or_default().push(entry);
+            }
+        }
+        for entries in journals.values_mut() {
+            entries.sort_by_key(|e| (e.head.incarnation, e.head.sequence));
+        }
+        self.journals = journals;
+    }
+}
+
+/// What a channel says of a topic that no record describes.
+fn described_by(channel: &Channel) -> Described {
+    Described {
+        name: channel.topic.clone(),
+        operator: channel.topic.rsplit_once('.').map(|(operator, _)| operator.to_owned()).unwrap_or_default(),
+        type_name: channel.metadata.get("stillpoint.type").cloned().unwrap_or_default(),
+        schema: String::new(),
+        frame: channel.metadata.get("stillpoint.frame").cloned(),
+        role: Role::Computed,
+    }
+}

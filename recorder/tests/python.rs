@@ -1,0 +1,240 @@
+//! Standard tools read a session: the Python packages `mcap-ros2-support` and `rosbags` decode every kind, and their
+//! values are those that were written. `STILLPOINT_PYTHON` names a Python that has them.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test stops at the first surprise"
+)]
+
+mod fixture;
+
+use std::process::Command;
+
+use fixture::{START, cloud, depth, entry, head, opening, pieces, sample, topic};
+use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
+use stillpoint_samples::{
+    Cause, ConsoleCommand, DepthImage, Diagnostics, Head, Journal, PointCloud, Pose, RefKind, Sample, Track,
+};
+
+const PROBE: &str = "import mcap_ros2, rosbags";
+
+/// Prints one line per message of both readers: topic, then every number and text of it in the order of the fields.
+const PRINT: &str = r#"
+import sys
+from dataclasses import fields, is_dataclass
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from pathlib import Path
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore, get_types_from_msg
+
+def flat(v):
+    if isinstance(v, str): return [v]
+    if isinstance(v, bool): return [str(int(v))]
+    if isinstance(v, int): return [str(v)]
+    if isinstance(v, float): return [v.hex()]
+    if isinstance(v, bytes): return [str(b) for b in v]
+    if hasattr(v, 'tolist'): return flat(v.tolist())
+    if isinstance(v, (list, tuple)): return [t for x in v for t in flat(x)]
+    names = [f.name for f in fields(v)] if is_dataclass(v) else v.__slots__
+    # Constants of a message, in capitals, are no fields.
+    slots = [s for s in names if not s.startswith('_') and not s.isupper()]
+    return [t for s in slots for t in flat(getattr(v, s))]
+
+def line(reader, topic, message):
+    print(reader, topic, ' '.join(flat(message)))
+
+with open(sys.argv[1], 'rb') as file:
+    for schema, channel, message, ros in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(log_time_order=False):
+        line('mcap', channel.topic, ros)
+
+store = get_typestore(Stores.EMPTY)
+with Reader(Path(sys.argv[1])) as reader:
+    for c in reader.connections:
+        store.register(get_types_from_msg(c.msgdef.data, c.msgtype))
+    for c, stamp, raw in reader.messages():
+        line('rosbags', c.topic, store.deserialize_cdr(raw, c.msgtype))
+"#;
+
+fn python() -> String {
+    std::env::var("STILLPOINT_PYTHON").unwrap_or_else(|_| "python3".to_owned())
+}
+
+#[test]
+fn python_reads_the_values_that_were_written() {
+    let probe = Command::new(python()).args(["-c", PROBE]).output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        println!(
+            "skipped: {} cannot import mcap_ros2 and rosbags (set STILLPOINT_PYTHON to one that can)",
+            python()
+        );
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("part-000.mcap");
+    let expected = write_every_kind(&path);
+    let out = Command::new(python()).args(["-c", PRINT]).arg(&path).output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let text = String::from_utf8(out.stdout).unwrap();
+    for reader in ["mcap", "rosbags"] {
+        let of_reader = || text.lines().filter_map(|l| l.strip_prefix(reader)?.strip_prefix(' '));
+        for (topic, values) in &expected {
+            let found: Vec<_> =
+                of_reader().filter_map(|l| l.strip_prefix(topic.as_str())?.strip_prefix(' ')).collect();
+            let values: Vec<String> = values.iter().map(|v| v.join(" ")).collect();
+            assert_eq!(found, values, "{reader}, {topic}");
+        }
+    }
+}
+
+/// A number as Python's `float.hex` writes it.
+fn hex(v: f64) -> String {
+    if v == 0.0 {
+        return if v.is_sign_negative() { "-0x0.0p+0" } else { "0x0.0p+0" }.to_owned();
+    }
+    if !v.is_finite() {
+        return v.to_string().to_lowercase();
+    }
+    let (bits, sign) = (v.to_bits(), if v < 0.0 { "-" } else { "" });
+    format!("{sign}0x1.{:013x}p{:+}", bits & ((1 << 52) - 1), (bits >> 52 & 0x7ff) as i64 - 1023)
+}
+
+fn f64s(bytes: &[u8]) -> Vec<String> {
+    bytes.chunks_exact(8).map(|c| hex(f64::from_le_bytes(c.try_into().unwrap()))).collect()
+}
+
+fn u32s(bytes: &[u8]) -> Vec<String> {
+    bytes.chunks_exact(4).map(|c| u32::from_le_bytes(c.try_into().unwrap()).to_string()).collect()
+}
+
+fn u64s(bytes: &[u8]) -> Vec<String> {
+    bytes.chunks_exact(8).map(|c| u64::from_le_bytes(c.try_into().unwrap()).to_string()).collect()
+}
+
+fn u8s(bytes: &[u8]) -> Vec<String> {
+    bytes.iter().map(u8::to_string).collect()
+}
+
+fn own_head(h: &Head) -> Vec<String> {
+    [h.stamp, h.origin, h.sequence, u64::from(h.incarnation)].map(|n| n.to_string()).to_vec()
+}
+
+fn ros_head(h: &Head) -> Vec<String> {
+    vec![(h.stamp / 1_000_000_000).to_string(), (h.stamp % 1_000_000_000).to_string(), "camera".to_owned()]
+}
+
+type Expected = Vec<(String, Vec<Vec<String>>)>;
+
+/// Bytes of finite numbers other than zero, whatever they are read as.
+fn noise(i: u64) -> Vec<u8> {
+    (0..512_u64).map(|k| if k % 8 == 7 { 0x3f } else { (k * 31 + i * 7 + 1) as u8 }).collect()
+}
+
+/// Writes two samples of every kind; what both readers are to print of them.
+fn write_every_kind(path: &std::path::Path) -> Expected {
+    let file = stillpoint_recorder::create_private(path).unwrap();
+    let mut w = PartWriter::new(file, Compression::Lz4, &opening()).unwrap();
+    let mut expected = Expected::new();
+    for kind in stillpoint_samples::all() {
+        let name = format!("op.{}", kind.name.to_lowercase());
+        let id = w.add_topic(topic(&name, kind, Role::Computed)).unwrap();
+        let mut lines = Vec::new();
+        for i in 0..2_u64 {
+            let (h, noise) = (Head { count: i as u32 * 3, ..head(i) }, noise(i));
+            let bytes = match kind.name {
+                "PointCloud" => cloud(h, 3, 2, &noise),
+                "DepthImage" => depth(h, 3, 2, 450.5, &noise),
+                "Journal" => entry(h, i, Cause::Timer, &[fixture::reference(RefKind::Output, 1, 0, i)]),
+                _ => sample(kind, h, &noise),
+            };
+            w.write(id, pieces(kind, &bytes), START + i).unwrap();
+            lines.push(values(kind.name, &bytes));
+        }
+        expected.push((name, lines));
+    }
+    let late = w.add_topic(topic("late.cloud", PointCloud::KIND, Role::Source)).unwrap();
+    w.note_lost(late, 3, 17, 4, START).unwrap();
+    expected.push((
+        "/stillpoint/lost".into(),
+        vec![vec!["17".into(), "4".into(), "3".into(), "late.cloud".into()]],
+    ));
+    w.finish(&Closing::default()).unwrap();
+    let t = &opening().frames[0];
+    let [qw, qx, qy, qz] = t.rotation;
+    let mut frames = ros_head(&Head { stamp: START, ..Head::default() });
+    frames.splice(2.., [t.parent.clone(), t.child.clone()]);
+    frames.extend(t.translation.into_iter().chain([qx, qy, qz, qw]).map(hex));
+    expected.push(("/tf_static".into(), vec![frames]));
+    expected
+}
+
+/// Every field of a sample in the order of its message.
+fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
+    let of = |k: &'static stillpoint_samples::SampleKind| pieces(k, bytes);
+    let mut out = Vec::new();
+    match kind {
+        "PointCloud" => {
+            let p = of(PointCloud::KIND);
+            out.extend(ros_head(&p.head()));
+            out.extend(["2", "3"].map(str::to_owned));
+            for (name, offset) in [("x", "0"), ("y", "4"), ("z", "8")] {
+                out.extend([name, offset, "7", "1"].map(str::to_owned));
+            }
+            out.extend(["0", "12", "36"].map(str::to_owned));
+            out.extend(u8s(p.payload));
+            out.push("0".to_owned());
+        }
+        "DepthImage" => {
+            let p = of(DepthImage::KIND);
+            out.extend(ros_head(&p.head()));
+            out.extend(["2", "3", "16UC1", "0", "6"].map(str::to_owned));
+            out.extend(u8s(p.payload));
+        }
+        "Pose" => {
+            let p = of(Pose::KIND);
+            out.extend(ros_head(&p.head()));
+            let v = f64s(p.payload);
+            out.extend_from_slice(&v[..3]);
+            out.extend([4, 5, 6, 3].map(|i| v[i].clone()));
+            out.extend_from_slice(&v[7..]);
+        }
+        "Journal" => {
+            let p = of(Journal::KIND);
+            out.extend(own_head(&p.head()));
+            out.push(p.head().count.to_string());
+            out.extend(u64s(&p.meta[32..64]));
+            out.extend(u32s(&p.meta[64..84]));
+            for r in p.payload.chunks_exact(48) {
+                out.extend(u64s(&r[..32]));
+                out.extend(u32s(&r[32..]));
+            }
+        }
+        "Track" => {
+            let p = of(Track::KIND);
+            out.extend(own_head(&p.head()));
+            out.push("1".to_owned());
+            out.extend(f64s(&p.payload[..p.payload.len() - 16]));
+            out.extend(u64s(&p.payload[p.payload.len() - 16..]));
+        }
+        "ConsoleCommand" => {
+            let p = of(ConsoleCommand::KIND);
+            out.extend(own_head(&p.head()));
+            out.push("1".to_owned());
+            out.extend(f64s(&p.payload[..48]));
+            out.extend(u32s(&p.payload[48..56]));
+            out.extend(u8s(&p.payload[56..]));
+        }
+        "Diagnostics" => {
+            let p = of(Diagnostics::KIND);
+            out.extend(own_head(&p.head()));
+            for m in p.payload.chunks_exact(40) {
+                out.extend(f64s(&m[..8]));
+                out.extend(u8s(&m[8..]));
+            }
+        }
+        other => panic!("no values for {other}: add the kind here"),
+    }
+    out
+}

@@ -1,0 +1,177 @@
+//! A file cut at any byte is mended into one that standard readers open, and keeps what is consistent.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test stops at the first surprise"
+)]
+
+mod fixture;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use fixture::{Written, pipeline, samples};
+use stillpoint_recorder::{
+    Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part, create_session,
+    recover, recover_session,
+};
+
+fn mend(bytes: &[u8]) -> (Vec<u8>, Report) {
+    recover(Source::Bytes(Arc::from(bytes)), Vec::new()).unwrap()
+}
+
+/// Opens a file as any MCAP tool does, by its summary and by its messages.
+fn opens_in_the_ordinary_reader(bytes: &[u8]) -> usize {
+    let summary = mcap::Summary::read(bytes).unwrap().expect("a summary");
+    let messages = mcap::MessageStream::new(bytes).unwrap().inspect(|m| assert!(m.is_ok())).count();
+    assert_eq!(summary.stats.unwrap().message_count, messages as u64);
+    messages
+}
+
+/// No output without its entry, no entry without its inputs, nothing that was not written.
+fn is_consistent(found: &Written, written: &Written) {
+    let named = |samples: &Written, topic: &str| -> Vec<u64> {
+        let of_topic = samples.iter().filter(|(name, _)| name == topic);
+        of_topic.map(|(_, s)| u64::from_le_bytes(s[16..24].try_into().unwrap())).collect()
+    };
+    for s in found {
+        assert!(written.contains(s), "a sample on {} that was never written", s.0);
+    }
+    let set = |topic: &str| named(found, topic).into_iter().collect::<BTreeSet<_>>();
+    assert!(set("cam.image").is_subset(&set("cam.journal")));
+    assert!(set("seg.cloud").is_subset(&set("seg.journal")));
+    let n = written.iter().filter(|(name, _)| name == "seg.cloud").count() as u64;
+    assert!(set("seg.journal").into_iter().filter(|i| *i < n).all(|i| set("cam.image").contains(&i)));
+}
+
+/// Where the records of a file start, those in chunks left out.
+fn boundaries(bytes: &[u8]) -> Vec<usize> {
+    let mut at = 8;
+    let mut found = vec![at];
+    while at + 9 <= bytes.len() - 8 {
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+        found.push(at);
+    }
+    found
+}
+
+#[test]
+fn a_file_cut_at_every_record_boundary_is_mended() {
+    for compression in [Compression::None, Compression::Lz4, Compression::Zstd] {
+        let (bytes, written) = pipeline(compression, 25);
+        let boundaries = boundaries(&bytes);
+        assert!(boundaries.len() > 20);
+        for at in boundaries {
+            let (mended, report) = mend(&bytes[..at]);
+            assert_eq!(opens_in_the_ordinary_reader(&mended) as u64, report.messages);
+            is_consistent(&samples(&mended), &written);
+        }
+    }
+}
+
+#[test]
+fn a_file_cut_at_any_byte_is_mended() {
+    for compression in [Compression::None, Compression::Lz4] {
+        let (bytes, written) = pipeline(compression, 25);
+        for at in (8..bytes.len()).step_by(97).chain(bytes.len() - 40..bytes.len()) {
+            let (mended, report) = mend(&bytes[..at]);
+            assert_eq!(opens_in_the_ordinary_reader(&mended) as u64, report.messages, "cut at {at}");
+            is_consistent(&samples(&mended), &written);
+        }
+    }
+}
+
+#[test]
+fn all_that_was_flushed_survives() {
+    let (bytes, written) = pipeline(Compression::Lz4, 25);
+    // The first chunk is the opening's; the two behind it were flushed after ten activations each.
+    let chunks: Vec<_> = boundaries(&bytes).into_iter().filter(|at| bytes.get(*at) == Some(&6)).collect();
+    let (mended, report) = mend(&bytes[..chunks[3]]);
+    assert_eq!(samples(&mended), written[..80]);
+    assert_eq!(report.attachments, 1);
+    assert_eq!(report.damage, [""; 0]);
+}
+
+#[test]
+fn mending_what_is_whole_drops_nothing_and_keeps_the_end() {
+    let (bytes, written) = pipeline(Compression::Lz4, 25);
+    let (mended, report) = mend(&bytes);
+    assert_eq!(samples(&mended), written);
+    assert_eq!((report.entries_dropped, report.outputs_dropped, report.bytes_cut), (0, 0, 0));
+    assert_eq!(Session::from_bytes([mended.into()]).unwrap().ended(), Ended::InOrder);
+}
+
+#[test]
+fn a_mended_file_is_not_said_to_have_ended_in_order() {
+    let (bytes, _) = pipeline(Compression::Lz4, 25);
+    let (mended, _) = mend(&bytes[..bytes.len() / 2]);
+    let session = Session::from_bytes([mended.into()]).unwrap();
+    assert!(matches!(session.ended(), Ended::Cut { .. }));
+    assert!(session.metadata().contains_key("stillpoint.recovered"));
+}
+
+#[test]
+fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_and_counted() {
+    use fixture::{cloud, depth, entry, head, opening, pieces, reference, topic};
+    use stillpoint_recorder::{PartWriter, Role};
+    use stillpoint_samples::{Cause, DepthImage, Journal, PointCloud, RefKind, Sample};
+    let file = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let mut w = PartWriter::new(fixture::Tee(Arc::clone(&file)), Compression::Lz4, &opening()).unwrap();
+    let journal = |inputs: &[&str], outputs: &[&str]| Role::Journal {
+        inputs: inputs.iter().map(|s| (*s).to_owned()).collect(),
+        outputs: outputs.iter().map(|s| (*s).to_owned()).collect(),
+    };
+    let image = w.add_topic(topic("cam.image", DepthImage::KIND, Role::Source)).unwrap();
+    let clouds = w.add_topic(topic("seg.cloud", PointCloud::KIND, Role::Computed)).unwrap();
+    let cam = w.add_topic(topic("cam.journal", Journal::KIND, journal(&[], &["cam.image"]))).unwrap();
+    let seg =
+        w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &["seg.cloud"]))).unwrap();
+    for i in 0..6 {
+        if i < 4 {
+            let bytes = entry(head(i), i, Cause::Timer, &[reference(RefKind::Output, 0, 0, i)]);
+            w.write(cam, pieces(Journal::KIND, &bytes), 0).unwrap();
+        }
+        if i < 3 || i == 5 {
+            w.write(image, pieces(DepthImage::KIND, &depth(head(i), 2, 2, 1.0, &[1])), 0).unwrap();
+        }
+        let refs = [reference(RefKind::Fresh, 0, 0, i), reference(RefKind::Output, 0, 0, i)];
+        w.write(seg, pieces(Journal::KIND, &entry(head(i), i, Cause::Input, &refs)), 0).unwrap();
+        w.write(clouds, pieces(PointCloud::KIND, &cloud(head(i), 2, 2, &[1])), 0).unwrap();
+    }
+    w.flush().unwrap();
+    let cut = file.lock().unwrap().clone();
+    let (_, report) = mend(&cut);
+    // Image 5 has no entry of the camera; without it, entries 3, 4 and 5 lack their input, and clouds 3, 4 and 5 their
+    // entry.
+    assert_eq!((report.entries_dropped, report.outputs_dropped), (3, 4), "{report}");
+}
+
+#[test]
+fn a_session_is_mended_in_place_and_opens_as_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session");
+    create_session(&path).unwrap();
+    let (bytes, _) = pipeline(Compression::Lz4, 25);
+    let (part, mut file) = create_part(&path).unwrap();
+    std::io::Write::write_all(&mut file, &bytes[..bytes.len() / 2]).unwrap();
+    drop(file);
+    let before = Session::open(&path).unwrap().samples().count();
+    let mended = recover_session(&path).unwrap();
+    assert_eq!(mended.len(), 1);
+    assert_eq!(mended[0].0, part);
+    let after = Session::open(&path).unwrap().samples().count() as u64;
+    assert_eq!(after + mended[0].1.entries_dropped + mended[0].1.outputs_dropped, before as u64);
+    opens_in_the_ordinary_reader(&std::fs::read(&part).unwrap());
+    assert!(recover_session(&path).unwrap().is_empty(), "mending again finds nothing to do");
+    use std::os::unix::fs::PermissionsExt;
+    assert_eq!(std::fs::metadata(&part).unwrap().permissions().mode() & 0o777, 0o600);
+    assert_eq!(std::fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o700);
+}
+
+#[test]
+fn what_is_no_mcap_file_is_refused() {
+    let error = recover(Source::Bytes(Arc::from(&b"#!/bin/sh\n"[..])), Vec::new()).unwrap_err();
+    assert!(matches!(error, RecoverError::Session(SessionError::NotMcap { .. })));
+}
