@@ -282,6 +282,19 @@ kind!(
 );
 
 kind!(
+    Counts,
+    (),
+    Kind {
+        name: "report.counts",
+        about: "How many samples came.",
+        role: Role::Operator,
+        inputs: &[takes("samples", Diagnostics::KIND, Policy::Queue(4))],
+        outputs: &[sends("counts", Diagnostics::KIND, FrameRule::None)],
+        timer: Timer::Optional,
+    }
+);
+
+kind!(
     Console,
     (),
     Kind {
@@ -307,6 +320,7 @@ const ALL: &[Stage] = &[
     Stage::of::<Mrac>(),
     Stage::of::<Fuse>(),
     Stage::of::<Images>(),
+    Stage::of::<Counts>(),
     Stage::of::<Console>(),
 ];
 
