@@ -178,7 +178,8 @@ impl Growth<'_> {
             );
         }
         if let Some(tag) = tag {
-            let tag = shown(&tag.to_string());
+            let handle = if tag.is_yaml_core_schema() { "!!" } else { &tag.handle };
+            let tag = shown(&format!("{handle}{}", tag.suffix));
             self.findings.say(
                 span,
                 Code::NotSupported,

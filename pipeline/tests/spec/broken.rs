@@ -68,7 +68,7 @@ fn faults_for_programs_have_place_code_message_and_help() {
     let json = faults_of(&path).unwrap().to_json();
     let fault = &json[0];
     assert_eq!(fault["file"], "unknown_operator.yaml");
-    assert_eq!((fault["line"].as_u64(), fault["column"].as_u64()), (Some(9), Some(50)));
+    assert_eq!((fault["line"].as_u64(), fault["column"].as_u64()), (Some(9), Some(47)));
     assert_eq!(fault["code"], "unknown-operator");
     assert_eq!(fault["message"], "there is no operator `clod`");
     assert_eq!(fault["help"], "did you mean `cloud`?");
