@@ -21,7 +21,7 @@ pub fn schema(registry: &Registry) -> Value {
     let by_kind: Vec<Value> = registry.iter().map(when_kind).collect();
     let mut operator = closed(operators::KEYS, &["use"], |key| match key {
         "use" => json!({ "description": "Kind of the operator.", "oneOf": kinds }),
-        "params" => json!({ "type": ["object", "null"], "description": "Its parameters." }),
+        "params" => json!({ "type": "object", "description": "Its parameters." }),
         "inputs" => json!({ "type": "object", "description": "Where its samples come from." }),
         "every" => quantity("ns", "Period of its timer."),
         "frame" => json!({ "type": "string", "description": "Frame of its samples, a name of `frames`." }),
