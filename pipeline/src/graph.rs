@@ -30,8 +30,6 @@ pub struct OperatorNode {
     pub stage: Stage,
     /// Its parameters.
     pub params: CheckedParams,
-    /// Files and folders that its parameters name, as the config writes them.
-    pub files: Vec<String>,
     /// Period of its timer, ns.
     pub every: Option<u64>,
     /// Time that the simulated executor charges for a step, ns.
@@ -44,6 +42,8 @@ pub struct OperatorNode {
     pub outputs: Vec<OutputNode>,
     /// Number of its process.
     pub process: usize,
+    /// Files and folders that its params name, relative to the pipeline's file.
+    pub files: Vec<String>,
 }
 
 /// An input of a checked pipeline.

@@ -8,7 +8,6 @@
 //! - `graph`: the checked pipeline
 //! - `spec`: from YAML to a graph, with every fault of the file
 
-#![forbid(unsafe_code)]
 // The derives name this crate by its path, here too.
 extern crate self as stillpoint_pipeline;
 

@@ -39,20 +39,23 @@
 //!
 //! - `value`: the types that a parameter can have
 //! - `reader`: reading them, with every fault
+//! - `verify`: whether a kind declares them rightly
 
 mod reader;
 mod value;
+mod verify;
 
 use std::any::Any;
 use std::sync::Arc;
 
 #[doc(hidden)]
 pub use crate::spec::tree::Node;
-pub use reader::{ParamReader, verify};
+pub use reader::ParamReader;
 #[doc(hidden)]
 pub use serde_json as json;
 pub use stillpoint_params_derive::{Choice, Params};
 pub use value::{ParamType, ParamValue, Presence};
+pub use verify::verify;
 
 /// Parameters of an operator. Derive it.
 pub trait Params: Sized + Clone + Send + Sync + 'static {

@@ -85,14 +85,12 @@ fn due(field: &ParamField, plain: &'static str) -> String {
 }
 
 fn outside(text: &str, field: &ParamField, bound: &str) -> Complaint {
+    let help = match field.above == Some(bound) {
+        true => "write a greater value".to_owned(),
+        false => format!("the nearest allowed value is `{bound}`"),
+    };
     let range = field.range().unwrap_or_default();
-    let closed =
-        if field.above == Some(bound) { "write a greater value" } else { "the nearest allowed value is" };
-    Complaint::new(
-        Code::OutOfRange,
-        format!("{} is out of range: it must be {range}", shown(text)),
-        if field.above == Some(bound) { closed.to_owned() } else { format!("{closed} `{bound}`") },
-    )
+    Complaint::new(Code::OutOfRange, format!("{} is out of range: it must be {range}", shown(text)), help)
 }
 
 fn number(text: &str, field: &ParamField) -> Result<f64, Complaint> {

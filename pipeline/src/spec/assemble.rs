@@ -30,12 +30,14 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
                 continue;
             };
             match home.insert(number, name) {
-                Some(other) => findings.say(
-                    member.span,
-                    Code::ProcessShared,
-                    format!("{} is in the process `{other}` already", shown(&member.value)),
-                    format!("take it out of `{other}` or of `{name}`"),
-                ),
+                Some(other) => {
+                    let help = match other == name {
+                        true => "name it once".to_owned(),
+                        false => format!("take it out of `{other}` or of `{name}`"),
+                    };
+                    let message = format!("{} is in the process `{other}` already", shown(&member.value));
+                    findings.say(member.span, Code::ProcessShared, message, help);
+                }
                 None => operators.push(number),
             }
         }

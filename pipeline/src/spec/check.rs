@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use super::document::{self, Document};
 use super::faults::{Code, Faults, Findings};
 use super::operators::ParsedOperator;
-use super::source::Sources;
+use super::source::{Sources, Span};
 use super::tree::Entry;
 use super::wiring::Wired;
 use super::{assemble, order, port_frames, sets, sync, wiring, yaml};
@@ -13,6 +13,9 @@ use crate::graph::Graph;
 use crate::operator::{Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
 use crate::setup::Files;
+
+/// Where a file begins.
+const BEGINNING: Span = Span { source: 0, start: 0, end: 0, line: 1, column: 1 };
 
 /// Reads a pipeline and checks all of it. `file_name` is what faults name; each of `sets` is an
 /// `operator.param=value` that replaces what the file says; `files` answers for the files that parameters name.
@@ -53,7 +56,7 @@ fn pass(
     let Some(mut root) = parsed else {
         if findings.is_empty() {
             findings.say(
-                Default::default(),
+                BEGINNING,
                 Code::WrongShape,
                 "the file is empty",
                 format!("begin with `stillpoint: {}`", document::VERSION),

@@ -190,7 +190,10 @@ pub fn count(entry: &Entry, least: u32, greatest: u32, findings: &Findings) -> O
 pub fn no_choice(node: &Node, text: &str, what: &str, words: &[&str], findings: &Findings) {
     let help = match nearest(text, words.iter().copied()) {
         Some(near) => format!("did you mean `{near}`?"),
-        None => format!("write {}", quantity::or(words)),
+        None => {
+            let quoted: Vec<String> = words.iter().map(|w| format!("`{w}`")).collect();
+            format!("write {}", quantity::or(&quoted.iter().map(String::as_str).collect::<Vec<_>>()))
+        }
     };
     findings.say(node.span, Code::UnknownChoice, format!("{} is not {what}", shown(text)), help);
 }

@@ -172,6 +172,13 @@ impl Findings {
         self.kept.borrow().is_empty()
     }
 
+    /// Whether there is one within a place.
+    pub fn any_within(&self, span: Span) -> bool {
+        let within =
+            |f: &Fault| f.span.source == span.source && f.span.start >= span.start && f.span.end <= span.end;
+        self.kept.borrow().iter().any(within)
+    }
+
     /// The faults in the order of their places.
     pub fn into_faults(self, sources: Sources) -> Faults {
         let mut list = self.kept.into_inner();

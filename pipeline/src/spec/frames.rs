@@ -147,7 +147,10 @@ fn circles(frames: &Frames, places: &BTreeMap<String, Span>, findings: &Findings
             findings.say(
                 span,
                 Code::FrameCycle,
-                format!("the frames {} hang on each other and on nothing else", names.join(" in ")),
+                format!(
+                    "the frames {} hang on each other and on nothing else",
+                    names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(" in ")
+                ),
                 "give one of them a parent outside the circle",
             );
         }

@@ -18,7 +18,7 @@
 //! - `source`: texts and places in them
 //! - `yaml`, `tree`: YAML as it was written, each key and value with its place
 //! - `sets`: `--set operator.param=value`, applied to the tree
-//! - `units`, `quantity`: numbers with units, read as SI
+//! - `units`, `decimal`, `quantity`: numbers with units, read as SI
 //!
 //! Tree to parsed pipeline:
 //! - `document`: the file; `operators`, `inputs`, `frames`, `processes`, `record`: its sections
@@ -33,6 +33,7 @@
 
 mod assemble;
 mod check;
+mod decimal;
 mod document;
 pub mod faults;
 mod frames;

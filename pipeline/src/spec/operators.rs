@@ -4,7 +4,7 @@ use super::document::{check_name, missing, period, time};
 use super::faults::Findings;
 use super::inputs::{self, ParsedInput};
 use super::source::{Marked, Span};
-use super::tree::{Entry, Keys, Node};
+use super::tree::{Entry, Keys, Node, Value};
 
 /// Keys of an operator.
 pub const KEYS: &[&str] = &["use", "params", "inputs", "every", "frame", "latency", "deadline"];
@@ -17,6 +17,8 @@ pub struct ParsedOperator<'t> {
     pub kind: Option<Marked<String>>,
     /// Its parameters.
     pub params: Option<&'t Node>,
+    /// Its inputs could not be read: none of them is missing.
+    pub has_unreadable_inputs: bool,
     /// Its inputs.
     pub inputs: Vec<ParsedInput>,
     /// Period of its timer, ns.
@@ -37,7 +39,7 @@ pub struct ParsedOperator<'t> {
 pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>> {
     let due = "a mapping from names to operators";
     let Some(entries) = entry.value.map("`operators`", due, findings) else { return Vec::new() };
-    if entries.is_empty() {
+    if entries.is_empty() && !findings.any_within(entry.value.span) {
         missing("`operators`", "rig", "{ use: family.kind }", entry.key.span, findings);
     }
     entries.iter().map(|e| operator(e, findings)).collect()
@@ -50,6 +52,7 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
         name,
         kind: None,
         params: None,
+        has_unreadable_inputs: false,
         inputs: Vec::new(),
         every: None,
         has_every: None,
@@ -76,6 +79,8 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     }
     parsed.params = keys.get("params").map(|e| &e.value);
     parsed.inputs = keys.get("inputs").map(|e| inputs::read(&e.value, findings)).unwrap_or_default();
+    parsed.has_unreadable_inputs =
+        keys.get("inputs").is_some_and(|e| !matches!(e.value.value, Value::Map(_)));
     parsed.has_every = keys.get("every").map(|e| e.key.span);
     parsed.every = keys.get("every").and_then(|e| period(e, findings));
     parsed.has_frame = keys.get("frame").map(|e| e.key.span);

@@ -143,21 +143,27 @@ fn fit(document: &Document<'_>, wired: &[Wired], frames: &PortFrames, operator: 
         .collect();
     let key = document.operators[operator].frame.as_ref();
     // A frame of its own means that the operator transforms; without one, numbers of two frames would be mixed.
-    let own = stage.kind.outputs.iter().find_map(|o| match o.frame {
-        FrameRule::Key | FrameRule::KeyOr(_) => key.map(|k| k.value.as_str()),
-        FrameRule::Named(name) => Some(name),
-        _ => None,
-    });
+    let own: Vec<&str> = stage
+        .kind
+        .outputs
+        .iter()
+        .filter_map(|o| match o.frame {
+            FrameRule::Key | FrameRule::KeyOr(_) => key.map(|k| k.value.as_str()),
+            FrameRule::Named(name) => Some(name),
+            _ => None,
+        })
+        .collect();
     let name = &document.operators[operator].name.value;
-    if let Some(own) = own {
+    if let Some(first) = own.first() {
         let is_known = key.is_none_or(|k| document.frames.knows(&k.value));
         for (port, frame, span) in framed {
-            if is_known && frame != own && document.frames.transform(own, frame).is_none() {
+            let joins = |own: &&str| *own == frame || document.frames.transform(own, frame).is_some();
+            if is_known && !own.iter().any(joins) {
                 findings.say(
                     span,
                     Code::FrameMismatch,
-                    format!("`{port}` is in the frame `{frame}`, which nothing joins to `{own}`, the frame of `{name}`"),
-                    format!("place `{frame}` or `{own}` in `frames` so that both hang on one root"),
+                    format!("`{port}` is in the frame `{frame}`, which nothing joins to `{first}`, the frame of `{name}`"),
+                    format!("place `{frame}` or `{first}` in `frames` so that both hang on one root"),
                 );
             }
         }

@@ -2,69 +2,10 @@
 //!
 //! `4 mm` is the double nearest to 0.004: the decimal point is moved before the number becomes binary.
 
+use super::decimal::{Decimal, split};
 use super::faults::{Code, Complaint};
 use super::near::{nearest, shown};
 use super::units::{DIMENSIONS, Dimension, Factor, Unit, find};
-
-/// Most characters of a quantity.
-const LONGEST: usize = 64;
-
-/// A decimal number as written.
-struct Decimal<'t> {
-    negative: bool,
-    whole: &'t str,
-    fraction: &'t str,
-    exponent: i32,
-}
-
-impl Decimal<'_> {
-    fn text(&self, shift: i32) -> String {
-        let sign = if self.negative { "-" } else { "" };
-        format!("{sign}{}.{}e{}", self.whole, self.fraction, self.exponent + shift)
-    }
-
-    /// The digits as a whole number, and the power of ten that goes with it.
-    fn digits(&self) -> Option<(i128, i32)> {
-        let digits = format!("0{}{}", self.whole, self.fraction.trim_end_matches('0'));
-        let dropped = self.fraction.len() - self.fraction.trim_end_matches('0').len();
-        let value: i128 = digits.parse().ok()?;
-        let power = self.exponent - (self.fraction.len() - dropped) as i32;
-        Some((if self.negative { -value } else { value }, power))
-    }
-}
-
-/// Splits a text into its number and the rest.
-fn split(text: &str) -> Option<(Decimal<'_>, &str)> {
-    let text = text.trim();
-    if text.len() > LONGEST {
-        return None;
-    }
-    let (negative, body) = match text.as_bytes().first()? {
-        b'-' => (true, &text[1..]),
-        b'+' => (false, &text[1..]),
-        _ => (false, text),
-    };
-    let run = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();
-    let (whole, mut rest) = body.split_at(run(body));
-    let mut fraction = "";
-    if let Some(after) = rest.strip_prefix('.') {
-        (fraction, rest) = after.split_at(run(after));
-    }
-    if whole.is_empty() && fraction.is_empty() {
-        return None;
-    }
-    let mut exponent = 0;
-    if let Some(after) = rest.strip_prefix(['e', 'E']) {
-        let signed = after.strip_prefix(['-', '+']).unwrap_or(after);
-        let digits = run(signed);
-        if digits > 0 {
-            let end = after.len() - signed.len() + digits;
-            exponent = after[..end].parse().ok().filter(|e: &i32| e.abs() <= 400)?;
-            rest = &after[end..];
-        }
-    }
-    Some((Decimal { negative, whole, fraction, exponent }, rest.trim()))
-}
 
 /// A plain number, with no unit.
 pub fn plain(text: &str) -> Result<f64, Complaint> {
@@ -77,7 +18,7 @@ pub fn plain(text: &str) -> Result<f64, Complaint> {
 pub fn whole(text: &str) -> Result<i128, Complaint> {
     let (decimal, unit) = split(text).ok_or_else(|| not_a_number(text, "a whole number", "5"))?;
     refuse_unit(text, unit)?;
-    shifted(&decimal, 0, 1).ok_or_else(|| {
+    decimal.shifted(0, 1).ok_or_else(|| {
         Complaint::new(
             Code::NotANumber,
             format!("{} is not a whole number", shown(text)),
@@ -112,8 +53,8 @@ pub fn whole_in(text: &str, unit: &str) -> Result<i128, Complaint> {
     });
     let (decimal, found) = in_dimension(text, dimension)?;
     let value = match found.factor {
-        Factor::Ten(power) => shifted(&decimal, power - base, 1),
-        Factor::Whole(factor) => shifted(&decimal, -base, i128::from(factor)),
+        Factor::Ten(power) => decimal.shifted(power - base, 1),
+        Factor::Whole(factor) => decimal.shifted(-base, i128::from(factor)),
         Factor::Real(_) => None,
     };
     value.ok_or_else(|| {
@@ -131,8 +72,11 @@ pub fn nanoseconds(text: &str) -> Result<u64, Complaint> {
     u64::try_from(value).map_err(|_| {
         Complaint::new(
             Code::OutOfRange,
-            format!("{} is not a time from 0 s to 584 years", shown(text)),
-            "write a time that is not negative, for example `10 ms`",
+            match value < 0 {
+                true => format!("{} is negative, but no time here is", shown(text)),
+                false => format!("{} is longer than 584 years", shown(text)),
+            },
+            "write for example `10 ms`",
         )
     })
 }
@@ -145,26 +89,6 @@ fn known(unit: &str) -> Result<&'static Dimension, Complaint> {
             "report it: the operator's parameters are declared wrongly",
         )
     })
-}
-
-/// The decimal times `factor` times ten to `shift`, where that is a whole number.
-fn shifted(decimal: &Decimal<'_>, shift: i32, factor: i128) -> Option<i128> {
-    let (digits, power) = decimal.digits()?;
-    let mut value = digits.checked_mul(factor)?;
-    let power = power + shift;
-    for _ in 0..power.unsigned_abs() {
-        if value == 0 {
-            break;
-        }
-        if power > 0 {
-            value = value.checked_mul(10)?;
-        } else if value % 10 == 0 {
-            value /= 10;
-        } else {
-            return None;
-        }
-    }
-    Some(value)
 }
 
 fn in_dimension<'t>(
@@ -274,7 +198,7 @@ mod tests {
         assert_eq!(si("0.1 min", "s"), Ok(6.0));
         assert_eq!(si("50 %", "1"), Ok(0.5));
         assert_eq!(si("180 deg", "rad"), Ok(std::f64::consts::PI));
-        assert_eq!(si("15 psi", "Pa"), Ok(103_421.359_397_525_41));
+        assert_eq!(si("15 psi", "Pa"), Ok(103_421.359_397_525_4));
         assert_eq!(si("9.81 m/s^2", "m/s2"), Ok(9.81));
     }
 

@@ -116,7 +116,7 @@ fn ty(field: &ParamField, ty_of: ParamType) -> String {
 /// A time in the largest unit that keeps it whole.
 fn time(ns: u64) -> String {
     for (unit, size) in [("s", 1_000_000_000), ("ms", 1_000_000), ("us", 1_000)] {
-        if ns > 0 && ns % size == 0 {
+        if ns > 0 && ns.is_multiple_of(size) {
             return format!("{} {unit}", ns / size);
         }
     }

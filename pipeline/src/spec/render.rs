@@ -8,7 +8,7 @@ use super::faults::{Fault, Faults};
 use super::source::{Source, Span};
 
 /// Characters of a source line that are shown; a longer line is cut around the fault.
-const WIDTH: usize = 100;
+const WIDTH: usize = 120;
 
 impl Display for Faults {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {

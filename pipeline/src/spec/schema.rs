@@ -21,7 +21,7 @@ pub fn schema(registry: &Registry) -> Value {
     let by_kind: Vec<Value> = registry.iter().map(when_kind).collect();
     let mut operator = closed(operators::KEYS, &["use"], |key| match key {
         "use" => json!({ "description": "Kind of the operator.", "oneOf": kinds }),
-        "params" => json!({ "type": ["object", "null"], "description": "Its parameters." }),
+        "params" => json!({ "type": "object", "description": "Its parameters." }),
         "inputs" => json!({ "type": "object", "description": "Where its samples come from." }),
         "every" => quantity("ns", "Period of its timer."),
         "frame" => json!({ "type": "string", "description": "Frame of its samples, a name of `frames`." }),
@@ -224,7 +224,7 @@ fn param(field: &ParamField) -> Value {
     }
     set(&mut schema, "description", json!(about.trim()));
     if let Some(default) = field.default {
-        let is_text = field.unit != "" || matches!(field.ty, ParamType::Text | ParamType::Choice(_));
+        let is_text = !field.unit.is_empty() || matches!(field.ty, ParamType::Text | ParamType::Choice(_));
         let value = if is_text { None } else { serde_json::from_str(default).ok() };
         set(&mut schema, "default", value.unwrap_or_else(|| json!(default)));
     }
@@ -234,7 +234,9 @@ fn param(field: &ParamField) -> Value {
 fn typed(field: &ParamField, ty: ParamType) -> Value {
     let bound = |text: Option<&str>| text.and_then(|t| serde_json::from_str::<Value>(t).ok());
     let mut schema = match ty {
-        ParamType::Number | ParamType::Integer { .. } if field.unit != "" => return quantity(field.unit, ""),
+        ParamType::Number | ParamType::Integer { .. } if !field.unit.is_empty() => {
+            return quantity(field.unit, "");
+        }
         ParamType::Number => json!({ "type": "number" }),
         ParamType::Integer { least, .. } if least >= 0 => json!({ "type": "integer", "minimum": 0 }),
         ParamType::Integer { .. } => json!({ "type": "integer" }),

@@ -34,10 +34,10 @@ fn of_operator(
     let parsed = |port: usize| wired.inputs[port].parsed.and_then(|i| operator.inputs.get(i));
     let said = |port: usize| parsed(port).and_then(|i| i.policy.as_ref());
     let mut found: Vec<Option<Consumption>> = vec![None; ports.len()];
-    for port in 0..ports.len() {
+    for (port, found) in found.iter_mut().enumerate() {
         match said(port).map(|p| &p.value) {
-            Some(ParsedPolicy::Latest) => found[port] = Some((Policy::Latest, None)),
-            Some(ParsedPolicy::Queue(length)) => found[port] = Some((Policy::Queue(*length), None)),
+            Some(ParsedPolicy::Latest) => *found = Some((Policy::Latest, None)),
+            Some(ParsedPolicy::Queue(length)) => *found = Some((Policy::Queue(*length), None)),
             _ => {}
         }
     }

@@ -165,9 +165,12 @@ impl<'t> Keys<'t> {
             }
             let free: Vec<&str> =
                 known.iter().copied().filter(|k| !found.iter().any(|(f, _)| f == k)).collect();
-            let near = if findings.is_full() { None } else { nearest(key, free.iter().copied()) };
-            let help = match near {
-                Some(near) => format!("did you mean `{near}`?"),
+            let (near, given) = match findings.is_full() {
+                true => (None, None),
+                false => (nearest(key, free.iter().copied()), nearest(key, known.iter().copied())),
+            };
+            let help = match near.or(given) {
+                Some(name) => format!("did you mean `{name}`?"),
                 None => listed(known.iter().copied(), &format!("{noun}s")),
             };
             findings.say(entry.key.span, Code::UnknownKey, format!("{place} has no {noun} {name}"), help);

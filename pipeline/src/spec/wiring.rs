@@ -12,7 +12,7 @@ use super::near::{listed, nearest, shown, suggestion};
 use super::operators::ParsedOperator;
 use super::source::{Marked, Span};
 use crate::graph::Edge;
-use crate::operator::{Registry, Stage};
+use crate::operator::{Registry, Stage, Timer};
 
 /// Topics that a help line names.
 const LISTED: usize = 4;
@@ -47,7 +47,7 @@ impl Wired {
 pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings) -> Vec<Wired> {
     let stages: Vec<Option<Stage>> =
         document.operators.iter().map(|o| stage(o, registry, findings)).collect();
-    let lookup = Lookup { document, stages: &stages, numbers: numbers(document), findings };
+    let lookup = Lookup { document, stages: &stages, numbers: numbers(document), registry, findings };
     let wired: Vec<Vec<WiredInput>> = (0..stages.len()).map(|i| lookup.inputs(i)).collect();
     stages.into_iter().zip(wired).map(|(stage, inputs)| Wired { stage, inputs }).collect()
 }
@@ -71,6 +71,7 @@ struct Lookup<'d> {
     document: &'d Document<'d>,
     stages: &'d [Option<Stage>],
     numbers: BTreeMap<&'d str, usize>,
+    registry: &'d Registry,
     findings: &'d Findings,
 }
 
@@ -98,12 +99,12 @@ impl Lookup<'_> {
             if *sample == *ports[port].sample {
                 wired[port].edge = Some(Edge { operator: producer, output, delay: input.delay });
             } else {
-                self.mismatch(ports[port].name, ports[port].sample, from, sample);
+                self.mismatch(operator, ports[port].name, ports[port].sample, from, sample);
             }
         }
         for (port, wired) in ports.iter().zip(&wired) {
-            if port.required && wired.parsed.is_none() {
-                let topics = self.topics_of(port.sample);
+            if port.required && wired.parsed.is_none() && !parsed.has_unreadable_inputs {
+                let topics = self.topics_of(port.sample, operator);
                 let topic = topics.first().map_or("operator.port", String::as_str);
                 self.findings.say(
                     parsed.name.span,
@@ -154,7 +155,10 @@ impl Lookup<'_> {
                 operator.span,
                 Code::UnknownOperator,
                 format!("there is no operator {}", shown(&operator.value)),
-                suggestion(&operator.value, names, "operators", self.findings),
+                match self.registry.get(&operator.value) {
+                    Some(stage) => add(stage),
+                    None => suggestion(&operator.value, names, "operators", self.findings),
+                },
             );
             return None;
         };
@@ -174,13 +178,13 @@ impl Lookup<'_> {
 
     fn mismatch(
         &self,
+        operator: usize,
         input: &str,
         due: &'static SampleKind,
         from: &Marked<Topic>,
         found: &'static SampleKind,
     ) {
-        let Topic { operator, port } = &from.value;
-        let topic = format!("{}.{}", operator.value, port.value);
+        let topic = format!("{}.{}", from.value.operator.value, from.value.port.value);
         let message = if due.name == found.name {
             format!(
                 "`{input}` takes {due}, but `{topic}` sends {found}: their layouts or units differ",
@@ -194,7 +198,7 @@ impl Lookup<'_> {
                 with_article(found.name)
             )
         };
-        let topics = self.topics_of(due);
+        let topics = self.topics_of(due, operator);
         let help = match topics.as_slice() {
             [] => format!("no operator of this pipeline sends {}: add one", with_article(due.name)),
             some => {
@@ -206,20 +210,28 @@ impl Lookup<'_> {
         self.findings.say(from.span, Code::TypeMismatch, message, help);
     }
 
-    /// Topics of a type, the first few.
-    fn topics_of(&self, sample: &'static SampleKind) -> Vec<String> {
+    /// Topics of a type, the first few, without those of the operator that asks.
+    fn topics_of(&self, sample: &'static SampleKind, but: usize) -> Vec<String> {
         if self.findings.is_full() {
             return Vec::new();
         }
-        let operators = self.document.operators.iter().zip(self.stages);
+        let operators =
+            self.document.operators.iter().zip(self.stages).enumerate().filter(|(i, _)| *i != but);
         operators
-            .filter_map(|(o, stage)| stage.as_ref().map(|s| (o, s)))
+            .filter_map(|(_, (o, stage))| stage.as_ref().map(|s| (o, s)))
             .flat_map(|(o, s)| s.kind.outputs.iter().map(move |p| (o, p)))
             .filter(|(_, p)| *p.sample == *sample)
             .map(|(o, p)| format!("{}.{}", o.name.value, p.name))
             .take(LISTED)
             .collect()
     }
+}
+
+/// How an operator that is called like its kind is added.
+fn add(stage: &Stage) -> String {
+    let name = stage.kind.name;
+    let every = if stage.kind.timer == Timer::Required { ", every: 20 ms" } else { "" };
+    format!("add it to `operators`: `{name}: {{ use: {name}{every} }}`")
 }
 
 /// A type with its article.

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Tag};
 
-use super::faults::{Code, Findings};
+use super::faults::{Code, Complaint, Findings};
 use super::near::shown;
 use super::source::{Marked, Span};
 use super::tree::{Entry, Node, Value};
@@ -162,12 +162,7 @@ impl Growth<'_> {
             _ => {}
         }
         if self.open.len() > DEEPEST {
-            self.findings.say(
-                span,
-                Code::TooLarge,
-                format!("the nesting is deeper than the {DEEPEST} levels that a pipeline may have"),
-                "remove the brackets that nothing needs",
-            );
+            self.findings.add(span, too_deep());
             return false;
         }
         true
@@ -183,7 +178,8 @@ impl Growth<'_> {
             );
         }
         if let Some(tag) = tag {
-            let tag = shown(&tag.to_string());
+            let handle = if tag.is_yaml_core_schema() { "!!" } else { &tag.handle };
+            let tag = shown(&format!("{handle}{}", tag.suffix));
             self.findings.say(
                 span,
                 Code::NotSupported,
@@ -213,6 +209,10 @@ impl Growth<'_> {
     }
 
     fn syntax(&self, error: &ScanError) {
+        // The scanner reads ahead and has a limit of its own.
+        if error.info().contains("recursion") {
+            return self.findings.add(self.places.between(*error.marker(), *error.marker()), too_deep());
+        }
         let marker = *error.marker();
         let mut span = self.places.between(marker, marker);
         let info = error.info();
@@ -248,6 +248,14 @@ impl Growth<'_> {
         };
         self.findings.say(span, Code::Syntax, message, help);
     }
+}
+
+fn too_deep() -> Complaint {
+    Complaint::new(
+        Code::TooLarge,
+        format!("the nesting is deeper than the {DEEPEST} levels that a pipeline may have"),
+        "remove the brackets that nothing needs",
+    )
 }
 
 impl Findings {

@@ -8,6 +8,8 @@ use stillpoint_samples::{
     ConsoleCommand, DepthImage, Diagnostics, PointCloud, Pose, Sample, SampleKind, Track,
 };
 
+use crate::others;
+
 macro_rules! kind {
     ($name:ident, $params:ty, $kind:expr) => {
         pub struct $name;
@@ -24,15 +26,15 @@ macro_rules! kind {
     };
 }
 
-const fn needs(name: &'static str, sample: &'static SampleKind, policy: Policy) -> Input {
+pub const fn needs(name: &'static str, sample: &'static SampleKind, policy: Policy) -> Input {
     Input { name, sample, policy, required: true, about: "What the operator works on." }
 }
 
-const fn takes(name: &'static str, sample: &'static SampleKind, policy: Policy) -> Input {
+pub const fn takes(name: &'static str, sample: &'static SampleKind, policy: Policy) -> Input {
     Input { required: false, ..needs(name, sample, policy) }
 }
 
-const fn sends(name: &'static str, sample: &'static SampleKind, frame: FrameRule) -> Output {
+pub const fn sends(name: &'static str, sample: &'static SampleKind, frame: FrameRule) -> Output {
     Output { name, sample, frame, about: "What the operator makes." }
 }
 
@@ -176,126 +178,7 @@ kind!(
     }
 );
 
-#[derive(Clone, Params)]
-pub struct StepParams {
-    /// By how much the target moves.
-    #[param(unit = "m")]
-    pub by: [f64; 3],
-    /// When it moves, after the start.
-    #[param(unit = "ns", default = "2 s")]
-    pub at: u64,
-}
-
-#[derive(Clone, Params)]
-pub struct TargetParams {
-    /// A step of the target.
-    pub step: Option<StepParams>,
-    /// Corners of a path that the target follows.
-    #[param(unit = "m", default = "[]")]
-    pub path: Vec<[f64; 3]>,
-    /// What the target is called.
-    #[param(default = "rest", choices("rest", "treat"))]
-    pub goal: String,
-}
-
-kind!(
-    Target,
-    TargetParams,
-    Kind {
-        name: "control.target",
-        about: "The pose that the head is to have.",
-        role: Role::Operator,
-        inputs: &[],
-        outputs: &[sends("reference", Track::KIND, FrameRule::Key)],
-        timer: Timer::Required,
-    }
-);
-
-#[derive(Clone, Params)]
-pub struct MracParams {
-    /// Rate of adaptation.
-    #[param(min = 0, max = 10)]
-    pub gain: f64,
-    /// How long a command stays valid.
-    #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "1 s")]
-    pub watchdog: u64,
-}
-
-kind!(
-    Mrac,
-    MracParams,
-    Kind {
-        name: "control.mrac",
-        about: "Model-reference adaptive control of the bladders.",
-        role: Role::Operator,
-        inputs: &[
-            needs("state", Track::KIND, Policy::Latest),
-            needs("target", Track::KIND, Policy::Latest),
-            takes("feedback", Diagnostics::KIND, Policy::Latest),
-        ],
-        outputs: &[sends("command", Diagnostics::KIND, FrameRule::None)],
-        timer: Timer::Optional,
-    }
-);
-
-kind!(
-    Fuse,
-    (),
-    Kind {
-        name: "estimate.fuse",
-        about: "Two poses in step to one.",
-        role: Role::Operator,
-        inputs: &[
-            needs("a", Pose::KIND, Policy::Sync { within: 5_000_000 }),
-            needs("b", Pose::KIND, Policy::Sync { within: 5_000_000 }),
-            takes("hint", Pose::KIND, Policy::Latest),
-        ],
-        outputs: &[sends("pose", Pose::KIND, FrameRule::SameAs("a"))],
-        timer: Timer::No,
-    }
-);
-
-#[derive(Clone, Params)]
-pub struct ReplayParams {
-    /// Images to send.
-    #[param(files)]
-    pub images: String,
-    /// Weights of the channels.
-    #[param(default = "[1, 1]")]
-    pub weights: [f32; 2],
-    /// Shift of the counts.
-    #[param(default = -3, min = -10)]
-    pub shift: i64,
-}
-
-kind!(
-    Images,
-    ReplayParams,
-    Kind {
-        name: "ingest.images",
-        about: "Depth images out of a folder.",
-        role: Role::Source,
-        inputs: &[],
-        outputs: &[sends("depth", DepthImage::KIND, FrameRule::Key)],
-        timer: Timer::Required,
-    }
-);
-
-kind!(
-    Console,
-    (),
-    Kind {
-        name: "console",
-        about: "What people send.",
-        role: Role::Source,
-        inputs: &[],
-        outputs: &[
-            sends("arm", ConsoleCommand::KIND, FrameRule::None),
-            sends("capture", ConsoleCommand::KIND, FrameRule::None),
-        ],
-        timer: Timer::No,
-    }
-);
+pub(crate) use kind;
 
 const ALL: &[Stage] = &[
     Stage::of::<Rig>(),
@@ -303,11 +186,12 @@ const ALL: &[Stage] = &[
     Stage::of::<Face>(),
     Stage::of::<Head>(),
     Stage::of::<Kalman>(),
-    Stage::of::<Target>(),
-    Stage::of::<Mrac>(),
-    Stage::of::<Fuse>(),
-    Stage::of::<Images>(),
-    Stage::of::<Console>(),
+    Stage::of::<others::Target>(),
+    Stage::of::<others::Mrac>(),
+    Stage::of::<others::Fuse>(),
+    Stage::of::<others::Images>(),
+    Stage::of::<others::Counts>(),
+    Stage::of::<others::Console>(),
 ];
 
 /// All of them.

@@ -1,11 +1,13 @@
 //! Parameters: typed, in SI, with defaults and every fault.
 
+use stillpoint_pipeline::Params;
 use stillpoint_pipeline::params::verify;
 use stillpoint_pipeline::spec::check;
 
 use crate::disk::Disk;
 use crate::good::graph;
-use crate::kinds::{self, registry};
+use crate::kinds::registry;
+use crate::others;
 
 #[test]
 fn resolved_parameters_are_complete_ordered_and_in_si() {
@@ -30,7 +32,7 @@ fn resolved_parameters_are_complete_ordered_and_in_si() {
 #[test]
 fn the_typed_struct_holds_what_the_config_says() {
     let graph = graph("images.yaml");
-    let params = graph.operators[0].params.value.downcast_ref::<kinds::ReplayParams>().unwrap();
+    let params = graph.operators[0].params.value.downcast_ref::<others::ReplayParams>().unwrap();
     assert_eq!((params.weights, params.shift), ([0.5, 2.0], -3));
 }
 
@@ -53,11 +55,26 @@ fn all_faults_of_one_operator_come_at_once() {
 
 #[test]
 fn declarations_of_the_kinds_can_be_read() {
-    verify::<kinds::RigParams>().unwrap();
-    verify::<kinds::DepthParams>().unwrap();
-    verify::<kinds::FaceParams>().unwrap();
-    verify::<kinds::KalmanParams>().unwrap();
-    verify::<kinds::TargetParams>().unwrap();
-    verify::<kinds::MracParams>().unwrap();
-    verify::<kinds::ReplayParams>().unwrap();
+    for stage in registry().iter() {
+        verify(stage).unwrap();
+    }
+}
+
+#[derive(Clone, Params)]
+struct Wrong {
+    /// A default beyond the range.
+    #[param(unit = "m", default = "[1 mm, 9 mm]", max = "5 mm")]
+    _lengths: [f64; 2],
+}
+
+#[test]
+fn a_default_out_of_range_is_found_by_verify() {
+    let mut stage = *registry().get("console").unwrap();
+    stage.fields = Wrong::FIELDS;
+    stage.read = |reader| Wrong::read(reader).map(|_| unreachable!("it has a fault"));
+    let reason = verify(&stage).unwrap_err();
+    assert_eq!(
+        reason,
+        "console: the default of `_lengths` cannot be read: `9 mm` is out of range: it must be at most 5 mm"
+    );
 }
