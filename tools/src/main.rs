@@ -1,2 +1,5 @@
-//! The `stillpoint` command.
-fn main() {}
+//! The `stillpoint` command with the kinds of operators that come with it.
+
+fn main() -> std::process::ExitCode {
+    stillpoint::command(&[])
+}

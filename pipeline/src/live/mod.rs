@@ -7,6 +7,7 @@
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
 //! - `worker`: a process of operators
 //! - `directed`: a worker whose activations are decided by the supervisor
+//! - `lockstep`: processes that do what a schedule tells them
 //! - `member`: one operator in a worker
 //! - `recorder`: the process that records
 //! - `status`: what a run looks like from its journals
@@ -16,6 +17,7 @@ mod children;
 pub mod contracts;
 pub mod control;
 mod directed;
+mod lockstep;
 mod member;
 mod pipe;
 mod recorder;
@@ -25,6 +27,7 @@ mod supervisor;
 mod worker;
 
 pub use children::Launch;
+pub use lockstep::Processes;
 pub use recorder::recorder_main;
 pub use supervisor::{Fault, Recorded, Run, RunOptions, RunReport, Supervisor};
 pub use worker::worker_main;

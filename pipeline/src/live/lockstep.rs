@@ -1,0 +1,190 @@
+//! Lock-step placement in processes: activations are sent to workers as records, samples go through shared memory.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use stillpoint_samples::{Entry, JournalRef, RefKind, SampleKind};
+use stillpoint_shm::{Domain, Subscriber, Topic};
+
+use super::children::{Child, Launch, Told};
+use super::contracts;
+use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
+use super::entry_of;
+use super::run_folder::{RunFolder, sweep_dead};
+use crate::clock::SessionClock;
+use crate::graph::Graph;
+use crate::placement::{Committed, Placement, PlacementError};
+use crate::record::Record;
+use crate::shelf::Parcel;
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// All processes of a graph, each doing what it is told.
+pub struct Processes {
+    graph: Arc<Graph>,
+    children: Vec<Child>,
+    journals: Vec<Subscriber>,
+    /// By operator and output.
+    taps: Vec<Vec<(Subscriber, &'static SampleKind)>>,
+    // Dropped in this order: ports, then topics, then the node, then the folder.
+    _topics: Vec<Topic>,
+    _domain: Domain,
+    _folder: RunFolder,
+}
+
+impl Processes {
+    /// Starts every process of the graph. `source`, `file` and `sets` are what the graph was checked from.
+    pub fn start(
+        graph: Arc<Graph>,
+        launch: &Launch,
+        source: &str,
+        file: &str,
+        sets: &[String],
+    ) -> Result<Self, String> {
+        sweep_dead();
+        contracts::check_room(&graph)?;
+        let folder = RunFolder::create()?;
+        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
+        let mut topics = Vec::new();
+        let (mut journals, mut taps) = (Vec::new(), Vec::new());
+        for (operator, node) in graph.operators.iter().enumerate() {
+            let topic = Topic::create(&domain, &contracts::journal(&graph, operator)).map_err(|e| e.to_string())?;
+            journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
+            topics.push(topic);
+            let mut outputs = Vec::new();
+            for (port, output) in node.stage.kind.outputs.iter().enumerate() {
+                let contract = contracts::output(&graph, operator, port);
+                let topic = Topic::create(&domain, &contract).map_err(|e| e.to_string())?;
+                outputs.push((topic.subscriber(contract.buffer).map_err(|e| e.to_string())?, output.sample));
+                topics.push(topic);
+            }
+            taps.push(outputs);
+        }
+        let mut children = Vec::new();
+        for process in &graph.processes {
+            let hello = Hello {
+                process: process.name.clone(),
+                source: source.to_string(),
+                file: file.to_string(),
+                sets: sets.to_vec(),
+                root: folder.root(),
+                prefix: folder.prefix().to_string(),
+                clock: SessionClock::start(),
+                incarnations: vec![0; process.operators.len()],
+                directed: true,
+            };
+            children.push(Child::start(launch, launch.worker, &process.name, &hello)?);
+        }
+        let mut told = Vec::new();
+        for child in &mut children {
+            match child.answer(PATIENCE, &mut told) {
+                Ok(FromWorker::Made) => {}
+                other => return Err(first_reason(&told, other)),
+            }
+        }
+        for child in &mut children {
+            child.tell(&ToWorker::Connect);
+            match child.answer(PATIENCE, &mut told) {
+                Ok(FromWorker::Connected) => {}
+                other => return Err(first_reason(&told, other)),
+            }
+        }
+        let mut processes =
+            Self { graph, children, journals, taps, _topics: topics, _domain: domain, _folder: folder };
+        processes.connect().map_err(|e| e.to_string())?;
+        Ok(processes)
+    }
+
+    fn connect(&mut self) -> Result<(), stillpoint_shm::ShmError> {
+        for journal in &self.journals {
+            journal.connect()?;
+        }
+        for (tap, _) in self.taps.iter().flatten() {
+            tap.connect()?;
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, operator: usize, order: &ToWorker) -> Result<FromWorker, PlacementError> {
+        let node = &self.graph.operators[operator];
+        let gone = |reason: String| PlacementError::Gone { operator: node.name.clone(), reason };
+        let mut told = Vec::new();
+        let child = &mut self.children[node.process];
+        child.tell(order);
+        match child.answer(PATIENCE, &mut told) {
+            Ok(FromWorker::Refused(reason)) => Err(gone(reason)),
+            Ok(answer) => Ok(answer),
+            other => Err(gone(first_reason(&told, other))),
+        }
+    }
+
+    fn entry(&mut self, operator: usize) -> Result<Entry, PlacementError> {
+        let received = self.journals[operator].receive();
+        let entry = received.ok().flatten().and_then(|s| entry_of(s.pieces()));
+        entry.ok_or_else(|| PlacementError::Gone {
+            operator: self.graph.operators[operator].name.clone(),
+            reason: "its journal entry did not arrive".to_string(),
+        })
+    }
+}
+
+fn first_reason(told: &[Told], answer: Result<FromWorker, String>) -> String {
+    told.first().map(|t| t.reason.clone()).unwrap_or_else(|| match answer {
+        Ok(answer) => format!("an unexpected answer: {answer:?}"),
+        Err(reason) => reason,
+    })
+}
+
+impl Placement for Processes {
+    fn start(&mut self, operator: usize, incarnation: u32, time: u64) -> Result<Entry, PlacementError> {
+        self.ask(operator, &ToWorker::Start { operator, incarnation, time })?;
+        self.entry(operator)
+    }
+
+    fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
+        let order = ToWorker::Activate { operator, record: WireRecord::from(record) };
+        let FromWorker::Committed { fault, .. } = self.ask(operator, &order)? else {
+            return Err(PlacementError::Gone {
+                operator: self.graph.operators[operator].name.clone(),
+                reason: "an unexpected answer to an activation".to_string(),
+            });
+        };
+        let entry = self.entry(operator)?;
+        let mut outputs = Vec::new();
+        for (port, (tap, kind)) in self.taps[operator].iter().enumerate() {
+            while let Ok(Some(sample)) = tap.receive() {
+                outputs.push((port, Parcel::copy_of(kind, sample.pieces())));
+            }
+        }
+        let announced: u32 = entry.refs_of(RefKind::Output).map(|r| r.count).sum();
+        if outputs.len() != announced as usize {
+            return Err(PlacementError::Gone {
+                operator: self.graph.operators[operator].name.clone(),
+                reason: format!("{} of {announced} samples of one activation arrived", outputs.len()),
+            });
+        }
+        let graph = self.graph.clone();
+        for (port, _) in graph.operators[operator].outputs.iter().enumerate() {
+            if outputs.iter().any(|(p, _)| *p == port) {
+                for (consumer, input) in graph.consumers(operator, port) {
+                    self.ask(consumer, &ToWorker::Take { operator: consumer, port: input })?;
+                }
+            }
+        }
+        Ok(Committed { entry, outputs, fault })
+    }
+
+    fn end(&mut self, operator: usize, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
+        self.ask(operator, &ToWorker::End { operator, time, inputs: wire_refs(inputs) })?;
+        self.entry(operator)
+    }
+}
+
+impl Drop for Processes {
+    fn drop(&mut self) {
+        for mut child in self.children.drain(..) {
+            child.tell(&ToWorker::Exit);
+            child.reap(Duration::from_secs(5));
+        }
+    }
+}

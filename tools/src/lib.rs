@@ -1,0 +1,115 @@
+//! The `stillpoint` command: one file per subcommand.
+//!
+//! A program with operators of its own calls [`command`] with their lists, and has every subcommand:
+//!
+//! ```no_run
+//! # const MY_STAGES: &[stillpoint_pipeline::Stage] = &[];
+//! fn main() -> std::process::ExitCode {
+//!     stillpoint::command(&[MY_STAGES])
+//! }
+//! ```
+//!
+//! Exit codes: 0 done; 1 failed, or the ledger does not balance; 2 the command line or the pipeline is wrong; 3 a replay
+//! differs; 4 a session cannot be replayed as a whole, but nothing differs.
+
+// A command speaks on standard output.
+#![allow(clippy::print_stdout)]
+
+mod accuracy;
+mod check;
+mod echo;
+mod exit;
+mod info;
+mod operators;
+mod pipeline_file;
+mod recover;
+mod replay;
+mod run;
+mod schema;
+mod send;
+mod summary;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use stillpoint_pipeline::live::{recorder_main, worker_main};
+use stillpoint_pipeline::operator::{Registry, Stage};
+
+pub use exit::Exit;
+
+/// Argument that makes this program a worker of a run.
+const WORKER: &str = "__worker";
+/// Argument that makes this program the recorder of a run.
+const RECORDER: &str = "__recorder";
+
+#[derive(Parser)]
+#[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a pipeline and record it.
+    Run(run::Run),
+    /// Check a pipeline and show every fault of it.
+    Check(check::Check),
+    /// Run a session again from its journals, and compare every recorded topic byte by byte.
+    Replay(replay::Replay),
+    /// Show what a session holds, and whether it is complete.
+    Info(info::Info),
+    /// Mend a session whose recorder was cut off.
+    Recover(recover::Recover),
+    /// Show the kinds of operators, or one of them.
+    Operators(operators::Operators),
+    /// Print the JSON Schema of pipelines.
+    Schema(schema::Schema),
+    /// Send a person's command into a running pipeline.
+    Send(send::Send),
+    /// Show the samples of a topic of a running pipeline or of a session.
+    Echo(echo::Echo),
+}
+
+/// The kinds of operators that come with the command, and those of `extra`.
+pub fn registry(extra: &[&[Stage]]) -> Registry {
+    let mut lists: Vec<&[Stage]> = vec![
+        stillpoint_pipeline::console::STAGES,
+        stillpoint_ingest::STAGES,
+        stillpoint_segment::STAGES,
+        stillpoint_track::STAGES,
+        stillpoint_estimate::STAGES,
+        stillpoint_rig::STAGES,
+    ];
+    lists.extend(extra);
+    Registry::new(&lists)
+}
+
+/// The body of the program. The children of a run are this program, too.
+pub fn command(extra: &[&[Stage]]) -> ExitCode {
+    let registry = registry(extra);
+    match std::env::args().nth(1).as_deref() {
+        Some(WORKER) => return worker_main(&registry),
+        Some(RECORDER) => return recorder_main(&registry),
+        _ => {}
+    }
+    let arguments = Arguments::parse();
+    let done = match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
+        Command::Run(c) => c.execute(&registry),
+        Command::Check(c) => c.execute(&registry),
+        Command::Replay(c) => c.execute(&registry),
+        Command::Info(c) => c.execute(),
+        Command::Recover(c) => c.execute(),
+        Command::Operators(c) => c.execute(&registry),
+        Command::Schema(c) => c.execute(&registry),
+        Command::Send(c) => c.execute(&registry),
+        Command::Echo(c) => c.execute(&registry),
+    };
+    match done {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            eprintln!("{}", failure.text);
+            failure.exit.into()
+        }
+    }
+}

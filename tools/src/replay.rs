@@ -1,0 +1,176 @@
+//! `stillpoint replay`
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::graph::{Graph, Record};
+use stillpoint_pipeline::keep::Keeper;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::replay::{ReplayReport, Selection, replay};
+use stillpoint_pipeline::schedule::Witness;
+use stillpoint_pipeline::session::{FILES, IDENTITY, PIPELINE, RUN, SETS, identity};
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::spec;
+use stillpoint_recorder::{Opening, Session};
+use stillpoint_samples::Entry;
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+
+/// Run a session again from its journals, and compare every recorded topic byte by byte.
+#[derive(Args)]
+pub struct Replay {
+    /// The session: a folder of parts, or one file.
+    session: PathBuf,
+    /// Compare this operator alone.
+    #[arg(long, value_name = "OPERATOR", conflicts_with = "from")]
+    only: Option<String>,
+    /// Compare this operator and all downstream of it.
+    #[arg(long, value_name = "OPERATOR")]
+    from: Option<String>,
+    /// Write what was made again, every topic of it, as a session into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    record: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Keeps nothing.
+struct Nobody;
+
+impl Witness for Nobody {
+    fn saw(&mut self, _: usize, _: &Entry, _: &[(usize, Parcel)]) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+/// The pipeline of a session, and the files that it kept.
+pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, KeptFiles), Failure> {
+    let text = |name: &str| {
+        let kept = session.attachments().get(name).ok_or_else(|| {
+            Failure::failed(format!("the session keeps no {name}: it is no session of stillpoint, or its start is lost"))
+        })?;
+        String::from_utf8(kept.bytes.clone()).map_err(|e| Failure::failed(format!("{name} of the session: {e}")))
+    };
+    let source = text(PIPELINE)?;
+    let sets: Vec<String> =
+        serde_json::from_str(&text(SETS)?).map_err(|e| Failure::failed(format!("{SETS} of the session: {e}")))?;
+    let files = KeptFiles {
+        files: session
+            .attachments()
+            .iter()
+            .filter_map(|(name, a)| Some((name.strip_prefix(FILES)?.to_string(), a.bytes.clone())))
+            .collect(),
+    };
+    let graph = spec::check(&source, PIPELINE, &sets, registry, &files)
+        .map_err(|faults| Failure::wrong(format!("the session's pipeline does not fit this build:\n{faults}")))?;
+    Ok((graph, files))
+}
+
+impl Replay {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let session = Session::open(&self.session).map_err(Failure::failed)?;
+        let (graph, files) = pipeline_of(&session, registry)?;
+        self.warn_of_other_machine(&session);
+        let selection = match (&self.only, &self.from) {
+            (Some(name), _) => Selection::Only(name.clone()),
+            (_, Some(name)) => Selection::From(name.clone()),
+            _ => Selection::All,
+        };
+        let graph = Arc::new(graph);
+        let begun = std::time::Instant::now();
+        let report = match &self.record {
+            None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(Failure::failed)?,
+            Some(folder) => {
+                let all = Graph { record: Record::All, ..(*graph).clone() };
+                let opening = opening_of(&session);
+                let mut keeper = Keeper::create(folder, &all, &opening).map_err(Failure::failed)?;
+                let report = replay(&session, &graph, &files, &selection, &mut keeper).map_err(Failure::failed)?;
+                keeper.finish(None).map_err(Failure::failed)?;
+                report
+            }
+        };
+        self.say(&report, begun.elapsed().as_secs_f64())
+    }
+
+    fn warn_of_other_machine(&self, session: &Session) {
+        let here = identity();
+        let Some(there) = session.metadata().get(IDENTITY) else { return };
+        for (key, what) in [("build", "another build"), ("cpu_features", "a CPU with other features")] {
+            if there.get(key) != here.get(key) {
+                eprintln!("stillpoint: the session was recorded by {what}; results may differ in the last place");
+            }
+        }
+    }
+
+    fn say(&self, report: &ReplayReport, wall: f64) -> Ended {
+        let exit = match (report.differences, report.open.is_empty()) {
+            (0, true) => Exit::Done,
+            (0, false) => Exit::Open,
+            _ => Exit::Differs,
+        };
+        if self.json {
+            let mut value = serde_json::to_value(report).map_err(Failure::failed)?;
+            value["wall_seconds"] = wall.into();
+            value["identical_all"] = report.is_identical().into();
+            print_json(&value)?;
+            return Ok(exit);
+        }
+        for (topic, count) in &report.identical {
+            println!("{topic:<24} {count:>9} identical");
+        }
+        for (topic, count) in &report.recomputed {
+            println!("{topic:<24} {count:>9} made again, not in the recording");
+        }
+        for open in &report.open {
+            println!(
+                "{} incarnation {} is not exact from activation {} on: {}",
+                open.operator, open.incarnation, open.from_activation, open.reason
+            );
+        }
+        let speed = report.seconds / wall.max(1e-9);
+        let verdict = match &report.first_difference {
+            Some(first) => format!("{} differences; the first: {first}", report.differences),
+            None if report.open.is_empty() => "identical".to_string(),
+            None => format!("identical where it can be replayed; {} incarnations are open", report.open.len()),
+        };
+        println!(
+            "{verdict}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
+             ({speed:.1}x real time)",
+            report.activations,
+            report.compared(),
+            report.exact_incarnations,
+            report.seconds
+        );
+        Ok(exit)
+    }
+}
+
+/// What a session of a replay starts with: what the replayed one kept.
+fn opening_of(session: &Session) -> Opening {
+    let keep = [RUN, IDENTITY, "stillpoint.files"];
+    Opening {
+        attachments: session
+            .attachments()
+            .values()
+            .filter(|a| a.name != stillpoint_recorder::LEDGER_ATTACHMENT)
+            .cloned()
+            .collect(),
+        metadata: session
+            .metadata()
+            .iter()
+            .filter(|(name, _)| keep.contains(&name.as_str()))
+            .map(|(name, entries)| (name.clone(), entries.clone()))
+            .collect(),
+        frames: session.frames().to_vec(),
+        clock: session.clock().first().copied(),
+    }
+}
+
+/// Whether a path looks like a session.
+pub fn is_session(path: &Path) -> bool {
+    stillpoint_recorder::session_parts(path).is_ok_and(|parts| !parts.is_empty())
+}

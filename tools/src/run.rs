@@ -1,0 +1,296 @@
+//! `stillpoint run`
+
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, ValueEnum};
+use stillpoint_pipeline::clock::SessionClock;
+use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_pipeline::keep::Keeper;
+use stillpoint_pipeline::ledger::{Ledger, Line};
+use stillpoint_pipeline::live::control::Hello;
+use stillpoint_pipeline::live::status::{OperatorFigures, Status};
+use stillpoint_pipeline::live::{Fault, Launch, Processes, Recorded, RunOptions, RunReport, Supervisor};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::placement::{Local, Placement, Threads};
+use stillpoint_pipeline::schedule::{Events, Witness};
+use stillpoint_pipeline::session::{identity, opening};
+use stillpoint_pipeline::setup::Files;
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::spec::quantity;
+use stillpoint_samples::Entry;
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::pipeline_file::{Checked, PipelineFile};
+use crate::summary;
+use crate::{RECORDER, WORKER};
+
+/// Length of a run of the default pipeline.
+const DEFAULT_LENGTH: &str = "20 s";
+
+/// Run a pipeline and record it.
+#[derive(Args, Default)]
+pub struct Run {
+    #[command(flatten)]
+    pipeline: PipelineFile,
+    /// Length of the run in session time, such as `10s`. Without it a run goes on until Ctrl-C; the default pipeline
+    /// ends after 20 s.
+    #[arg(long = "for", value_name = "TIME")]
+    length: Option<String>,
+    /// Who says when activations happen.
+    #[arg(long, value_enum, default_value_t)]
+    clock: Clock,
+    /// Send the simulated schedule's activations to threads or processes, one at a time.
+    #[arg(long, value_enum, value_name = "PLACEMENT", num_args = 0..=1, default_missing_value = "processes")]
+    lock_step: Option<LockStep>,
+    /// Folder in which the session's folder is made.
+    #[arg(long, value_name = "FOLDER", default_value = "sessions")]
+    record: PathBuf,
+    /// Record nothing.
+    #[arg(long)]
+    no_record: bool,
+    /// Compression of the recording: lz4, zstd or none.
+    #[arg(long, default_value = "lz4", value_parser = ["lz4", "zstd", "none"])]
+    compression: String,
+    /// Print the report as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Clock {
+    /// The machine's clock and arrivals, in processes.
+    #[default]
+    Live,
+    /// Discrete events in this process, as fast as it goes.
+    Simulated,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LockStep {
+    /// A thread per operator.
+    Threads,
+    /// The processes of the pipeline.
+    Processes,
+}
+
+impl Run {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let checked = self.pipeline.check(registry)?;
+        let length = match (&self.length, &self.pipeline.file) {
+            (Some(text), _) => Some(time(text)?),
+            (None, None) => Some(time(DEFAULT_LENGTH)?),
+            (None, Some(_)) => None,
+        };
+        let session = if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
+        let report = if self.clock == Clock::Simulated || self.lock_step.is_some() {
+            let length = length.ok_or_else(|| {
+                Failure::wrong("a simulated run has no end of its own: say how long, such as `--for 10s`")
+            })?;
+            self.simulate(&checked, length, session.as_deref())?
+        } else {
+            self.live(&checked, length, session.as_deref())?
+        };
+        let good = report.balanced && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"));
+        if self.json {
+            print_json(&summary::to_json(&report, session.as_deref())?)?;
+        } else {
+            summary::print(&report, session.as_deref());
+        }
+        Ok(if good { Exit::Done } else { Exit::Failed })
+    }
+
+    /// `Default` leaves the folder empty, where the command line would fill it in.
+    fn session_folder(&self) -> PathBuf {
+        if self.record.as_os_str().is_empty() { PathBuf::from("sessions") } else { self.record.clone() }
+    }
+
+    fn live(&self, checked: &Checked, length: Option<u64>, session: Option<&Path>) -> Result<RunReport, Failure> {
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
+        }
+        if let Some(session) = session {
+            stillpoint_recorder::create_session(session)
+                .map_err(|e| Failure::failed(format!("{}: {e}", session.display())))?;
+        }
+        let options = RunOptions {
+            source: checked.source.clone(),
+            file: checked.file.display().to_string(),
+            sets: self.pipeline.sets.clone(),
+            duration: length,
+            session: session.map(Path::to_path_buf),
+            compression: if self.compression.is_empty() { "lz4".to_string() } else { self.compression.clone() },
+            launch: launch()?,
+            identity: identity(),
+        };
+        let mut line = StatusLine { terminal: std::io::stderr().is_terminal() && !self.json, shown: false };
+        let supervisor = Supervisor::start(checked.graph.clone(), options, &mut line).map_err(Failure::failed)?;
+        let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
+        line.clear();
+        if let Some(session) = session {
+            // What a recorder that died left cut is mended before anyone opens it.
+            for (part, mended) in stillpoint_recorder::recover_session(session).map_err(Failure::failed)? {
+                eprintln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+            }
+        }
+        Ok(report)
+    }
+
+    fn simulate(&self, checked: &Checked, length: u64, session: Option<&Path>) -> Result<RunReport, Failure> {
+        let graph = &checked.graph;
+        let file = checked.file.display().to_string();
+        let files: Arc<dyn Files + Send + Sync> = Arc::new(DiskFiles::beside(&checked.file));
+        let hello = Hello {
+            process: String::new(),
+            source: checked.source.clone(),
+            file: file.clone(),
+            sets: self.pipeline.sets.clone(),
+            root: PathBuf::new(),
+            prefix: String::new(),
+            clock: SessionClock::zero(),
+            incarnations: Vec::new(),
+            directed: true,
+        };
+        let keeper = match session {
+            None => None,
+            Some(session) => {
+                let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
+                Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
+            }
+        };
+        let mut witness = Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
+        let mut local;
+        let mut threads;
+        let mut processes;
+        let placement: &mut dyn Placement = match self.lock_step {
+            None => {
+                local = Local::new(graph.clone(), &*files);
+                &mut local
+            }
+            Some(LockStep::Threads) => {
+                threads = Threads::new(graph.clone(), &files);
+                &mut threads
+            }
+            Some(LockStep::Processes) => {
+                processes = Processes::start(graph.clone(), &launch()?, &checked.source, &file, &self.pipeline.sets)
+                    .map_err(Failure::failed)?;
+                &mut processes
+            }
+        };
+        let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
+        let ledger = witness.ledger.lines(graph);
+        let mut recorded = Vec::new();
+        if let Some(keeper) = witness.keeper {
+            let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
+            let part = keeper.finish(Some(text)).map_err(Failure::failed)?;
+            let lost = std::collections::BTreeMap::new();
+            recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, lost });
+        }
+        Ok(RunReport {
+            pipeline: graph.name.clone(),
+            seconds: length as f64 / 1e9,
+            operators: witness.status.figures(),
+            balanced: ledger.iter().all(Line::balances),
+            ledger,
+            unseen_entries: witness.ledger.missing_entries(),
+            faults: Vec::new(),
+            ended_early: ended.err().map(|e| e.to_string()),
+            recorded,
+            swept: Vec::new(),
+        })
+    }
+}
+
+/// How this program's children are started: as this program.
+pub fn launch() -> Result<Launch, Failure> {
+    let program = std::env::current_exe().map_err(Failure::failed)?;
+    Ok(Launch { program, worker: WORKER, recorder: RECORDER })
+}
+
+/// A time with its unit, ns.
+fn time(text: &str) -> Result<u64, Failure> {
+    quantity::nanoseconds(text).map_err(|e| Failure::wrong(format!("--for {text}: {e}")))
+}
+
+/// The folder of the next session: the pipeline's name with the next free number.
+fn next_session(folder: &Path, checked: &Checked) -> Result<PathBuf, Failure> {
+    std::fs::create_dir_all(folder).map_err(|e| Failure::failed(format!("{}: {e}", folder.display())))?;
+    let name = &checked.graph.name;
+    (1..1_000_000u32)
+        .map(|n| folder.join(format!("{name}-{n:04}")))
+        .find(|path| !path.exists())
+        .ok_or_else(|| Failure::failed(format!("{}: no free number for a session", folder.display())))
+}
+
+struct Witnesses {
+    keeper: Option<Keeper>,
+    ledger: Ledger,
+    status: Status,
+    samples: u64,
+    bytes: u64,
+}
+
+impl Witness for Witnesses {
+    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+        self.ledger.enter(operator, entry);
+        self.status.enter(operator, entry);
+        self.samples += 1 + outputs.len() as u64;
+        self.bytes += outputs.iter().map(|(_, p)| p.bytes.len() as u64).sum::<u64>();
+        match &mut self.keeper {
+            Some(keeper) => keeper.saw(operator, entry, outputs),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The live status line, on a terminal.
+struct StatusLine {
+    terminal: bool,
+    shown: bool,
+}
+
+impl StatusLine {
+    fn clear(&mut self) {
+        if self.shown {
+            eprint!("\r\x1b[2K");
+            self.shown = false;
+        }
+    }
+}
+
+impl stillpoint_pipeline::live::Run for StatusLine {
+    fn started(&mut self, _: &[(String, u32)]) {}
+
+    fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
+        if !self.terminal {
+            return;
+        }
+        let mut line = format!("{seconds:6.1} s");
+        for o in operators.iter().filter(|o| o.activations > 0) {
+            line += &format!("  {} {:.0} Hz", o.operator, o.rate_hz);
+            if o.step_ms[0].is_finite() {
+                line += &format!(" {:.1} ms", o.step_ms[0]);
+            }
+            if o.lost > 0 {
+                line += &format!(" lost {}", o.lost);
+            }
+            if o.errors + o.panics > 0 {
+                line += &format!(" failed {}", o.errors + o.panics);
+            }
+        }
+        let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
+        let line: String = line.chars().take(width - 1).collect();
+        eprint!("\r\x1b[2K{line}");
+        let _ = std::io::stderr().flush();
+        self.shown = true;
+    }
+
+    fn failed(&mut self, fault: &Fault) {
+        self.clear();
+        eprintln!("stillpoint: {}: {}", fault.operator, fault.reason);
+    }
+}

@@ -1,0 +1,19 @@
+//! `stillpoint schema`
+
+use clap::Args;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::schema::schema;
+
+use crate::exit::{Ended, Exit, print_json};
+
+/// Print the JSON Schema of pipelines.
+#[derive(Args)]
+pub struct Schema {}
+
+impl Schema {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        print_json(&schema(registry))?;
+        Ok(Exit::Done)
+    }
+}
