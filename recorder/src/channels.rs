@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::io::Write;
 
 use mcap::write::NoSeek;
-use stillpoint_samples::Pieces;
 
 use crate::form::{Form, Shared, schema};
 use crate::topic::TopicInfo;
@@ -16,8 +15,6 @@ const MOST_CHANNELS: usize = 64;
 /// A topic of a part, with the channels that it has so far.
 pub(crate) struct Topic {
     pub info: TopicInfo,
-    /// Forms in the order of preference.
-    pub forms: Vec<Form>,
     pub channels: BTreeMap<(Form, Shared), u16>,
     /// The last channel used: nearly always the next one too.
     pub last: Option<(Form, Shared, u16)>,
@@ -29,25 +26,15 @@ pub(crate) type Out<W> = mcap::Writer<NoSeek<W>>;
 
 impl Topic {
     pub fn new(info: TopicInfo) -> Self {
-        let mut forms = vec![Form::of(info.kind), Form::Own];
-        forms.dedup();
-        Self { info, forms, channels: BTreeMap::new(), last: None, camera_info: BTreeMap::new() }
+        Self { info, channels: BTreeMap::new(), last: None, camera_info: BTreeMap::new() }
     }
 
-    /// The first form that loses nothing and for which the topic has a channel, or room for one.
-    pub fn preferred(&self, sample: &Pieces<'_>) -> (Form, Shared) {
-        for form in &self.forms {
-            if let Some(shared) = form.shared(sample) {
-                let known = self.last.as_ref().is_some_and(|(f, s, _)| f == form && *s == shared);
-                if known
-                    || self.channels.len() < MOST_CHANNELS
-                    || self.channels.contains_key(&(*form, shared.clone()))
-                {
-                    return (*form, shared);
-                }
-            }
-        }
-        (Form::Own, Shared::default())
+    /// Whether the topic has a channel for samples in this form that share this, or may have one more.
+    pub fn has_room(&self, form: Form, shared: &Shared) -> bool {
+        form == Form::Own
+            || self.last.as_ref().is_some_and(|(f, s, _)| *f == form && s == shared)
+            || self.channels.len() < MOST_CHANNELS
+            || self.channels.contains_key(&(form, shared.clone()))
     }
 
     /// The channel for samples in this form that share this, made where there is none yet.

@@ -28,6 +28,7 @@
 //! could not keep is listed in it, and [`Session::completeness`] says whether all that replay needs is there.
 //!
 //! - `writer`, `opening`, `channels`: one part, to any `Write`; what it starts with; the channels of its topics
+//! - `encoded`: a sample laid out as its message, by whoever takes it out of shared memory
 //! - `topic`: what a session says about a topic
 //! - `account`: what a session says about itself: losses, clock, end
 //! - `form`: how a sample stands in a recording
@@ -48,6 +49,7 @@ mod cache;
 mod channels;
 mod complete;
 mod cut;
+mod encoded;
 mod error;
 mod fetch;
 mod file;
@@ -66,6 +68,7 @@ mod writer;
 
 pub use account::{ClockSample, Closing, LEDGER_ATTACHMENT, Lost};
 pub use complete::{Completeness, Gap};
+pub use encoded::Encoded;
 pub use error::SessionError;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};

@@ -12,7 +12,8 @@ use crate::account::{
     CLOCK_CHANNEL, ClockSample, Closing, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
 };
 use crate::channels::{Out, Topic, add_channel, qos};
-use crate::form::{Form, camera_info, schema, transforms_message};
+use crate::encoded::Encoded;
+use crate::form::{schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
@@ -36,8 +37,10 @@ pub enum WriteError {
     /// Two topics of one name.
     #[error("topic `{0}` is in the recording already: name each topic once")]
     Twice(String),
-    /// The topic is of another writer.
-    #[error("topic number {0} was not added to this recording")]
+    /// The topic is of another writer, or the sample of another topic.
+    #[error(
+        "topic number {0} of this recording is another, or was never added: write each sample to its own topic"
+    )]
     NoTopic(usize),
 }
 
@@ -124,22 +127,46 @@ impl<W: Write> PartWriter<W> {
     /// # Errors
     /// The bytes are no sample of the topic's kind, or what writing answers.
     pub fn write(&mut self, topic: TopicId, sample: Pieces<'_>, log_time_ns: u64) -> Result<(), WriteError> {
-        let t = self.topics.get_mut(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
-        let sample = sample
-            .check(t.info.kind)
+        let t = self.topics.get(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
+        let encoded = Encoded::new(&t.info, sample, std::mem::take(&mut self.message))
             .map_err(|fault| WriteError::Sample { topic: t.info.name.clone(), fault })?;
-        let (form, shared) = t.preferred(&sample);
-        let channel = t.channel(&mut self.out, form, shared.clone())?;
-        let head = sample.head();
-        let frame = t.info.frame.clone().unwrap_or_default();
-        self.message.clear();
-        form.encode(&sample, &frame, &mut self.message);
-        self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
-        if form == Form::Depth {
-            let channel = self.topics[topic.0].camera_info_channel(&mut self.out, shared)?;
-            self.message.clear();
-            camera_info(&sample, &frame, &mut self.message);
-            self.put(channel, head.sequence as u32, log_time_ns, head.origin)?;
+        let written = self.write_encoded(topic, &encoded, log_time_ns);
+        self.message = encoded.into_buffer();
+        written
+    }
+
+    /// Writes a sample that is laid out already for this topic.
+    ///
+    /// # Errors
+    /// What writing answers.
+    pub fn write_encoded(
+        &mut self,
+        topic: TopicId,
+        sample: &Encoded,
+        log_time_ns: u64,
+    ) -> Result<(), WriteError> {
+        let t = self.topics.get_mut(topic.0).ok_or(WriteError::NoTopic(topic.0))?;
+        if sample.kind != t.info.kind {
+            return Err(WriteError::NoTopic(topic.0));
+        }
+        let own;
+        let sample = if t.has_room(sample.form, &sample.shared) {
+            sample
+        } else {
+            own = sample.in_own_form(&t.info).ok_or(WriteError::NoTopic(topic.0))?;
+            &own
+        };
+        let header = |channel_id| MessageHeader {
+            channel_id,
+            sequence: sample.head.sequence as u32,
+            log_time: log_time_ns,
+            publish_time: sample.head.origin,
+        };
+        let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
+        self.out.write_to_known_channel(&header(channel), sample.message())?;
+        if !sample.beside().is_empty() {
+            let channel = t.camera_info_channel(&mut self.out, sample.shared.clone())?;
+            self.out.write_to_known_channel(&header(channel), sample.beside())?;
         }
         Ok(())
     }

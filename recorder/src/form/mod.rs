@@ -36,9 +36,10 @@ pub(crate) use transforms::{transforms_from, transforms_message};
 pub(crate) type Fault = String;
 
 /// The message type that samples of a kind are recorded as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Form {
     /// The sample's own bytes.
+    #[default]
     Own,
     /// `sensor_msgs/msg/PointCloud2`.
     Cloud,

@@ -1,0 +1,89 @@
+//! A sample laid out as the message that it is recorded as.
+//!
+//! Whoever takes samples out of shared memory must copy them anyway: copied into an [`Encoded`], they need no second
+//! copy when they are written.
+
+use stillpoint_samples::{BytesError, Head, Pieces, SampleKind};
+
+use crate::form::{Envelope, Form, Shared, camera_info};
+use crate::topic::TopicInfo;
+
+/// A sample laid out as the message that it is recorded as.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Encoded {
+    pub(crate) kind: &'static SampleKind,
+    pub(crate) form: Form,
+    pub(crate) shared: Shared,
+    pub(crate) head: Head,
+    /// The message; behind it the one that stands beside it, if there is one.
+    bytes: Vec<u8>,
+    message: usize,
+}
+
+impl Encoded {
+    /// Lays out a sample of a topic in `buffer`, whose capacity is reused.
+    ///
+    /// # Errors
+    /// The bytes are no sample of the topic's kind.
+    pub fn new(info: &TopicInfo, sample: Pieces<'_>, buffer: Vec<u8>) -> Result<Self, BytesError> {
+        let sample = sample.check(info.kind)?;
+        let preferred = Form::of(info.kind);
+        let (form, shared) = match preferred.shared(&sample) {
+            Some(shared) => (preferred, shared),
+            None => (Form::Own, Shared::default()),
+        };
+        Ok(Self::in_form(form, shared, info, &sample, buffer))
+    }
+
+    fn in_form(
+        form: Form,
+        shared: Shared,
+        info: &TopicInfo,
+        sample: &Pieces<'_>,
+        mut bytes: Vec<u8>,
+    ) -> Self {
+        let frame = info.frame.as_deref().unwrap_or_default();
+        bytes.clear();
+        form.encode(sample, frame, &mut bytes);
+        let message = bytes.len();
+        if form == Form::Depth {
+            camera_info(sample, frame, &mut bytes);
+        }
+        Self { kind: info.kind, form, shared, head: sample.head(), bytes, message }
+    }
+
+    /// The same sample in its own form. `None`: the message does not read back, which its form rules out.
+    pub(crate) fn in_own_form(&self, info: &TopicInfo) -> Option<Self> {
+        let sample = self
+            .form
+            .decode(
+                info.kind,
+                &self.shared,
+                Envelope { sequence: self.head.sequence as u32, publish_time: self.head.origin },
+                self.message(),
+            )
+            .ok()?;
+        let pieces = Pieces::split(info.kind, &sample).ok()?;
+        Some(Self::in_form(Form::Own, Shared::default(), info, &pieces, Vec::new()))
+    }
+
+    /// The message.
+    pub fn message(&self) -> &[u8] {
+        &self.bytes[..self.message]
+    }
+
+    /// The message that stands beside it for viewers; empty where none does.
+    pub(crate) fn beside(&self) -> &[u8] {
+        &self.bytes[self.message..]
+    }
+
+    /// Number of the sample on its topic and incarnation of its producer.
+    pub fn number(&self) -> (u32, u64) {
+        (self.head.incarnation, self.head.sequence)
+    }
+
+    /// The buffer, to be used again.
+    pub fn into_buffer(self) -> Vec<u8> {
+        self.bytes
+    }
+}
