@@ -18,6 +18,11 @@ impl SessionClock {
         Self { realtime_start: read(ClockId::Realtime), monotonic_start: read(ClockId::Monotonic) }
     }
 
+    /// A clock for sessions whose time is simulated: it starts at 0.
+    pub fn zero() -> Self {
+        Self { realtime_start: 0, monotonic_start: 0 }
+    }
+
     /// Session time, ns since the epoch.
     pub fn now(&self) -> u64 {
         self.realtime_start + read(ClockId::Monotonic).saturating_sub(self.monotonic_start)

@@ -116,7 +116,10 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
             rotation: frame.parent_from_frame.quaternion(),
         })
         .collect();
-    let clock = Some(ClockSample { logical_ns: hello.clock.started(), realtime_ns: realtime() });
+    // A simulated session knows no realtime: two equal runs give equal files.
+    let started = hello.clock.started();
+    let clock =
+        Some(ClockSample { logical_ns: started, realtime_ns: if started == 0 { 0 } else { realtime() } });
     Ok(Opening { attachments, metadata, frames, clock })
 }
 

@@ -39,7 +39,8 @@ impl std::fmt::Display for Accuracy {
 pub fn of_session(path: &Path) -> Option<Accuracy> {
     let session = Session::open(path).ok()?;
     let topics = session.topics();
-    let truth = topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;
+    let truth =
+        topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;
     let track = topics.iter().find(|t| t.type_name == Track::KIND.type_name() && t.frame == truth.frame)?;
     let (truth_name, track_name) = (truth.name.clone(), track.name.clone());
     let mut true_at: BTreeMap<u64, [f64; 3]> = BTreeMap::new();

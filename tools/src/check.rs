@@ -24,7 +24,9 @@ impl Check {
             Ok(graph) => {
                 if self.json {
                     let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
-                    print_json(&serde_json::json!({ "pipeline": graph.name, "operators": order, "faults": [] }))?;
+                    print_json(
+                        &serde_json::json!({ "pipeline": graph.name, "operators": order, "faults": [] }),
+                    )?;
                 } else {
                     println!(
                         "{}: {} operators in {} processes, no faults",

@@ -16,6 +16,7 @@
 #![allow(clippy::print_stdout)]
 
 mod accuracy;
+mod attach;
 mod check;
 mod echo;
 mod exit;
@@ -27,6 +28,7 @@ mod replay;
 mod run;
 mod schema;
 mod send;
+mod show;
 mod summary;
 
 use std::process::ExitCode;
@@ -75,11 +77,11 @@ enum Command {
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::console::STAGES,
-        stillpoint_ingest::STAGES,
-        stillpoint_segment::STAGES,
-        stillpoint_track::STAGES,
-        stillpoint_estimate::STAGES,
-        stillpoint_rig::STAGES,
+        // stillpoint_ingest::STAGES,
+        // stillpoint_segment::STAGES,
+        // stillpoint_track::STAGES,
+        // stillpoint_estimate::STAGES,
+        // stillpoint_rig::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)

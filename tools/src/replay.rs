@@ -1,6 +1,6 @@
 //! `stillpoint replay`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
@@ -50,13 +50,16 @@ impl Witness for Nobody {
 pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, KeptFiles), Failure> {
     let text = |name: &str| {
         let kept = session.attachments().get(name).ok_or_else(|| {
-            Failure::failed(format!("the session keeps no {name}: it is no session of stillpoint, or its start is lost"))
+            Failure::failed(format!(
+                "the session keeps no {name}: it is no session of stillpoint, or its start is lost"
+            ))
         })?;
-        String::from_utf8(kept.bytes.clone()).map_err(|e| Failure::failed(format!("{name} of the session: {e}")))
+        String::from_utf8(kept.bytes.clone())
+            .map_err(|e| Failure::failed(format!("{name} of the session: {e}")))
     };
     let source = text(PIPELINE)?;
-    let sets: Vec<String> =
-        serde_json::from_str(&text(SETS)?).map_err(|e| Failure::failed(format!("{SETS} of the session: {e}")))?;
+    let sets: Vec<String> = serde_json::from_str(&text(SETS)?)
+        .map_err(|e| Failure::failed(format!("{SETS} of the session: {e}")))?;
     let files = KeptFiles {
         files: session
             .attachments()
@@ -64,8 +67,9 @@ pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, Kep
             .filter_map(|(name, a)| Some((name.strip_prefix(FILES)?.to_string(), a.bytes.clone())))
             .collect(),
     };
-    let graph = spec::check(&source, PIPELINE, &sets, registry, &files)
-        .map_err(|faults| Failure::wrong(format!("the session's pipeline does not fit this build:\n{faults}")))?;
+    let graph = spec::check(&source, PIPELINE, &sets, registry, &files).map_err(|faults| {
+        Failure::wrong(format!("the session's pipeline does not fit this build:\n{faults}"))
+    })?;
     Ok((graph, files))
 }
 
@@ -88,7 +92,8 @@ impl Replay {
                 let all = Graph { record: Record::All, ..(*graph).clone() };
                 let opening = opening_of(&session);
                 let mut keeper = Keeper::create(folder, &all, &opening).map_err(Failure::failed)?;
-                let report = replay(&session, &graph, &files, &selection, &mut keeper).map_err(Failure::failed)?;
+                let report =
+                    replay(&session, &graph, &files, &selection, &mut keeper).map_err(Failure::failed)?;
                 keeper.finish(None).map_err(Failure::failed)?;
                 report
             }
@@ -101,7 +106,9 @@ impl Replay {
         let Some(there) = session.metadata().get(IDENTITY) else { return };
         for (key, what) in [("build", "another build"), ("cpu_features", "a CPU with other features")] {
             if there.get(key) != here.get(key) {
-                eprintln!("stillpoint: the session was recorded by {what}; results may differ in the last place");
+                eprintln!(
+                    "stillpoint: the session was recorded by {what}; results may differ in the last place"
+                );
             }
         }
     }
@@ -135,7 +142,9 @@ impl Replay {
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
             None if report.open.is_empty() => "identical".to_string(),
-            None => format!("identical where it can be replayed; {} incarnations are open", report.open.len()),
+            None => {
+                format!("identical where it can be replayed; {} incarnations are open", report.open.len())
+            }
         };
         println!(
             "{verdict}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
@@ -168,9 +177,4 @@ fn opening_of(session: &Session) -> Opening {
         frames: session.frames().to_vec(),
         clock: session.clock().first().copied(),
     }
-}
-
-/// Whether a path looks like a session.
-pub fn is_session(path: &Path) -> bool {
-    stillpoint_recorder::session_parts(path).is_ok_and(|parts| !parts.is_empty())
 }

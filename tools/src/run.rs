@@ -85,7 +85,8 @@ impl Run {
             (None, None) => Some(time(DEFAULT_LENGTH)?),
             (None, Some(_)) => None,
         };
-        let session = if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
+        let session =
+            if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
         let report = if self.clock == Clock::Simulated || self.lock_step.is_some() {
             let length = length.ok_or_else(|| {
                 Failure::wrong("a simulated run has no end of its own: say how long, such as `--for 10s`")
@@ -94,7 +95,8 @@ impl Run {
         } else {
             self.live(&checked, length, session.as_deref())?
         };
-        let good = report.balanced && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"));
+        let good = report.balanced
+            && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"));
         if self.json {
             print_json(&summary::to_json(&report, session.as_deref())?)?;
         } else {
@@ -108,7 +110,12 @@ impl Run {
         if self.record.as_os_str().is_empty() { PathBuf::from("sessions") } else { self.record.clone() }
     }
 
-    fn live(&self, checked: &Checked, length: Option<u64>, session: Option<&Path>) -> Result<RunReport, Failure> {
+    fn live(
+        &self,
+        checked: &Checked,
+        length: Option<u64>,
+        session: Option<&Path>,
+    ) -> Result<RunReport, Failure> {
         let stop = Arc::new(AtomicBool::new(false));
         for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
             signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
@@ -123,12 +130,17 @@ impl Run {
             sets: self.pipeline.sets.clone(),
             duration: length,
             session: session.map(Path::to_path_buf),
-            compression: if self.compression.is_empty() { "lz4".to_string() } else { self.compression.clone() },
+            compression: if self.compression.is_empty() {
+                "lz4".to_string()
+            } else {
+                self.compression.clone()
+            },
             launch: launch()?,
             identity: identity(),
         };
         let mut line = StatusLine { terminal: std::io::stderr().is_terminal() && !self.json, shown: false };
-        let supervisor = Supervisor::start(checked.graph.clone(), options, &mut line).map_err(Failure::failed)?;
+        let supervisor =
+            Supervisor::start(checked.graph.clone(), options, &mut line).map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
         line.clear();
         if let Some(session) = session {
@@ -162,7 +174,8 @@ impl Run {
                 Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
             }
         };
-        let mut witness = Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
+        let mut witness =
+            Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
         let mut local;
         let mut threads;
         let mut processes;
@@ -176,8 +189,9 @@ impl Run {
                 &mut threads
             }
             Some(LockStep::Processes) => {
-                processes = Processes::start(graph.clone(), &launch()?, &checked.source, &file, &self.pipeline.sets)
-                    .map_err(Failure::failed)?;
+                processes =
+                    Processes::start(graph.clone(), &launch()?, &checked.source, &file, &self.pipeline.sets)
+                        .map_err(Failure::failed)?;
                 &mut processes
             }
         };
@@ -213,7 +227,8 @@ pub fn launch() -> Result<Launch, Failure> {
 
 /// A time with its unit, ns.
 fn time(text: &str) -> Result<u64, Failure> {
-    quantity::nanoseconds(text).map_err(|e| Failure::wrong(format!("--for {text}: {e}")))
+    quantity::nanoseconds(text)
+        .map_err(|e| Failure::wrong(format!("--for {text}: {}; {}", e.message, e.help)))
 }
 
 /// The folder of the next session: the pipeline's name with the next free number.
@@ -282,7 +297,8 @@ impl stillpoint_pipeline::live::Run for StatusLine {
                 line += &format!(" failed {}", o.errors + o.panics);
             }
         }
-        let width = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
+        let width =
+            rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
         let line: String = line.chars().take(width - 1).collect();
         eprint!("\r\x1b[2K{line}");
         let _ = std::io::stderr().flush();

@@ -29,9 +29,13 @@ pub fn print(report: &RunReport, session: Option<&Path>) {
         println!("swept what the dead run {id} had left");
     }
     println!();
-    println!("{:<12} {:>8} {:>8} {:>16} {:>16}  failures", "operator", "done", "Hz", "step ms p50 p99", "age ms p50 p99");
+    println!(
+        "{:<12} {:>8} {:>8} {:>16} {:>16}  failures",
+        "operator", "done", "Hz", "step ms p50 p99", "age ms p50 p99"
+    );
     for o in &report.operators {
-        let pair = |p: [f64; 2]| if p[0].is_finite() { format!("{:.2} {:.2}", p[0], p[1]) } else { "-".to_string() };
+        let pair =
+            |p: [f64; 2]| if p[0].is_finite() { format!("{:.2} {:.2}", p[0], p[1]) } else { "-".to_string() };
         let mut failures = Vec::new();
         let mut say = |n: u64, what: &str| {
             if n > 0 {

@@ -44,11 +44,13 @@ impl Processes {
         sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
-        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
+        let domain =
+            Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
         let (mut journals, mut taps) = (Vec::new(), Vec::new());
         for (operator, node) in graph.operators.iter().enumerate() {
-            let topic = Topic::create(&domain, &contracts::journal(&graph, operator)).map_err(|e| e.to_string())?;
+            let topic =
+                Topic::create(&domain, &contracts::journal(&graph, operator)).map_err(|e| e.to_string())?;
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
             topics.push(topic);
             let mut outputs = Vec::new();

@@ -1,0 +1,1 @@
+//! Whole systems: real processes, real shared memory, real recordings.

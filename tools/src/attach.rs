@@ -1,0 +1,65 @@
+//! Joining a run that is going on, as somebody who looks in or sends.
+
+use std::path::Path;
+
+use clap::Args;
+use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::live::run_folder::{RunCard, going_on};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec;
+use stillpoint_shm::Domain;
+
+use crate::exit::Failure;
+
+/// Which run.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Which {
+    /// Process number of the run's supervisor, or name of its pipeline, where several are going on.
+    #[arg(long, value_name = "PID|NAME")]
+    pub run: Option<String>,
+}
+
+/// A run that was joined.
+pub struct Attached {
+    /// Its graph.
+    pub graph: Graph,
+    /// Its domain.
+    pub domain: Domain,
+    /// Root folder of the domain: gone when the run is over.
+    pub root: std::path::PathBuf,
+}
+
+impl Which {
+    /// Joins the run.
+    pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
+        let cards = going_on();
+        let fits =
+            |c: &RunCard| self.run.as_ref().is_none_or(|r| *r == c.pid.to_string() || *r == c.pipeline);
+        let found: Vec<&RunCard> = cards.iter().filter(|c| fits(c)).collect();
+        let card = match found.as_slice() {
+            [card] => *card,
+            [] if cards.is_empty() => {
+                return Err(Failure::failed("no pipeline is running: start one with `stillpoint run`"));
+            }
+            [] => return Err(Failure::failed(format!("no such run; going on: {}", list(&cards)))),
+            _ => {
+                return Err(Failure::failed(format!(
+                    "several runs are going on: choose one with --run: {}",
+                    list(&cards)
+                )));
+            }
+        };
+        let files = DiskFiles::beside(Path::new(&card.file));
+        let graph =
+            spec::check(&card.source, &card.file, &card.sets, registry, &files).map_err(|faults| {
+                Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
+            })?;
+        let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;
+        Ok(Attached { graph, domain, root: card.root.clone() })
+    }
+}
+
+fn list(cards: &[RunCard]) -> String {
+    cards.iter().map(|c| format!("{} ({})", c.pid, c.pipeline)).collect::<Vec<_>>().join(", ")
+}

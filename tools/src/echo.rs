@@ -1,0 +1,112 @@
+//! `stillpoint echo`
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use stillpoint_pipeline::live::contracts;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::near::nearest;
+use stillpoint_recorder::Session;
+use stillpoint_samples::{Journal, Pieces, Sample, SampleKind};
+use stillpoint_shm::{Contract, Topic};
+
+use crate::attach::{Attached, Which};
+use crate::exit::{Ended, Exit, Failure};
+use crate::show;
+
+/// Show the samples of a topic of a running pipeline or of a session, one JSON line each.
+#[derive(Args)]
+pub struct Echo {
+    /// The topic, `operator.port`; `operator.journal` for a journal.
+    topic: String,
+    /// End after so many samples.
+    #[arg(long, value_name = "N")]
+    count: Option<u64>,
+    /// Read a session instead of a running pipeline.
+    #[arg(long, value_name = "SESSION")]
+    session: Option<PathBuf>,
+    #[command(flatten)]
+    which: Which,
+}
+
+impl Echo {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        match &self.session {
+            Some(path) => self.recorded(path),
+            None => self.live(registry),
+        }
+    }
+
+    fn recorded(&self, path: &std::path::Path) -> Ended {
+        let session = Session::open(path).map_err(Failure::failed)?;
+        let names = || session.topics().iter().map(|t| t.name.as_str());
+        if session.topic_number(&self.topic).is_none() {
+            return Err(no_topic(&self.topic, names()));
+        }
+        let limit = usize::try_from(self.count.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
+        for recorded in session.samples_where(|t| t.name == self.topic).take(limit) {
+            let recorded = recorded.map_err(Failure::failed)?;
+            let type_name = &session.topics()[recorded.topic].type_name;
+            let Some(kind) = stillpoint_samples::all().iter().find(|k| k.type_name() == *type_name) else {
+                continue;
+            };
+            print(kind, Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?)?;
+        }
+        Ok(Exit::Done)
+    }
+
+    fn live(&self, registry: &Registry) -> Ended {
+        let Attached { graph, domain, root } = self.which.attach(registry)?;
+        let (contract, kind): (Contract, &'static SampleKind) = match graph.topic(&self.topic) {
+            Some((operator, port)) => {
+                let kind = graph.operators[operator].stage.kind.outputs[port].sample;
+                (contracts::output(&graph, operator, port), kind)
+            }
+            None => {
+                let journal =
+                    graph.operators.iter().position(|o| contracts::journal_topic(&o.name) == self.topic);
+                let all: Vec<_> =
+                    graph.operators.iter().flat_map(|o| o.outputs.iter().map(|p| p.topic.as_str())).collect();
+                let operator = journal.ok_or_else(|| no_topic(&self.topic, all.into_iter()))?;
+                (contracts::journal(&graph, operator), Journal::KIND)
+            }
+        };
+        let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
+        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+        subscriber.connect().map_err(Failure::failed)?;
+        let mut shown = 0;
+        loop {
+            // Polled: a listener would cost the publisher time.
+            while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
+                print(kind, sample.pieces())?;
+                shown += 1;
+                if self.count.is_some_and(|count| shown >= count) {
+                    return Ok(Exit::Done);
+                }
+            }
+            if !root.exists() {
+                return Ok(Exit::Done);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
+    let all: Vec<&str> = all.collect();
+    let near =
+        nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n}?"));
+    Failure::wrong(format!("there is no topic `{topic}`{near} There are: {}", all.join(", ")))
+}
+
+/// Prints a sample as one line of JSON. A reader that went away ends the command.
+fn print(kind: &SampleKind, sample: Pieces<'_>) -> Result<(), Failure> {
+    use std::io::Write;
+    let line = show::to_json(kind, sample).to_string();
+    if writeln!(std::io::stdout(), "{line}").is_err() {
+        std::process::exit(0);
+    }
+    Ok(())
+}

@@ -1,0 +1,91 @@
+//! `stillpoint info`
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+use stillpoint_recorder::{Completeness, Ended as End, LEDGER_ATTACHMENT, Session};
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+
+/// Show what a session holds, and whether it is complete.
+#[derive(Args)]
+pub struct Info {
+    /// The session: a folder of parts, or one file.
+    session: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Info {
+    /// Does it.
+    pub fn execute(&self) -> Ended {
+        let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+        let gaps: Vec<String> = match session.completeness() {
+            Completeness::Complete => Vec::new(),
+            Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
+        };
+        let ended = match session.ended() {
+            End::InOrder => "in order".to_string(),
+            End::Cut { part, whole, size } => format!(
+                "cut: {} is readable up to byte {whole} of {size}; mend it with `stillpoint recover`",
+                part.display()
+            ),
+        };
+        if self.json {
+            let topics: Vec<_> = session
+                .topics()
+                .iter()
+                .map(|t| json!({ "name": t.name, "type": t.type_name, "frame": t.frame, "samples": t.samples, "bytes": t.bytes }))
+                .collect();
+            let ledger = session
+                .attachments()
+                .get(LEDGER_ATTACHMENT)
+                .and_then(|a| serde_json::from_slice(&a.bytes).ok());
+            print_json(&json!({
+                "session": self.session.display().to_string(),
+                "complete": gaps.is_empty(),
+                "gaps": gaps,
+                "ended": ended,
+                "topics": topics,
+                "metadata": session.metadata(),
+                "attachments": session.attachments().values().map(|a| json!({ "name": a.name, "bytes": a.bytes.len() })).collect::<Vec<_>>(),
+                "ledger": ledger.unwrap_or(serde_json::Value::Null),
+            }))?;
+            return Ok(Exit::Done);
+        }
+        println!("{}", self.session.display());
+        for (name, entries) in session.metadata().iter().filter(|(n, _)| n.as_str() == "stillpoint.run") {
+            let facts: Vec<_> = entries.iter().map(|(k, v)| format!("{k} {v}")).collect();
+            println!("{name}: {}", facts.join(", "));
+        }
+        println!("ended {ended}");
+        println!();
+        println!("{:<28} {:>9} {:>10}  type", "topic", "samples", "MB");
+        for t in session.topics() {
+            let frame = t.frame.as_ref().map_or_else(String::new, |f| format!(" in {f}"));
+            println!(
+                "{:<28} {:>9} {:>10.3}  {}{frame}",
+                t.name,
+                t.samples,
+                t.bytes as f64 / 1e6,
+                t.type_name
+            );
+        }
+        println!();
+        for a in session.attachments().values() {
+            println!("attached {:<32} {:>9} bytes", a.name, a.bytes.len());
+        }
+        println!();
+        if gaps.is_empty() {
+            println!("complete: everything that a replay needs is there");
+        } else {
+            println!("not complete:");
+            for gap in &gaps {
+                println!("  {gap}");
+            }
+        }
+        Ok(Exit::Done)
+    }
+}

@@ -1,0 +1,72 @@
+//! `stillpoint send`
+
+use clap::Args;
+use stillpoint_pipeline::live::contracts;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::near::nearest;
+use stillpoint_samples::{Command, HEAD_SIZE, Head, Verb};
+use stillpoint_shm::Topic;
+use zerocopy::IntoBytes;
+
+use crate::attach::{Attached, Which};
+use crate::exit::{Ended, Exit, Failure};
+
+/// Send a person's command into a running pipeline. It becomes a sample that is recorded and replayed.
+#[derive(Args)]
+pub struct Send {
+    /// Console and verb, such as `console.arm`.
+    command: String,
+    /// Up to six values, SI units.
+    #[arg(allow_negative_numbers = true)]
+    values: Vec<f64>,
+    #[command(flatten)]
+    which: Which,
+}
+
+impl Send {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let (console, word) = self.command.split_once('.').ok_or_else(|| {
+            Failure::wrong(format!("`{}`: write the console and a verb, such as console.arm", self.command))
+        })?;
+        let verb = Verb::from_word(word).ok_or_else(|| {
+            let words = Verb::ALL.iter().map(|(w, _)| *w);
+            let near =
+                nearest(word, words.clone()).map_or_else(String::new, |n| format!("; did you mean {n}?"));
+            Failure::wrong(format!(
+                "there is no verb `{word}`{near} There are: {}",
+                words.collect::<Vec<_>>().join(", ")
+            ))
+        })?;
+        let mut command =
+            Command { verb: verb as u32, given: self.values.len() as u32, ..Command::default() };
+        if self.values.len() > command.values.len() || self.values.iter().any(|v| !v.is_finite()) {
+            return Err(Failure::wrong("a command has at most six values, all of them finite"));
+        }
+        command.values[..self.values.len()].copy_from_slice(&self.values);
+        let who = std::env::var("USER").unwrap_or_default();
+        let n = who.len().min(command.by.len());
+        command.by[..n].copy_from_slice(&who.as_bytes()[..n]);
+        let Attached { graph, domain, .. } = self.which.attach(registry)?;
+        let operator = graph
+            .operator(console)
+            .filter(|o| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME)
+            .ok_or_else(|| Failure::wrong(format!("the pipeline has no console `{console}`: add `{console}: {{ use: console, every: 20 ms }}`")))?;
+        let topic = Topic::open(&domain, &contracts::inbox(&graph, operator)).map_err(Failure::failed)?;
+        let publisher = topic.publisher().map_err(Failure::failed)?;
+        publisher.connect().map_err(Failure::failed)?;
+        let loan = publisher.loan(1).map_err(Failure::failed)?;
+        let mut loan = loan.ok_or_else(|| Failure::failed("the console's inbox is full: try again"))?;
+        let (meta, payload) = loan.parts_mut();
+        meta[..HEAD_SIZE].copy_from_slice(Head { count: 1, ..Head::default() }.as_bytes());
+        payload.copy_from_slice(command.as_bytes());
+        let reached = publisher.send(loan).map_err(Failure::failed)?;
+        if reached == 0 {
+            return Err(Failure::failed(format!("{console} does not listen: is its process running?")));
+        }
+        println!("sent {}", self.command);
+        // The console connects when it next looks; the sample lives in this process until then.
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        Ok(Exit::Done)
+    }
+}
