@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use stillpoint_recorder::{ClockSample, Closing, Compression, PartWriter, TopicId, create_part};
+use stillpoint_recorder::{
+    ClockSample, Closing, Compression, PartWriter, TopicId, create_part, session_parts,
+};
 use stillpoint_samples::{Journal, Sample, SampleKind};
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
@@ -106,6 +108,7 @@ struct Recorder {
     writer: Option<std::thread::JoinHandle<Result<Written, String>>>,
     lost: BTreeMap<String, u64>,
     part: PathBuf,
+    first_part: bool,
 }
 
 struct Written {
@@ -141,6 +144,7 @@ impl Recorder {
             taps.push(Tap { subscriber, kind, topic: id, name, next: BTreeMap::new(), _topic: topic });
         }
         part.flush().map_err(|e| e.to_string())?;
+        let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
         let (items, inbox) = unbounded();
         let waiting = Arc::new(AtomicUsize::new(0));
         let counter = waiting.clone();
@@ -152,6 +156,7 @@ impl Recorder {
             writer: Some(writer),
             lost: BTreeMap::new(),
             part: path,
+            first_part,
         })
     }
 
@@ -177,7 +182,12 @@ impl Recorder {
             while let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? {
                 any = true;
                 let head = sample.head();
-                let next = tap.next.entry(head.incarnation).or_insert(0);
+                // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
+                let next = tap.next.entry(head.incarnation).or_insert(if self.first_part {
+                    0
+                } else {
+                    head.sequence
+                });
                 let mut lose = |first: u64, count: u64| {
                     *self.lost.entry(tap.name.clone()).or_insert(0) += count;
                     let _ = items.send(Item::Lost {

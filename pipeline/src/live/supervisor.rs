@@ -368,10 +368,8 @@ impl Supervisor {
             return Ok(Some(reason));
         }
         for index in 0..self.workers.len() {
-            if self.workers[index].due.is_some_and(|due| due <= now)
-                && let Some(reason) = self.restart(index)?
-            {
-                return Ok(Some(reason));
+            if self.workers[index].due.is_some_and(|due| due <= now) {
+                self.restart(index)?;
             }
         }
         Ok(None)
@@ -411,25 +409,25 @@ impl Supervisor {
         }
     }
 
-    fn restart(&mut self, index: usize) -> Result<Option<String>, String> {
+    /// Starts a worker again. One that dies before its ports are made is buried like any other.
+    fn restart(&mut self, index: usize) -> Result<(), String> {
         self.workers[index].due = None;
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
             self.lives[operator] += 1;
         }
         let mut child = self.start_worker(index)?;
-        let answer = child.answer(PATIENCE, &mut self.told);
-        if !matches!(answer, Ok(FromWorker::Made)) {
-            let said = self.told.last().map(|t| t.reason.clone());
+        let made = matches!(child.answer(PATIENCE, &mut self.told), Ok(FromWorker::Made));
+        if !made {
             child.kill();
-            child.reap(Duration::from_secs(1));
-            return Ok(Some(said.unwrap_or_else(|| answer.err().unwrap_or_default())));
         }
         self.workers[index].child = Some(child);
-        self.connect_all();
-        if let Some(child) = &mut self.workers[index].child {
-            child.tell(&ToWorker::Go { epoch: self.epoch });
+        if made {
+            self.connect_all();
+            if let Some(child) = &mut self.workers[index].child {
+                child.tell(&ToWorker::Go { epoch: self.epoch });
+            }
         }
-        Ok(None)
+        Ok(())
     }
 
     /// A recorder that dies goes on in the next part of the session.
