@@ -67,6 +67,11 @@ pub enum ToWorker {
         /// What to do.
         record: WireRecord,
     },
+    /// Directed: what was sent is taken; send what is left of the activation's outputs.
+    More {
+        /// Number of the operator.
+        operator: usize,
+    },
     /// Directed: end an incarnation in order.
     End {
         /// Number of the operator.
@@ -104,10 +109,12 @@ pub enum FromWorker {
     Entry,
     /// Directed: taken.
     Taken,
-    /// Directed: entry and outputs were published; so many on each output.
+    /// Directed: the entry was published, and of the outputs as many as the buffers hold.
     Committed {
-        /// Samples sent on each output.
-        sent: Vec<u32>,
+        /// Output of each sample that was sent, in the order of sending.
+        sent: Vec<usize>,
+        /// Samples that wait until those were taken.
+        left: usize,
         /// What a failed activation said.
         fault: Option<String>,
     },
