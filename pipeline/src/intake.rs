@@ -249,11 +249,20 @@ impl<T: Arrival> Intake<T> {
         }
     }
 
-    /// Starts the account anew for a new incarnation of the operator; the samples that wait stay.
+    /// Starts the account anew for a new incarnation of the operator; the samples that wait stay, and are in it.
     pub fn renew(&mut self) {
         for p in &mut self.ports {
             p.current = None;
-            p.count = Count { incarnation: p.count.incarnation, next: p.count.next, ..Count::default() };
+            let unseen = p.held.as_ref().filter(|(_, seen)| !seen).map(|(sample, _)| sample);
+            let waiting = [p.front.as_ref(), unseen].into_iter().flatten();
+            let waiting =
+                waiting.filter(|s| Some(s.head().incarnation) == p.count.incarnation).count() as u64;
+            p.count = Count {
+                incarnation: p.count.incarnation,
+                next: p.count.next,
+                total: waiting,
+                ..Count::default()
+            };
         }
     }
 
