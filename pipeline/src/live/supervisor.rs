@@ -378,12 +378,14 @@ impl Supervisor {
     /// A worker is gone: everyone connects to what it left, its node is cleaned, and its restart is planned.
     fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
         let worker = &mut self.workers[index];
-        let child = worker.child.take()?;
+        let mut child = worker.child.take()?;
         let name = child.name.clone();
+        let said = child.last_words.take();
         let status = child.reap(Duration::from_secs(1));
         let reason =
             format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-        self.faults.push(Fault { operator: name.clone(), reason: reason.clone(), fatal: true });
+        let said = said.map_or_else(String::new, |said| format!(" ({said})"));
+        self.told.push(Told { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
         self.connect_all();
         self.read_journals();
         self.domain.clean_dead_nodes();
@@ -392,13 +394,10 @@ impl Supervisor {
             worker.restarts = 0;
         }
         worker.last_death = now;
-        let last = self.faults.iter().rev().nth(1).filter(|f| f.fatal).map(|f| format!(" ({})", f.reason));
         match self.graph.processes[worker.process].restart {
-            Restart::Never => {
-                Some(format!("{reason}{}; its restart policy is never", last.unwrap_or_default()))
-            }
+            Restart::Never => Some(format!("{reason}{said}; its restart policy is never")),
             Restart::OnFault { limit, .. } if worker.restarts >= limit => {
-                Some(format!("{reason}{}; it was restarted {limit} times already", last.unwrap_or_default()))
+                Some(format!("{reason}{said}; it was restarted {limit} times already"))
             }
             Restart::OnFault { backoff, .. } => {
                 let wait = backoff.saturating_mul(1 << worker.restarts.min(16));
@@ -436,7 +435,7 @@ impl Supervisor {
             let status = child.reap(Duration::from_secs(1));
             let reason =
                 format!("the recorder ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-            self.faults.push(Fault { operator: "recorder".to_string(), reason, fatal: true });
+            self.told.push(Told { operator: "recorder".to_string(), incarnation: 0, reason, fatal: true });
         }
         self.domain.clean_dead_nodes();
         self.recorder_deaths += 1;
