@@ -5,101 +5,34 @@
 //!
 //! - `difference`: which field of which sample differs, and by how much
 //! - `journal`: the entries of all operators in the order of time, and their gaps
+//! - `orphans`: recorded samples that no activation made
+//! - `report`: how a replay went
+//! - `selection`: which operators are compared, and which must run for that
 
 mod difference;
 mod journal;
+mod orphans;
+mod report;
+mod selection;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use serde::Serialize;
-use stillpoint_recorder::{Session, SessionError};
+use stillpoint_recorder::Session;
 use stillpoint_samples::{Cause, Entry, Outcome, RefKind};
 
 pub use difference::Difference;
 use journal::Ordered;
+pub use report::{Open, ReplayError, ReplayReport};
+pub use selection::Selection;
+use selection::{needed, selected};
 
 use crate::graph::Graph;
-use crate::operator::Role;
 use crate::placement::{Committed, Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::schedule::Witness;
 use crate::setup::Files;
 use crate::shelf::Parcel;
-
-/// Which operators are compared.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// All of them.
-    All,
-    /// This one.
-    Only(String),
-    /// This one and all downstream of it.
-    From(String),
-}
-
-/// How a replay went.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct ReplayReport {
-    /// Activations that were done again.
-    pub activations: u64,
-    /// By topic: samples compared with the recording, and found the same.
-    pub identical: BTreeMap<String, u64>,
-    /// By topic: samples that the recording does not hold; they were made again.
-    pub recomputed: BTreeMap<String, u64>,
-    /// Samples that differ, or were made by no activation.
-    pub differences: u64,
-    /// The first of them.
-    pub first_difference: Option<Difference>,
-    /// Incarnations that could not be replayed to their end.
-    pub open: Vec<Open>,
-    /// Incarnations that were replayed from begin to end.
-    pub exact_incarnations: u64,
-    /// Session time between the first and the last entry, s.
-    pub seconds: f64,
-}
-
-/// An incarnation that cannot be replayed from some activation on.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Open {
-    /// Name of the operator.
-    pub operator: String,
-    /// Its incarnation.
-    pub incarnation: u32,
-    /// The first activation that is not exact.
-    pub from_activation: u64,
-    /// What is missing.
-    pub reason: String,
-}
-
-/// Why a session cannot be replayed at all.
-#[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// The session cannot be read.
-    #[error(transparent)]
-    Session(#[from] SessionError),
-    /// An operator cannot be made or run.
-    #[error(transparent)]
-    Placement(#[from] PlacementError),
-    /// The selection names no operator.
-    #[error("the pipeline has no operator `{0}`; it has {1}")]
-    Operator(String, String),
-    /// What was made again cannot be written.
-    #[error("{0}")]
-    Witness(String),
-}
-
-impl ReplayReport {
-    /// Samples compared with the recording, and found the same.
-    pub fn compared(&self) -> u64 {
-        self.identical.values().sum()
-    }
-
-    /// Whether everything that could be compared is the same, and everything could be replayed.
-    pub fn is_identical(&self) -> bool {
-        self.differences == 0 && self.open.is_empty()
-    }
-}
 
 /// Replays a session of this graph. `witness` sees every entry with the outputs as they were made again.
 pub fn replay(
@@ -125,51 +58,12 @@ pub fn replay(
     for (operator, entry, gap) in ordered.entries() {
         replayer.enter(operator, entry, gap, witness)?;
     }
+    for orphan in orphans::of_session(session, graph, &replayer.compared) {
+        replayer.differ(orphan);
+    }
     replayer.report.exact_incarnations +=
         replayer.lives.iter().flatten().filter(|l| l.open.is_none()).count() as u64;
     Ok(replayer.report)
-}
-
-/// Numbers of the operators that the selection names.
-fn selected(graph: &Graph, selection: &Selection) -> Result<BTreeSet<usize>, ReplayError> {
-    let find = |name: &str| {
-        graph.operator(name).ok_or_else(|| {
-            let all: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
-            ReplayError::Operator(name.to_string(), all.join(", "))
-        })
-    };
-    match selection {
-        Selection::All => Ok((0..graph.operators.len()).collect()),
-        Selection::Only(name) => Ok(BTreeSet::from([find(name)?])),
-        Selection::From(name) => {
-            let (mut found, mut todo) = (BTreeSet::new(), vec![find(name)?]);
-            while let Some(operator) = todo.pop() {
-                if found.insert(operator) {
-                    for port in 0..graph.operators[operator].outputs.len() {
-                        todo.extend(graph.consumers(operator, port).map(|(c, _)| c));
-                    }
-                }
-            }
-            Ok(found)
-        }
-    }
-}
-
-/// The operators that must run: those compared, and those that make what the recording does not hold for them.
-fn needed(session: &Session, graph: &Graph, compared: &BTreeSet<usize>) -> BTreeSet<usize> {
-    let (mut found, mut todo) = (BTreeSet::new(), compared.iter().copied().collect::<Vec<_>>());
-    while let Some(operator) = todo.pop() {
-        if graph.operators[operator].stage.kind.role == Role::Source || !found.insert(operator) {
-            continue;
-        }
-        for edge in graph.operators[operator].inputs.iter().filter_map(|i| i.edge) {
-            let topic = &graph.operators[edge.operator].outputs[edge.output].topic;
-            if session.topic_number(topic).is_none() {
-                todo.push(edge.operator);
-            }
-        }
-    }
-    found
 }
 
 struct Life {
@@ -268,26 +162,48 @@ impl Replayer<'_, '_> {
             return Ok(None);
         }
         let Some(record) = Record::of(entry) else { return Ok(None) };
-        let committed = match self.placement.activate_alone(operator, &record) {
-            Ok(committed) => committed,
-            Err(PlacementError::Sample { port, incarnation, sequence, .. }) => {
-                let node = &self.graph.operators[operator];
-                let topic =
-                    node.inputs.get(port as usize).and_then(|i| i.edge).map_or_else(String::new, |e| {
-                        self.graph.operators[e.operator].outputs[e.output].topic.clone()
-                    });
-                let reason = format!(
-                    "sample {sequence} of incarnation {incarnation} on {topic} is not in the session, and cannot be \
-                     made again"
-                );
-                self.open(operator, entry, reason);
-                return Ok(None);
+        let committed = loop {
+            match self.placement.activate_alone(operator, &record) {
+                Ok(committed) => break committed,
+                Err(PlacementError::Sample { port, incarnation, sequence, .. }) => {
+                    if self.fetch(operator, port as usize, incarnation, sequence)? {
+                        continue;
+                    }
+                    let topic = self.edge(operator, port as usize).map_or("", |(_, _, topic)| topic);
+                    let reason = format!(
+                        "sample {sequence} of incarnation {incarnation} on {topic} is not in the session, and cannot \
+                         be made again"
+                    );
+                    self.open(operator, entry, reason);
+                    return Ok(None);
+                }
+                Err(e) => return Err(e.into()),
             }
-            Err(e) => return Err(e.into()),
         };
         self.report.activations += 1;
         self.compare(operator, entry, &committed)?;
         Ok(Some(committed.outputs))
+    }
+
+    /// Operator, output and topic that feed an input.
+    fn edge(&self, operator: usize, port: usize) -> Option<(usize, usize, &str)> {
+        let edge = self.graph.operators[operator].inputs.get(port)?.edge?;
+        Some((edge.operator, edge.output, &self.graph.operators[edge.operator].outputs[edge.output].topic))
+    }
+
+    /// Hands a recorded sample to an operator that did not get it, since the entry that sent it is missing or stands
+    /// elsewhere. Says whether it is there.
+    fn fetch(
+        &mut self,
+        operator: usize,
+        port: usize,
+        incarnation: u32,
+        sequence: u64,
+    ) -> Result<bool, ReplayError> {
+        let Some((producer, output, _)) = self.edge(operator, port) else { return Ok(false) };
+        let Some(parcel) = self.recorded(producer, output, incarnation, sequence)? else { return Ok(false) };
+        self.placement.deliver_to(operator, port, parcel);
+        Ok(true)
     }
 
     fn compare(&mut self, operator: usize, entry: &Entry, again: &Committed) -> Result<(), ReplayError> {
