@@ -33,6 +33,8 @@ pub struct Child {
     pub name: String,
     /// Of what it said that it ends.
     pub last_words: Option<String>,
+    /// The last order to connect that it followed.
+    pub connected: u64,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -74,6 +76,7 @@ impl Child {
         let mut child = Self {
             name: name.to_string(),
             last_words: None,
+            connected: 0,
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),

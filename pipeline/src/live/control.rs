@@ -34,7 +34,10 @@ pub struct Hello {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToWorker {
     /// Connect to all publishers that are there, and say so.
-    Connect,
+    Connect {
+        /// Comes back in the answer: an answer that came too late is no answer to a later order.
+        ticket: u64,
+    },
     /// Begin. Timers count from `epoch`, session time in ns.
     Go {
         /// Zero of the timers.
@@ -89,7 +92,10 @@ pub enum FromWorker {
     /// All ports are made.
     Made,
     /// All publishers that are there are connected.
-    Connected,
+    Connected {
+        /// That of the order.
+        ticket: u64,
+    },
     /// An operator failed. A fatal failure ends the process.
     Fault {
         /// Name of the operator.
@@ -139,7 +145,10 @@ pub struct RecorderReport {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToRecorder {
     /// Connect to all publishers that are there, and say so.
-    Connect,
+    Connect {
+        /// Comes back in the answer.
+        ticket: u64,
+    },
     /// Take what waits, and end the session with this ledger (JSON).
     Finish {
         /// The ledger.

@@ -57,11 +57,11 @@ impl<'f> DirectedWorker<'f> {
             match order {
                 ToWorker::Exit => return Ok(()),
                 ToWorker::Go { .. } => {}
-                ToWorker::Connect => {
+                ToWorker::Connect { ticket } => {
                     for member in &self.members {
                         member.connect().map_err(|e| e.to_string())?;
                     }
-                    tell(&FromWorker::Connected)?;
+                    tell(&FromWorker::Connected { ticket })?;
                 }
                 ToWorker::Stop => tell(&FromWorker::Stopped)?,
                 order => {

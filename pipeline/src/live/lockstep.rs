@@ -86,9 +86,9 @@ impl Processes {
             }
         }
         for child in &mut children {
-            child.tell(&ToWorker::Connect);
+            child.tell(&ToWorker::Connect { ticket: 0 });
             match child.answer(PATIENCE, &mut told) {
-                Ok(FromWorker::Connected) => {}
+                Ok(FromWorker::Connected { .. }) => {}
                 other => return Err(first_reason(&told, other)),
             }
         }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use stillpoint_samples::Entry;
@@ -22,6 +22,12 @@ use crate::ledger::{Ledger, Line};
 
 /// How long a child may take to make its ports, and to answer.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a child may take to drain its inputs at the end.
+const DRAINING: Duration = Duration::from_secs(20);
+/// How long a child in a long step may keep the others from going on.
+const CONNECTING: Duration = Duration::from_secs(10);
+/// How often journals are read while something is waited for.
+const LOOK: Duration = Duration::from_millis(10);
 /// After this long without a fault, ns, restarts count from zero again.
 const CALM: u64 = 10_000_000_000;
 
@@ -123,6 +129,8 @@ pub struct Supervisor {
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
+    /// Number of the last order to connect.
+    ticket: u64,
     // Dropped in this order: ports, then topics, then the node, then the folder.
     _topics: Vec<Topic>,
     domain: Domain,
@@ -176,6 +184,7 @@ impl Supervisor {
             faults: Vec::new(),
             swept,
             epoch: 0,
+            ticket: 0,
             _topics: topics,
             domain,
             folder,
@@ -268,27 +277,41 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Has every child connect to all publishers that are there, and waits until each has. What a dead publisher sent
-    /// is safe only after this.
+    /// Has every child connect to all publishers that are there, and waits until each has, or is gone. What a dead
+    /// publisher sent is safe only after this. Journals are read meanwhile: a child may be in a long step.
     fn connect_all(&mut self) {
         for journal in &self.journals {
             let _ = journal.connect();
         }
-        let mut asked: Vec<&mut Child> = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
-        for child in &mut asked {
-            child.tell(&ToWorker::Connect);
+        self.ticket += 1;
+        let ticket = self.ticket;
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
+            child.tell(&ToWorker::Connect { ticket });
         }
         if let Some(recorder) = &mut self.recorder {
-            recorder.tell(&ToRecorder::Connect);
-            asked.push(recorder);
+            recorder.tell(&ToRecorder::Connect { ticket });
         }
-        for child in asked {
-            // A child that is gone by now is found by the watch; nothing of it is waited for.
-            while let Ok(answer) = child.answer(PATIENCE, &mut self.told) {
-                if matches!(answer, FromWorker::Connected) {
-                    break;
+        let begun = Instant::now();
+        while begun.elapsed() < CONNECTING {
+            self.read_journals();
+            let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
+            let mut waiting = Vec::new();
+            for child in children {
+                child.listen(&mut self.told);
+                while let Some(answer) = child.next() {
+                    if let FromWorker::Connected { ticket } = answer {
+                        child.connected = ticket;
+                    }
+                }
+                // A child that is gone by now is found by the watch; nothing of it is waited for.
+                if child.connected != ticket && !child.is_gone() {
+                    waiting.push(&*child);
                 }
             }
+            if waiting.is_empty() {
+                return;
+            }
+            wait_any(&waiting, LOOK);
         }
     }
 
@@ -408,6 +431,20 @@ impl Supervisor {
         }
     }
 
+    /// Waits until a worker has made its ports. Journals are read meanwhile.
+    fn is_made(&mut self, child: &mut Child) -> bool {
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            self.read_journals();
+            match child.answer(LOOK, &mut self.told) {
+                Ok(answer) => return matches!(answer, FromWorker::Made),
+                Err(_) if child.is_gone() => return false,
+                Err(_) => {}
+            }
+        }
+        false
+    }
+
     /// Starts a worker again. One that dies before its ports are made is buried like any other.
     fn restart(&mut self, index: usize) -> Result<(), String> {
         self.workers[index].due = None;
@@ -415,7 +452,7 @@ impl Supervisor {
             self.lives[operator] += 1;
         }
         let mut child = self.start_worker(index)?;
-        let made = matches!(child.answer(PATIENCE, &mut self.told), Ok(FromWorker::Made));
+        let made = self.is_made(&mut child);
         if !made {
             child.kill();
         }
@@ -462,19 +499,7 @@ impl Supervisor {
                 }
             }
             for index in &level {
-                let Some(child) = &mut self.workers[*index].child else { continue };
-                let mut answer = child.answer(PATIENCE, &mut self.told);
-                while matches!(answer, Ok(ref m) if !matches!(m, FromWorker::Stopped)) {
-                    answer = child.answer(PATIENCE, &mut self.told);
-                }
-                if let Err(reason) = answer {
-                    self.told.push(Told {
-                        operator: child.name.clone(),
-                        incarnation: 0,
-                        reason,
-                        fatal: true,
-                    });
-                }
+                self.await_stop(*index);
             }
             self.read_journals();
         }
@@ -506,6 +531,35 @@ impl Supervisor {
         report.faults = std::mem::take(&mut self.faults);
         report.recorded = std::mem::take(&mut self.recorded);
         Ok(report)
+    }
+
+    /// Waits until a worker has drained its inputs. One that does not come back from a step is killed.
+    fn await_stop(&mut self, index: usize) {
+        let Some(mut child) = self.workers[index].child.take() else { return };
+        let begun = Instant::now();
+        loop {
+            self.read_journals();
+            match child.answer(LOOK, &mut self.told) {
+                Ok(FromWorker::Stopped) => break,
+                Ok(_) => {}
+                Err(_) if begun.elapsed() < DRAINING && !child.is_gone() => {}
+                Err(_) => {
+                    let what =
+                        if child.is_gone() { "ended" } else { "was killed, since it did not come back" };
+                    let reason = format!("process {} {what} while the run was being ended", child.name);
+                    self.told.push(Told {
+                        operator: child.name.clone(),
+                        incarnation: 0,
+                        reason,
+                        fatal: true,
+                    });
+                    child.kill();
+                    child.reap(Duration::from_secs(1));
+                    return;
+                }
+            }
+        }
+        self.workers[index].child = Some(child);
     }
 
     fn finish_recording(&mut self, report: &RunReport) {

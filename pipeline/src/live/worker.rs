@@ -182,11 +182,11 @@ impl Worker {
 
     fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
         match order {
-            ToWorker::Connect => {
+            ToWorker::Connect { ticket } => {
                 for member in &self.members {
                     member.connect().map_err(|e| e.to_string())?;
                 }
-                tell(&FromWorker::Connected)
+                tell(&FromWorker::Connected { ticket: *ticket })
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);
