@@ -140,7 +140,7 @@ impl Run {
         };
         let mut line = StatusLine { terminal: std::io::stderr().is_terminal() && !self.json, shown: false };
         let supervisor =
-            Supervisor::start(checked.graph.clone(), options, &mut line).map_err(Failure::failed)?;
+            Supervisor::start(checked.graph.clone(), options, &stop, &mut line).map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
         line.clear();
         if let Some(session) = session {

@@ -150,7 +150,12 @@ struct Worker {
 
 impl Supervisor {
     /// Sweeps dead runs, lays out shared memory, starts every process and opens the barrier.
-    pub fn start(graph: Arc<Graph>, options: RunOptions, run: &mut dyn Run) -> Result<Self, String> {
+    pub fn start(
+        graph: Arc<Graph>,
+        options: RunOptions,
+        stop: &AtomicBool,
+        run: &mut dyn Run,
+    ) -> Result<Self, String> {
         let swept = sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
@@ -191,11 +196,11 @@ impl Supervisor {
             graph,
             options,
         };
-        supervisor.open_barrier(run)?;
+        supervisor.open_barrier(stop, run)?;
         Ok(supervisor)
     }
 
-    fn open_barrier(&mut self, run: &mut dyn Run) -> Result<(), String> {
+    fn open_barrier(&mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<(), String> {
         if self.options.session.is_some() {
             self.start_recorder()?;
         }
@@ -203,17 +208,16 @@ impl Supervisor {
             let child = self.start_worker(index)?;
             self.workers[index].child = Some(child);
         }
-        let mut children: Vec<&mut Child> =
-            self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
-        children.extend(self.recorder.as_mut());
-        for child in children {
-            let answer = child.answer(PATIENCE, &mut self.told);
-            if !matches!(answer, Ok(FromWorker::Made)) {
-                let said = self.told.first().map(|t| t.reason.clone());
-                return Err(
-                    said.unwrap_or_else(|| answer.err().unwrap_or_else(|| "a child is confused".to_string()))
-                );
-            }
+        for index in 0..self.workers.len() {
+            let Some(mut child) = self.workers[index].child.take() else { continue };
+            let made = self.is_made(&mut child, stop);
+            self.workers[index].child = Some(child);
+            self.refuse_unless(made, stop)?;
+        }
+        if let Some(mut recorder) = self.recorder.take() {
+            let made = self.is_made(&mut recorder, stop);
+            self.recorder = Some(recorder);
+            self.refuse_unless(made, stop)?;
         }
         self.connect_all();
         self.folder.publish(&RunCard {
@@ -234,6 +238,18 @@ impl Supervisor {
             }
         }
         Ok(())
+    }
+
+    /// Says why the run cannot begin where a child has not made its ports.
+    fn refuse_unless(&self, made: bool, stop: &AtomicBool) -> Result<(), String> {
+        if made {
+            return Ok(());
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Err("stopped while it was starting: no activation was done".to_string());
+        }
+        let said = self.told.first().map(|t| format!("{}: {}", t.operator, t.reason));
+        Err(said.unwrap_or_else(|| "a process did not make its ports in time".to_string()))
     }
 
     fn process_numbers(&self) -> Vec<(String, u32)> {
@@ -332,7 +348,7 @@ impl Supervisor {
             self.read_journals();
             self.listen();
             self.tell_faults(run);
-            if let Some(reason) = self.care_for_children(now)? {
+            if let Some(reason) = self.care_for_children(now, stop)? {
                 early = Some(reason);
                 break;
             }
@@ -377,7 +393,7 @@ impl Supervisor {
     }
 
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    fn care_for_children(&mut self, now: u64) -> Result<Option<String>, String> {
+    fn care_for_children(&mut self, now: u64, stop: &AtomicBool) -> Result<Option<String>, String> {
         for index in 0..self.workers.len() {
             if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
                 && let Some(reason) = self.bury_worker(index, now)
@@ -386,13 +402,13 @@ impl Supervisor {
             }
         }
         if self.recorder.as_ref().is_some_and(Child::is_gone)
-            && let Some(reason) = self.replace_recorder()?
+            && let Some(reason) = self.replace_recorder(stop)?
         {
             return Ok(Some(reason));
         }
         for index in 0..self.workers.len() {
             if self.workers[index].due.is_some_and(|due| due <= now) {
-                self.restart(index)?;
+                self.restart(index, stop)?;
             }
         }
         Ok(None)
@@ -431,10 +447,10 @@ impl Supervisor {
         }
     }
 
-    /// Waits until a worker has made its ports. Journals are read meanwhile.
-    fn is_made(&mut self, child: &mut Child) -> bool {
+    /// Waits until a child has made its ports, or the run is stopped. Journals are read meanwhile.
+    fn is_made(&mut self, child: &mut Child, stop: &AtomicBool) -> bool {
         let begun = Instant::now();
-        while begun.elapsed() < PATIENCE {
+        while begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
             self.read_journals();
             match child.answer(LOOK, &mut self.told) {
                 Ok(answer) => return matches!(answer, FromWorker::Made),
@@ -446,13 +462,13 @@ impl Supervisor {
     }
 
     /// Starts a worker again. One that dies before its ports are made is buried like any other.
-    fn restart(&mut self, index: usize) -> Result<(), String> {
+    fn restart(&mut self, index: usize, stop: &AtomicBool) -> Result<(), String> {
         self.workers[index].due = None;
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
             self.lives[operator] += 1;
         }
         let mut child = self.start_worker(index)?;
-        let made = self.is_made(&mut child);
+        let made = self.is_made(&mut child, stop);
         if !made {
             child.kill();
         }
@@ -467,7 +483,7 @@ impl Supervisor {
     }
 
     /// A recorder that dies goes on in the next part of the session.
-    fn replace_recorder(&mut self) -> Result<Option<String>, String> {
+    fn replace_recorder(&mut self, stop: &AtomicBool) -> Result<Option<String>, String> {
         if let Some(child) = self.recorder.take() {
             let status = child.reap(Duration::from_secs(1));
             let reason =
@@ -480,11 +496,13 @@ impl Supervisor {
             return Ok(Some("the recorder ended again and again".to_string()));
         }
         self.start_recorder()?;
-        if let Some(recorder) = &mut self.recorder
-            && !matches!(recorder.answer(PATIENCE, &mut self.told), Ok(FromWorker::Made))
-        {
-            let said = self.told.last().map(|t| t.reason.clone());
-            return Ok(Some(said.unwrap_or_else(|| "the recorder cannot be started again".to_string())));
+        if let Some(mut recorder) = self.recorder.take() {
+            let made = self.is_made(&mut recorder, stop);
+            let said = recorder.last_words.take();
+            self.recorder = Some(recorder);
+            if !made {
+                return Ok(Some(said.unwrap_or_else(|| "the recorder cannot be started again".to_string())));
+            }
         }
         self.connect_all();
         Ok(None)
