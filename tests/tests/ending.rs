@@ -44,19 +44,55 @@ fn sigterm_ends_a_run_in_order() {
 }
 
 #[test]
-fn ctrl_c_during_start_up_ends_in_order_too() {
+fn ctrl_c_during_start_up_leaves_nothing() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("chain.yaml"));
     wait_for("a child", || (!run.children().is_empty()).then_some(()));
     let id = bench.run_ids().pop().unwrap();
 
     run.signal_group(Signal::INT);
-    let report = run.finish().good();
+    let done = run.finish();
 
-    assert_eq!(report["ended_early"], "stopped");
-    assert_eq!(report["balanced"], true);
+    // Where start-up was nearly over the run ends like any other.
+    if done.code() == 0 {
+        assert_eq!(
+            (&done.json()["ended_early"], &done.json()["balanced"]),
+            (&json!("stopped"), &json!(true))
+        );
+    } else {
+        assert!(done.err.contains("stopped while it was starting"), "{}", done.err);
+    }
     assert!(bench.run_ids().is_empty());
     assert_eq!(shared_objects(&id), 0);
+}
+
+#[test]
+fn ctrl_c_ends_a_start_up_that_hangs() {
+    let bench = Bench::new();
+    let run = bench.start(&["run", text(&pipeline("fragile.yaml")), "--set", "fragile.way=hang"]);
+    let id = wait_for("the run's folder", || bench.run_ids().pop());
+    let child = run.child("fragile", 0);
+
+    run.signal_group(Signal::INT);
+    let done = run.finish();
+
+    assert_eq!(done.code(), 1);
+    assert!(done.err.contains("stopped while it was starting"), "{}", done.err);
+    assert!(!lives(child));
+    assert!(bench.run_ids().is_empty());
+    assert_eq!(shared_objects(&id), 0);
+}
+
+#[test]
+fn ctrl_c_ends_a_run_whose_step_never_comes_back() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("stuck.yaml"));
+    bench.wait_for_samples("beat.value", 50);
+    let report = run.stop().good();
+    let faults = report["faults"].to_string();
+    assert!(faults.contains("was killed, since it did not come back"), "{faults}");
+    assert_eq!(report["balanced"], true);
+    bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
 }
 
 /// Kills the supervisor of a run, and waits until its children have ended by themselves.

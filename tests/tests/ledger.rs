@@ -33,7 +33,6 @@ fn nothing_is_unexplained_over_overflow_used_up_memory_kills_and_start_up() {
 
     let report = run.stop().good();
 
-    assert_eq!(report["unseen_entries"], 0);
     for entry in report["ledger"].as_array().unwrap() {
         assert_eq!(entry["unexplained"], 0, "{entry}");
         let n = |key: &str| entry[key].as_u64().unwrap();
