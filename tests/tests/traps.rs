@@ -1,6 +1,82 @@
 //! What iceoryx2 does to samples of the dead, and why ours stay.
 
+use iceoryx2::prelude::*;
+use stillpoint_samples::{Diagnostics, HEAD_SIZE, Head, Sample};
+use stillpoint_shm::{Contract, Domain, Topic, sweep};
+use zerocopy::IntoBytes;
+
 use crate::bench::{Bench, line, pipeline, wait_for};
+
+/// Tells the test's own program to be the publisher that dies.
+const DYING: &str = "STILLPOINT_DYING_PUBLISHER";
+
+fn contract() -> Contract {
+    Contract { buffer: 8, pool: 16, ..Contract::new("dying.value", Diagnostics::KIND, None, 1) }
+}
+
+/// Not a test of its own: sends five samples and dies at once, as by kill -9.
+#[test]
+fn dying_publisher() {
+    let Ok(root) = std::env::var(DYING) else { return };
+    let (root, prefix) = root.split_once('|').unwrap();
+    let domain = Domain::join(std::path::Path::new(root), prefix, "dying").unwrap();
+    let publisher = Topic::open(&domain, &contract()).unwrap().publisher().unwrap();
+    publisher.connect().unwrap();
+    for sequence in 0..5 {
+        let mut loan = publisher.loan(1).unwrap().unwrap();
+        let (meta, _) = loan.parts_mut();
+        meta.fill(0);
+        meta[..HEAD_SIZE].copy_from_slice(Head { sequence, count: 1, ..Head::default() }.as_bytes());
+        publisher.send(loan).unwrap();
+    }
+    let own = rustix::process::getpid();
+    rustix::process::kill_process(own, rustix::process::Signal::KILL).unwrap();
+}
+
+/// Samples that a consumer still gets of a publisher that was killed, after somebody else joined in between.
+fn received_after(join: impl FnOnce(&std::path::Path, &str)) -> usize {
+    let bench = Bench::new();
+    let root = bench.path("d");
+    // The folder's name is its own; objects of a run begin otherwise.
+    let prefix = format!("{}_", bench.path("r").parent().unwrap().file_name().unwrap().to_string_lossy());
+    let domain = Domain::join(&root, &prefix, "consumer").unwrap();
+    let topic = Topic::create(&domain, &contract()).unwrap();
+    let subscriber = topic.subscriber(8).unwrap();
+    let publisher = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "traps::dying_publisher"])
+        .env(DYING, format!("{}|{prefix}", root.display()))
+        .output()
+        .unwrap();
+    assert!(!publisher.status.success(), "it was killed");
+    join(&root, &prefix);
+    let received = std::iter::from_fn(|| subscriber.receive().unwrap()).count();
+    drop((subscriber, topic, domain));
+    sweep(&root, &prefix);
+    received
+}
+
+#[test]
+fn samples_of_a_killed_publisher_stay_when_somebody_joins() {
+    let received = received_after(|root, prefix| {
+        let other = Domain::join(root, prefix, "other").unwrap();
+        let topic = Topic::open(&other, &contract()).unwrap();
+        drop((topic, other));
+    });
+    assert_eq!(received, 5);
+}
+
+/// Why foreign participants must be given our settings: the test above can fail.
+#[test]
+fn samples_of_a_killed_publisher_vanish_when_somebody_joins_with_iceoryx2s_own_settings() {
+    let received = received_after(|root, prefix| {
+        let mut config = Config::default();
+        config.global.prefix = FileName::new(prefix.as_bytes()).unwrap();
+        config.global.set_root_path(&Path::new(root.display().to_string().as_bytes()).unwrap());
+        let other = NodeBuilder::new().config(&config).create::<ipc::Service>().unwrap();
+        drop(other);
+    });
+    assert_eq!(received, 0);
+}
 
 #[test]
 fn an_operator_killed_at_any_moment_after_its_restart_leaves_no_orphans() {
@@ -33,5 +109,23 @@ fn an_operator_killed_at_any_moment_after_its_restart_leaves_no_orphans() {
     let info = bench.call(&["info", session, "--json"]).good();
     assert_eq!(info["complete"], true, "{}", info["gaps"]);
     let replay = bench.call(&["replay", session, "--json"]).good();
+    assert_eq!(replay["identical_all"], true);
+}
+
+#[test]
+fn a_consumer_that_was_down_while_its_producer_restarted_too_balances() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 20);
+    let mut before = [0, 0];
+    for _ in 0..3 {
+        before = [run.kill("sink", before[0]), run.kill("middle", before[1])];
+    }
+    run.child("sink", before[0]);
+    run.child("middle", before[1]);
+    bench.wait_for_samples("sink.sum", 20);
+    let report = run.stop().good();
+    assert_eq!(report["balanced"], true, "{}", report["ledger"]);
+    let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
     assert_eq!(replay["identical_all"], true);
 }
