@@ -125,6 +125,15 @@ impl Bench {
     }
 }
 
+impl Drop for Bench {
+    /// Takes away what runs left whose supervisor was killed.
+    fn drop(&mut self) {
+        for id in self.run_ids() {
+            stillpoint_shm::sweep(&self.runs().join(&id).join("d"), &format!("sp_{id}_"));
+        }
+    }
+}
+
 impl Running {
     pub fn pid(&self) -> u32 {
         self.child.id()

@@ -78,6 +78,15 @@ fn a_folder_that_cannot_be_written_is_named_and_nothing_is_left() {
     assert!(bench.run_ids().is_empty());
 }
 
+/// A file system that is taken away again, also by a test that fails.
+struct Mounted(std::path::PathBuf);
+
+impl Drop for Mounted {
+    fn drop(&mut self) {
+        let _ = std::process::Command::new("umount").arg(&self.0).output();
+    }
+}
+
 #[test]
 fn a_full_disk_ends_the_run_with_words() {
     let bench = Bench::new();
@@ -90,11 +99,13 @@ fn a_full_disk_ends_the_run_with_words() {
         eprintln!("skipped: a small file system cannot be mounted here");
         return;
     }
-    let run = bench.start(&["run", text(&pipeline("flood.yaml")), "--json", "--record", "disk"]);
-    let done = run.finish();
-    let _ = std::process::Command::new("umount").arg(bench.path("disk")).output();
+    let disk = Mounted(bench.path("disk"));
+    let done = bench.start(&["run", text(&pipeline("flood.yaml")), "--json", "--record", "disk"]).finish();
+    drop(disk);
     assert_eq!(done.code(), 1, "{}\n{}", done.out, done.err);
     assert!(done.err.contains("No space left on device"), "{}", done.err);
+    // The ledger is printed nevertheless, and it balances.
+    assert_eq!(done.json()["balanced"], true);
     assert!(bench.run_ids().is_empty());
 }
 
