@@ -279,3 +279,6 @@ impl<T: Arrival> Port<T> {
         self.front.as_ref().is_some_and(|f| f.head().stamp.saturating_add(self.delay) <= now)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -158,3 +158,6 @@ impl Line {
         self.unexplained == 0 && accounted == self.sent
     }
 }
+
+#[cfg(test)]
+mod tests;
