@@ -248,11 +248,13 @@ fn build_step(
     files: &dyn Files,
     inbox: Inbox,
 ) -> Result<Box<dyn Step>, SetupError> {
+    let connected: Vec<_> = node.inputs.iter().map(|i| i.edge.is_some()).collect();
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
     let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();
     let setup = Setup {
         operator: &node.name,
         every: node.every,
+        connected: &connected,
         input_frames: &input_frames,
         output_frames: &output_frames,
         frames: &graph.frames,

@@ -77,11 +77,12 @@ enum Command {
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::console::STAGES,
-        // stillpoint_ingest::STAGES,
-        // stillpoint_segment::STAGES,
-        // stillpoint_track::STAGES,
-        // stillpoint_estimate::STAGES,
-        // stillpoint_rig::STAGES,
+        stillpoint_ingest::STAGES,
+        stillpoint_segment::STAGES,
+        stillpoint_track::STAGES,
+        stillpoint_estimate::STAGES,
+        stillpoint_rig::STAGES,
+        stillpoint_sink::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)
