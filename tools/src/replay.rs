@@ -114,7 +114,8 @@ impl Replay {
     }
 
     fn say(&self, report: &ReplayReport, wall: f64) -> Ended {
-        let exit = match (report.differences, report.open.is_empty()) {
+        let compared = report.compared() > 0;
+        let exit = match (report.differences, report.open.is_empty() && compared) {
             (0, true) => Exit::Done,
             (0, false) => Exit::Open,
             _ => Exit::Differs,
@@ -141,6 +142,9 @@ impl Replay {
         let speed = report.seconds / wall.max(1e-9);
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
+            None if !compared => {
+                "no sample could be compared: the recording keeps no topic of these operators".to_string()
+            }
             None if report.open.is_empty() => "identical".to_string(),
             None => {
                 format!("identical where it can be replayed; {} incarnations are open", report.open.len())
