@@ -5,7 +5,7 @@
 mod default_pipeline;
 mod examples;
 mod guide;
-#[path = "../../../examples/own_operator.rs"]
+#[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
 mod real_data;
 
