@@ -34,8 +34,11 @@ fn png(width: u32, height: u32, counts: &[u16]) -> Vec<u8> {
     bytes
 }
 
-/// Clouds that one operator sends in 500 ms with a tick each 100 ms: width, height, points.
-fn clouds(operator: &str, files: &KeptFiles) -> Result<Vec<(u32, u32, Vec<[f32; 3]>)>, String> {
+/// Width, height and points.
+type Cloud = (u32, u32, Vec<[f32; 3]>);
+
+/// Clouds that one operator sends in 500 ms with a tick each 100 ms.
+fn clouds(operator: &str, files: &KeptFiles) -> Result<Vec<Cloud>, String> {
     let registry = Registry::new(&[feed::STAGES, stillpoint_ingest::STAGES]);
     let run = run(&format!("{HEAD}  it: {operator}\n"), &registry, files, 500)?;
     assert_eq!(run.failed(), [] as [&str; 0]);
