@@ -2,7 +2,7 @@
 //!
 //! - [`kalman`]: the constant-velocity filter, from stamp to stamp.
 //! - [`state`]: the state of such a filter and its two equations.
-//! - [`operator`]: `estimate.kalman`.
+//! - [`mod@operator`], `estimate.kalman`.
 
 pub mod kalman;
 pub mod operator;

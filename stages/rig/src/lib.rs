@@ -15,7 +15,7 @@
 //! - [`shadow`]: what a projector beside the camera cannot light
 //! - [`sensor`]: from a view to the depth image that a camera would give
 //! - [`trajectory`]: scripted head motion
-//! - [`operator`]: `rig.camera`
+//! - [`mod@operator`], `rig.camera`
 
 pub mod camera;
 pub mod head;

@@ -10,7 +10,7 @@
 //! - [`hull`]: the convex outline of points on a plane.
 //! - [`cluster`]: Euclidean clusters.
 //! - [`face`]: the chain of these, from cloud to face.
-//! - [`operator`]: `segment.face`, the chain as an operator.
+//! - [`mod@operator`], `segment.face`, the chain as an operator.
 //! - [`findings`]: what that operator says about a frame.
 
 mod cells;

@@ -68,7 +68,8 @@ impl Run {
         &self.failed
     }
 
-    fn parcels(&self, topic: &str) -> impl Iterator<Item = &Parcel> {
+    /// The samples of a topic as bytes, in the order of sending.
+    pub fn parcels(&self, topic: &str) -> impl Iterator<Item = &Parcel> {
         self.sent.iter().filter(move |(t, _)| t == topic).map(|(_, p)| p)
     }
 }

@@ -1,7 +1,7 @@
 //! Follows what a stage before has cut out of a cloud.
 //!
 //! - [`mod@centroid`]: the mean of a cloud and how well it is known.
-//! - [`operator`]: `track.centroid`.
+//! - [`mod@operator`], `track.centroid`.
 
 pub mod centroid;
 pub mod operator;

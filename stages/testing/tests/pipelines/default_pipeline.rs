@@ -1,6 +1,7 @@
 //! `pipeline.yaml` at the root.
 
 use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{Diagnostics, Pose, Track};
 use stillpoint_testing::{Run, run};
 
@@ -21,7 +22,7 @@ fn every_frame_of_the_default_pipeline_becomes_a_state() {
     let run = default_pipeline(3000, |text| text);
     assert_eq!(run.failed(), [] as [&str; 0]);
     for topic in ["rig.depth", "rig.truth", "cloud.cloud", "face.face", "head.position", "filter.state"] {
-        assert_eq!(run.bytes(topic).is_empty(), false, "{topic}");
+        assert!(!run.bytes(topic).is_empty(), "{topic}");
     }
     let states = run.samples::<Track>("filter.state");
     assert_eq!(states.len(), 30);
@@ -83,4 +84,17 @@ fn two_runs_send_the_same_bytes_and_another_seed_others() {
     }
     let other = default_pipeline(1500, |t| t.replace("seed: 7", "seed: 8"));
     assert!(a.bytes("rig.depth") != other.bytes("rig.depth"));
+}
+
+#[test]
+fn the_topics_of_the_default_pipeline_fit_a_small_shared_memory() {
+    let graph = default_pipeline(1, |text| text).graph;
+    let mut contracts = contracts::all(&graph);
+    contracts.sort_by_key(|c| std::cmp::Reverse(c.pool_bytes()));
+    for contract in contracts.iter().take(5) {
+        eprintln!("{:20} {:6.1} MiB", contract.topic, contract.pool_bytes() as f64 / f64::from(1 << 20));
+    }
+    // Containers give 64 MiB by default, and others need some of it.
+    let total: usize = contracts.iter().map(|c| c.pool_bytes()).sum();
+    assert!(total < 48 << 20, "{} MiB", total >> 20);
 }

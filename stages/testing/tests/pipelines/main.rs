@@ -3,6 +3,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod default_pipeline;
+mod examples;
+mod guide;
+#[path = "../../../../examples/own_operator.rs"]
+mod own_operator;
+mod real_data;
 
 use std::path::PathBuf;
 
@@ -19,6 +24,7 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_sink::STAGES,
 ];
 
+/// All kinds by name.
 pub fn registry() -> Registry {
     Registry::new(FAMILIES)
 }
