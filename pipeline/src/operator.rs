@@ -150,6 +150,9 @@ impl<T: Operator> Step for T {
     }
 }
 
+/// Makes an operator from its checked parameters.
+pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn Step>, SetupError>;
+
 /// A kind of operator in a family's list: what checker and executors need, without its type.
 #[derive(Clone, Copy)]
 pub struct Stage {
@@ -162,7 +165,7 @@ pub struct Stage {
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// Makes the operator.
-    pub build: fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn Step>, SetupError>,
+    pub build: Build,
 }
 
 impl Stage {

@@ -1,5 +1,7 @@
 //! The command as a user meets it: generated pages are current, the examples check and run, answers and exit codes hold.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

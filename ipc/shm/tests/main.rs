@@ -1,5 +1,7 @@
 //! Topics, ports and wake-ups within one process; what needs several stands in the whole-system tests.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 use std::path::PathBuf;
 
 use stillpoint_samples::{Head, Pieces, PointCloud, Pose, Sample};

@@ -23,7 +23,7 @@ pub struct FilterParams {
     #[param(unit = "m/s", default = "50 mm/s", above = "0 mm/s", max = "10 m/s")]
     pub initial_velocity_sd: f64,
     /// A measurement is refused where the innovation of an axis, squared, is more than this many times its variance.
-    #[param(default = 25, above = 0, max = 1000000000)]
+    #[param(default = 9, above = 0, max = 1000000000)]
     pub gate: f64,
 }
 
