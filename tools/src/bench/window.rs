@@ -59,8 +59,7 @@ impl Window<'_> {
     pub fn run_watched(&self, stop: &AtomicBool, run: &mut dyn Run) -> Result<Outcome, Failure> {
         let file = "bench.yaml".to_string();
         let files = stillpoint_pipeline::files::DiskFiles::beside(Path::new(&file));
-        let graph =
-            spec::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
+        let graph = spec::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
         if let Some((session, _)) = self.session {
             stillpoint_recorder::create_session(session)
                 .map_err(|e| Failure::failed(format!("{}: {e}", session.display())))?;
@@ -99,8 +98,7 @@ impl Window<'_> {
             let (operator, port) =
                 attached.graph.topic(name).ok_or_else(|| Failure::failed(format!("no topic {name}")))?;
             let contract = contracts::output(&attached.graph, operator, port);
-            let topic =
-                stillpoint_shm::Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+            let topic = stillpoint_shm::Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
             let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
             subscriber.connect().map_err(Failure::failed)?;
             let says = attached.graph.operators[operator].stage.kind.name == "bench.sink";
