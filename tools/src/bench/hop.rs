@@ -65,10 +65,11 @@ enum Kind {
     BareThree,
     Three,
     Grouped,
+    Busy,
 }
 
-const KINDS: [Kind; 6] =
-    [Kind::BareOne, Kind::One, Kind::Tapped, Kind::BareThree, Kind::Three, Kind::Grouped];
+const KINDS: [Kind; 7] =
+    [Kind::BareOne, Kind::One, Kind::Tapped, Kind::BareThree, Kind::Three, Kind::Grouped, Kind::Busy];
 
 impl Kind {
     fn name(self) -> &'static str {
@@ -79,7 +80,12 @@ impl Kind {
             Self::BareThree => "iceoryx2, three hops",
             Self::Three => "three hops",
             Self::Grouped => "one hop in a group",
+            Self::Busy => "the same, busy",
         }
+    }
+
+    fn grouped(self) -> bool {
+        matches!(self, Self::Grouped | Self::Busy)
     }
 
     fn hops(self) -> usize {
@@ -159,10 +165,11 @@ impl Hop {
         for _ in 0..windows {
             for kind in KINDS {
                 // A group has one core.
-                if kind == Kind::Grouped && layout == Layout::Two {
+                if kind.grouped() && layout == Layout::Two {
                     continue;
                 }
-                let period = Duration::from_micros(period_us);
+                // Busy: no pause between two payloads, so that caches and clock rate stay as they are.
+                let period = Duration::from_micros(if kind == Kind::Busy { 1 } else { period_us });
                 let words = size / size_of::<Word>();
                 let window = match kind {
                     Kind::BareOne | Kind::BareThree => {
@@ -196,7 +203,7 @@ fn pipeline(kind: Kind, words: usize, cores: &[usize], period: Duration) -> Stri
     let mut names = vec!["source".to_string()];
     names.extend((1..kind.hops()).map(|i| format!("relay{i}")));
     names.push("sink".to_string());
-    let batch = (1_000_000 / (period.as_micros() as u64 * BATCHES_PER_SECOND)).max(1);
+    let batch = (1_000_000 / (period.as_micros() as u64 * BATCHES_PER_SECOND)).clamp(1, 4096);
     let mut text = String::from("stillpoint: 1\nname: bench-hop\noperators:\n");
     for (place, name) in names.iter().enumerate() {
         let from = place.checked_sub(1).map(|before| format!("inputs: {{ load: {}.load }}", names[before]));
@@ -210,7 +217,7 @@ fn pipeline(kind: Kind, words: usize, cores: &[usize], period: Duration) -> Stri
         let _ = writeln!(text, "  {name}: {{ {rest} }}");
     }
     text += "processes:\n";
-    if kind == Kind::Grouped {
+    if kind.grouped() {
         let _ = writeln!(text, "  all: {{ operators: [{}], core: {} }}", names.join(", "), cores[0]);
     } else {
         for (name, core) in names.iter().zip(cores) {
