@@ -1,16 +1,23 @@
 //! `stillpoint bench`: what the design promises, measured. Nothing here asserts a speed.
 //!
 //! - `hop`: from stage to stage, against bare iceoryx2
+//! - `record`: what recording costs
+//! - `ledger`: whether every sample is accounted for
+//! - `replay`: whether sessions replay bit for bit, and how fast
 //! - `stages`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `cores`: which cores are used
 //! - `figures`: quantiles and ratios
+//! - `folder`: where sessions are written
 
 pub mod bare;
 mod cores;
 mod figures;
+mod folder;
 mod hop;
+mod ledger;
+mod record;
 mod stages;
 mod window;
 
@@ -35,6 +42,8 @@ pub struct Bench {
 #[derive(Subcommand)]
 enum What {
     Hop(hop::Hop),
+    Record(record::Record),
+    Ledger(ledger::Ledger),
 }
 
 impl Bench {
@@ -43,6 +52,8 @@ impl Bench {
         let registry = registry(extra);
         match &self.what {
             What::Hop(b) => b.execute(&registry),
+            What::Record(b) => b.execute(&registry),
+            What::Ledger(b) => b.execute(&registry),
         }
     }
 }
