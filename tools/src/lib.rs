@@ -17,6 +17,7 @@
 
 mod accuracy;
 mod attach;
+mod bench;
 mod check;
 mod echo;
 mod exit;
@@ -71,6 +72,8 @@ enum Command {
     Send(send::Send),
     /// Show the samples of a topic of a running pipeline or of a session.
     Echo(echo::Echo),
+    /// Measure how fast and how exact this build is on this machine.
+    Bench(bench::Bench),
 }
 
 /// The kinds of operators that come with the command, and those of `extra`.
@@ -94,6 +97,9 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
     match std::env::args().nth(1).as_deref() {
         Some(WORKER) => return worker_main(&registry),
         Some(RECORDER) => return recorder_main(&registry),
+        Some(bench::WORKER) => return worker_main(&bench::registry(extra)),
+        Some(bench::RECORDER) => return recorder_main(&bench::registry(extra)),
+        Some(bench::bare::CHILD) => return bench::bare::child_main(std::env::args().nth(2)),
         _ => {}
     }
     let arguments = Arguments::parse();
@@ -107,6 +113,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Schema(c) => c.execute(&registry),
         Command::Send(c) => c.execute(&registry),
         Command::Echo(c) => c.execute(&registry),
+        Command::Bench(c) => c.execute(extra),
     };
     match done {
         Ok(exit) => exit.into(),

@@ -202,7 +202,7 @@ impl Run {
             let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
             let part = keeper.finish(Some(text)).map_err(Failure::failed)?;
             let lost = std::collections::BTreeMap::new();
-            recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, lost });
+            recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, cpu_ns: 0, lost });
         }
         Ok(RunReport {
             pipeline: graph.name.clone(),

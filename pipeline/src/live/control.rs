@@ -122,6 +122,8 @@ pub struct RecorderReport {
     pub samples: u64,
     /// Bytes of samples written.
     pub bytes: u64,
+    /// CPU time of the recorder's process, ns.
+    pub cpu_ns: u64,
     /// Samples that it could not keep, by topic.
     pub lost: std::collections::BTreeMap<String, u64>,
     /// The file.

@@ -91,6 +91,8 @@ pub struct Recorded {
     pub samples: u64,
     /// Their bytes.
     pub bytes: u64,
+    /// CPU time of the recorder's process, ns; 0 where none of its own wrote the part.
+    pub cpu_ns: u64,
     /// Samples not kept, by topic.
     pub lost: BTreeMap<String, u64>,
 }
@@ -519,8 +521,8 @@ impl Supervisor {
         });
         loop {
             match recorder.answer(PATIENCE, &mut self.told) {
-                Ok(FromWorker::Recorded(RecorderReport { samples, bytes, lost, part })) => {
-                    self.recorded.push(Recorded { part, samples, bytes, lost });
+                Ok(FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part })) => {
+                    self.recorded.push(Recorded { part, samples, bytes, cpu_ns, lost });
                     break;
                 }
                 Ok(_) => {}

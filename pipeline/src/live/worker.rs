@@ -19,6 +19,9 @@ use crate::graph::{Graph, Priority, Restart};
 use crate::operator::Registry;
 use crate::spec;
 
+/// How long a worker that always finds work does not look at its control pipe, ns.
+const HEAR_EVERY: u64 = 5_000_000;
+
 /// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
 pub fn worker_main(registry: &Registry) -> ExitCode {
     // Ctrl-C reaches the whole process group; the supervisor ends the run in order.
@@ -104,12 +107,13 @@ fn serve(registry: &Registry) -> Result<(), String> {
         Restart::OnFault { limit, .. } => limit,
     };
     let watch = Watch::start(&graph, &process.operators);
+    let control = orders.fd().try_clone_to_owned().map_err(|e| e.to_string())?;
     let mut worker = Worker {
         graph,
         files,
         clock: hello.clock,
         members,
-        wake: Wake::new(listeners),
+        wake: Wake::new(control, listeners),
         watch,
         limit,
         running: false,
@@ -140,31 +144,44 @@ struct Worker {
 
 impl Worker {
     fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+        let mut heard = 0;
+        let mut told = true;
         loop {
-            loop {
-                match orders.next()? {
-                    Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
-                    Line::Message(order) => self.obey(&order)?,
-                    Line::Nothing => break,
+            // A look at the pipe is a call into the system: on the data path it is taken only now and then.
+            if told || self.clock.now() >= heard + HEAR_EVERY {
+                loop {
+                    match orders.next()? {
+                        Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
+                        Line::Message(order) => self.obey(&order)?,
+                        Line::Nothing => break,
+                    }
                 }
+                heard = self.clock.now();
+                told = false;
             }
-            let mut timeout = None;
-            if self.running && !self.stopped {
-                let (worked, next) = self.pass()?;
+            let active = self.running && !self.stopped;
+            let mut next = None;
+            if active {
+                let (worked, at) = self.pass()?;
                 if worked {
                     continue;
                 }
-                if self.stopping {
-                    for member in &mut self.members {
-                        member.finish(&self.clock)?;
-                    }
-                    self.stopped = true;
-                    tell(&FromWorker::Stopped)?;
-                    continue;
-                }
-                timeout = next.map(|at| at.saturating_sub(self.clock.now()));
+                next = at;
             }
-            self.wake.wait(orders.fd(), timeout).map_err(|e| e.to_string())?;
+            // Wake-ups are taken when the work is done: the work would have to wait for it.
+            if self.wake.drain().map_err(|e| e.to_string())? {
+                continue;
+            }
+            if active && self.stopping {
+                for member in &mut self.members {
+                    member.finish(&self.clock)?;
+                }
+                self.stopped = true;
+                tell(&FromWorker::Stopped)?;
+                continue;
+            }
+            let timeout = next.map(|at| at.saturating_sub(self.clock.now()));
+            told = self.wake.wait(timeout).map_err(|e| e.to_string())?;
         }
     }
 
