@@ -4,6 +4,7 @@
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
 //! - `pipe`: lines over the children's pipes, unbuffered
+//! - `report`: what a run is asked for, and how it went
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
 //! - `worker`: a process of operators
 //! - `directed`: a worker whose activations are decided by the supervisor
@@ -21,6 +22,7 @@ mod lockstep;
 mod member;
 mod pipe;
 mod recorder;
+mod report;
 pub mod run_folder;
 pub mod status;
 mod supervisor;
@@ -29,7 +31,8 @@ mod worker;
 pub use children::Launch;
 pub use lockstep::Processes;
 pub use recorder::recorder_main;
-pub use supervisor::{Fault, Recorded, Run, RunOptions, RunReport, Supervisor};
+pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
+pub use supervisor::Supervisor;
 pub use worker::worker_main;
 
 use stillpoint_samples::{Entry, Journal, Pieces};
