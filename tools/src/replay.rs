@@ -38,7 +38,7 @@ pub struct Replay {
 }
 
 /// Keeps nothing.
-struct Nobody;
+pub struct Nobody;
 
 impl Witness for Nobody {
     fn saw(&mut self, _: usize, _: &Entry, _: &[(usize, Parcel)]) -> Result<(), String> {
@@ -163,7 +163,7 @@ impl Replay {
 }
 
 /// What a session of a replay starts with: what the replayed one kept.
-fn opening_of(session: &Session) -> Opening {
+pub fn opening_of(session: &Session) -> Opening {
     let keep = [RUN, IDENTITY, "stillpoint.files"];
     Opening {
         attachments: session

@@ -4,7 +4,7 @@
 //! - `record`: what recording costs
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
-//! - `stages`: the bench's own kinds of operators
+//! - `stages`, `clouds`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `cores`: which cores are used
@@ -12,12 +12,14 @@
 //! - `folder`: where sessions are written
 
 pub mod bare;
+mod clouds;
 mod cores;
 mod figures;
 mod folder;
 mod hop;
 mod ledger;
 mod record;
+mod replay;
 mod stages;
 mod window;
 
@@ -44,6 +46,7 @@ enum What {
     Hop(hop::Hop),
     Record(record::Record),
     Ledger(ledger::Ledger),
+    Replay(replay::Replay),
 }
 
 impl Bench {
@@ -54,13 +57,14 @@ impl Bench {
             What::Hop(b) => b.execute(&registry),
             What::Record(b) => b.execute(&registry),
             What::Ledger(b) => b.execute(&registry),
+            What::Replay(b) => b.execute(&registry),
         }
     }
 }
 
 /// The kinds that a bench knows: the command's, and its own.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
-    let lists: Vec<&[Stage]> = extra.iter().copied().chain([stages::STAGES]).collect();
+    let lists: Vec<&[Stage]> = extra.iter().copied().chain([stages::STAGES, clouds::STAGES]).collect();
     crate::registry(&lists)
 }
 
