@@ -115,7 +115,8 @@ impl Replay {
             first = first.or(report.first_difference.map(|d| d.to_string()));
         }
         let wall = begun.elapsed().as_secs_f64() / replays.max(1) as f64;
-        let complete = Session::open(&path).map_err(Failure::failed)?.completeness() == Completeness::Complete;
+        let complete =
+            Session::open(&path).map_err(Failure::failed)?.completeness() == Completeness::Complete;
         drop(folder.free("session")?);
         let result = Result {
             seconds: length,
@@ -198,7 +199,12 @@ fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Resu
     cores::bind(&all)?;
     let parts = stillpoint_recorder::session_parts(&output).map_err(Failure::failed)?;
     let bytes = parts.iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum();
-    Ok(Bulk { seconds: report.seconds, bytes, speed: report.seconds / wall, identical: report.is_identical() })
+    Ok(Bulk {
+        seconds: report.seconds,
+        bytes,
+        speed: report.seconds / wall,
+        identical: report.is_identical(),
+    })
 }
 
 /// Does `work` while threads spin.
