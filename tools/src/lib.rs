@@ -30,6 +30,8 @@ mod run;
 mod schema;
 mod send;
 mod show;
+mod simulate;
+mod status_line;
 mod summary;
 
 use std::process::ExitCode;

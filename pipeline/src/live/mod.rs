@@ -6,11 +6,13 @@
 //! - `pipe`: lines over the children's pipes, unbuffered
 //! - `report`: what a run is asked for, and how it went
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
+//! - `watch`: the watch over deadlines
 //! - `worker`: a process of operators
 //! - `directed`: a worker whose activations are decided by the supervisor
 //! - `lockstep`: processes that do what a schedule tells them
 //! - `member`: one operator in a worker
 //! - `recorder`: the process that records
+//! - `seat`: core and scheduling class of a process
 //! - `status`: what a run looks like from its journals
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
@@ -24,8 +26,10 @@ mod pipe;
 mod recorder;
 mod report;
 pub mod run_folder;
+mod seat;
 pub mod status;
 mod supervisor;
+mod watch;
 mod worker;
 
 pub use children::Launch;
