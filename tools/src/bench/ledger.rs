@@ -164,6 +164,7 @@ fn kill(every_ms: u64, stop: &AtomicBool, kills: &AtomicU64) {
 fn children() -> Vec<Pid> {
     let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return Vec::new() };
     let lists = tasks.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
-    let numbers = lists.flat_map(|l| l.split_whitespace().filter_map(|n| n.parse().ok()).collect::<Vec<i32>>());
+    let numbers =
+        lists.flat_map(|l| l.split_whitespace().filter_map(|n| n.parse().ok()).collect::<Vec<i32>>());
     numbers.filter_map(Pid::from_raw).collect()
 }
