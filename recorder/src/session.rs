@@ -138,7 +138,7 @@ impl Session {
         for (path, source) in sources {
             session.add_part(path, source)?;
         }
-        session.read_journals();
+        session.order_journals();
         Ok(session)
     }
 

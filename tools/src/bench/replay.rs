@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
+use stillpoint_pipeline::clock::cpu_time;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayReport, Selection, replay};
-use stillpoint_recorder::{Completeness, Session};
+use stillpoint_recorder::{Completeness, Compression, Session};
 
 use super::cores;
 use super::folder::Folder;
@@ -82,15 +83,19 @@ struct Result {
     first_difference: Option<String>,
     /// Session time over the time that a replay took, without output.
     speed: f64,
-    bulk: Bulk,
+    bulk: Vec<Bulk>,
 }
 
 #[derive(Serialize)]
 struct Bulk {
+    /// Of the session and of the output.
+    compression: &'static str,
     seconds: f64,
     bytes: u64,
     /// Session time over the time that the replay took, with output, on one core.
     speed: f64,
+    /// Session time over the CPU time that it took.
+    cpu_speed: f64,
     identical: bool,
 }
 
@@ -105,7 +110,7 @@ impl Replay {
                 .map_err(|e| Failure::wrong(format!("{}: {e}; name a pipeline", path.display())))?,
         };
         let path = folder.free("session")?;
-        under_load(self.load, || record(&text, seconds, &path, registry))?;
+        under_load(self.load, || record(&text, seconds, (&path, "lz4"), registry))?;
         let (mut identical, mut samples, mut first, mut length) = (0, 0, None, 0.0);
         let begun = Instant::now();
         for _ in 0..replays {
@@ -127,14 +132,17 @@ impl Replay {
             identical,
             first_difference: first,
             speed: length / wall,
-            bulk: bulk(if self.quick { 2 } else { 10 }, &folder, registry)?,
+            bulk: ["lz4", "none"]
+                .into_iter()
+                .map(|c| bulk(if self.quick { 2 } else { 10 }, c, &folder, registry))
+                .collect::<std::result::Result<_, _>>()?,
         };
         if self.json {
             print_json(&result)?;
         } else {
             print(&result);
         }
-        let good = result.identical == replays && result.bulk.identical;
+        let good = result.identical == replays && result.bulk.iter().all(|b| b.identical);
         Ok(if good { Exit::Done } else { Exit::Differs })
     }
 }
@@ -154,17 +162,27 @@ fn print(r: &Result) {
     if let Some(first) = &r.first_difference {
         println!("the first difference: {first}");
     }
-    println!(
-        "three topics of 1.2 MB at 30 Hz: {:.1} s, {:.2} GB written again on one core at {:.1}x real time",
-        r.bulk.seconds,
-        r.bulk.bytes as f64 / 1e9,
-        r.bulk.speed
-    );
+    for b in &r.bulk {
+        println!(
+            "three topics of 1.2 MB at 30 Hz, {}: {:.1} s, {:.2} GB written again on one core at {:.1}x real time \
+             ({:.1}x in CPU time)",
+            b.compression,
+            b.seconds,
+            b.bytes as f64 / 1e9,
+            b.speed,
+            b.cpu_speed
+        );
+    }
 }
 
-fn record(text: &str, seconds: u64, path: &Path, registry: &Registry) -> std::result::Result<(), Failure> {
+fn record(
+    text: &str,
+    seconds: u64,
+    session: (&Path, &str),
+    registry: &Registry,
+) -> std::result::Result<(), Failure> {
     let length = Duration::from_secs(seconds);
-    let session = Some((path, "lz4"));
+    let session = Some(session);
     Window { pipeline: text, registry, length, session, taps: &[] }.run().map(drop)
 }
 
@@ -172,37 +190,46 @@ fn record(text: &str, seconds: u64, path: &Path, registry: &Registry) -> std::re
 fn again(
     path: &Path,
     registry: &Registry,
-    output: Option<&Path>,
+    output: Option<(&Path, Compression)>,
 ) -> std::result::Result<ReplayReport, Failure> {
     let session = Session::open(path).map_err(Failure::failed)?;
     let (graph, files) = pipeline_of(&session, registry)?;
     let graph = Arc::new(graph);
     let all = Selection::All;
-    let Some(output) = output else {
+    let Some((output, compression)) = output else {
         return replay(&session, &graph, &files, &all, &mut Nobody).map_err(Failure::failed);
     };
     let wide = Graph { record: Record::All, ..(*graph).clone() };
-    let mut keeper = Keeper::create(output, &wide, &opening_of(&session)).map_err(Failure::failed)?;
+    let opening = opening_of(&session);
+    let mut keeper = Keeper::create_with(output, &wide, &opening, compression).map_err(Failure::failed)?;
     let report = replay(&session, &graph, &files, &all, &mut keeper).map_err(Failure::failed)?;
     keeper.finish(None).map_err(Failure::failed)?;
     Ok(report)
 }
 
-fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Result<Bulk, Failure> {
+fn bulk(
+    seconds: u64,
+    compression: &'static str,
+    folder: &Folder,
+    registry: &Registry,
+) -> std::result::Result<Bulk, Failure> {
     let (path, output) = (folder.free("bulk")?, folder.free("again")?);
-    record(BULK, seconds, &path, registry)?;
+    record(BULK, seconds, (&path, compression), registry)?;
     let all = cores::cores()?;
     cores::bind(&all[all.len().saturating_sub(1)..])?;
-    let begun = Instant::now();
-    let report = again(&path, registry, Some(&output))?;
-    let wall = begun.elapsed().as_secs_f64();
+    let (begun, cpu) = (Instant::now(), cpu_time());
+    let kept = if compression == "none" { Compression::None } else { Compression::Lz4 };
+    let report = again(&path, registry, Some((&output, kept)))?;
+    let (wall, cpu) = (begun.elapsed().as_secs_f64(), (cpu_time() - cpu) as f64 / 1e9);
     cores::bind(&all)?;
     let parts = stillpoint_recorder::session_parts(&output).map_err(Failure::failed)?;
     let bytes = parts.iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum();
     Ok(Bulk {
+        compression,
         seconds: report.seconds,
         bytes,
         speed: report.seconds / wall,
+        cpu_speed: report.seconds / cpu,
         identical: report.is_identical(),
     })
 }
