@@ -2,6 +2,7 @@
 //!
 //! - `counter`: sends numbers, and some of them wrong on purpose
 //! - `mixer`: takes several inputs and sends what they add up to
+//! - `fragile`: cannot be made
 //! - `bulk`: samples of any size, for loads
 
 // Faults are what this crate is for.
@@ -9,6 +10,7 @@
 
 mod bulk;
 mod counter;
+mod fragile;
 mod mixer;
 
 use stillpoint_pipeline::Stage;
@@ -20,6 +22,8 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<mixer::Mixer>(),
     Stage::of::<mixer::Paired>(),
     Stage::of::<mixer::Echoing>(),
+    Stage::of::<mixer::Splitting>(),
+    Stage::of::<fragile::Fragile>(),
     Stage::of::<bulk::Bulk>(),
     Stage::of::<bulk::Drain>(),
 ];

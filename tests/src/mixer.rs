@@ -129,6 +129,43 @@ impl Operator for Echoing {
     }
 }
 
+/// Sends what it gets on two outputs, several samples on each, in turns.
+pub struct Splitting;
+
+const fn half(name: &'static str) -> Output {
+    Output { name, ..SUM }
+}
+
+impl Operator for Splitting {
+    type Params = ();
+    const KIND: Kind = Kind {
+        name: "kit.splitting",
+        about: "Sends what it gets on two outputs in turns.",
+        role: Role::Operator,
+        inputs: &[input("from", Policy::Queue(8), true)],
+        outputs: &[half("odd"), half("even")],
+        timer: Timer::No,
+    };
+
+    fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+        Ok(Self)
+    }
+
+    fn capacities((): &()) -> Vec<usize> {
+        vec![1, 1]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let value =
+            activation.input::<Diagnostics>(0).and_then(|v| v.first().map(|m| m.value)).unwrap_or(0.0);
+        for turn in 0..6u32 {
+            let metric = Metric::new("part", value + f64::from(turn));
+            outputs.send_slice::<Diagnostics>((turn % 2) as usize, &(), &[metric])?;
+        }
+        Ok(())
+    }
+}
+
 /// Keeps the core busy for so long.
 fn busy(nanoseconds: u64) {
     let begun = std::time::Instant::now();

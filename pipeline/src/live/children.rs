@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::os::fd::OwnedFd;
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child as Process, ChildStdin, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
@@ -11,6 +12,9 @@ use serde::Serialize;
 
 use super::control::FromWorker;
 use super::pipe::{Line, Lines, say};
+
+/// How long a child that is no longer wanted may take to end in order.
+const LAST_PATIENCE: Duration = Duration::from_secs(5);
 
 /// How a child process is started.
 #[derive(Clone, Debug)]
@@ -27,6 +31,14 @@ pub struct Launch {
 pub struct Child {
     /// Name in messages.
     pub name: String,
+    /// Of what it said that it ends.
+    pub last_words: Option<String>,
+    /// Its ports are made.
+    pub made: bool,
+    /// Number of the last order to connect that it has done.
+    pub connected: u64,
+    /// Its inputs are drained and its end is marked.
+    pub stopped: bool,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -52,9 +64,13 @@ impl Child {
     pub fn start<T: Serialize>(launch: &Launch, role: &str, name: &str, hello: &T) -> Result<Self, String> {
         let mut process = Command::new(&launch.program)
             .arg(role)
+            // For those who look at a list of processes.
+            .arg(name)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::inherit())
+            // Ctrl-C is for the supervisor alone, also while a child has not yet said that it ignores it.
+            .process_group(0)
             .spawn()
             .map_err(|e| {
                 format!("process {name} cannot be started from {}: {e}", launch.program.display())
@@ -63,6 +79,10 @@ impl Child {
         let stdin = process.stdin.take();
         let mut child = Self {
             name: name.to_string(),
+            last_words: None,
+            made: false,
+            connected: 0,
+            stopped: false,
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),
@@ -98,8 +118,14 @@ impl Child {
             match self.lines.next::<FromWorker>() {
                 Ok(Line::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
                     let operator = if operator.is_empty() { self.name.clone() } else { operator };
+                    if fatal {
+                        self.last_words = Some(reason.clone());
+                    }
                     told.push(Told { operator, incarnation, reason, fatal });
                 }
+                Ok(Line::Message(FromWorker::Made)) => self.made = true,
+                Ok(Line::Message(FromWorker::Connected { number })) => self.connected = number,
+                Ok(Line::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(Line::Message(message)) => self.heard.push_back(message),
                 Ok(Line::Nothing) => return,
                 Ok(Line::Ended) => self.ended = true,
@@ -115,6 +141,19 @@ impl Child {
     /// The oldest message that was heard and not taken.
     pub fn next(&mut self) -> Option<FromWorker> {
         self.heard.pop_front()
+    }
+
+    /// Waits until `done` holds; whether it does. A child that is gone is not waited for.
+    pub fn wait(&mut self, patience: Duration, told: &mut Vec<Told>, done: impl Fn(&Self) -> bool) -> bool {
+        let end = Instant::now() + patience;
+        loop {
+            self.listen(told);
+            let left = end.saturating_duration_since(Instant::now());
+            if done(self) || self.ended || left.is_zero() {
+                return done(self);
+            }
+            wait_any(&[&*self], left);
+        }
     }
 
     /// Waits for the answer to an order. `Err`: the child is gone, or did not answer in time.
@@ -147,6 +186,10 @@ impl Child {
 
     /// Closes its orders and waits for its end; kills it when that takes too long.
     pub fn reap(mut self, patience: Duration) -> Option<ExitStatus> {
+        self.end(patience)
+    }
+
+    fn end(&mut self, patience: Duration) -> Option<ExitStatus> {
         self.stdin = None;
         let end = Instant::now() + patience;
         loop {
@@ -159,7 +202,7 @@ impl Child {
                         // The pipe closes a moment before the process is gone.
                         return self.process.wait().ok();
                     }
-                    wait_any(&[&self], Duration::from_millis(20));
+                    wait_any(&[&*self], Duration::from_millis(20));
                 }
                 _ => {
                     self.kill();
@@ -167,6 +210,14 @@ impl Child {
                 }
             }
         }
+    }
+}
+
+impl Drop for Child {
+    /// A run that cannot begin or go on leaves no child behind: each ends when its orders do, and nothing that it still
+    /// makes is swept too early.
+    fn drop(&mut self) {
+        self.end(LAST_PATIENCE);
     }
 }
 

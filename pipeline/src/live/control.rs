@@ -34,7 +34,10 @@ pub struct Hello {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToWorker {
     /// Connect to all publishers that are there, and say so.
-    Connect,
+    Connect {
+        /// Number of the order, to be given back: an answer may come late.
+        number: u64,
+    },
     /// Begin. Timers count from `epoch`, session time in ns.
     Go {
         /// Zero of the timers.
@@ -67,6 +70,11 @@ pub enum ToWorker {
         /// What to do.
         record: WireRecord,
     },
+    /// Directed: what was sent is taken; send what is left of the activation's outputs.
+    More {
+        /// Number of the operator.
+        operator: usize,
+    },
     /// Directed: end an incarnation in order.
     End {
         /// Number of the operator.
@@ -83,8 +91,11 @@ pub enum ToWorker {
 pub enum FromWorker {
     /// All ports are made.
     Made,
-    /// All publishers that are there are connected.
-    Connected,
+    /// All publishers that were there are connected.
+    Connected {
+        /// Number of the order.
+        number: u64,
+    },
     /// An operator failed. A fatal failure ends the process.
     Fault {
         /// Name of the operator.
@@ -104,10 +115,12 @@ pub enum FromWorker {
     Entry,
     /// Directed: taken.
     Taken,
-    /// Directed: entry and outputs were published; so many on each output.
+    /// Directed: the entry was published, and of the outputs as many as the buffers hold.
     Committed {
-        /// Samples sent on each output.
-        sent: Vec<u32>,
+        /// Output of each sample that was sent, in the order of sending.
+        sent: Vec<usize>,
+        /// Samples that wait until those were taken.
+        left: usize,
         /// What a failed activation said.
         fault: Option<String>,
     },
@@ -134,7 +147,10 @@ pub struct RecorderReport {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToRecorder {
     /// Connect to all publishers that are there, and say so.
-    Connect,
+    Connect {
+        /// Number of the order.
+        number: u64,
+    },
     /// Take what waits, and end the session with this ledger (JSON).
     Finish {
         /// The ledger.

@@ -1,5 +1,6 @@
 //! A worker whose activations are decided by the supervisor (lock-step).
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use stillpoint_samples::{Entry, Journal, Sample};
@@ -11,7 +12,7 @@ use super::control::{FromWorker, ToWorker, refs_of_wire};
 use super::pipe::{Lines, say};
 use super::worker::wait_for;
 use crate::graph::{Graph, ProcessNode};
-use crate::placement::{Committed, Directed};
+use crate::placement::Directed;
 use crate::setup::Files;
 use crate::shelf::Parcel;
 
@@ -25,7 +26,10 @@ struct Member {
     number: usize,
     directed: Directed,
     inlets: Vec<Option<(Subscriber, &'static stillpoint_samples::SampleKind)>>,
-    outlets: Vec<Publisher>,
+    /// Each with the depth of its consumers' buffers.
+    outlets: Vec<(Publisher, usize)>,
+    /// Outputs of the activation that is under way, for which there was no room yet.
+    unsent: VecDeque<(usize, Parcel)>,
     journal: Publisher,
     _topics: Vec<Topic>,
 }
@@ -53,11 +57,11 @@ impl<'f> DirectedWorker<'f> {
             match order {
                 ToWorker::Exit => return Ok(()),
                 ToWorker::Go { .. } => {}
-                ToWorker::Connect => {
+                ToWorker::Connect { number } => {
                     for member in &self.members {
                         member.connect().map_err(|e| e.to_string())?;
                     }
-                    tell(&FromWorker::Connected)?;
+                    tell(&FromWorker::Connected { number })?;
                 }
                 ToWorker::Stop => tell(&FromWorker::Stopped)?,
                 order => {
@@ -85,8 +89,15 @@ impl<'f> DirectedWorker<'f> {
                 let member = self.member(operator)?;
                 let record = record.record().ok_or("a record that makes no sense")?;
                 let committed = member.directed.activate(&record).map_err(|e| e.to_string())?;
-                let sent = member.commit(&committed)?;
-                Ok(FromWorker::Committed { sent, fault: committed.fault })
+                member.publish_entry(&committed.entry)?;
+                member.unsent = committed.outputs.into();
+                let sent = member.send()?;
+                Ok(FromWorker::Committed { sent, left: member.unsent.len(), fault: committed.fault })
+            }
+            ToWorker::More { operator } => {
+                let member = self.member(operator)?;
+                let sent = member.send()?;
+                Ok(FromWorker::Committed { sent, left: member.unsent.len(), fault: None })
             }
             ToWorker::End { operator, time, inputs } => {
                 let member = self.member(operator)?;
@@ -127,19 +138,20 @@ impl Member {
         }
         let mut outlets = Vec::new();
         for output in 0..node.outputs.len() {
-            let topic = Topic::open(domain, &contracts::output(graph, number, output))?;
-            outlets.push(topic.publisher()?);
+            let contract = contracts::output(graph, number, output);
+            let topic = Topic::open(domain, &contract)?;
+            outlets.push((topic.publisher()?, contract.buffer));
             topics.push(topic);
         }
         let topic = Topic::open(domain, &contracts::journal(graph, number))?;
         let journal = topic.publisher()?;
         topics.push(topic);
         let directed = Directed::new(graph.clone(), number);
-        Ok(Self { number, directed, inlets, outlets, journal, _topics: topics })
+        Ok(Self { number, directed, inlets, outlets, unsent: VecDeque::new(), journal, _topics: topics })
     }
 
     fn connect(&self) -> Result<(), ShmError> {
-        for publisher in &self.outlets {
+        for (publisher, _) in &self.outlets {
             publisher.connect()?;
         }
         self.journal.connect()?;
@@ -159,21 +171,23 @@ impl Member {
         Ok(())
     }
 
-    /// The commit rule holds here, too: the entry first.
-    fn commit(&mut self, committed: &Committed) -> Result<Vec<u32>, String> {
-        self.publish_entry(&committed.entry)?;
-        let mut sent = vec![0; self.outlets.len()];
-        for (port, parcel) in &committed.outputs {
-            let pieces = parcel.pieces();
-            let elements = parcel.head().count as usize;
-            let loan = self.outlets[*port].loan(elements).map_err(|e| e.to_string())?;
-            // The supervisor and the consumers take each sample before the next is made, so memory comes back.
+    /// Sends outputs until the buffer of one is full; everyone takes those before the next are sent.
+    fn send(&mut self) -> Result<Vec<usize>, String> {
+        let mut sent = Vec::new();
+        while let Some((port, parcel)) = self.unsent.front() {
+            let (port, pieces) = (*port, parcel.pieces());
+            let (publisher, buffer) = &self.outlets[port];
+            if sent.iter().filter(|p| **p == port).count() >= *buffer {
+                break;
+            }
+            let loan = publisher.loan(parcel.head().count as usize).map_err(|e| e.to_string())?;
             let mut loan = loan.ok_or("the memory of an output is used up in lock-step")?;
             let (meta, payload) = loan.parts_mut();
             meta.copy_from_slice(pieces.meta);
             payload[..pieces.payload.len()].copy_from_slice(pieces.payload);
-            self.outlets[*port].send(loan).map_err(|e| e.to_string())?;
-            sent[*port] += 1;
+            publisher.send(loan).map_err(|e| e.to_string())?;
+            sent.push(port);
+            self.unsent.pop_front();
         }
         Ok(sent)
     }

@@ -1,5 +1,6 @@
 //! Lock-step placement in processes: activations are sent to workers as records, samples go through shared memory.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -79,16 +80,14 @@ impl Processes {
         }
         let mut told = Vec::new();
         for child in &mut children {
-            match child.answer(PATIENCE, &mut told) {
-                Ok(FromWorker::Made) => {}
-                other => return Err(first_reason(&told, other)),
+            if !child.wait(PATIENCE, &mut told, |c| c.made) {
+                return Err(first_reason(&told, Err(format!("process {} did not begin", child.name))));
             }
         }
         for child in &mut children {
-            child.tell(&ToWorker::Connect);
-            match child.answer(PATIENCE, &mut told) {
-                Ok(FromWorker::Connected) => {}
-                other => return Err(first_reason(&told, other)),
+            child.tell(&ToWorker::Connect { number: 1 });
+            if !child.wait(PATIENCE, &mut told, |c| c.connected == 1) {
+                return Err(first_reason(&told, Err(format!("process {} did not connect", child.name))));
             }
         }
         let mut processes =
@@ -120,6 +119,32 @@ impl Processes {
         }
     }
 
+    fn gone(&self, operator: usize, reason: String) -> PlacementError {
+        PlacementError::Gone { operator: self.graph.operators[operator].name.clone(), reason }
+    }
+
+    /// Takes the samples that were sent on these outputs, and has the consumers take them.
+    fn pass_on(
+        &mut self,
+        operator: usize,
+        sent: &[usize],
+        outputs: &mut Vec<(usize, Parcel)>,
+    ) -> Result<(), PlacementError> {
+        for port in sent {
+            let sample = self.taps[operator]
+                .get(*port)
+                .and_then(|(tap, kind)| Some(Parcel::copy_of(kind, tap.receive().ok().flatten()?.pieces())));
+            outputs.extend(sample.map(|parcel| (*port, parcel)));
+        }
+        let graph = self.graph.clone();
+        for port in sent.iter().collect::<BTreeSet<_>>() {
+            for (consumer, input) in graph.consumers(operator, *port) {
+                self.ask(consumer, &ToWorker::Take { operator: consumer, port: input })?;
+            }
+        }
+        Ok(())
+    }
+
     fn entry(&mut self, operator: usize) -> Result<Entry, PlacementError> {
         let received = self.journals[operator].receive();
         let entry = received.ok().flatten().and_then(|s| entry_of(s.pieces()));
@@ -144,34 +169,27 @@ impl Placement for Processes {
     }
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
-        let order = ToWorker::Activate { operator, record: WireRecord::from(record) };
-        let FromWorker::Committed { fault, .. } = self.ask(operator, &order)? else {
-            return Err(PlacementError::Gone {
-                operator: self.graph.operators[operator].name.clone(),
-                reason: "an unexpected answer to an activation".to_string(),
-            });
-        };
-        let entry = self.entry(operator)?;
-        let mut outputs = Vec::new();
-        for (port, (tap, kind)) in self.taps[operator].iter().enumerate() {
-            while let Ok(Some(sample)) = tap.receive() {
-                outputs.push((port, Parcel::copy_of(kind, sample.pieces())));
+        let (mut fault, mut outputs, mut entry) = (None, Vec::new(), None);
+        let mut order = ToWorker::Activate { operator, record: WireRecord::from(record) };
+        loop {
+            let FromWorker::Committed { sent, left, fault: said } = self.ask(operator, &order)? else {
+                return Err(self.gone(operator, "an unexpected answer to an activation".to_string()));
+            };
+            if entry.is_none() {
+                entry = Some(self.entry(operator)?);
+                fault = said;
             }
+            self.pass_on(operator, &sent, &mut outputs)?;
+            if left == 0 {
+                break;
+            }
+            order = ToWorker::More { operator };
         }
+        let entry = entry.ok_or_else(|| self.gone(operator, "an activation without an entry".to_string()))?;
         let announced: u32 = entry.refs_of(RefKind::Output).map(|r| r.count).sum();
         if outputs.len() != announced as usize {
-            return Err(PlacementError::Gone {
-                operator: self.graph.operators[operator].name.clone(),
-                reason: format!("{} of {announced} samples of one activation arrived", outputs.len()),
-            });
-        }
-        let graph = self.graph.clone();
-        for (port, _) in graph.operators[operator].outputs.iter().enumerate() {
-            if outputs.iter().any(|(p, _)| *p == port) {
-                for (consumer, input) in graph.consumers(operator, port) {
-                    self.ask(consumer, &ToWorker::Take { operator: consumer, port: input })?;
-                }
-            }
+            let reason = format!("{} of {announced} samples of one activation arrived", outputs.len());
+            return Err(self.gone(operator, reason));
         }
         Ok(Committed { entry, outputs, fault })
     }

@@ -63,9 +63,9 @@ fn serve(registry: &Registry) -> Result<(), String> {
         loop {
             match orders.next::<ToRecorder>()? {
                 Line::Nothing => break,
-                Line::Message(ToRecorder::Connect) => {
+                Line::Message(ToRecorder::Connect { number }) => {
                     recorder.connect()?;
-                    tell(&FromWorker::Connected)?;
+                    tell(&FromWorker::Connected { number })?;
                 }
                 Line::Message(ToRecorder::Finish { ledger, gaps, in_order }) => {
                     let facts = BTreeMap::from([("in_order".to_string(), in_order.to_string())]);

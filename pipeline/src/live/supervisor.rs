@@ -8,14 +8,14 @@ mod restarts;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::children::{Child, Told, wait_any};
 use super::contracts;
-use super::control::{FromWorker, Hello, HelloRecorder, ToRecorder, ToWorker};
+use super::control::{Hello, HelloRecorder, ToRecorder, ToWorker};
 use super::entry_of;
 use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
@@ -24,8 +24,12 @@ use crate::clock::SessionClock;
 use crate::graph::Graph;
 use crate::ledger::Ledger;
 
-/// How long a child may take to make its ports, and to answer.
+/// How long a child may take to make its ports before the run begins.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
+const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
+/// How long the recorder is waited for: what it has not connected to is lost to the session.
+const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Runs a checked pipeline live.
 pub struct Supervisor {
@@ -35,6 +39,10 @@ pub struct Supervisor {
     workers: Vec<Worker>,
     recorder: Option<Child>,
     recorder_deaths: u32,
+    /// When the recorder is to be started again, session time.
+    recorder_due: Option<u64>,
+    /// Number of the last order to connect.
+    connects: u64,
     recorded: Vec<Recorded>,
     journals: Vec<Subscriber>,
     ledger: Ledger,
@@ -55,6 +63,8 @@ struct Worker {
     /// Number of the process.
     process: usize,
     child: Option<Child>,
+    /// It was told to begin.
+    went: bool,
     /// Restarts since the last calm.
     restarts: u32,
     last_death: u64,
@@ -82,7 +92,14 @@ impl Supervisor {
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
         }
         let workers = (0..graph.processes.len())
-            .map(|process| Worker { process, child: None, restarts: 0, last_death: 0, due: None })
+            .map(|process| Worker {
+                process,
+                child: None,
+                went: false,
+                restarts: 0,
+                last_death: 0,
+                due: None,
+            })
             .collect();
         let mut supervisor = Self {
             status: Status::new(&graph),
@@ -91,6 +108,8 @@ impl Supervisor {
             workers,
             recorder: None,
             recorder_deaths: 0,
+            recorder_due: None,
+            connects: 0,
             recorded: Vec::new(),
             journals,
             ledger: Ledger::default(),
@@ -116,15 +135,17 @@ impl Supervisor {
             let child = self.start_worker(index)?;
             self.workers[index].child = Some(child);
         }
-        let mut children: Vec<&mut Child> =
-            self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
-        children.extend(self.recorder.as_mut());
+        let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
         for child in children {
-            let answer = child.answer(PATIENCE, &mut self.told);
-            if !matches!(answer, Ok(FromWorker::Made)) {
-                let said = self.told.first().map(|t| t.reason.clone());
+            if !child.wait(PATIENCE, &mut self.told, |c| c.made) {
+                let said = child.last_words.take().or_else(|| self.told.first().map(|t| t.reason.clone()));
+                let how = if child.is_gone() {
+                    "ended before its ports were made"
+                } else {
+                    "did not make its ports"
+                };
                 return Err(
-                    said.unwrap_or_else(|| answer.err().unwrap_or_else(|| "a child is confused".to_string()))
+                    said.unwrap_or_else(|| format!("process {} {how}: start the run again", child.name))
                 );
             }
         }
@@ -144,6 +165,7 @@ impl Supervisor {
         for worker in &mut self.workers {
             if let Some(child) = &mut worker.child {
                 child.tell(&go);
+                worker.went = true;
             }
         }
         Ok(())
@@ -191,26 +213,24 @@ impl Supervisor {
     }
 
     /// Has every child connect to all publishers that are there, and waits until each has. What a dead publisher sent
-    /// is safe only after this.
+    /// is safe only after this. A worker that is in a long step is not waited for longer than a moment.
     fn connect_all(&mut self) {
         for journal in &self.journals {
             let _ = journal.connect();
         }
-        let mut asked: Vec<&mut Child> = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).collect();
-        for child in &mut asked {
-            child.tell(&ToWorker::Connect);
+        self.connects += 1;
+        let number = self.connects;
+        let begun = Instant::now();
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            child.tell(&ToWorker::Connect { number });
         }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.tell(&ToRecorder::Connect);
-            asked.push(recorder);
+        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {
+            recorder.tell(&ToRecorder::Connect { number });
+            recorder.wait(RECORDER_PATIENCE, &mut self.told, |c| c.connected >= number);
         }
-        for child in asked {
-            // A child that is gone by now is found by the watch; nothing of it is waited for.
-            while let Ok(answer) = child.answer(PATIENCE, &mut self.told) {
-                if matches!(answer, FromWorker::Connected) {
-                    break;
-                }
-            }
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
+            child.wait(left, &mut self.told, |c| c.connected >= number);
         }
     }
 
@@ -245,7 +265,7 @@ impl Supervisor {
             wait_any(&children, Duration::from_nanos(left));
         }
         let stopped = self.clock.now();
-        self.end(early, stopped, run)
+        self.end(early, stopped, stop, run)
     }
 
     fn listen(&mut self) {

@@ -29,6 +29,7 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
     ignore_interrupts();
     // A panic is contained, journalled and told; the default message would only stand beside that.
     std::panic::set_hook(Box::new(|_| {}));
+    std::thread::spawn(end_with_supervisor);
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {
@@ -45,6 +46,17 @@ pub(super) fn ignore_interrupts() {
     let nobody = Arc::new(std::sync::atomic::AtomicBool::new(false));
     let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, nobody.clone());
     let _ = signal_hook::flag::register(signal_hook::consts::SIGTERM, nobody);
+}
+
+/// Ends this process after its supervisor, also where a step never comes back to read its orders.
+fn end_with_supervisor() {
+    let stdin = std::io::stdin();
+    // No event is asked for: the other end's closing is always told.
+    let mut fd = [rustix::event::PollFd::new(&stdin, rustix::event::PollFlags::empty())];
+    while let Ok(0) | Err(rustix::io::Errno::INTR) = rustix::event::poll(&mut fd, None) {}
+    // Time to end in order, for one that can.
+    std::thread::sleep(std::time::Duration::from_secs(1));
+    std::process::exit(71);
 }
 
 /// Standard input as lines.
@@ -188,11 +200,11 @@ impl Worker {
 
     fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
         match order {
-            ToWorker::Connect => {
+            ToWorker::Connect { number } => {
                 for member in &self.members {
                     member.connect().map_err(|e| e.to_string())?;
                 }
-                tell(&FromWorker::Connected)
+                tell(&FromWorker::Connected { number: *number })
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);

@@ -1,7 +1,8 @@
 //! The end of a run, level by level.
 
 use std::collections::BTreeSet;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use super::{PATIENCE, Supervisor};
 use crate::graph::Graph;
@@ -10,37 +11,52 @@ use crate::live::children::Told;
 use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
 use crate::live::report::{Recorded, Run, RunReport};
 
+/// How long the processes of a level may take to drain their inputs and mark their ends.
+const STOP_PATIENCE: Duration = Duration::from_secs(10);
+
 impl Supervisor {
     /// Ends the run in order: level by level, the recorder last.
     pub(super) fn end(
         mut self,
         early: Option<String>,
         stopped: u64,
+        stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> Result<RunReport, String> {
+        // A second signal from here on ends what has not ended.
+        stop.store(false, Ordering::Relaxed);
+        let mut late = Vec::new();
         for level in levels(&self.graph) {
             for index in &level {
                 if let Some(child) = &mut self.workers[*index].child {
                     child.tell(&ToWorker::Stop);
                 }
             }
+            let begun = Instant::now();
             for index in &level {
-                let Some(child) = &mut self.workers[*index].child else { continue };
-                let mut answer = child.answer(PATIENCE, &mut self.told);
-                while matches!(answer, Ok(ref m) if !matches!(m, FromWorker::Stopped)) {
-                    answer = child.answer(PATIENCE, &mut self.told);
+                while self.is_stopping(*index)
+                    && begun.elapsed() < STOP_PATIENCE
+                    && !stop.load(Ordering::Relaxed)
+                {
+                    self.read_journals();
+                    if let Some(child) = &mut self.workers[*index].child {
+                        child.wait(Duration::from_millis(50), &mut self.told, |c| c.stopped);
+                    }
                 }
-                if let Err(reason) = answer {
-                    self.told.push(Told {
-                        operator: child.name.clone(),
-                        incarnation: 0,
-                        reason,
-                        fatal: true,
-                    });
+                if self.is_stopping(*index)
+                    && let Some(mut child) = self.workers[*index].child.take()
+                {
+                    child.kill();
+                    late.push(child.name.clone());
+                    child.reap(Duration::from_secs(1));
                 }
             }
             self.read_journals();
         }
+        let early = match (early, late.is_empty()) {
+            (early, true) => early,
+            (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
+        };
         self.connect_all();
         self.read_journals();
         self.tell_faults(run);
@@ -71,12 +87,27 @@ impl Supervisor {
         Ok(report)
     }
 
+    /// What the session should say is missing, as far as it is known here.
+    fn gaps(&self, report: &RunReport) -> Vec<String> {
+        let died = (self.recorder_deaths > 0).then(|| {
+            format!("the recorder died {} times; what it had not flushed is missing", self.recorder_deaths)
+        });
+        let unbalanced = (!report.balanced).then(|| "the ledger does not balance".to_string());
+        died.into_iter().chain(unbalanced).collect()
+    }
+
+    /// Whether a worker was told to stop, lives, and has not stopped. One that never began has nothing to stop.
+    fn is_stopping(&self, index: usize) -> bool {
+        let worker = &self.workers[index];
+        worker.went && worker.child.as_ref().is_some_and(|c| !c.stopped && !c.is_gone())
+    }
+
     fn finish_recording(&mut self, report: &RunReport) {
         let Some(mut recorder) = self.recorder.take() else { return };
         let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
         recorder.tell(&ToRecorder::Finish {
             ledger,
-            gaps: Vec::new(),
+            gaps: self.gaps(report),
             in_order: report.ended_early.as_deref().is_none_or(|e| e == "stopped"),
         });
         loop {

@@ -2,14 +2,17 @@
 
 use std::time::Duration;
 
-use super::{PATIENCE, Supervisor};
+use super::Supervisor;
 use crate::graph::Restart;
-use crate::live::children::Child;
-use crate::live::control::{FromWorker, ToWorker};
-use crate::live::report::Fault;
+use crate::live::children::{Child, Told};
+use crate::live::control::ToWorker;
 
 /// After this long without a fault, ns, restarts count from zero again.
 const CALM: u64 = 10_000_000_000;
+/// Wait before the recorder is started again, ns; it doubles each time, up to [`RECORDER_LONGEST`].
+const RECORDER_BACKOFF: u64 = 10_000_000;
+/// Longest wait before the recorder is started again, ns.
+const RECORDER_LONGEST: u64 = 5_000_000_000;
 
 impl Supervisor {
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
@@ -21,43 +24,50 @@ impl Supervisor {
                 return Ok(Some(reason));
             }
         }
-        if self.recorder.as_ref().is_some_and(Child::is_gone)
-            && let Some(reason) = self.replace_recorder()?
-        {
-            return Ok(Some(reason));
+        if self.recorder.as_ref().is_some_and(Child::is_gone) {
+            self.bury_recorder(now);
+        }
+        if self.recorder_due.is_some_and(|due| due <= now) {
+            self.recorder_due = None;
+            self.start_recorder()?;
         }
         for index in 0..self.workers.len() {
             if self.workers[index].due.is_some_and(|due| due <= now) {
                 self.restart(index)?;
             }
         }
+        self.greet_the_new();
         Ok(None)
     }
 
-    /// A worker is gone: everyone connects to what it left, its node is cleaned, and its restart is planned.
-    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
-        let worker = &mut self.workers[index];
-        let child = worker.child.take()?;
+    /// Everyone connects to what a dead process left, and only then its node is cleaned.
+    fn clean_after(&mut self, child: Child) -> String {
         let name = child.name.clone();
         let status = child.reap(Duration::from_secs(1));
         let reason =
             format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-        self.faults.push(Fault { operator: name.clone(), reason: reason.clone(), fatal: true });
+        self.told.push(Told { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
         self.connect_all();
         self.read_journals();
         self.domain.clean_dead_nodes();
+        reason
+    }
+
+    /// A worker is gone: its restart is planned, if its policy allows one.
+    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
+        let mut child = self.workers[index].child.take()?;
+        let said = child.last_words.take().map_or_else(String::new, |said| format!(" ({said})"));
+        let reason = self.clean_after(child);
         let worker = &mut self.workers[index];
+        worker.went = false;
         if now.saturating_sub(worker.last_death) > CALM {
             worker.restarts = 0;
         }
         worker.last_death = now;
-        let last = self.faults.iter().rev().nth(1).filter(|f| f.fatal).map(|f| format!(" ({})", f.reason));
         match self.graph.processes[worker.process].restart {
-            Restart::Never => {
-                Some(format!("{reason}{}; its restart policy is never", last.unwrap_or_default()))
-            }
+            Restart::Never => Some(format!("{reason}{said}; its restart policy is never")),
             Restart::OnFault { limit, .. } if worker.restarts >= limit => {
-                Some(format!("{reason}{}; it was restarted {limit} times already", last.unwrap_or_default()))
+                Some(format!("{reason}{said}; it was restarted {limit} times already"))
             }
             Restart::OnFault { backoff, .. } => {
                 let wait = backoff.saturating_mul(1 << worker.restarts.min(16));
@@ -68,48 +78,40 @@ impl Supervisor {
         }
     }
 
-    /// Starts a worker again. One that dies before its ports are made is buried like any other.
     fn restart(&mut self, index: usize) -> Result<(), String> {
         self.workers[index].due = None;
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
             self.lives[operator] += 1;
         }
-        let mut child = self.start_worker(index)?;
-        let made = matches!(child.answer(PATIENCE, &mut self.told), Ok(FromWorker::Made));
-        if !made {
-            child.kill();
-        }
+        let child = self.start_worker(index)?;
         self.workers[index].child = Some(child);
-        if made {
-            self.connect_all();
-            if let Some(child) = &mut self.workers[index].child {
-                child.tell(&ToWorker::Go { epoch: self.epoch });
-            }
-        }
         Ok(())
     }
 
-    /// A recorder that dies goes on in the next part of the session.
-    fn replace_recorder(&mut self) -> Result<Option<String>, String> {
-        if let Some(child) = self.recorder.take() {
-            let status = child.reap(Duration::from_secs(1));
-            let reason =
-                format!("the recorder ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-            self.faults.push(Fault { operator: "recorder".to_string(), reason, fatal: true });
-        }
-        self.domain.clean_dead_nodes();
+    /// A recorder that dies goes on in the next part of the session. The run does not end by it: the session says what
+    /// is missing.
+    fn bury_recorder(&mut self, now: u64) {
+        let Some(child) = self.recorder.take() else { return };
+        self.clean_after(child);
+        let wait = RECORDER_BACKOFF.saturating_mul(1 << self.recorder_deaths.min(16)).min(RECORDER_LONGEST);
         self.recorder_deaths += 1;
-        if self.recorder_deaths > 100 {
-            return Ok(Some("the recorder ended again and again".to_string()));
-        }
-        self.start_recorder()?;
-        if let Some(recorder) = &mut self.recorder
-            && !matches!(recorder.answer(PATIENCE, &mut self.told), Ok(FromWorker::Made))
-        {
-            let said = self.told.last().map(|t| t.reason.clone());
-            return Ok(Some(said.unwrap_or_else(|| "the recorder cannot be started again".to_string())));
+        self.recorder_due = Some(now.saturating_add(wait));
+    }
+
+    /// Processes whose ports are made since the last look: everyone connects to them, then they begin.
+    fn greet_the_new(&mut self) {
+        let is_new = |w: &super::Worker| !w.went && w.child.as_ref().is_some_and(|c| c.made);
+        let recorder = self.recorder.as_ref().is_some_and(|r| r.made && r.connected == 0);
+        if !recorder && !self.workers.iter().any(is_new) {
+            return;
         }
         self.connect_all();
-        Ok(None)
+        let go = ToWorker::Go { epoch: self.epoch };
+        for worker in self.workers.iter_mut().filter(|w| is_new(w)) {
+            if let Some(child) = &mut worker.child {
+                child.tell(&go);
+                worker.went = true;
+            }
+        }
     }
 }

@@ -1,0 +1,52 @@
+//! An operator that cannot be made.
+
+use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+
+/// How it fails.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Way {
+    /// It says why.
+    Error,
+    /// It panics.
+    Panic,
+    /// It never comes back.
+    Hang,
+}
+
+/// Parameters of [`Fragile`].
+#[derive(Clone, Params)]
+pub struct FragileParams {
+    /// How it fails.
+    #[param(default = "error")]
+    pub way: Way,
+}
+
+/// Cannot be made.
+pub struct Fragile;
+
+impl Operator for Fragile {
+    type Params = FragileParams;
+    const KIND: Kind = Kind {
+        name: "kit.fragile",
+        about: "Cannot be made.",
+        role: Role::Operator,
+        inputs: &[],
+        outputs: &[],
+        timer: Timer::Required,
+    };
+
+    fn new(params: FragileParams, _: &Setup<'_>) -> Result<Self, SetupError> {
+        match params.way {
+            Way::Error => Err(SetupError("the kit's model has 3 layers, but 4 are due".to_string())),
+            Way::Panic => panic!("the kit panics while it is made"),
+            Way::Hang => loop {
+                std::thread::sleep(std::time::Duration::from_secs(1));
+            },
+        }
+    }
+
+    fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,247 @@
+//! A bench: a folder of its own, in which the kit's command is run as people run it.
+
+use std::fs::File;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use serde_json::Value;
+
+/// However loaded the machine is, nothing takes longer.
+const PATIENCE: Duration = Duration::from_secs(100);
+
+/// A folder with its own runs: parallel tests do not see each other.
+pub struct Bench {
+    folder: tempfile::TempDir,
+}
+
+/// How a command ended.
+pub struct Done {
+    pub status: ExitStatus,
+    pub out: String,
+    pub err: String,
+}
+
+impl Done {
+    pub fn code(&self) -> i32 {
+        self.status.code().unwrap_or(-1)
+    }
+
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|e| panic!("{e}: {}\n{}", self.out, self.err))
+    }
+
+    /// The JSON of a command that went well.
+    pub fn good(&self) -> Value {
+        assert_eq!(self.code(), 0, "{}\n{}", self.out, self.err);
+        self.json()
+    }
+}
+
+/// A command that is under way.
+pub struct Running {
+    child: Child,
+    out: PathBuf,
+    err: PathBuf,
+}
+
+/// Waits on a thing until it is there.
+pub fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(begun.elapsed() < PATIENCE, "waited too long for {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+impl Bench {
+    pub fn new() -> Self {
+        // Short: the paths of sockets below it may have 108 bytes.
+        let folder = tempfile::Builder::new().prefix("sp").tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("r")).unwrap();
+        Self { folder }
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Where the runs of this bench are.
+    pub fn runs(&self) -> PathBuf {
+        self.path("r")
+    }
+
+    /// Identifiers of the runs that have a folder.
+    pub fn run_ids(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.runs()).unwrap().flatten();
+        entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect()
+    }
+
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint-kit"));
+        command.args(arguments).env("STILLPOINT_RUNS", self.runs()).current_dir(self.folder.path());
+        command
+    }
+
+    /// Begins a command, in a process group of its own.
+    pub fn begin(&self, mut command: Command) -> Running {
+        static NUMBER: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
+        let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let (out, err) = (self.path(&format!("{number}.out")), self.path(&format!("{number}.err")));
+        let child = command
+            .stdin(Stdio::null())
+            .stdout(File::create(&out).unwrap())
+            .stderr(File::create(&err).unwrap())
+            .process_group(0)
+            .spawn()
+            .unwrap();
+        Running { child, out, err }
+    }
+
+    pub fn start(&self, arguments: &[&str]) -> Running {
+        self.begin(self.command(arguments))
+    }
+
+    pub fn call(&self, arguments: &[&str]) -> Done {
+        self.start(arguments).finish()
+    }
+
+    /// Starts a recorded run without an end.
+    pub fn run(&self, pipeline: &Path) -> Running {
+        self.start(&["run", text(pipeline), "--json", "--record", "s"])
+    }
+
+    /// Waits until so many samples, or journal entries, were sent on a topic.
+    pub fn wait_for_samples(&self, topic: &str, count: u32) -> String {
+        wait_for(topic, || {
+            let done = self.call(&["echo", topic, "--count", &count.to_string()]);
+            (done.code() == 0 && done.out.lines().count() == count as usize).then_some(done.out)
+        })
+    }
+}
+
+impl Running {
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    pub fn signal(&self, signal: Signal) {
+        let _ = kill_process(pid(self.pid()), signal);
+    }
+
+    /// As Ctrl-C does: the whole group gets it.
+    pub fn signal_group(&self, signal: Signal) {
+        let _ = kill_process_group(pid(self.pid()), signal);
+    }
+
+    pub fn is_over(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_some()
+    }
+
+    pub fn errors(&self) -> String {
+        std::fs::read_to_string(&self.err).unwrap()
+    }
+
+    /// Waits for its end.
+    pub fn finish(mut self) -> Done {
+        let begun = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(begun.elapsed() < PATIENCE, "it does not end: {}", self.errors());
+            std::thread::sleep(Duration::from_millis(2));
+        };
+        let out = std::fs::read_to_string(&self.out).unwrap();
+        let err = std::fs::read_to_string(&self.err).unwrap();
+        Done { status, out, err }
+    }
+
+    /// Ends a run in order.
+    pub fn stop(self) -> Done {
+        self.signal_group(Signal::INT);
+        self.finish()
+    }
+
+    /// Process numbers of the children by name.
+    pub fn children(&self) -> Vec<(String, u32)> {
+        let entries = std::fs::read_dir("/proc").unwrap().flatten();
+        entries
+            .filter_map(|e| {
+                let number: u32 = e.file_name().to_str()?.parse().ok()?;
+                let stat = std::fs::read_to_string(e.path().join("stat")).ok()?;
+                let mut rest = stat.rsplit_once(')')?.1.split_whitespace();
+                let (state, parent) = (rest.next()?, rest.next()?);
+                if parent != self.pid().to_string() || state == "Z" {
+                    return None;
+                }
+                let line = std::fs::read(e.path().join("cmdline")).ok()?;
+                let name = line.split(|b| *b == 0).nth(2)?;
+                Some((String::from_utf8_lossy(name).into_owned(), number))
+            })
+            .collect()
+    }
+
+    /// Process number of the child of this name, other than `before`.
+    pub fn child(&self, name: &str, before: u32) -> u32 {
+        wait_for(name, || self.children().into_iter().find(|(n, p)| n == name && *p != before)).1
+    }
+
+    /// Kills a child of the run, and gives its number.
+    pub fn kill(&self, name: &str, before: u32) -> u32 {
+        let number = self.child(name, before);
+        let _ = kill_process(pid(number), Signal::KILL);
+        number
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // A test that failed leaves nothing behind. Of a child that was waited for this does nothing.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Whether a process is there and no zombie.
+pub fn lives(number: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{number}/stat")).unwrap_or_default();
+    stat.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with('Z'))
+}
+
+/// Objects in `/dev/shm` of a run.
+pub fn shared_objects(run: &str) -> usize {
+    let Ok(entries) = std::fs::read_dir("/dev/shm") else { return 0 };
+    let prefix = format!("sp_{run}_");
+    entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with(&prefix)).count()
+}
+
+/// The file of a pipeline.
+pub fn pipeline(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pipelines").join(name)
+}
+
+pub fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The line of the report about an operator.
+pub fn figures<'v>(report: &'v Value, operator: &str) -> &'v Value {
+    let all = report["operators"].as_array().unwrap();
+    all.iter().find(|o| o["operator"] == operator).unwrap()
+}
+
+/// The line of the ledger about a consumer's input.
+pub fn line<'v>(report: &'v Value, consumer: &str) -> &'v Value {
+    let all = report["ledger"].as_array().unwrap();
+    all.iter().find(|l| l["consumer"] == consumer).unwrap()
+}
+
+fn pid(number: u32) -> Pid {
+    Pid::from_raw(number as i32).unwrap()
+}
