@@ -7,7 +7,6 @@ use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, S
 use stillpoint_samples::{Journal, Sample};
 
 use crate::clock::realtime;
-use crate::files::DiskFiles;
 use crate::graph::Graph;
 use crate::live::contracts::journal_topic;
 use crate::live::control::Hello;
@@ -85,7 +84,7 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
         keep(SETS, "application/json", json(&serde_json::json!(hello.sets))?),
         keep(PARAMS, "application/json", json(&serde_json::Value::Object(params))?),
     ];
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let files = &hello.files;
     let mut hashes = BTreeMap::new();
     let mut names: Vec<&String> = graph.operators.iter().flat_map(|o| &o.files).collect();
     names.sort();

@@ -104,6 +104,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Some(bench::bare::CHILD) => return bench::bare::child_main(std::env::args().nth(2)),
         _ => {}
     }
+    quiet_panics();
     let arguments = Arguments::parse();
     let done = match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
         Command::Run(c) => c.execute(&registry),
@@ -124,4 +125,19 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
             failure.exit.into()
         }
     }
+}
+
+/// An operator's panic is contained, journalled and told: the default message would only stand beside that. A reader of
+/// standard output that went away is no fault of anyone. Any other panic is said as what it is.
+fn quiet_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let text = panic.payload_as_str().unwrap_or_default();
+        if text.starts_with("failed printing to stdout") {
+            std::process::exit(0);
+        }
+        if !stillpoint_pipeline::cell::is_stepping() {
+            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            eprintln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
+        }
+    }));
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use stillpoint_pipeline::clock::SessionClock;
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_pipeline::files::{DiskFiles, Snapshot};
 use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::ledger::{Ledger, Line};
 use stillpoint_pipeline::live::control::Hello;
@@ -42,12 +42,14 @@ pub fn simulate(
 ) -> Result<RunReport, Failure> {
     let graph = &checked.graph;
     let file = checked.file.display().to_string();
-    let files: Arc<dyn Files + Send + Sync> = Arc::new(DiskFiles::beside(&checked.file));
+    let snapshot = Snapshot::of(graph, &DiskFiles::beside(&checked.file)).map_err(Failure::failed)?;
+    let files: Arc<dyn Files + Send + Sync> = Arc::new(snapshot.clone());
     let hello = Hello {
         process: String::new(),
         source: checked.source.clone(),
         file: file.clone(),
         sets: sets.to_vec(),
+        files: snapshot,
         root: PathBuf::new(),
         prefix: String::new(),
         clock: SessionClock::zero(),

@@ -5,6 +5,7 @@ use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::clock::SessionClock;
+use crate::files::Snapshot;
 use crate::record::Record;
 
 /// What a child is told first: all that it needs to make the same graph.
@@ -14,10 +15,12 @@ pub struct Hello {
     pub process: String,
     /// Text of the pipeline.
     pub source: String,
-    /// Name of its file, for messages; params' files are found beside it.
+    /// Name of its file, for messages.
     pub file: String,
     /// `--set` overrides.
     pub sets: Vec<String>,
+    /// The files that params name, as they were when the run began.
+    pub files: Snapshot,
     /// Root folder of the domain.
     pub root: std::path::PathBuf,
     /// Prefix of the domain.

@@ -6,6 +6,7 @@
 mod ending;
 mod restarts;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -21,6 +22,7 @@ use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
+use crate::files::{DiskFiles, Snapshot};
 use crate::graph::Graph;
 use crate::ledger::Ledger;
 
@@ -53,6 +55,7 @@ pub struct Supervisor {
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
+    files: Snapshot,
     // Dropped in this order: ports, then topics, then the node, then the folder.
     _topics: Vec<Topic>,
     domain: Domain,
@@ -78,6 +81,8 @@ impl Supervisor {
         let swept = sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
+        let disk = DiskFiles::beside(Path::new(&options.file));
+        let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
@@ -117,6 +122,7 @@ impl Supervisor {
             faults: Vec::new(),
             swept,
             epoch: 0,
+            files,
             _topics: topics,
             domain,
             folder,
@@ -156,6 +162,7 @@ impl Supervisor {
             source: self.options.source.clone(),
             file: self.options.file.clone(),
             sets: self.options.sets.clone(),
+            files: self.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
         })?;
@@ -183,6 +190,7 @@ impl Supervisor {
             source: self.options.source.clone(),
             file: self.options.file.clone(),
             sets: self.options.sets.clone(),
+            files: self.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
             clock: self.clock,

@@ -8,7 +8,7 @@ use crate::graph::Graph;
 
 /// Ends the process when a step takes longer than its operator's deadline.
 pub struct Watch {
-    /// Number of the operator plus one, in the high half, and milliseconds since the watch began, in the low half; 0
+    /// Number of the operator plus one, in the high half, and microseconds since the watch began, in the low half; 0
     /// between steps.
     now: Arc<AtomicU64>,
     started: std::time::Instant,
@@ -34,7 +34,11 @@ impl Watch {
                     let fault = FromWorker::Fault {
                         operator: node.name.clone(),
                         incarnation: 0,
-                        reason: format!("a step took {} ms, longer than its deadline", elapsed / 1_000_000),
+                        reason: format!(
+                            "a step has taken {} us, longer than its deadline of {} us",
+                            elapsed / 1000,
+                            node.deadline.unwrap_or(0) / 1000
+                        ),
                         fatal: true,
                     };
                     // Not through the lock of standard output: the thread that hangs may hold it.

@@ -15,7 +15,7 @@ use super::pipe::{Line, Lines, say};
 use super::seat::place;
 use super::watch::Watch;
 use crate::clock::{SessionClock, float_state_is_standard};
-use crate::files::DiskFiles;
+use crate::files::Snapshot;
 use crate::graph::{Graph, Restart};
 use crate::operator::Registry;
 use crate::spec;
@@ -27,8 +27,15 @@ const HEAR_EVERY: u64 = 5_000_000;
 pub fn worker_main(registry: &Registry) -> ExitCode {
     // Ctrl-C reaches the whole process group; the supervisor ends the run in order.
     ignore_interrupts();
-    // A panic is contained, journalled and told; the default message would only stand beside that.
-    std::panic::set_hook(Box::new(|_| {}));
+    // An operator's panic is contained, journalled and told. Any other one ends the process, and is told here.
+    std::panic::set_hook(Box::new(|panic| {
+        if !crate::cell::is_stepping() {
+            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            let reason =
+                format!("a fault of stillpoint itself at {place}: {}", panic.payload_as_str().unwrap_or(""));
+            let _ = tell(&FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true });
+        }
+    }));
     std::thread::spawn(end_with_supervisor);
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
@@ -85,8 +92,7 @@ pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Re
 
 /// The graph that a hello describes.
 pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
-    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &files)
+    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &hello.files)
         .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
     Ok(Arc::new(graph))
 }
@@ -105,7 +111,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         .ok_or_else(|| format!("the pipeline has no process {}", hello.process))?
         .clone();
     place(process.core, process.priority)?;
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let files = hello.files.clone();
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
     if hello.directed {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
@@ -143,7 +149,7 @@ fn tell(message: &FromWorker) -> Result<(), String> {
 
 struct Worker {
     graph: Arc<Graph>,
-    files: DiskFiles,
+    files: Snapshot,
     clock: SessionClock,
     members: Vec<Member>,
     wake: Wake,
@@ -252,7 +258,7 @@ fn contain(
     outcome: Outcome,
     limit: u32,
     graph: &Graph,
-    files: &DiskFiles,
+    files: &Snapshot,
     clock: &SessionClock,
 ) -> Result<(), String> {
     if outcome == Outcome::Done {

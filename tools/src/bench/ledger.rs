@@ -86,7 +86,7 @@ impl Ledger {
             kills: kills.into_inner(),
             samples: total(|l| l.sent),
             overwritten: total(|l| l.overwritten),
-            unexplained: total(|l| l.unexplained.unsigned_abs()),
+            unexplained: total(|l| l.unexplained),
             balanced: outcome.report.balanced,
             unseen_entries: outcome.report.unseen_entries,
             lines,
