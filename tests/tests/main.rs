@@ -1,7 +1,23 @@
 //! Whole systems: real processes, real shared memory, real recordings.
 //!
 //! - `bench`: a folder of its own, in which the kit's command is run as people run it
+//! - `tampered`: a session written anew, with something in it changed
 //! - `conformance`: the two equalities, for every pipeline
+//! - `live`: failures in a live run
+//! - `ending`: how runs end
+//! - `recording`: what survives its recorder
+//! - `replaying`: what is the same is found the same, and what is not is named
+//! - `ledger`: sent = received + accounted loss
+//! - `attach`: people at a running pipeline
+//! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
+mod attach;
 mod bench;
 mod conformance;
+mod ending;
+mod ledger;
+mod live;
+mod recording;
+mod replaying;
+mod tampered;
+mod traps;

@@ -35,6 +35,11 @@ impl<'f> Local<'f> {
             self.operators[consumer].deliver(port, parcel.clone());
         }
     }
+
+    /// Hands a sample to one input.
+    pub fn deliver_to(&mut self, operator: usize, port: usize, parcel: Parcel) {
+        self.operators[operator].deliver(port, parcel);
+    }
 }
 
 impl Placement for Local<'_> {

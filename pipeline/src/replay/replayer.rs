@@ -139,26 +139,48 @@ impl<'s, 'f> Replayer<'s, 'f> {
             return Ok(None);
         }
         let Some(record) = Record::of(entry) else { return Ok(None) };
-        let committed = match self.placement.activate_alone(operator, &record) {
-            Ok(committed) => committed,
-            Err(PlacementError::Sample { port, incarnation, sequence, .. }) => {
-                let node = &self.graph.operators[operator];
-                let topic =
-                    node.inputs.get(port as usize).and_then(|i| i.edge).map_or_else(String::new, |e| {
-                        self.graph.operators[e.operator].outputs[e.output].topic.clone()
-                    });
-                let reason = format!(
-                    "sample {sequence} of incarnation {incarnation} on {topic} is not in the session, and cannot be \
-                     made again"
-                );
-                self.open(operator, entry, reason);
-                return Ok(None);
+        let committed = loop {
+            match self.placement.activate_alone(operator, &record) {
+                Ok(committed) => break committed,
+                Err(PlacementError::Sample { port, incarnation, sequence, .. }) => {
+                    if self.fetch(operator, port as usize, incarnation, sequence)? {
+                        continue;
+                    }
+                    let topic = self.edge(operator, port as usize).map_or("", |(_, _, topic)| topic);
+                    let reason = format!(
+                        "sample {sequence} of incarnation {incarnation} on {topic} is not in the session, and cannot \
+                         be made again"
+                    );
+                    self.open(operator, entry, reason);
+                    return Ok(None);
+                }
+                Err(e) => return Err(e.into()),
             }
-            Err(e) => return Err(e.into()),
         };
         self.report.activations += 1;
         self.compare(operator, entry, &committed)?;
         Ok(Some(committed.outputs))
+    }
+
+    /// Operator, output and topic that feed an input.
+    fn edge(&self, operator: usize, port: usize) -> Option<(usize, usize, &str)> {
+        let edge = self.graph.operators[operator].inputs.get(port)?.edge?;
+        Some((edge.operator, edge.output, &self.graph.operators[edge.operator].outputs[edge.output].topic))
+    }
+
+    /// Hands a recorded sample to an operator that did not get it, since the entry that sent it is missing or stands
+    /// elsewhere. Says whether it is there.
+    fn fetch(
+        &mut self,
+        operator: usize,
+        port: usize,
+        incarnation: u32,
+        sequence: u64,
+    ) -> Result<bool, ReplayError> {
+        let Some((producer, output, _)) = self.edge(operator, port) else { return Ok(false) };
+        let Some(parcel) = self.recorded(producer, output, incarnation, sequence)? else { return Ok(false) };
+        self.placement.deliver_to(operator, port, parcel);
+        Ok(true)
     }
 
     fn compare(&mut self, operator: usize, entry: &Entry, again: &Committed) -> Result<(), ReplayError> {
@@ -205,7 +227,8 @@ impl<'s, 'f> Replayer<'s, 'f> {
         }
     }
 
-    fn differ(&mut self, difference: Difference) {
+    /// Counts a difference, and keeps the first.
+    pub fn differ(&mut self, difference: Difference) {
         self.report.differences += 1;
         self.report.first_difference.get_or_insert(difference);
     }

@@ -1,0 +1,74 @@
+//! How a replay went, and why it cannot begin.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use stillpoint_recorder::SessionError;
+
+use super::Difference;
+use crate::placement::PlacementError;
+
+/// How a replay went.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct ReplayReport {
+    /// Activations that were done again.
+    pub activations: u64,
+    /// By topic: samples compared with the recording, and found the same.
+    pub identical: BTreeMap<String, u64>,
+    /// By topic: samples that the recording does not hold; they were made again.
+    pub recomputed: BTreeMap<String, u64>,
+    /// Samples that differ, or were made by no activation.
+    pub differences: u64,
+    /// The first of them.
+    pub first_difference: Option<Difference>,
+    /// Incarnations that could not be replayed to their end.
+    pub open: Vec<Open>,
+    /// What the session itself says is missing.
+    pub gaps: Vec<String>,
+    /// Incarnations that were replayed from their begin to the last entry that the session holds.
+    pub exact_incarnations: u64,
+    /// Session time between the first and the last entry, s.
+    pub seconds: f64,
+}
+
+/// An incarnation that cannot be replayed from some activation on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Open {
+    /// Name of the operator.
+    pub operator: String,
+    /// Its incarnation.
+    pub incarnation: u32,
+    /// The first activation that is not exact.
+    pub from_activation: u64,
+    /// What is missing.
+    pub reason: String,
+}
+
+/// Why a session cannot be replayed at all.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The session cannot be read.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// An operator cannot be made or run.
+    #[error(transparent)]
+    Placement(#[from] PlacementError),
+    /// The selection names no operator.
+    #[error("the pipeline has no operator `{0}`; it has {1}")]
+    Operator(String, String),
+    /// What was made again cannot be written.
+    #[error("{0}")]
+    Witness(String),
+}
+
+impl ReplayReport {
+    /// Samples compared with the recording, and found the same.
+    pub fn compared(&self) -> u64 {
+        self.identical.values().sum()
+    }
+
+    /// Whether the session is complete, everything could be replayed, and all that could be compared is the same.
+    pub fn is_identical(&self) -> bool {
+        self.differences == 0 && self.open.is_empty() && self.gaps.is_empty()
+    }
+}

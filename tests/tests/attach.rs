@@ -1,0 +1,77 @@
+//! People at a running pipeline: those who look in, and those who send.
+
+use serde_json::Value;
+
+use crate::bench::{Bench, pipeline, text};
+
+#[test]
+fn a_command_arrives_is_recorded_and_replays() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("console.yaml"));
+    bench.wait_for_samples("after.sum", 2);
+    let sent = bench.call(&["send", "console.arm"]);
+    assert_eq!(sent.code(), 0, "{}", sent.err);
+    let target = bench.call(&["send", "console.target", "0.01", "-0.02", "0.5"]);
+    assert_eq!(target.code(), 0, "{}", target.err);
+    let report = run.stop().good();
+    let session = report["session"].as_str().unwrap();
+    let echo = |topic: &str| -> Vec<Value> {
+        let done = bench.call(&["echo", topic, "--session", session]);
+        done.out.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+    };
+    assert_eq!(echo("console.arm").len(), 1);
+    let targets = echo("console.target");
+    assert_eq!(targets.len(), 1);
+    assert_eq!(targets[0]["elements"][0]["values"], serde_json::json!([0.01, -0.02, 0.5, 0.0, 0.0, 0.0]));
+    assert_eq!(targets[0]["elements"][0]["given"], 3);
+    bench.call(&["replay", session, "--json"]).good();
+}
+
+#[test]
+fn a_command_to_nobody_fails_with_words() {
+    let bench = Bench::new();
+    let nobody = bench.call(&["send", "console.arm"]);
+    assert_eq!(nobody.code(), 1);
+    assert!(nobody.err.contains("no pipeline is running"), "{}", nobody.err);
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 1);
+    let none = bench.call(&["send", "console.arm"]);
+    assert!(none.err.contains("has no console"), "{}", none.err);
+    let verb = bench.call(&["send", "console.amr"]);
+    assert!(verb.err.contains("did you mean arm?"), "{}", verb.err);
+    run.stop().good();
+}
+
+#[test]
+fn a_command_that_a_stopped_console_does_not_take_is_not_called_sent() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("console.yaml"));
+    bench.wait_for_samples("after.sum", 2);
+    let console = rustix::process::Pid::from_raw(run.child("console", 0) as i32).unwrap();
+    rustix::process::kill_process(console, rustix::process::Signal::STOP).unwrap();
+    let sent = bench.call(&["send", "console.arm"]);
+    rustix::process::kill_process(console, rustix::process::Signal::CONT).unwrap();
+    assert_eq!(sent.code(), 1, "{}", sent.out);
+    assert!(sent.err.contains("console"), "{}", sent.err);
+    run.stop().good();
+}
+
+#[test]
+fn those_who_look_in_come_and_go_without_a_trace() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    for _ in 0..5 {
+        bench.wait_for_samples("middle.sum", 3);
+        // One that is killed while it looks.
+        let looking = bench.start(&["echo", "sink.journal"]);
+        bench.wait_for_samples("sink.sum", 1);
+        looking.signal(rustix::process::Signal::KILL);
+        looking.finish();
+    }
+    let report = run.stop().good();
+    assert_eq!(report["balanced"], true);
+    assert_eq!(report["faults"], serde_json::json!([]));
+    bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
+    let wrong = bench.call(&["echo", "middle.sun", "--session", text(&bench.path("s/chain-0001"))]);
+    assert!(wrong.err.contains("did you mean middle.sum"), "{}", wrong.err);
+}

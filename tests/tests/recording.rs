@@ -1,0 +1,125 @@
+//! The recording: what survives its recorder, and what is said where it cannot be made.
+
+use rustix::process::Signal;
+use serde_json::json;
+use stillpoint_recorder::Session;
+
+use crate::bench::{Bench, lives, pipeline, text, wait_for};
+
+#[test]
+fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    let part = bench.path("s/chain-0001/part-000.mcap");
+    wait_for("a flush", || (part.metadata().ok()?.len() > 100_000).then_some(()));
+
+    let entry = bench.wait_for_samples("source.journal", 1);
+    let number = run.kill("recorder", 0);
+    wait_for("its end", || (!lives(number)).then_some(()));
+    // Nothing is mended yet: this is what the kill left.
+    let cut = Session::open(&part).unwrap();
+    run.child("recorder", number);
+    let second = bench.path("s/chain-0001/part-001.mcap");
+    wait_for("the next part", || (second.metadata().ok()?.len() > 50_000).then_some(()));
+    let report = run.stop().good();
+
+    let before: serde_json::Value = serde_json::from_str(entry.lines().next().unwrap()).unwrap();
+    let last = cut.journals()["source"].last().unwrap().head.stamp;
+    assert!(last + 1_000_000_000 >= before["stamp"].as_u64().unwrap(), "the last second at most");
+    assert_eq!(report["balanced"], true, "the ledger does not need the recorder");
+    assert_eq!(report["recorded"].as_array().unwrap().len(), 1);
+    // Every part ends as readers expect it.
+    for part in [&part, &second] {
+        let bytes = std::fs::read(part).unwrap();
+        assert!(bytes.ends_with(b"\x89MCAP0\r\n"), "{}", part.display());
+    }
+    let session = report["session"].as_str().unwrap();
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!(info["complete"], false);
+    let replay = bench.call(&["replay", session, "--json"]);
+    assert_eq!(replay.code(), 4, "{}\n{}", replay.out, replay.err);
+    let replay = replay.json();
+    assert_eq!(replay["differences"], 0);
+    for open in replay["open"].as_array().unwrap() {
+        assert!(open["from_activation"].as_u64().unwrap() > 0, "what came before the kill is exact: {open}");
+    }
+}
+
+#[test]
+fn after_a_recorder_was_killed_new_incarnations_are_exact() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    let number = run.kill("recorder", 0);
+    run.child("recorder", number);
+    let second = bench.path("s/chain-0001/part-001.mcap");
+    wait_for("the next part", || (second.metadata().ok()?.len() > 20_000).then_some(()));
+    for name in ["sink", "middle", "source"] {
+        let before = run.kill(name, 0);
+        run.child(name, before);
+    }
+    bench.wait_for_samples("sink.sum", 50);
+    let report = run.stop().good();
+    let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]);
+    assert_eq!(replay.json()["differences"], 0, "{}", replay.out);
+    assert!(replay.json()["exact_incarnations"].as_u64().unwrap() >= 2, "{}", replay.out);
+    let open = replay.json()["open"].clone();
+    assert!(open.as_array().unwrap().iter().all(|o| o["incarnation"] == 0), "{open}");
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_named_and_nothing_is_left() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("file"), "no folder").unwrap();
+    let done = bench.call(&["run", text(&pipeline("chain.yaml")), "--for", "1 s", "--record", "file/s"]);
+    assert_eq!(done.code(), 1);
+    assert!(done.err.contains("file/s"), "{}", done.err);
+    assert!(bench.run_ids().is_empty());
+}
+
+#[test]
+fn a_full_disk_ends_the_run_with_words() {
+    let bench = Bench::new();
+    std::fs::create_dir(bench.path("disk")).unwrap();
+    let mounted = std::process::Command::new("mount")
+        .args(["-t", "tmpfs", "-o", "size=256k", "none", text(&bench.path("disk"))])
+        .output()
+        .is_ok_and(|o| o.status.success());
+    if !mounted {
+        eprintln!("skipped: a small file system cannot be mounted here");
+        return;
+    }
+    let run = bench.start(&["run", text(&pipeline("flood.yaml")), "--json", "--record", "disk"]);
+    let done = run.finish();
+    let _ = std::process::Command::new("umount").arg(bench.path("disk")).output();
+    assert_eq!(done.code(), 1, "{}\n{}", done.out, done.err);
+    assert!(done.err.contains("No space left on device"), "{}", done.err);
+    assert!(bench.run_ids().is_empty());
+}
+
+#[test]
+fn a_recorder_that_is_stopped_for_a_while_states_what_it_lost() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    let recorder = rustix::process::Pid::from_raw(run.child("recorder", 0) as i32).unwrap();
+    rustix::process::kill_process(recorder, Signal::STOP).unwrap();
+    // More than its buffers hold.
+    wait_for("3000 ticks", || {
+        let line = bench.wait_for_samples("source.journal", 1);
+        let entry: serde_json::Value = serde_json::from_str(line.lines().next()?).ok()?;
+        (entry["sequence"].as_u64()? > 3000).then_some(())
+    });
+    rustix::process::kill_process(recorder, Signal::CONT).unwrap();
+    bench.wait_for_samples("sink.sum", 5);
+    let report = run.stop().good();
+    let lost = &report["recorded"][0]["lost"];
+    assert!(lost["source.value"].as_u64().unwrap() > 0, "{lost}");
+    assert_eq!(report["balanced"], true);
+    let session = report["session"].as_str().unwrap();
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!(info["complete"], json!(false));
+    let replay = bench.call(&["replay", session, "--json"]);
+    assert_eq!((replay.code(), replay.json()["differences"].as_u64()), (4, Some(0)), "{}", replay.out);
+}

@@ -1,0 +1,228 @@
+//! Replay: what is the same is found the same, and what is not is named.
+
+use serde_json::Value;
+use stillpoint_samples::{Entry, HEAD_SIZE, JournalRef};
+
+use crate::bench::{Bench, Done, figures, line, pipeline, text};
+use crate::tampered::{Sample, rewrite};
+
+/// Records half a second of a pipeline and gives the session.
+fn recorded(bench: &Bench, file: &str, more: &[&str]) -> String {
+    let file = pipeline(file);
+    let arguments = [&["run", text(&file), "--for", "500 ms", "--json", "--record", "s"], more].concat();
+    bench.call(&arguments).good()["session"].as_str().unwrap().to_string()
+}
+
+fn replay(bench: &Bench, session: &str) -> Done {
+    bench.call(&["replay", session, "--json"])
+}
+
+/// The first difference of a replay that must have found one, at this operator.
+fn found(done: &Done, operator: &str) -> Value {
+    assert_eq!(done.code(), 3, "{}\n{}", done.out, done.err);
+    let first = done.json()["first_difference"].clone();
+    assert_eq!(first["operator"], operator, "{first}");
+    first
+}
+
+#[test]
+fn a_change_of_one_ulp_is_found_and_named() {
+    let bench = Bench::new();
+    let sets = ["--set", "suspect.habit=ulp", "--set", "suspect.at=17"];
+    let session = recorded(&bench, "wrong.yaml", &sets);
+    replay(&bench, &session).good();
+    let mut command = bench.command(&["replay", &session, "--json"]);
+    command.env("KIT_ULP", "1");
+    let first = found(&bench.begin(command).finish(), "suspect");
+    assert_eq!(first["activation"], 17);
+    assert_eq!(first["topic"], "suspect.value");
+    assert_eq!(first["field"], "elements[1].value");
+    // The number is below 1: one unit in the last place of 1 is a few of its own.
+    assert!((1..=64).contains(&first["ulps"].as_u64().unwrap()), "{first}");
+}
+
+#[test]
+fn a_hidden_clock_read_is_found() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &["--set", "suspect.habit=clock"]);
+    let first = found(&replay(&bench, &session), "suspect");
+    assert_eq!(first["activation"], 0);
+}
+
+#[test]
+fn an_unordered_map_is_found() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &["--set", "suspect.habit=unordered"]);
+    found(&replay(&bench, &session), "suspect");
+}
+
+#[test]
+fn another_thread_count_is_found() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &["--set", "suspect.habit=threads"]);
+    replay(&bench, &session).good();
+    let mut command = bench.command(&["replay", &session, "--json"]);
+    command.env("KIT_THREADS", "7");
+    found(&bench.begin(command).finish(), "suspect");
+}
+
+#[test]
+fn a_swapped_activation_order_is_found() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    let tampered = bench.path("swapped");
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        let entries: Vec<usize> =
+            (0..samples.len()).filter(|i| samples[*i].topic == "other.journal").collect();
+        // Two neighbours in the middle consume what the other consumed.
+        let (a, b) = (entries[entries.len() / 2], entries[entries.len() / 2 + 1]);
+        let (first, second) = (queued(&samples[a]), queued(&samples[b]));
+        assert_ne!(first, second);
+        set_queued(&mut samples[a], second);
+        set_queued(&mut samples[b], first);
+    });
+    found(&replay(&bench, text(&tampered)), "other");
+}
+
+/// Place of the first reference's first sequence number in an entry.
+const QUEUED: usize = HEAD_SIZE + size_of::<stillpoint_samples::JournalBody>();
+
+/// The sample that an entry of `other` consumed from its queue.
+fn queued(entry: &Sample) -> u64 {
+    assert!(size_of::<JournalRef>() > 8 && size_of::<Entry>() > 8);
+    u64::from_le_bytes(entry.bytes[QUEUED..QUEUED + 8].try_into().unwrap())
+}
+
+fn set_queued(entry: &mut Sample, sequence: u64) {
+    entry.bytes[QUEUED..QUEUED + 8].copy_from_slice(&sequence.to_le_bytes());
+}
+
+#[test]
+fn a_flipped_bit_in_a_recorded_output_is_found_where_it_is() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    let tampered = bench.path("flipped");
+    let mut sequence = 0;
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        let outputs: Vec<usize> = (0..samples.len()).filter(|i| samples[*i].topic == "other.sum").collect();
+        let sample = &mut samples[outputs[outputs.len() / 2]];
+        sequence = sample.sequence;
+        let last = sample.bytes.len() - 1;
+        sample.bytes[last] ^= 1;
+    });
+    let first = found(&replay(&bench, text(&tampered)), "other");
+    assert_eq!(first["topic"], "other.sum");
+    assert_eq!(first["sequence"].as_u64().unwrap(), sequence);
+}
+
+#[test]
+fn an_output_that_no_activation_made_is_found() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    let tampered = bench.path("orphan");
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        let last = samples.iter().rfind(|s| s.topic == "last.sum").unwrap();
+        let mut bytes = last.bytes.clone();
+        let sequence = last.sequence + 1;
+        bytes[16..24].copy_from_slice(&sequence.to_le_bytes());
+        let orphan = Sample { topic: last.topic.clone(), incarnation: last.incarnation, sequence, bytes };
+        samples.push(orphan);
+    });
+    let first = found(&replay(&bench, text(&tampered)), "last");
+    assert_eq!(first["topic"], "last.sum");
+}
+
+#[test]
+fn a_lost_source_sample_opens_its_consumer_and_nobody_else() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    let tampered = bench.path("gap");
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        samples.retain(|s| s.topic != "source.value" || s.sequence != 20);
+    });
+    let done = replay(&bench, text(&tampered));
+    assert_eq!(done.code(), 4, "{}\n{}", done.out, done.err);
+    let report = done.json();
+    assert_eq!(report["differences"], 0);
+    let open = report["open"].as_array().unwrap();
+    assert_eq!(open.len(), 1, "{open:?}");
+    assert_eq!(open[0]["operator"], "other");
+    assert!(open[0]["reason"].as_str().unwrap().contains("sample 20 of incarnation 0 on source.value"));
+    let info = bench.call(&["info", text(&tampered), "--json"]).good();
+    assert_eq!(info["complete"], false);
+}
+
+#[test]
+fn a_lost_output_of_a_whole_operator_is_made_again() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    let tampered = bench.path("again");
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        samples.retain(|s| s.topic != "other.sum" || s.sequence % 5 != 3);
+    });
+    let report = replay(&bench, text(&tampered)).good();
+    assert!(report["recomputed"]["other.sum"].as_u64().unwrap() > 5);
+}
+
+#[test]
+fn a_lost_journal_entry_opens_its_operator_until_its_next_incarnation() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "crash.yaml", &[]);
+    let tampered = bench.path("entry");
+    rewrite(&bench.path(&session), &tampered, |samples| {
+        let entries: Vec<usize> =
+            (0..samples.len()).filter(|i| samples[*i].topic == "first.journal").collect();
+        let lost =
+            entries.into_iter().find(|i| samples[*i].incarnation == 1 && samples[*i].sequence == 3).unwrap();
+        samples.remove(lost);
+    });
+    let done = replay(&bench, text(&tampered));
+    assert_eq!(done.code(), 4, "{}\n{}", done.out, done.err);
+    let report = done.json();
+    let open = report["open"].as_array().unwrap();
+    assert_eq!((&open[0]["operator"], &open[0]["incarnation"]), (&"first".into(), &1.into()));
+    assert!(open.iter().all(|o| o["operator"] != "first" || o["incarnation"] == 1), "{open:?}");
+    assert!(report["identical"]["first.sum"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn two_replays_write_identical_files() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "crash.yaml", &[]);
+    let files = ["a", "b"].map(|folder| {
+        bench.call(&["replay", &session, "--json", "--record", folder]).good();
+        std::fs::read(bench.path(folder).join("part-000.mcap")).unwrap()
+    });
+    assert!(files[0] == files[1]);
+    // The replay's own session is whole, and replays.
+    bench.call(&["replay", "a", "--json"]).good();
+}
+
+#[test]
+fn overwritten_samples_replay_bit_for_bit_under_load() {
+    let bench = Bench::new();
+    let report =
+        bench.call(&["run", text(&pipeline("slow.yaml")), "--for", "3 s", "--json", "--record", "s"]).good();
+    assert!(line(&report, "slow.queue")["overwritten"].as_u64().unwrap() > 100, "{}", report["ledger"]);
+    assert!(figures(&report, "slow")["lost"].as_u64().unwrap() > 100);
+    let session = report["session"].as_str().unwrap();
+    // Four at once on few cores: order and timing of a replay are nobody's input.
+    let replays = [(); 4].map(|()| bench.start(&["replay", session, "--json"]));
+    for replay in replays {
+        assert_eq!(replay.finish().good()["identical_all"], true);
+    }
+}
+
+#[test]
+fn one_operator_is_compared_alone_or_with_all_downstream() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &["--set", "suspect.habit=clock"]);
+    let only = bench.call(&["replay", &session, "--json", "--only", "other"]).good();
+    let topics = |v: &Value| v["identical"].as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(topics(&only), ["other.sum"]);
+    let from = bench.call(&["replay", &session, "--json", "--from", "other"]).good();
+    assert_eq!(topics(&from), ["last.sum", "other.sum"]);
+    found(&bench.call(&["replay", &session, "--json", "--from", "suspect"]), "suspect");
+    let unknown = bench.call(&["replay", &session, "--only", "nobody"]);
+    assert!(unknown.err.contains("no operator `nobody`"), "{}", unknown.err);
+}
