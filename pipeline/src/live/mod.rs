@@ -6,6 +6,7 @@
 //! - `pipe`: lines over the children's pipes, unbuffered
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
 //! - `worker`: a process of operators
+//! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
 //! - `lockstep`: processes that do what a schedule tells them
 //! - `member`: one operator in a worker
@@ -24,6 +25,7 @@ mod recorder;
 pub mod run_folder;
 pub mod status;
 mod supervisor;
+mod watch;
 mod worker;
 
 pub use children::Launch;
