@@ -15,8 +15,8 @@ const LOOKERS: usize = 2;
 const BORROWED: usize = 3;
 /// Entries that wait for the recorder: enough for 5 ms at 200,000 activations a second.
 pub const JOURNAL_DEPTH: usize = 1024;
-/// Bytes of a topic that may wait for the recorder.
-const RECORDER_BYTES: usize = 4 << 20;
+/// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 80 ms in which it gets no core.
+const RECORDER_BYTES: usize = 16 << 20;
 
 /// Name of an operator's journal topic.
 pub fn journal_topic(operator: &str) -> String {

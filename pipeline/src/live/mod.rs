@@ -8,6 +8,7 @@
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
 //! - `watch`: the watch over deadlines
 //! - `worker`: a process of operators
+//! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
 //! - `lockstep`: processes that do what a schedule tells them
 //! - `member`: one operator in a worker
