@@ -80,6 +80,7 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
     if let Ended::Cut { part, whole, size } = session.ended() {
         gaps.push(Gap::Cut { part, whole, size });
     }
+    gaps.extend(open_ends(session));
     for part in &session.parts {
         for d in &part.damage {
             gaps.push(Gap::Damaged { part: part.path.clone(), offset: d.offset, what: d.what.clone() });
@@ -124,6 +125,37 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
                         count: r.end - r.first,
                     })
                 }));
+            }
+        }
+    }
+    gaps
+}
+
+/// Incarnations that were over when the recording went on in the next part: nothing says whether entries followed the
+/// last one that was kept.
+fn open_ends(session: &Session) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    let earlier = session.parts.split_last().map_or(&[][..], |(_, earlier)| earlier);
+    for (number, _) in earlier.iter().enumerate().filter(|(_, part)| !part.ended_in_order()) {
+        for (topic, t) in session.topics().iter().enumerate() {
+            if !matches!(t.role, Role::Journal { .. }) {
+                continue;
+            }
+            let entries = || session.index.range((topic, 0, 0)..=(topic, u32::MAX, u64::MAX));
+            let last = entries().filter(|(_, place)| place.part as usize <= number).next_back();
+            let next = entries().find(|(_, place)| place.part as usize > number);
+            let Some((&(_, incarnation, sequence), _)) = last else { continue };
+            let goes_on = next.is_some_and(|((_, i, _), _)| *i == incarnation);
+            let ended = session.journals().get(&t.operator).is_some_and(|entries| {
+                let find = |e: &&Entry| (e.head.incarnation, e.head.sequence) == (incarnation, sequence);
+                entries.iter().find(find).is_some_and(|e| e.cause() == Some(Cause::End))
+            });
+            if !goes_on && !ended {
+                gaps.push(Gap::Stated(format!(
+                    "`{}`, incarnation {incarnation}: entries behind number {sequence} may not have been kept, since the \
+                     recorder died",
+                    t.name
+                )));
             }
         }
     }

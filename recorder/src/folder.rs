@@ -58,6 +58,12 @@ pub fn session_parts(path: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(parts.into_iter().map(|(_, path)| path).collect())
 }
 
+/// Whether a part is so short that its recorder died before it wrote anything: it is no MCAP file, and holds nothing.
+pub(crate) fn is_blank(part: &Path) -> io::Result<bool> {
+    let bytes = std::fs::metadata(part)?.len();
+    Ok(bytes < mcap::MAGIC.len() as u64)
+}
+
 fn part_number(path: &Path) -> Option<u32> {
     path.file_name()?.to_str()?.strip_prefix("part-")?.strip_suffix(".mcap")?.parse().ok()
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 
-use crate::account::{CLOCK_CHANNEL, FRAMES_CHANNEL, LOST_CHANNEL};
+use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL};
 use crate::file::{Block, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan};
 use crate::form::{Envelope, Form, Shared, own_head};
 
@@ -45,6 +45,11 @@ pub(crate) struct Part {
 }
 
 impl Part {
+    /// Whether its recorder ended it, and did not die.
+    pub fn ended_in_order(&self) -> bool {
+        self.scan.metadata.iter().any(|(name, _)| name == END_RECORD)
+    }
+
     /// Walks over the file and hands every message of it to `each`. `None`: it is no MCAP file.
     pub fn open(
         path: PathBuf,

@@ -12,7 +12,7 @@ use crate::account::RECOVERED_RECORD;
 use crate::cut::{Limits, consistent_cut};
 use crate::error::SessionError;
 use crate::file::{Message, Record, Source, next_record, scan};
-use crate::folder::create_private;
+use crate::folder::{create_private, is_blank, session_parts};
 use crate::part::{Part, PartChannel, Use};
 use crate::session::{Ended, Session};
 use crate::topic::Role;
@@ -84,7 +84,7 @@ pub fn recover<W: Write>(input: Source, out: W) -> Result<(W, Report), RecoverEr
 }
 
 /// Mends the parts of a session in place, those that need it: each is written anew beside the old one, which it then
-/// replaces. Gives the parts that were mended.
+/// replaces. A part in which nothing stands is removed. Gives the parts that were mended.
 ///
 /// # Errors
 /// The session cannot be read, or a mended part not written; the old part then stays.
@@ -92,6 +92,12 @@ pub fn recover_session(path: &Path) -> Result<Vec<(PathBuf, Report)>, RecoverErr
     let session = Session::open_any(path)?;
     let limits = limits(&session);
     let mut mended = Vec::new();
+    let io = |cause| SessionError::Io { path: path.to_owned(), cause };
+    for part in session_parts(path).map_err(io)? {
+        if part != path && is_blank(&part).map_err(io)? {
+            std::fs::remove_file(&part).map_err(io)?;
+        }
+    }
     for part in session.parts.iter().filter(|p| !p.scan.footer || !p.damage.is_empty()) {
         let beside = part.path.with_extension("mcap.mending");
         let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use stillpoint_samples::Entry;
 
-use crate::account::{ClockSample, END_RECORD, Lost};
+use crate::account::{ClockSample, Lost};
 use crate::cache::BlockCache;
 use crate::complete::{Completeness, Gap};
 use crate::error::SessionError;
 use crate::file::Source;
-use crate::folder::session_parts;
+use crate::folder::{is_blank, session_parts};
 use crate::form::StaticTransform;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
@@ -108,6 +108,10 @@ impl Session {
         };
         let mut sources = Vec::new();
         for part in session_parts(path).map_err(io(path))? {
+            // A file that is given by its name is opened whatever it is.
+            if part != path && is_blank(&part).map_err(io(&part))? {
+                continue;
+            }
             let source = Source::open(&part).map_err(io(&part))?;
             sources.push((part, source));
         }
@@ -203,7 +207,7 @@ impl Session {
     /// How the recording ended.
     pub fn ended(&self) -> Ended {
         match self.parts.last() {
-            Some(p) if p.scan.metadata.iter().any(|(name, _)| name == END_RECORD) => Ended::InOrder,
+            Some(p) if p.ended_in_order() => Ended::InOrder,
             Some(p) => Ended::Cut { part: p.path.clone(), whole: p.scan.whole, size: p.size },
             None => Ended::Cut { part: PathBuf::new(), whole: 0, size: 0 },
         }

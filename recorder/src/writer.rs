@@ -17,6 +17,12 @@ use crate::form::{schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
+/// An error with what it was caused by: mcap's own words leave out what the operating system answered.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |e| e.source());
+    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
 /// Bytes after which a chunk is closed.
 pub const CHUNK_SIZE: u64 = 1 << 20;
 
@@ -24,7 +30,7 @@ pub const CHUNK_SIZE: u64 = 1 << 20;
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The file took no more bytes, or refused them.
-    #[error("cannot write the recording: {0}; what was flushed before is readable")]
+    #[error("cannot write the recording: {}; what was flushed before is readable", with_causes(.0))]
     Mcap(#[from] mcap::McapError),
     /// The bytes given are no sample of the topic.
     #[error("topic `{topic}`: {fault}")]

@@ -175,3 +175,16 @@ fn what_is_no_mcap_file_is_refused() {
     let error = recover(Source::Bytes(Arc::from(&b"#!/bin/sh\n"[..])), Vec::new()).unwrap_err();
     assert!(matches!(error, RecoverError::Session(SessionError::NotMcap { .. })));
 }
+
+#[test]
+fn a_part_in_which_nothing_stands_hides_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let (bytes, _) = pipeline(Compression::Lz4, 3);
+    std::fs::write(folder.path().join("part-000.mcap"), &bytes).unwrap();
+    std::fs::write(folder.path().join("part-001.mcap"), []).unwrap();
+    let before = Session::open(folder.path()).unwrap().samples().count();
+    assert!(before > 0);
+    stillpoint_recorder::recover_session(folder.path()).unwrap();
+    assert!(!folder.path().join("part-001.mcap").exists());
+    assert_eq!(Session::open(folder.path()).unwrap().samples().count(), before);
+}

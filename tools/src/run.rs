@@ -140,8 +140,14 @@ impl Run {
         line.clear();
         if let Some(session) = session {
             // What a recorder that died left cut is mended before anyone opens it.
-            for (part, mended) in stillpoint_recorder::recover_session(session).map_err(Failure::failed)? {
-                eprintln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+            match stillpoint_recorder::recover_session(session) {
+                Ok(parts) => {
+                    for (part, mended) in parts {
+                        eprintln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+                    }
+                }
+                // The report comes first: the session can be mended later.
+                Err(e) => eprintln!("stillpoint: the session cannot be mended now: {e}"),
             }
         }
         Ok(report)

@@ -1,15 +1,20 @@
 //! `stillpoint send`
 
+use std::time::{Duration, Instant};
+
 use clap::Args;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_samples::{Command, HEAD_SIZE, Head, Verb};
+use stillpoint_samples::{Command, ConsoleCommand, HEAD_SIZE, Head, Sample, Verb};
 use stillpoint_shm::Topic;
 use zerocopy::IntoBytes;
 
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
+
+/// How long the console may take to send a command on.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Send a person's command into a running pipeline. It becomes a sample that is recorded and replayed.
 #[derive(Args)]
@@ -52,6 +57,11 @@ impl Send {
             .operator(console)
             .filter(|o| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME)
             .ok_or_else(|| Failure::wrong(format!("the pipeline has no console `{console}`: add `{console}: {{ use: console, every: 20 ms }}`")))?;
+        let port = Verb::ALL.iter().position(|(w, _)| *w == word).unwrap_or_default();
+        let contract = contracts::output(&graph, operator, port);
+        let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
+        let answer = answer.subscriber(contract.buffer).map_err(Failure::failed)?;
+        answer.connect().map_err(Failure::failed)?;
         let topic = Topic::open(&domain, &contracts::inbox(&graph, operator)).map_err(Failure::failed)?;
         let publisher = topic.publisher().map_err(Failure::failed)?;
         publisher.connect().map_err(Failure::failed)?;
@@ -64,9 +74,27 @@ impl Send {
         if reached == 0 {
             return Err(Failure::failed(format!("{console} does not listen: is its process running?")));
         }
-        println!("sent {}", self.command);
-        // The console connects when it next looks; the sample lives in this process until then.
-        std::thread::sleep(std::time::Duration::from_millis(200));
-        Ok(Exit::Done)
+        // The sample lives in this process until the console has it, and only what the console sends is recorded.
+        let begun = Instant::now();
+        while begun.elapsed() < PATIENCE {
+            while let Some(sample) = answer.receive().map_err(Failure::failed)? {
+                let pieces = sample.pieces();
+                if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
+                    println!(
+                        "sent {} (sample {} of {})",
+                        self.command,
+                        sample.head().sequence,
+                        contract.topic
+                    );
+                    return Ok(Exit::Done);
+                }
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        Err(Failure::failed(format!(
+            "{console} has not sent {} on within {} s, and may still do so: is its process running?",
+            self.command,
+            PATIENCE.as_secs()
+        )))
     }
 }
