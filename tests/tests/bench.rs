@@ -139,10 +139,6 @@ impl Running {
         let _ = kill_process_group(pid(self.pid()), signal);
     }
 
-    pub fn is_over(&mut self) -> bool {
-        self.child.try_wait().unwrap().is_some()
-    }
-
     pub fn errors(&self) -> String {
         std::fs::read_to_string(&self.err).unwrap()
     }

@@ -171,7 +171,10 @@ impl Recorder {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
             return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
-                Some(Ok(Err(reason))) => reason,
+                Some(Ok(Err(reason))) => format!(
+                    "{}: {reason}; make room, or choose another folder with --record",
+                    self.part.display()
+                ),
                 _ => "the recording's writer ended".to_string(),
             });
         }
