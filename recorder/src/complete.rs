@@ -142,7 +142,7 @@ fn open_ends(session: &Session) -> Vec<Gap> {
                 continue;
             }
             let entries = || session.index.range((topic, 0, 0)..=(topic, u32::MAX, u64::MAX));
-            let last = entries().filter(|(_, place)| place.part as usize <= number).next_back();
+            let last = entries().rfind(|(_, place)| place.part as usize <= number);
             let next = entries().find(|(_, place)| place.part as usize > number);
             let Some((&(_, incarnation, sequence), _)) = last else { continue };
             let goes_on = next.is_some_and(|((_, i, _), _)| *i == incarnation);
