@@ -10,13 +10,13 @@ use crate::schedule::depth_of;
 const TAPS: usize = 6;
 /// Samples that those who look in may hold between them before the edges of the graph are short of memory: each copies
 /// what it sees at once.
-const LOOKERS: usize = 2;
+const LOOKERS: usize = 1;
 /// Samples that a consumer holds at a time: the one that waits, the one in work or held, and one more on its way.
 const BORROWED: usize = 3;
 /// Entries that wait for the recorder: enough for 5 ms at 200,000 activations a second.
 pub const JOURNAL_DEPTH: usize = 1024;
-/// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 80 ms in which it gets no core.
-const RECORDER_BYTES: usize = 16 << 20;
+/// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
+const RECORDER_BYTES: usize = 8 << 20;
 
 /// Name of an operator's journal topic.
 pub fn journal_topic(operator: &str) -> String {
