@@ -147,7 +147,7 @@ impl Cell {
         };
         let mut outputs = Outputs::new(&self.kinds, lender, &mut self.drafts);
         let step = &mut self.step;
-        let result = catch_unwind(AssertUnwindSafe(|| step.step(&activation, &mut outputs)));
+        let result = contained(|| step.step(&activation, &mut outputs));
         let origin = outputs.origin.unwrap_or(activation.origin);
         let outcome = match result {
             Ok(Ok(())) => Outcome::Done,
@@ -248,11 +248,13 @@ fn build_step(
     files: &dyn Files,
     inbox: Inbox,
 ) -> Result<Box<dyn Step>, SetupError> {
+    let connected: Vec<_> = node.inputs.iter().map(|i| i.edge.is_some()).collect();
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
     let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();
     let setup = Setup {
         operator: &node.name,
         every: node.every,
+        connected: &connected,
         input_frames: &input_frames,
         output_frames: &output_frames,
         frames: &graph.frames,
@@ -260,9 +262,26 @@ fn build_step(
         inbox,
     };
     // A panic in `new` is a fault of the operator, too.
-    catch_unwind(AssertUnwindSafe(|| (node.stage.build)(&node.params, &setup))).unwrap_or_else(|panic| {
+    contained(|| (node.stage.build)(&node.params, &setup)).unwrap_or_else(|panic| {
         Err(SetupError(format!("it panicked while it was made: {}", panic_text(&*panic))))
     })
+}
+
+thread_local! {
+    static STEPPING: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+}
+
+/// Whether this thread is in an operator's own code, so that a panic is its fault, and is contained.
+pub fn is_stepping() -> bool {
+    STEPPING.get()
+}
+
+/// Runs an operator's own code and holds its panic.
+fn contained<T>(code: impl FnOnce() -> T) -> std::thread::Result<T> {
+    STEPPING.set(true);
+    let result = catch_unwind(AssertUnwindSafe(code));
+    STEPPING.set(false);
+    result
 }
 
 fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {

@@ -39,6 +39,11 @@ pub fn realtime() -> u64 {
     read(ClockId::Realtime)
 }
 
+/// CPU time of this process, ns.
+pub fn cpu_time() -> u64 {
+    read(ClockId::ProcessCPUTime)
+}
+
 fn read(clock: ClockId) -> u64 {
     let t = clock_gettime(clock);
     u64::try_from(t.tv_sec).unwrap_or(0) * 1_000_000_000 + u64::try_from(t.tv_nsec).unwrap_or(0)

@@ -134,13 +134,13 @@ impl<T: Arrival> Intake<T> {
                         if port.held.take().is_some_and(|(_, seen)| !seen) {
                             port.count.passed += 1;
                         }
-                        port.held = port.front.take().map(|t| (t, false));
+                        port.held = port.take_front().map(|t| (t, false));
                     }
                     if self.latest_causes
                         && let Some((sample, false)) = &port.held
                     {
                         offer(Trigger {
-                            since: sample.head().stamp + port.delay,
+                            since: sample.head().stamp.saturating_add(port.delay),
                             cause: Cause::Input,
                             port: index,
                         });
@@ -152,7 +152,7 @@ impl<T: Arrival> Intake<T> {
                         && let Some(sample) = &port.front
                     {
                         offer(Trigger {
-                            since: sample.head().stamp + port.delay,
+                            since: sample.head().stamp.saturating_add(port.delay),
                             cause: Cause::Input,
                             port: index,
                         });
@@ -191,20 +191,23 @@ impl<T: Arrival> Intake<T> {
                 let head = port.front.as_ref()?.head();
                 oldest = oldest.min((head.origin, index));
                 newest = newest.max(head.origin);
-                since = since.max(head.stamp + port.delay);
+                since = since.max(head.stamp.saturating_add(port.delay));
             }
             if newest - oldest.0 <= within {
                 return Some(since);
             }
             let port = &mut self.ports[oldest.1];
-            port.front = None;
+            port.take_front();
             port.count.passed += 1;
         }
     }
 
     /// When a sample that was received, but is delayed, can be seen: the earliest such time, ns.
     pub fn next_visible(&self) -> Option<u64> {
-        self.ports.iter().filter_map(|p| p.front.as_ref().map(|f| f.head().stamp + p.delay)).min()
+        self.ports
+            .iter()
+            .filter_map(|p| p.front.as_ref().map(|f| f.head().stamp.saturating_add(p.delay)))
+            .min()
     }
 
     /// Begins the activation: what it consumes is fixed from here on. Gives one reference per sample.
@@ -224,7 +227,7 @@ impl<T: Arrival> Intake<T> {
                 Policy::Queue(_) => cause == Cause::Input && index == port,
                 Policy::Sync { .. } => cause == Cause::Sync && p.leader == Some(port),
             };
-            if consumed && let Some(sample) = p.front.take() {
+            if consumed && let Some(sample) = p.take_front() {
                 let head = sample.head();
                 refs.push(p.count.reference(index, head.sequence, head.incarnation, 1, RefKind::Fresh));
                 p.current = Some(sample);
@@ -249,20 +252,12 @@ impl<T: Arrival> Intake<T> {
         }
     }
 
-    /// Starts the account anew for a new incarnation of the operator; the samples that wait stay, and are in it.
+    /// Starts the account anew for a new incarnation of the operator; the samples that wait stay, and are counted when
+    /// they are taken.
     pub fn renew(&mut self) {
         for p in &mut self.ports {
             p.current = None;
-            let unseen = p.held.as_ref().filter(|(_, seen)| !seen).map(|(sample, _)| sample);
-            let waiting = [p.front.as_ref(), unseen].into_iter().flatten();
-            let waiting =
-                waiting.filter(|s| Some(s.head().incarnation) == p.count.incarnation).count() as u64;
-            p.count = Count {
-                incarnation: p.count.incarnation,
-                next: p.count.next,
-                total: waiting,
-                ..Count::default()
-            };
+            p.count = Count { incarnation: p.count.incarnation, next: p.count.next, ..Count::default() };
         }
     }
 
@@ -277,14 +272,21 @@ impl<T: Arrival> Intake<T> {
 }
 
 impl<T: Arrival> Port<T> {
+    /// Takes the front, and counts it: what still waits there is nobody's yet.
+    fn take_front(&mut self) -> Option<T> {
+        let sample = self.front.take()?;
+        self.count.take(&sample.head());
+        Some(sample)
+    }
+
     /// Makes sure that the front is there; whether it can be seen at `now`.
     fn fill(&mut self, now: u64, index: usize, pull: &mut dyn FnMut(usize) -> Option<T>) -> bool {
         if self.front.is_none() {
             self.front = pull(index);
-            if let Some(sample) = &self.front {
-                self.count.take(&sample.head());
-            }
         }
         self.front.as_ref().is_some_and(|f| f.head().stamp.saturating_add(self.delay) <= now)
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -25,10 +25,20 @@ pub struct Keeper {
 impl Keeper {
     /// Begins a session in a new folder.
     pub fn create(session: &Path, graph: &Graph, opening: &Opening) -> Result<Self, String> {
+        Self::create_with(session, graph, opening, Compression::Lz4)
+    }
+
+    /// Begins a session in a new folder, compressed so.
+    pub fn create_with(
+        session: &Path,
+        graph: &Graph,
+        opening: &Opening,
+        compression: Compression,
+    ) -> Result<Self, String> {
         let place = |e: std::io::Error| format!("{}: {e}", session.display());
         create_session(session).map_err(place)?;
         let (path, file) = create_part(session).map_err(place)?;
-        let mut part = PartWriter::new(file, Compression::Lz4, opening).map_err(|e| e.to_string())?;
+        let mut part = PartWriter::new(file, compression, opening).map_err(|e| e.to_string())?;
         let mut topics = vec![(None, BTreeMap::new()); graph.operators.len()];
         for (info, (operator, port)) in topic_infos(graph) {
             let id = part.add_topic(info).map_err(|e| e.to_string())?;

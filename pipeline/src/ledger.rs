@@ -43,7 +43,7 @@ pub struct Line {
     /// Waiting when the consumer ended, or cut off by the end of the producer's incarnation.
     pub left: u64,
     /// What none of these explains: must be 0.
-    pub unexplained: i64,
+    pub unexplained: u64,
 }
 
 impl Ledger {
@@ -121,8 +121,7 @@ impl Ledger {
         let mut next = 0;
         let accounts =
             self.taken.iter().filter(|((c, _, p, i), _)| (*c, *p, *i) == (consumer, port, incarnation));
-        let mut explained = 0;
-        let mut gaps = 0;
+        let (mut explained, mut gaps, mut twice) = (0, 0, 0);
         for ((_, life, _, _), r) in accounts {
             let span = r.total + r.lost;
             let first = (r.first + 1).saturating_sub(span);
@@ -134,7 +133,7 @@ impl Ledger {
                 gaps += before;
             }
             // A sample taken twice, or before its number, is explained by nothing.
-            line.unexplained -= next.saturating_sub(first) as i64;
+            twice += next.saturating_sub(first);
             line.received += r.total;
             line.passed += r.passed;
             gaps += r.lost;
@@ -147,7 +146,8 @@ impl Ledger {
         let from_gaps = unsent.min(gaps);
         line.overwritten += gaps - from_gaps;
         line.left += left - (unsent - from_gaps);
-        line.unexplained += total as i64 - (explained + left) as i64;
+        // Each incarnation by itself: what is wrong in one must not cancel what is wrong in another.
+        line.unexplained += total.abs_diff(explained + left - twice) + twice;
     }
 }
 
@@ -158,3 +158,6 @@ impl Line {
         self.unexplained == 0 && accounted == self.sent
     }
 }
+
+#[cfg(test)]
+mod tests;

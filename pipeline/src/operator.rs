@@ -150,7 +150,7 @@ impl<T: Operator> Step for T {
     }
 }
 
-/// Makes an operator from its parameters.
+/// Makes an operator from its checked parameters.
 pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn Step>, SetupError>;
 
 /// A kind of operator in a family's list: what checker and executors need, without its type.

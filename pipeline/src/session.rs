@@ -7,7 +7,6 @@ use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, S
 use stillpoint_samples::{Journal, Sample};
 
 use crate::clock::realtime;
-use crate::files::DiskFiles;
 use crate::graph::Graph;
 use crate::live::contracts::journal_topic;
 use crate::live::control::Hello;
@@ -26,6 +25,9 @@ pub const FILES: &str = "files/";
 pub const RUN: &str = "stillpoint.run";
 /// Metadata record with build and CPU.
 pub const IDENTITY: &str = "stillpoint.identity";
+
+/// Metadata record with date and residual of each frame.
+pub const EXTRINSICS: &str = "stillpoint.extrinsics";
 
 /// The topics that a session of this graph keeps. Each with its operator, and its output where it is no journal.
 pub fn topic_infos(graph: &Graph) -> Vec<(TopicInfo, (usize, Option<usize>))> {
@@ -82,7 +84,7 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
         keep(SETS, "application/json", json(&serde_json::json!(hello.sets))?),
         keep(PARAMS, "application/json", json(&serde_json::Value::Object(params))?),
     ];
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let files = &hello.files;
     let mut hashes = BTreeMap::new();
     let mut names: Vec<&String> = graph.operators.iter().flat_map(|o| &o.files).collect();
     names.sort();
@@ -104,6 +106,7 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
         (RUN.to_string(), run),
         (IDENTITY.to_string(), identity.clone()),
         ("stillpoint.files".to_string(), hashes),
+        (EXTRINSICS.to_string(), extrinsics(graph)),
     ]);
     let frames = graph
         .frames
@@ -121,6 +124,16 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
     let clock =
         Some(ClockSample { logical_ns: started, realtime_ns: if started == 0 { 0 } else { realtime() } });
     Ok(Opening { attachments, metadata, frames, clock })
+}
+
+/// When and how well each frame was measured, as far as the pipeline says.
+fn extrinsics(graph: &Graph) -> BTreeMap<String, String> {
+    let say = |frame: &crate::frames::Frame| {
+        let measured = frame.measured.as_deref().unwrap_or("unknown");
+        let residual = frame.residual.map_or("unknown".to_string(), |r| format!("{r} m"));
+        format!("in {}, measured {measured}, residual {residual}", frame.parent)
+    };
+    graph.frames.placed.iter().map(|(name, frame)| (name.clone(), say(frame))).collect()
 }
 
 /// Lower-case hexadecimal.

@@ -10,6 +10,8 @@ pub struct Setup<'a> {
     pub operator: &'a str,
     /// Period of its timer, ns.
     pub every: Option<u64>,
+    /// Whether each input is connected, in the order of the ports.
+    pub connected: &'a [bool],
     /// Frame of each input, in the order of the ports.
     pub input_frames: &'a [Option<String>],
     /// Frame of each output, in the order of the ports.
@@ -23,6 +25,11 @@ pub struct Setup<'a> {
 }
 
 impl Setup<'_> {
+    /// Whether an input is connected.
+    pub fn is_connected(&self, port: usize) -> bool {
+        self.connected.get(port).copied().unwrap_or(false)
+    }
+
     /// Bytes of a file that a parameter names; the same bytes live and in replay.
     pub fn file(&self, name: &str) -> Result<Vec<u8>, SetupError> {
         self.files.read(name).map_err(|e| SetupError(format!("{name}: {e}")))

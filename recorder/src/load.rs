@@ -1,6 +1,5 @@
 //! Reads the parts of a session: what each message says goes to its place.
 
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use stillpoint_samples::{Entry, Journal, Pieces, Sample};
@@ -8,7 +7,7 @@ use stillpoint_samples::{Entry, Journal, Pieces, Sample};
 use crate::account::{ClockSample, Lost};
 use crate::error::SessionError;
 use crate::file::{Channel, Message, Source, scan};
-use crate::form::transforms_from;
+use crate::form::{Envelope, Form, transforms_from};
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
 use crate::part::{Part, PartChannel, Use};
@@ -94,6 +93,10 @@ impl Session {
                         ));
                     }
                     self.index.insert(key, place);
+                    if let Some(entry) = self.journal_entry(number, &channel.purpose, message) {
+                        let operator = self.topics[number].operator.clone();
+                        self.journals.entry(operator).or_default().push(entry);
+                    }
                 }
                 self.topics[number].samples += 1;
                 self.topics[number].bytes += message.data.len() as u64;
@@ -102,24 +105,23 @@ impl Session {
         Ok(())
     }
 
-    pub(crate) fn read_journals(&mut self) {
-        let mut journals: BTreeMap<String, Vec<Entry>> = BTreeMap::new();
-        let is_journal = |t: &Topic| matches!(t.role, Role::Journal { .. });
-        for recorded in self.samples_where(is_journal) {
-            let Ok(recorded) = recorded else { continue };
-            let operator = &self.topics[recorded.topic].operator;
-            let Ok(pieces) = Pieces::split(Journal::KIND, &recorded.sample) else {
-                continue;
-            };
-            if let Ok(view) = pieces.view::<Journal>() {
-                let entry = Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() };
-                journals.entry(operator.clone()).or_default().push(entry);
-            }
-        }
-        for entries in journals.values_mut() {
+    /// The journal entry that a message is, if it is one.
+    fn journal_entry(&self, topic: usize, purpose: &Use, message: &Message<'_>) -> Option<Entry> {
+        let topic = &self.topics[topic];
+        let (Role::Journal { .. }, Use::Samples { form: Form::Own, shared }) = (&topic.role, purpose) else {
+            return None;
+        };
+        let TopicKind::Known(kind) = topic.kind else { return None };
+        let sample = Form::Own.decode(kind, shared, Envelope::of(message), message.data).ok()?;
+        let view = Pieces::split(Journal::KIND, &sample).ok()?.view::<Journal>().ok()?;
+        Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
+    }
+
+    /// Puts the entries of each journal in their order, over all parts.
+    pub(crate) fn order_journals(&mut self) {
+        for entries in self.journals.values_mut() {
             entries.sort_by_key(|e| (e.head.incarnation, e.head.sequence));
         }
-        self.journals = journals;
     }
 }
 

@@ -142,7 +142,7 @@ impl Session {
         for (path, source) in sources {
             session.add_part(path, source)?;
         }
-        session.read_journals();
+        session.order_journals();
         Ok(session)
     }
 

@@ -88,9 +88,10 @@ fn ctrl_c_ends_a_run_whose_step_never_comes_back() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("stuck.yaml"));
     bench.wait_for_samples("beat.value", 50);
-    let report = run.stop().good();
-    let faults = report["faults"].to_string();
-    assert!(faults.contains("was killed, since it did not come back"), "{faults}");
+    let done = run.stop();
+    assert_eq!(done.code(), 1, "{}", done.err);
+    let report = done.json();
+    assert_eq!(report["ended_early"], "stuck did not stop when told, and was killed");
     assert_eq!(report["balanced"], true);
     bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
 }

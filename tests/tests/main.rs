@@ -12,7 +12,7 @@
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
 // A test stops at the first surprise; clippy knows test functions, but not what they call.
-#![allow(clippy::unwrap_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod attach;
 mod bench;

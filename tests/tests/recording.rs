@@ -88,7 +88,7 @@ impl Drop for Mounted {
 }
 
 #[test]
-fn a_full_disk_ends_the_run_with_words() {
+fn a_full_disk_is_named_and_the_run_goes_on_to_its_end() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("disk")).unwrap();
     let mounted = std::process::Command::new("mount")
@@ -100,12 +100,15 @@ fn a_full_disk_ends_the_run_with_words() {
         return;
     }
     let disk = Mounted(bench.path("disk"));
-    let done = bench.start(&["run", text(&pipeline("flood.yaml")), "--json", "--record", "disk"]).finish();
+    let file = pipeline("flood.yaml");
+    let done = bench.start(&["run", text(&file), "--for", "3 s", "--json", "--record", "disk"]).finish();
+    let info = bench.call(&["info", "disk/flood-0001", "--json"]);
     drop(disk);
-    assert_eq!(done.code(), 1, "{}\n{}", done.out, done.err);
-    assert!(done.err.contains("No space left on device"), "{}", done.err);
-    // The ledger is printed nevertheless, and it balances.
+    // A patient is not let go because of a disk: the run goes on, the fault is told, and the session says what it lacks.
+    assert!(done.json()["seconds"].as_f64().unwrap() >= 3.0);
     assert_eq!(done.json()["balanced"], true);
+    assert!(done.err.contains("No space left on device"), "{}", done.err);
+    assert!(info.err.is_empty() && info.json()["complete"] == json!(false), "{}", info.out);
     assert!(bench.run_ids().is_empty());
 }
 

@@ -7,8 +7,8 @@ use serde::Serialize;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{Pieces, Pose, Sample, Track};
 
-/// Motion of the filtered position against the truth, both relative to the first common sample: a centroid of what the
-/// camera sees is not the head's origin, so only motion can be compared.
+/// Motion of the filtered position against the truth, each about its own mean: a centroid of what the camera sees is not
+/// the head's origin, so only motion can be compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
     /// The estimate's topic.
@@ -56,14 +56,17 @@ pub fn of_session(path: &Path) -> Option<Accuracy> {
         }
     }
     let pairs: Vec<_> = tracked.into_iter().filter_map(|(t, p)| Some((*true_at.get(&t)?, p))).collect();
-    let (true_start, start) = *pairs.first()?;
+    let truths: Vec<_> = pairs.iter().map(|(truth, _)| *truth).collect();
+    let estimates: Vec<_> = pairs.iter().map(|(_, estimate)| *estimate).collect();
+    let (true_mean, mean) = (mean_of(&truths)?, mean_of(&estimates)?);
     let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (a[i] - b[i]) * 1e3) };
     let norm = |a: [f64; 3]| (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
     let (mut squares, mut worst, mut moved) = ([0.0; 3], 0.0f64, 0.0f64);
     for (truth, estimate) in &pairs {
-        let motion = minus(*truth, true_start);
-        let error: [f64; 3] = std::array::from_fn(|i| minus(*estimate, start)[i] - motion[i]);
-        moved = moved.max(norm(motion));
+        let motion = minus(*truth, true_mean);
+        let error = minus(*estimate, mean);
+        let error: [f64; 3] = std::array::from_fn(|i| error[i] - motion[i]);
+        moved = moved.max(norm(minus(*truth, truths[0])));
         worst = worst.max(norm(error));
         for i in 0..3 {
             squares[i] += error[i] * error[i];
@@ -71,4 +74,9 @@ pub fn of_session(path: &Path) -> Option<Accuracy> {
     }
     let rms_mm = squares.map(|s| (s / pairs.len() as f64).sqrt());
     Some(Accuracy { topic: track_name, samples: pairs.len(), rms_mm, worst_mm: worst, moved_mm: moved })
+}
+
+fn mean_of(points: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let sum = points.iter().fold([0.0; 3], |sum: [f64; 3], p| std::array::from_fn(|i| sum[i] + p[i]));
+    (!points.is_empty()).then(|| sum.map(|s| s / points.len() as f64))
 }

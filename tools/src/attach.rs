@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use clap::Args;
-use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::run_folder::{RunCard, going_on};
 use stillpoint_pipeline::operator::Registry;
@@ -31,6 +30,11 @@ pub struct Attached {
 }
 
 impl Which {
+    /// Whether the run with this root folder still goes on: a supervisor that was killed leaves the folder behind.
+    pub fn is_going_on(&self, root: &Path) -> bool {
+        root.parent().is_some_and(stillpoint_pipeline::live::run_folder::is_going_on)
+    }
+
     /// Joins the run.
     pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
         let cards = going_on();
@@ -50,9 +54,8 @@ impl Which {
                 )));
             }
         };
-        let files = DiskFiles::beside(Path::new(&card.file));
         let graph =
-            spec::check(&card.source, &card.file, &card.sets, registry, &files).map_err(|faults| {
+            spec::check(&card.source, &card.file, &card.sets, registry, &card.files).map_err(|faults| {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
         let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;

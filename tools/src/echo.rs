@@ -1,6 +1,8 @@
 //! `stillpoint echo`
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
@@ -52,7 +54,10 @@ impl Echo {
             let Some(kind) = stillpoint_samples::all().iter().find(|k| k.type_name() == *type_name) else {
                 continue;
             };
-            print(kind, Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?)?;
+            let sample = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
+            if !print(&show::to_json(kind, sample)) {
+                break;
+            }
         }
         Ok(Exit::Done)
     }
@@ -76,37 +81,40 @@ impl Echo {
         let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
         let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
         subscriber.connect().map_err(Failure::failed)?;
+        let stop = Arc::new(AtomicBool::new(false));
+        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
+        }
         let mut shown = 0;
-        loop {
+        while !stop.load(Ordering::Relaxed) && self.which.is_going_on(&root) {
             // Polled: a listener would cost the publisher time.
             while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
-                print(kind, sample.pieces())?;
+                let value = show::to_json(kind, sample.pieces());
+                // Back to its publisher before a slow reader is waited for.
+                drop(sample);
+                if !print(&value) {
+                    return Ok(Exit::Done);
+                }
                 shown += 1;
                 if self.count.is_some_and(|count| shown >= count) {
                     return Ok(Exit::Done);
                 }
             }
-            if !root.exists() {
-                return Ok(Exit::Done);
-            }
             std::thread::sleep(Duration::from_millis(10));
         }
+        Ok(Exit::Done)
     }
 }
 
 fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
     let all: Vec<&str> = all.collect();
     let near =
-        nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!("; did you mean {n}?"));
-    Failure::wrong(format!("there is no topic `{topic}`{near} There are: {}", all.join(", ")))
+        nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
+    Failure::wrong(format!("stillpoint: there is no topic `{topic}`{near}; there are {}", all.join(", ")))
 }
 
-/// Prints a sample as one line of JSON. A reader that went away ends the command.
-fn print(kind: &SampleKind, sample: Pieces<'_>) -> Result<(), Failure> {
+/// Prints one line of JSON; whether somebody still reads.
+fn print(value: &serde_json::Value) -> bool {
     use std::io::Write;
-    let line = show::to_json(kind, sample).to_string();
-    if writeln!(std::io::stdout(), "{line}").is_err() {
-        std::process::exit(0);
-    }
-    Ok(())
+    writeln!(std::io::stdout(), "{value}").is_ok()
 }

@@ -17,6 +17,7 @@
 
 mod accuracy;
 mod attach;
+mod bench;
 mod check;
 mod echo;
 mod exit;
@@ -29,6 +30,8 @@ mod run;
 mod schema;
 mod send;
 mod show;
+mod simulate;
+mod status_line;
 mod summary;
 
 use std::process::ExitCode;
@@ -71,17 +74,20 @@ enum Command {
     Send(send::Send),
     /// Show the samples of a topic of a running pipeline or of a session.
     Echo(echo::Echo),
+    /// Measure how fast and how exact this build is on this machine.
+    Bench(bench::Bench),
 }
 
 /// The kinds of operators that come with the command, and those of `extra`.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::console::STAGES,
-        // stillpoint_ingest::STAGES,
-        // stillpoint_segment::STAGES,
-        // stillpoint_track::STAGES,
-        // stillpoint_estimate::STAGES,
-        // stillpoint_rig::STAGES,
+        stillpoint_ingest::STAGES,
+        stillpoint_segment::STAGES,
+        stillpoint_track::STAGES,
+        stillpoint_estimate::STAGES,
+        stillpoint_rig::STAGES,
+        stillpoint_sink::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)
@@ -93,8 +99,12 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
     match std::env::args().nth(1).as_deref() {
         Some(WORKER) => return worker_main(&registry),
         Some(RECORDER) => return recorder_main(&registry),
+        Some(bench::WORKER) => return worker_main(&bench::registry(extra)),
+        Some(bench::RECORDER) => return recorder_main(&bench::registry(extra)),
+        Some(bench::bare::CHILD) => return bench::bare::child_main(std::env::args().nth(2)),
         _ => {}
     }
+    quiet_panics();
     let arguments = Arguments::parse();
     let done = match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
         Command::Run(c) => c.execute(&registry),
@@ -106,6 +116,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Schema(c) => c.execute(&registry),
         Command::Send(c) => c.execute(&registry),
         Command::Echo(c) => c.execute(&registry),
+        Command::Bench(c) => c.execute(extra),
     };
     match done {
         Ok(exit) => exit.into(),
@@ -114,4 +125,19 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
             failure.exit.into()
         }
     }
+}
+
+/// An operator's panic is contained, journalled and told: the default message would only stand beside that. A reader of
+/// standard output that went away is no fault of anyone. Any other panic is said as what it is.
+fn quiet_panics() {
+    std::panic::set_hook(Box::new(|panic| {
+        let text = panic.payload_as_str().unwrap_or_default();
+        if text.starts_with("failed printing to stdout") {
+            std::process::exit(0);
+        }
+        if !stillpoint_pipeline::cell::is_stepping() {
+            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            eprintln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
+        }
+    }));
 }

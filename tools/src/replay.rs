@@ -37,8 +37,11 @@ pub struct Replay {
     json: bool,
 }
 
+/// Gaps that are shown.
+const MOST_GAPS: usize = 5;
+
 /// Keeps nothing.
-struct Nobody;
+pub struct Nobody;
 
 impl Witness for Nobody {
     fn saw(&mut self, _: usize, _: &Entry, _: &[(usize, Parcel)]) -> Result<(), String> {
@@ -114,9 +117,9 @@ impl Replay {
     }
 
     fn say(&self, report: &ReplayReport, wall: f64) -> Ended {
-        let exit = match (report.differences, report.open.is_empty()) {
-            (0, true) => Exit::Done,
-            (0, false) => Exit::Open,
+        let exit = match report.differences {
+            0 if report.is_identical() => Exit::Done,
+            0 => Exit::Open,
             _ => Exit::Differs,
         };
         if self.json {
@@ -138,9 +141,18 @@ impl Replay {
                 open.operator, open.incarnation, open.from_activation, open.reason
             );
         }
+        for gap in report.gaps.iter().take(MOST_GAPS) {
+            println!("the session says: {gap}");
+        }
+        if report.gaps.len() > MOST_GAPS {
+            println!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
+        }
         let speed = report.seconds / wall.max(1e-9);
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
+            None if report.compared() == 0 => {
+                "no sample could be compared: the recording keeps no topic of these operators".to_string()
+            }
             None if report.open.is_empty() => "identical".to_string(),
             None => {
                 format!("identical where it can be replayed; {} incarnations are open", report.open.len())
@@ -159,7 +171,7 @@ impl Replay {
 }
 
 /// What a session of a replay starts with: what the replayed one kept.
-fn opening_of(session: &Session) -> Opening {
+pub fn opening_of(session: &Session) -> Opening {
     let keep = [RUN, IDENTITY, "stillpoint.files"];
     Opening {
         attachments: session

@@ -1,29 +1,19 @@
 //! `stillpoint run`
 
-use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
-use stillpoint_pipeline::clock::SessionClock;
-use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_pipeline::keep::Keeper;
-use stillpoint_pipeline::ledger::{Ledger, Line};
-use stillpoint_pipeline::live::control::Hello;
-use stillpoint_pipeline::live::status::{OperatorFigures, Status};
-use stillpoint_pipeline::live::{Fault, Launch, Processes, Recorded, RunOptions, RunReport, Supervisor};
+use stillpoint_pipeline::live::{Launch, RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_pipeline::placement::{Local, Placement, Threads};
-use stillpoint_pipeline::schedule::{Events, Witness};
-use stillpoint_pipeline::session::{identity, opening};
-use stillpoint_pipeline::setup::Files;
-use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::spec::quantity;
-use stillpoint_samples::Entry;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::{Checked, PipelineFile};
+use crate::simulate::{Place, simulate};
+use crate::status_line::StatusLine;
 use crate::summary;
 use crate::{RECORDER, WORKER};
 
@@ -91,7 +81,12 @@ impl Run {
             let length = length.ok_or_else(|| {
                 Failure::wrong("a simulated run has no end of its own: say how long, such as `--for 10s`")
             })?;
-            self.simulate(&checked, length, session.as_deref())?
+            let place = match self.lock_step {
+                None => Place::Local,
+                Some(LockStep::Threads) => Place::Threads,
+                Some(LockStep::Processes) => Place::Processes,
+            };
+            simulate(&checked, &self.pipeline.sets, place, length, session.as_deref())?
         } else {
             self.live(&checked, length, session.as_deref())?
         };
@@ -138,7 +133,7 @@ impl Run {
             launch: launch()?,
             identity: identity(),
         };
-        let mut line = StatusLine { terminal: std::io::stderr().is_terminal() && !self.json, shown: false };
+        let mut line = StatusLine::new(!self.json);
         let supervisor =
             Supervisor::start(checked.graph.clone(), options, &stop, &mut line).map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
@@ -156,72 +151,6 @@ impl Run {
             }
         }
         Ok(report)
-    }
-
-    fn simulate(&self, checked: &Checked, length: u64, session: Option<&Path>) -> Result<RunReport, Failure> {
-        let graph = &checked.graph;
-        let file = checked.file.display().to_string();
-        let files: Arc<dyn Files + Send + Sync> = Arc::new(DiskFiles::beside(&checked.file));
-        let hello = Hello {
-            process: String::new(),
-            source: checked.source.clone(),
-            file: file.clone(),
-            sets: self.pipeline.sets.clone(),
-            root: PathBuf::new(),
-            prefix: String::new(),
-            clock: SessionClock::zero(),
-            incarnations: Vec::new(),
-            directed: true,
-        };
-        let keeper = match session {
-            None => None,
-            Some(session) => {
-                let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
-                Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
-            }
-        };
-        let mut witness =
-            Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
-        let mut local;
-        let mut threads;
-        let mut processes;
-        let placement: &mut dyn Placement = match self.lock_step {
-            None => {
-                local = Local::new(graph.clone(), &*files);
-                &mut local
-            }
-            Some(LockStep::Threads) => {
-                threads = Threads::new(graph.clone(), &files);
-                &mut threads
-            }
-            Some(LockStep::Processes) => {
-                processes =
-                    Processes::start(graph.clone(), &launch()?, &checked.source, &file, &self.pipeline.sets)
-                        .map_err(Failure::failed)?;
-                &mut processes
-            }
-        };
-        let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
-        let ledger = witness.ledger.lines(graph);
-        let mut recorded = Vec::new();
-        if let Some(keeper) = witness.keeper {
-            let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
-            let part = keeper.finish(Some(text)).map_err(Failure::failed)?;
-            let lost = std::collections::BTreeMap::new();
-            recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, lost });
-        }
-        Ok(RunReport {
-            pipeline: graph.name.clone(),
-            seconds: length as f64 / 1e9,
-            operators: witness.status.figures(),
-            balanced: ledger.iter().all(Line::balances),
-            ledger,
-            unseen_entries: witness.ledger.missing_entries(),
-            faults: Vec::new(),
-            ended_early: ended.err().map(|e| e.to_string()),
-            recorded,
-            swept: Vec::new(),
-        })
     }
 }
 
@@ -245,74 +174,4 @@ fn next_session(folder: &Path, checked: &Checked) -> Result<PathBuf, Failure> {
         .map(|n| folder.join(format!("{name}-{n:04}")))
         .find(|path| !path.exists())
         .ok_or_else(|| Failure::failed(format!("{}: no free number for a session", folder.display())))
-}
-
-struct Witnesses {
-    keeper: Option<Keeper>,
-    ledger: Ledger,
-    status: Status,
-    samples: u64,
-    bytes: u64,
-}
-
-impl Witness for Witnesses {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
-        self.ledger.enter(operator, entry);
-        self.status.enter(operator, entry);
-        self.samples += 1 + outputs.len() as u64;
-        self.bytes += outputs.iter().map(|(_, p)| p.bytes.len() as u64).sum::<u64>();
-        match &mut self.keeper {
-            Some(keeper) => keeper.saw(operator, entry, outputs),
-            None => Ok(()),
-        }
-    }
-}
-
-/// The live status line, on a terminal.
-struct StatusLine {
-    terminal: bool,
-    shown: bool,
-}
-
-impl StatusLine {
-    fn clear(&mut self) {
-        if self.shown {
-            eprint!("\r\x1b[2K");
-            self.shown = false;
-        }
-    }
-}
-
-impl stillpoint_pipeline::live::Run for StatusLine {
-    fn started(&mut self, _: &[(String, u32)]) {}
-
-    fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
-        if !self.terminal {
-            return;
-        }
-        let mut line = format!("{seconds:6.1} s");
-        for o in operators.iter().filter(|o| o.activations > 0) {
-            line += &format!("  {} {:.0} Hz", o.operator, o.rate_hz);
-            if o.step_ms[0].is_finite() {
-                line += &format!(" {:.1} ms", o.step_ms[0]);
-            }
-            if o.lost > 0 {
-                line += &format!(" lost {}", o.lost);
-            }
-            if o.errors + o.panics > 0 {
-                line += &format!(" failed {}", o.errors + o.panics);
-            }
-        }
-        let width =
-            rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
-        let line: String = line.chars().take(width - 1).collect();
-        eprint!("\r\x1b[2K{line}");
-        let _ = std::io::stderr().flush();
-        self.shown = true;
-    }
-
-    fn failed(&mut self, fault: &Fault) {
-        self.clear();
-        eprintln!("stillpoint: {}: {}", fault.operator, fault.reason);
-    }
 }

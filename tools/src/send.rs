@@ -37,9 +37,9 @@ impl Send {
         let verb = Verb::from_word(word).ok_or_else(|| {
             let words = Verb::ALL.iter().map(|(w, _)| *w);
             let near =
-                nearest(word, words.clone()).map_or_else(String::new, |n| format!("; did you mean {n}?"));
+                nearest(word, words.clone()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
             Failure::wrong(format!(
-                "there is no verb `{word}`{near} There are: {}",
+                "stillpoint: there is no verb `{word}`{near}; there are {}",
                 words.collect::<Vec<_>>().join(", ")
             ))
         })?;

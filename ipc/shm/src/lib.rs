@@ -21,7 +21,7 @@ pub use domain::{Domain, sweep};
 pub use ports::{Loan, Publisher, Received, Subscriber};
 pub use realtime::real_time;
 pub use topic::{Contract, Topic};
-pub use wake::{Listener, Notifier, Wake, WakeReason};
+pub use wake::{Listener, Notifier, Wake};
 
 /// Why shared memory did not do as asked.
 #[derive(Clone, Debug, thiserror::Error)]

@@ -1,6 +1,6 @@
 //! Waking: a notifier and a listener per topic, and waiting on several listeners and a control pipe.
 
-use std::os::fd::BorrowedFd;
+use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
 
 use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::*;
@@ -58,54 +58,55 @@ impl Listener {
     }
 }
 
-/// What ended a wait.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct WakeReason {
-    /// The control pipe can be read, or its other end is gone.
-    pub control: bool,
-    /// At least one listener was woken.
-    pub listeners: bool,
-}
-
 /// Waits on the listeners of one thread and on its control pipe at the same time.
-#[derive(Default)]
 pub struct Wake {
+    /// The control pipe first, then a descriptor for each listener: made once, since a wait stands on the data path.
+    fds: Vec<PollFd<'static>>,
+    /// Dropped after the descriptors that name their sockets.
     listeners: Vec<Listener>,
+    _control: OwnedFd,
 }
 
 impl Wake {
-    /// Waits on these listeners.
-    pub fn new(listeners: Vec<Listener>) -> Self {
-        Self { listeners }
+    /// Waits on these listeners and on this end of the control pipe.
+    pub fn new(control: OwnedFd, listeners: Vec<Listener>) -> Self {
+        let raw = listeners.iter().map(|l| {
+            // SAFETY: this is the number of the listener's open socket; the listener is kept beside it.
+            unsafe { l.port.file_descriptor().native_handle() }
+        });
+        let fds = std::iter::once(control.as_raw_fd()).chain(raw);
+        let fds = fds.map(|fd| {
+            // SAFETY: the descriptor is only polled, and stays open for as long as this does: `listeners` and
+            // `_control` own it.
+            PollFd::from_borrowed_fd(unsafe { BorrowedFd::borrow_raw(fd) }, PollFlags::IN)
+        });
+        Self { fds: fds.collect(), listeners, _control: control }
     }
 
-    /// Waits until a listener is woken, the control pipe can be read, or `timeout` ns have passed (`None`: no limit).
-    /// Signals and spurious wake-ups end a wait too: look again at what is there.
-    pub fn wait(&self, control: BorrowedFd<'_>, timeout: Option<u64>) -> Result<WakeReason, ShmError> {
-        let mut fds = Vec::with_capacity(self.listeners.len() + 1);
-        fds.push(PollFd::from_borrowed_fd(control, PollFlags::IN));
-        for listener in &self.listeners {
-            // SAFETY: the descriptor is only polled, and only while its listener is borrowed by this function.
-            let fd = unsafe { BorrowedFd::borrow_raw(listener.port.file_descriptor().native_handle()) };
-            fds.push(PollFd::from_borrowed_fd(fd, PollFlags::IN));
-        }
+    /// Waits until a listener is woken, the control pipe can be read or its other end is gone, or `timeout` ns have
+    /// passed (`None`: no limit). Whether it is the control pipe. Signals and spurious wake-ups end a wait too: look
+    /// again at what is there. Wake-ups stay pending until [`drain`](Self::drain).
+    pub fn wait(&mut self, timeout: Option<u64>) -> Result<bool, ShmError> {
         let timeout = timeout
             .map(|ns| Timespec { tv_sec: (ns / 1_000_000_000) as i64, tv_nsec: (ns % 1_000_000_000) as _ });
-        match poll(&mut fds, timeout.as_ref()) {
-            Ok(_) | Err(Errno::INTR) => {}
-            Err(e) => {
-                return Err(ShmError::Port { topic: "*".into(), port: "listener", reason: e.to_string() });
-            }
+        match poll(&mut self.fds, timeout.as_ref()) {
+            Ok(_) => Ok(self.fds.first().is_some_and(|control| !control.revents().is_empty())),
+            Err(Errno::INTR) => Ok(false),
+            Err(e) => Err(ShmError::Port { topic: "*".into(), port: "listener", reason: e.to_string() }),
         }
-        let woken = |fd: &PollFd<'_>| !fd.revents().is_empty();
-        let control = woken(&fds[0]);
+    }
+
+    /// Takes the wake-ups that the last wait saw, and says whether there were any. Look once more before the next wait:
+    /// what was sent between the last look and this has no wake-up of its own any more.
+    pub fn drain(&mut self) -> Result<bool, ShmError> {
         let mut any = false;
-        for (fd, listener) in fds[1..].iter().zip(&self.listeners) {
-            if woken(fd) {
-                any = true;
+        for (fd, listener) in self.fds.iter_mut().skip(1).zip(&self.listeners) {
+            if !fd.revents().is_empty() {
+                fd.clear_revents();
                 listener.drain()?;
+                any = true;
             }
         }
-        Ok(WakeReason { control, listeners: any })
+        Ok(any)
     }
 }

@@ -1,5 +1,7 @@
 //! Topics, ports and wake-ups within one process; what needs several stands in the whole-system tests.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
 use std::path::PathBuf;
 
 use stillpoint_samples::{Head, Pieces, PointCloud, Pose, Sample};
@@ -107,14 +109,19 @@ fn a_notification_wakes_and_silence_times_out() {
     let room = room("wake");
     let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
     let topic = Topic::create(&domain, &contract(1)).unwrap();
-    let wake = Wake::new(vec![topic.listener().unwrap()]);
+    let (read, write) = std::io::pipe().unwrap();
+    let mut wake = Wake::new(read.into(), vec![topic.listener().unwrap()]);
     let notifier = topic.notifier().unwrap();
-    let (read, _write) = std::io::pipe().unwrap();
-    use std::os::fd::AsFd;
-    assert!(!wake.wait(read.as_fd(), Some(1_000_000)).unwrap().listeners);
+    wake.wait(Some(1_000_000)).unwrap();
+    assert!(!wake.drain().unwrap());
     notifier.notify();
-    assert!(wake.wait(read.as_fd(), None).unwrap().listeners);
-    assert!(!wake.wait(read.as_fd(), Some(1_000_000)).unwrap().listeners, "a wake-up is taken once");
+    wake.wait(None).unwrap();
+    assert!(wake.drain().unwrap());
+    wake.wait(Some(1_000_000)).unwrap();
+    assert!(!wake.drain().unwrap(), "a wake-up is taken once");
+    assert!(!wake.wait(Some(1_000_000)).unwrap());
+    drop(write);
+    assert!(wake.wait(None).unwrap(), "the control pipe's end is seen");
 }
 
 #[test]

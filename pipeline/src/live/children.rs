@@ -33,8 +33,12 @@ pub struct Child {
     pub name: String,
     /// Of what it said that it ends.
     pub last_words: Option<String>,
-    /// The last order to connect that it followed.
+    /// Its ports are made.
+    pub made: bool,
+    /// Number of the last order to connect that it has done.
     pub connected: u64,
+    /// Its inputs are drained and its end is marked.
+    pub stopped: bool,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -76,7 +80,9 @@ impl Child {
         let mut child = Self {
             name: name.to_string(),
             last_words: None,
+            made: false,
             connected: 0,
+            stopped: false,
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),
@@ -117,6 +123,9 @@ impl Child {
                     }
                     told.push(Told { operator, incarnation, reason, fatal });
                 }
+                Ok(Line::Message(FromWorker::Made)) => self.made = true,
+                Ok(Line::Message(FromWorker::Connected { number })) => self.connected = number,
+                Ok(Line::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(Line::Message(message)) => self.heard.push_back(message),
                 Ok(Line::Nothing) => return,
                 Ok(Line::Ended) => self.ended = true,
@@ -132,6 +141,19 @@ impl Child {
     /// The oldest message that was heard and not taken.
     pub fn next(&mut self) -> Option<FromWorker> {
         self.heard.pop_front()
+    }
+
+    /// Waits until `done` holds; whether it does. A child that is gone is not waited for.
+    pub fn wait(&mut self, patience: Duration, told: &mut Vec<Told>, done: impl Fn(&Self) -> bool) -> bool {
+        let end = Instant::now() + patience;
+        loop {
+            self.listen(told);
+            let left = end.saturating_duration_since(Instant::now());
+            if done(self) || self.ended || left.is_zero() {
+                return done(self);
+            }
+            wait_any(&[&*self], left);
+        }
     }
 
     /// Waits for the answer to an order. `Err`: the child is gone, or did not answer in time.

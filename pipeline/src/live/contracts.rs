@@ -8,12 +8,15 @@ use crate::schedule::depth_of;
 
 /// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
 const TAPS: usize = 6;
+/// Samples that those who look in may hold between them before the edges of the graph are short of memory: each copies
+/// what it sees at once.
+const LOOKERS: usize = 1;
 /// Samples that a consumer holds at a time: the one that waits, the one in work or held, and one more on its way.
 const BORROWED: usize = 3;
 /// Entries that wait for the recorder: enough for 5 ms at 200,000 activations a second.
 pub const JOURNAL_DEPTH: usize = 1024;
-/// Bytes of a topic that may wait for the recorder.
-const RECORDER_BYTES: usize = 4 << 20;
+/// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
+const RECORDER_BYTES: usize = 8 << 20;
 
 /// Name of an operator's journal topic.
 pub fn journal_topic(operator: &str) -> String {
@@ -43,7 +46,7 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         publishers: 4,
         nodes: graph.processes.len() + 2 + TAPS,
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
-        pool: deepest.max(recorded) + consumers.len() * (BORROWED - 1) + 3,
+        pool: deepest.max(recorded) + consumers.len() * (BORROWED - 1) + 3 + LOOKERS,
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }

@@ -5,6 +5,7 @@ use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::clock::SessionClock;
+use crate::files::Snapshot;
 use crate::record::Record;
 
 /// What a child is told first: all that it needs to make the same graph.
@@ -14,10 +15,12 @@ pub struct Hello {
     pub process: String,
     /// Text of the pipeline.
     pub source: String,
-    /// Name of its file, for messages; params' files are found beside it.
+    /// Name of its file, for messages.
     pub file: String,
     /// `--set` overrides.
     pub sets: Vec<String>,
+    /// The files that params name, as they were when the run began.
+    pub files: Snapshot,
     /// Root folder of the domain.
     pub root: std::path::PathBuf,
     /// Prefix of the domain.
@@ -35,8 +38,8 @@ pub struct Hello {
 pub enum ToWorker {
     /// Connect to all publishers that are there, and say so.
     Connect {
-        /// Comes back in the answer: an answer that came too late is no answer to a later order.
-        ticket: u64,
+        /// Number of the order, to be given back: an answer may come late.
+        number: u64,
     },
     /// Begin. Timers count from `epoch`, session time in ns.
     Go {
@@ -91,10 +94,10 @@ pub enum ToWorker {
 pub enum FromWorker {
     /// All ports are made.
     Made,
-    /// All publishers that are there are connected.
+    /// All publishers that were there are connected.
     Connected {
-        /// That of the order.
-        ticket: u64,
+        /// Number of the order.
+        number: u64,
     },
     /// An operator failed. A fatal failure ends the process.
     Fault {
@@ -135,6 +138,8 @@ pub struct RecorderReport {
     pub samples: u64,
     /// Bytes of samples written.
     pub bytes: u64,
+    /// CPU time of the recorder's process, ns.
+    pub cpu_ns: u64,
     /// Samples that it could not keep, by topic.
     pub lost: std::collections::BTreeMap<String, u64>,
     /// The file.
@@ -146,8 +151,8 @@ pub struct RecorderReport {
 pub enum ToRecorder {
     /// Connect to all publishers that are there, and say so.
     Connect {
-        /// Comes back in the answer.
-        ticket: u64,
+        /// Number of the order.
+        number: u64,
     },
     /// Take what waits, and end the session with this ledger (JSON).
     Finish {

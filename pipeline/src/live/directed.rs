@@ -57,11 +57,11 @@ impl<'f> DirectedWorker<'f> {
             match order {
                 ToWorker::Exit => return Ok(()),
                 ToWorker::Go { .. } => {}
-                ToWorker::Connect { ticket } => {
+                ToWorker::Connect { number } => {
                     for member in &self.members {
                         member.connect().map_err(|e| e.to_string())?;
                     }
-                    tell(&FromWorker::Connected { ticket })?;
+                    tell(&FromWorker::Connected { number })?;
                 }
                 ToWorker::Stop => tell(&FromWorker::Stopped)?,
                 order => {

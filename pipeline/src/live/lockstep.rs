@@ -1,6 +1,7 @@
 //! Lock-step placement in processes: activations are sent to workers as records, samples go through shared memory.
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::entry_of;
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
+use crate::files::{DiskFiles, Snapshot};
 use crate::graph::Graph;
 use crate::placement::{Committed, Placement, PlacementError};
 use crate::record::Record;
@@ -45,6 +47,8 @@ impl Processes {
         sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
+        let disk = DiskFiles::beside(Path::new(file));
+        let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
@@ -70,6 +74,7 @@ impl Processes {
                 source: source.to_string(),
                 file: file.to_string(),
                 sets: sets.to_vec(),
+                files: files.clone(),
                 root: folder.root(),
                 prefix: folder.prefix().to_string(),
                 clock: SessionClock::start(),
@@ -80,16 +85,14 @@ impl Processes {
         }
         let mut told = Vec::new();
         for child in &mut children {
-            match child.answer(PATIENCE, &mut told) {
-                Ok(FromWorker::Made) => {}
-                other => return Err(first_reason(&told, other)),
+            if !child.wait(PATIENCE, &mut told, |c| c.made) {
+                return Err(first_reason(&told, Err(format!("process {} did not begin", child.name))));
             }
         }
         for child in &mut children {
-            child.tell(&ToWorker::Connect { ticket: 0 });
-            match child.answer(PATIENCE, &mut told) {
-                Ok(FromWorker::Connected { .. }) => {}
-                other => return Err(first_reason(&told, other)),
+            child.tell(&ToWorker::Connect { number: 1 });
+            if !child.wait(PATIENCE, &mut told, |c| c.connected == 1) {
+                return Err(first_reason(&told, Err(format!("process {} did not connect", child.name))));
             }
         }
         let mut processes =

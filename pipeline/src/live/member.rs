@@ -175,7 +175,10 @@ impl Member {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
-        let due = self.every.filter(|_| timers).map(|every| self.epoch + self.tick * every);
+        let due = self
+            .every
+            .filter(|_| timers)
+            .map(|every| self.epoch.saturating_add(self.tick.saturating_mul(every)));
         let mut fault = None;
         let inlets = &self.inlets;
         let ready = self.intake.ready(now, &mut |port| match inlets.get(port)?.as_ref()?.receive() {
@@ -196,7 +199,7 @@ impl Member {
                 // Ticks that passed while the operator was busy are skipped; the number of the tick shows it.
                 let tick = (now - self.epoch) / every;
                 self.tick = tick + 1;
-                (Cause::Timer, 0, self.epoch + tick * every, tick)
+                (Cause::Timer, 0, self.epoch.saturating_add(tick.saturating_mul(every)), tick)
             }
             _ => {
                 let visible = self.intake.next_visible();

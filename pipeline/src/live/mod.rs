@@ -4,12 +4,16 @@
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
 //! - `pipe`: lines over the children's pipes, unbuffered
+//! - `report`: what a run is asked for, and how it went
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
+//! - `watch`: the watch over deadlines
 //! - `worker`: a process of operators
+//! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
 //! - `lockstep`: processes that do what a schedule tells them
 //! - `member`: one operator in a worker
 //! - `recorder`: the process that records
+//! - `seat`: core and scheduling class of a process
 //! - `status`: what a run looks like from its journals
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
@@ -21,15 +25,19 @@ mod lockstep;
 mod member;
 mod pipe;
 mod recorder;
+mod report;
 pub mod run_folder;
+mod seat;
 pub mod status;
 mod supervisor;
+mod watch;
 mod worker;
 
 pub use children::Launch;
 pub use lockstep::Processes;
 pub use recorder::recorder_main;
-pub use supervisor::{Fault, Recorded, Run, RunOptions, RunReport, Supervisor};
+pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
+pub use supervisor::Supervisor;
 pub use worker::worker_main;
 
 use stillpoint_samples::{Entry, Journal, Pieces};

@@ -6,23 +6,21 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crossbeam_channel::{Receiver, Sender, unbounded};
+use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillpoint_recorder::{
-    ClockSample, Closing, Compression, PartWriter, TopicId, create_part, session_parts,
+    ClockSample, Closing, Compression, Encoded, PartWriter, TopicId, TopicInfo, create_part, session_parts,
 };
-use stillpoint_samples::{Journal, Sample, SampleKind};
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::contracts;
 use super::control::{FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::pipe::{Line, say};
 use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
-use crate::clock::{SessionClock, realtime};
+use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
 use crate::operator::Registry;
 use crate::session::{opening, topic_infos};
-use crate::shelf::Parcel;
 
 /// How often shared memory is looked at, ns.
 const PERIOD: i64 = 5_000_000;
@@ -32,6 +30,9 @@ const FLUSH_EVERY: u64 = 500_000_000;
 const CLOCK_EVERY: u64 = 10_000_000_000;
 /// Bytes that may wait for the disk.
 const MOST_WAITING: usize = 256 << 20;
+/// Buffers of a topic that are kept to be used again. They stay with their topic: a short sample must not hold the memory
+/// of a long one.
+const SPARE: usize = 8;
 
 /// The body of the recorder's process.
 pub fn recorder_main(registry: &Registry) -> ExitCode {
@@ -62,9 +63,9 @@ fn serve(registry: &Registry) -> Result<(), String> {
         loop {
             match orders.next::<ToRecorder>()? {
                 Line::Nothing => break,
-                Line::Message(ToRecorder::Connect { ticket }) => {
+                Line::Message(ToRecorder::Connect { number }) => {
                     recorder.connect()?;
-                    tell(&FromWorker::Connected { ticket })?;
+                    tell(&FromWorker::Connected { number })?;
                 }
                 Line::Message(ToRecorder::Finish { ledger, gaps, in_order }) => {
                     let facts = BTreeMap::from([("in_order".to_string(), in_order.to_string())]);
@@ -88,16 +89,17 @@ fn serve(registry: &Registry) -> Result<(), String> {
 
 struct Tap {
     subscriber: Subscriber,
-    kind: &'static SampleKind,
+    info: TopicInfo,
     topic: TopicId,
-    name: String,
+    /// Buffers that were written, back from the writer, and its way to give them back.
+    spare: (Sender<Vec<u8>>, Receiver<Vec<u8>>),
     /// By incarnation: the number expected next.
     next: BTreeMap<u32, u64>,
     _topic: Topic,
 }
 
 enum Item {
-    Sample { topic: TopicId, parcel: Parcel, log_time: u64 },
+    Sample { topic: TopicId, sample: Encoded, size: usize, log_time: u64, spare: Sender<Vec<u8>> },
     Lost { topic: TopicId, incarnation: u32, first: u64, count: u64 },
 }
 
@@ -130,18 +132,15 @@ impl Recorder {
         let mut part = PartWriter::new(file, compression, &start).map_err(|e| e.to_string())?;
         let mut taps = Vec::new();
         for (info, source) in topic_infos(graph) {
-            let (contract, kind) = match source {
-                (operator, None) => (contracts::journal(graph, operator), Journal::KIND),
-                (operator, Some(port)) => (
-                    contracts::output(graph, operator, port),
-                    graph.operators[operator].stage.kind.outputs[port].sample,
-                ),
+            let contract = match source {
+                (operator, None) => contracts::journal(graph, operator),
+                (operator, Some(port)) => contracts::output(graph, operator, port),
             };
             let topic = Topic::open(domain, &contract).map_err(|e| e.to_string())?;
             let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
-            let name = info.name.clone();
-            let id = part.add_topic(info).map_err(|e| e.to_string())?;
-            taps.push(Tap { subscriber, kind, topic: id, name, next: BTreeMap::new(), _topic: topic });
+            let id = part.add_topic(info.clone()).map_err(|e| e.to_string())?;
+            let spare = bounded(SPARE);
+            taps.push(Tap { subscriber, info, topic: id, spare, next: BTreeMap::new(), _topic: topic });
         }
         part.flush().map_err(|e| e.to_string())?;
         let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
@@ -172,7 +171,10 @@ impl Recorder {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
             return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
-                Some(Ok(Err(reason))) => reason,
+                Some(Ok(Err(reason))) => format!(
+                    "{}: {reason}; make room, or choose another folder with --record",
+                    self.part.display()
+                ),
                 _ => "the recording's writer ended".to_string(),
             });
         }
@@ -189,7 +191,7 @@ impl Recorder {
                     head.sequence
                 });
                 let mut lose = |first: u64, count: u64| {
-                    *self.lost.entry(tap.name.clone()).or_insert(0) += count;
+                    *self.lost.entry(tap.info.name.clone()).or_insert(0) += count;
                     let _ = items.send(Item::Lost {
                         topic: tap.topic,
                         incarnation: head.incarnation,
@@ -201,14 +203,18 @@ impl Recorder {
                     lose(*next, head.sequence - *next);
                 }
                 *next = head.sequence + 1;
-                let size = tap.kind.total_size(head.count).unwrap_or(0);
+                let size = tap.info.kind.total_size(head.count).unwrap_or(0);
                 if self.waiting.load(Ordering::Relaxed) + size > MOST_WAITING {
                     lose(head.sequence, 1);
                     continue;
                 }
                 self.waiting.fetch_add(size, Ordering::Relaxed);
-                let parcel = Parcel::copy_of(tap.kind, sample.pieces());
-                let _ = items.send(Item::Sample { topic: tap.topic, parcel, log_time: realtime() });
+                // The one copy out of shared memory is the message as it will be written.
+                let buffer = tap.spare.1.try_recv().unwrap_or_default();
+                let sample = Encoded::new(&tap.info, sample.pieces(), buffer)
+                    .map_err(|e| format!("topic {}: {e}", tap.info.name))?;
+                let (log_time, spare) = (realtime(), tap.spare.0.clone());
+                let _ = items.send(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
             }
         }
         Ok(any)
@@ -233,6 +239,7 @@ impl Recorder {
         Ok(RecorderReport {
             samples: written.samples,
             bytes: written.bytes,
+            cpu_ns: cpu_time(),
             lost: std::mem::take(&mut self.lost),
             part: self.part.clone(),
         })
@@ -251,11 +258,12 @@ fn write(
     loop {
         let item = inbox.recv_timeout(std::time::Duration::from_nanos(FLUSH_EVERY / 2));
         match item {
-            Ok(Item::Sample { topic, parcel, log_time }) => {
-                part.write(topic, parcel.pieces(), log_time).map_err(|e| e.to_string())?;
+            Ok(Item::Sample { topic, sample, size, log_time, spare }) => {
+                part.write_encoded(topic, &sample, log_time).map_err(|e| e.to_string())?;
                 samples += 1;
-                bytes += parcel.bytes.len() as u64;
-                waiting.fetch_sub(parcel.bytes.len(), Ordering::Relaxed);
+                bytes += size as u64;
+                waiting.fetch_sub(size, Ordering::Relaxed);
+                let _ = spare.try_send(sample.into_buffer());
                 dirty = true;
             }
             Ok(Item::Lost { topic, incarnation, first, count }) => {

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 
+use crate::files::Snapshot;
+
 /// The folder of a run that is going on.
 pub struct RunFolder {
     path: PathBuf,
@@ -30,6 +32,8 @@ pub struct RunCard {
     pub file: String,
     /// `--set` overrides.
     pub sets: Vec<String>,
+    /// The files that params name, as they were when the run began.
+    pub files: Snapshot,
     /// Root folder of the domain.
     pub root: PathBuf,
     /// Prefix of the domain.
@@ -68,7 +72,8 @@ impl RunFolder {
                         .open(&lock_path)
                         .map_err(|e| say(&lock_path, e))?;
                     // Somebody who sweeps may have been quicker: take another name then.
-                    if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+                    let locked = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
+                    if !locked || !lock_path.exists() {
                         continue;
                     }
                     return Ok(Self { path, _lock: lock, prefix: format!("sp_{id}_") });
@@ -88,6 +93,11 @@ impl RunFolder {
     /// Root folder of the run's domain.
     pub fn root(&self) -> PathBuf {
         self.path.join("d")
+    }
+
+    /// Folder of the files that params name.
+    pub fn files(&self) -> PathBuf {
+        self.path.join("f")
     }
 
     /// Writes what others need to join.
@@ -122,14 +132,17 @@ pub fn sweep_dead() -> Vec<String> {
     swept
 }
 
+/// Whether the run with this folder is going on: its supervisor holds the lock.
+pub fn is_going_on(run: &Path) -> bool {
+    let lock = OpenOptions::new().write(true).open(run.join("lock"));
+    lock.is_ok_and(|l| flock(&l, FlockOperation::NonBlockingLockShared).is_err())
+}
+
 /// The cards of all runs that are going on, oldest process first.
 pub fn going_on() -> Vec<RunCard> {
     let mut cards: Vec<RunCard> = folders()
         .into_iter()
-        .filter(|(path, _)| {
-            let lock = OpenOptions::new().write(true).open(path.join("lock"));
-            lock.is_ok_and(|l| flock(&l, FlockOperation::NonBlockingLockShared).is_err())
-        })
+        .filter(|(path, _)| is_going_on(path))
         .filter_map(|(path, _)| serde_json::from_slice(&std::fs::read(path.join("run.json")).ok()?).ok())
         .collect();
     cards.sort_by_key(|c| c.pid);

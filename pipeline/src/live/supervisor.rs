@@ -1,115 +1,37 @@
 //! The supervisor: starts, watches, restarts and ends the processes of a live run.
+//!
+//! - `restarts`: what follows on the death of a child
+//! - `ending`: the end of a run, level by level
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+mod ending;
+mod restarts;
+
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use serde::Serialize;
 use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
-use super::children::{Child, Launch, Told, wait_any};
+use super::children::{Child, Told, wait_any};
 use super::contracts;
-use super::control::{FromWorker, Hello, HelloRecorder, RecorderReport, ToRecorder, ToWorker};
+use super::control::{Hello, HelloRecorder, ToRecorder, ToWorker};
 use super::entry_of;
+use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
-use super::status::{OperatorFigures, Status};
+use super::status::Status;
 use crate::clock::SessionClock;
-use crate::graph::{Graph, Restart};
-use crate::ledger::{Ledger, Line};
+use crate::files::{DiskFiles, Snapshot};
+use crate::graph::Graph;
+use crate::ledger::Ledger;
 
-/// How long a child may take to make its ports, and to answer.
+/// How long a child may take to make its ports before the run begins.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// How long a child may take to drain its inputs at the end.
-const DRAINING: Duration = Duration::from_secs(20);
-/// How long a child in a long step may keep the others from going on.
-const CONNECTING: Duration = Duration::from_secs(10);
-/// How often journals are read while something is waited for.
-const LOOK: Duration = Duration::from_millis(10);
-/// After this long without a fault, ns, restarts count from zero again.
-const CALM: u64 = 10_000_000_000;
-
-/// What is to be run, and how.
-#[derive(Clone, Debug)]
-pub struct RunOptions {
-    /// Text of the pipeline.
-    pub source: String,
-    /// Name of its file.
-    pub file: String,
-    /// `--set` overrides.
-    pub sets: Vec<String>,
-    /// Length of the run, ns of session time; `None`: until it is stopped.
-    pub duration: Option<u64>,
-    /// Folder of the session; `None`: nothing is recorded.
-    pub session: Option<PathBuf>,
-    /// Compression of the recording: `lz4`, `zstd` or `none`.
-    pub compression: String,
-    /// How children are started.
-    pub launch: Launch,
-    /// Facts about build and machine.
-    pub identity: BTreeMap<String, String>,
-}
-
-/// How a run went.
-#[derive(Clone, Debug, Serialize)]
-pub struct RunReport {
-    /// Name of the pipeline.
-    pub pipeline: String,
-    /// Session time from go to stop, s.
-    pub seconds: f64,
-    /// Figures by operator.
-    pub operators: Vec<OperatorFigures>,
-    /// The ledger.
-    pub ledger: Vec<Line>,
-    /// Whether every line of the ledger balances.
-    pub balanced: bool,
-    /// Journal entries that the supervisor did not see (the recorder may have).
-    pub unseen_entries: u64,
-    /// Failures, in the order in which they were told.
-    pub faults: Vec<Fault>,
-    /// Why the run ended before its time, if it did.
-    pub ended_early: Option<String>,
-    /// What was recorded, by part.
-    pub recorded: Vec<Recorded>,
-    /// Runs that had died, and were swept before this one.
-    pub swept: Vec<String>,
-}
-
-/// A failure during a run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Fault {
-    /// Operator or process.
-    pub operator: String,
-    /// What it said, or what happened to it.
-    pub reason: String,
-    /// Whether its process ended by it.
-    pub fatal: bool,
-}
-
-/// What a part of a session holds.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Recorded {
-    /// The file.
-    pub part: PathBuf,
-    /// Samples, journals included.
-    pub samples: u64,
-    /// Their bytes.
-    pub bytes: u64,
-    /// Samples not kept, by topic.
-    pub lost: BTreeMap<String, u64>,
-}
-
-/// Sees how a run goes on.
-pub trait Run {
-    /// The run goes on: seconds since it began, figures so far.
-    fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]);
-    /// A failure was told.
-    fn failed(&mut self, fault: &Fault);
-    /// The processes run: process numbers by name.
-    fn started(&mut self, processes: &[(String, u32)]);
-}
+/// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
+const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
+/// How long the recorder is waited for: what it has not connected to is lost to the session.
+const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Runs a checked pipeline live.
 pub struct Supervisor {
@@ -119,6 +41,10 @@ pub struct Supervisor {
     workers: Vec<Worker>,
     recorder: Option<Child>,
     recorder_deaths: u32,
+    /// When the recorder is to be started again, session time.
+    recorder_due: Option<u64>,
+    /// Number of the last order to connect.
+    connects: u64,
     recorded: Vec<Recorded>,
     journals: Vec<Subscriber>,
     ledger: Ledger,
@@ -129,8 +55,7 @@ pub struct Supervisor {
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
-    /// Number of the last order to connect.
-    ticket: u64,
+    files: Snapshot,
     // Dropped in this order: ports, then topics, then the node, then the folder.
     _topics: Vec<Topic>,
     domain: Domain,
@@ -141,6 +66,8 @@ struct Worker {
     /// Number of the process.
     process: usize,
     child: Option<Child>,
+    /// It was told to begin.
+    went: bool,
     /// Restarts since the last calm.
     restarts: u32,
     last_death: u64,
@@ -149,7 +76,7 @@ struct Worker {
 }
 
 impl Supervisor {
-    /// Sweeps dead runs, lays out shared memory, starts every process and opens the barrier.
+    /// Sweeps dead runs, lays out shared memory, starts every process and opens the barrier. `stop` ends that, too.
     pub fn start(
         graph: Arc<Graph>,
         options: RunOptions,
@@ -159,6 +86,8 @@ impl Supervisor {
         let swept = sweep_dead();
         contracts::check_room(&graph)?;
         let folder = RunFolder::create()?;
+        let disk = DiskFiles::beside(Path::new(&options.file));
+        let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
@@ -173,7 +102,14 @@ impl Supervisor {
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
         }
         let workers = (0..graph.processes.len())
-            .map(|process| Worker { process, child: None, restarts: 0, last_death: 0, due: None })
+            .map(|process| Worker {
+                process,
+                child: None,
+                went: false,
+                restarts: 0,
+                last_death: 0,
+                due: None,
+            })
             .collect();
         let mut supervisor = Self {
             status: Status::new(&graph),
@@ -182,6 +118,8 @@ impl Supervisor {
             workers,
             recorder: None,
             recorder_deaths: 0,
+            recorder_due: None,
+            connects: 0,
             recorded: Vec::new(),
             journals,
             ledger: Ledger::default(),
@@ -189,7 +127,7 @@ impl Supervisor {
             faults: Vec::new(),
             swept,
             epoch: 0,
-            ticket: 0,
+            files,
             _topics: topics,
             domain,
             folder,
@@ -208,16 +146,29 @@ impl Supervisor {
             let child = self.start_worker(index)?;
             self.workers[index].child = Some(child);
         }
-        for index in 0..self.workers.len() {
-            let Some(mut child) = self.workers[index].child.take() else { continue };
-            let made = self.is_made(&mut child, stop);
-            self.workers[index].child = Some(child);
-            self.refuse_unless(made, stop)?;
-        }
-        if let Some(mut recorder) = self.recorder.take() {
-            let made = self.is_made(&mut recorder, stop);
-            self.recorder = Some(recorder);
-            self.refuse_unless(made, stop)?;
+        let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
+        for child in children {
+            let begun = Instant::now();
+            let goes_on = |child: &Child| {
+                !child.made && !child.is_gone() && begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed)
+            };
+            while goes_on(child) {
+                child.wait(Duration::from_millis(50), &mut self.told, |c| c.made);
+            }
+            if stop.load(Ordering::Relaxed) {
+                return Err("stopped while it was starting: no activation was done".to_string());
+            }
+            if !child.made {
+                let said = child.last_words.take().or_else(|| self.told.first().map(|t| t.reason.clone()));
+                let how = if child.is_gone() {
+                    "ended before its ports were made"
+                } else {
+                    "did not make its ports"
+                };
+                return Err(
+                    said.unwrap_or_else(|| format!("process {} {how}: start the run again", child.name))
+                );
+            }
         }
         self.connect_all();
         self.folder.publish(&RunCard {
@@ -226,6 +177,7 @@ impl Supervisor {
             source: self.options.source.clone(),
             file: self.options.file.clone(),
             sets: self.options.sets.clone(),
+            files: self.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
         })?;
@@ -235,21 +187,10 @@ impl Supervisor {
         for worker in &mut self.workers {
             if let Some(child) = &mut worker.child {
                 child.tell(&go);
+                worker.went = true;
             }
         }
         Ok(())
-    }
-
-    /// Says why the run cannot begin where a child has not made its ports.
-    fn refuse_unless(&self, made: bool, stop: &AtomicBool) -> Result<(), String> {
-        if made {
-            return Ok(());
-        }
-        if stop.load(Ordering::Relaxed) {
-            return Err("stopped while it was starting: no activation was done".to_string());
-        }
-        let said = self.told.first().map(|t| format!("{}: {}", t.operator, t.reason));
-        Err(said.unwrap_or_else(|| "a process did not make its ports in time".to_string()))
     }
 
     fn process_numbers(&self) -> Vec<(String, u32)> {
@@ -264,6 +205,7 @@ impl Supervisor {
             source: self.options.source.clone(),
             file: self.options.file.clone(),
             sets: self.options.sets.clone(),
+            files: self.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
             clock: self.clock,
@@ -293,41 +235,25 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Has every child connect to all publishers that are there, and waits until each has, or is gone. What a dead
-    /// publisher sent is safe only after this. Journals are read meanwhile: a child may be in a long step.
+    /// Has every child connect to all publishers that are there, and waits until each has. What a dead publisher sent
+    /// is safe only after this. A worker that is in a long step is not waited for longer than a moment.
     fn connect_all(&mut self) {
         for journal in &self.journals {
             let _ = journal.connect();
         }
-        self.ticket += 1;
-        let ticket = self.ticket;
-        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
-            child.tell(&ToWorker::Connect { ticket });
-        }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.tell(&ToRecorder::Connect { ticket });
-        }
+        self.connects += 1;
+        let number = self.connects;
         let begun = Instant::now();
-        while begun.elapsed() < CONNECTING {
-            self.read_journals();
-            let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
-            let mut waiting = Vec::new();
-            for child in children {
-                child.listen(&mut self.told);
-                while let Some(answer) = child.next() {
-                    if let FromWorker::Connected { ticket } = answer {
-                        child.connected = ticket;
-                    }
-                }
-                // A child that is gone by now is found by the watch; nothing of it is waited for.
-                if child.connected != ticket && !child.is_gone() {
-                    waiting.push(&*child);
-                }
-            }
-            if waiting.is_empty() {
-                return;
-            }
-            wait_any(&waiting, LOOK);
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            child.tell(&ToWorker::Connect { number });
+        }
+        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {
+            recorder.tell(&ToRecorder::Connect { number });
+            recorder.wait(RECORDER_PATIENCE, &mut self.told, |c| c.connected >= number);
+        }
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
+            child.wait(left, &mut self.told, |c| c.connected >= number);
         }
     }
 
@@ -348,7 +274,7 @@ impl Supervisor {
             self.read_journals();
             self.listen();
             self.tell_faults(run);
-            if let Some(reason) = self.care_for_children(now, stop)? {
+            if let Some(reason) = self.care_for_children(now)? {
                 early = Some(reason);
                 break;
             }
@@ -362,7 +288,7 @@ impl Supervisor {
             wait_any(&children, Duration::from_nanos(left));
         }
         let stopped = self.clock.now();
-        self.end(early, stopped, run)
+        self.end(early, stopped, stop, run)
     }
 
     fn listen(&mut self) {
@@ -391,257 +317,4 @@ impl Supervisor {
             }
         }
     }
-
-    /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    fn care_for_children(&mut self, now: u64, stop: &AtomicBool) -> Result<Option<String>, String> {
-        for index in 0..self.workers.len() {
-            if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
-                && let Some(reason) = self.bury_worker(index, now)
-            {
-                return Ok(Some(reason));
-            }
-        }
-        if self.recorder.as_ref().is_some_and(Child::is_gone)
-            && let Some(reason) = self.replace_recorder(stop)?
-        {
-            return Ok(Some(reason));
-        }
-        for index in 0..self.workers.len() {
-            if self.workers[index].due.is_some_and(|due| due <= now) {
-                self.restart(index, stop)?;
-            }
-        }
-        Ok(None)
-    }
-
-    /// A worker is gone: everyone connects to what it left, its node is cleaned, and its restart is planned.
-    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
-        let worker = &mut self.workers[index];
-        let mut child = worker.child.take()?;
-        let name = child.name.clone();
-        let said = child.last_words.take();
-        let status = child.reap(Duration::from_secs(1));
-        let reason =
-            format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-        let said = said.map_or_else(String::new, |said| format!(" ({said})"));
-        self.told.push(Told { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
-        self.connect_all();
-        self.read_journals();
-        self.domain.clean_dead_nodes();
-        let worker = &mut self.workers[index];
-        if now.saturating_sub(worker.last_death) > CALM {
-            worker.restarts = 0;
-        }
-        worker.last_death = now;
-        match self.graph.processes[worker.process].restart {
-            Restart::Never => Some(format!("{reason}{said}; its restart policy is never")),
-            Restart::OnFault { limit, .. } if worker.restarts >= limit => {
-                Some(format!("{reason}{said}; it was restarted {limit} times already"))
-            }
-            Restart::OnFault { backoff, .. } => {
-                let wait = backoff.saturating_mul(1 << worker.restarts.min(16));
-                worker.restarts += 1;
-                worker.due = Some(now.saturating_add(wait));
-                None
-            }
-        }
-    }
-
-    /// Waits until a child has made its ports, or the run is stopped. Journals are read meanwhile.
-    fn is_made(&mut self, child: &mut Child, stop: &AtomicBool) -> bool {
-        let begun = Instant::now();
-        while begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
-            self.read_journals();
-            match child.answer(LOOK, &mut self.told) {
-                Ok(answer) => return matches!(answer, FromWorker::Made),
-                Err(_) if child.is_gone() => return false,
-                Err(_) => {}
-            }
-        }
-        false
-    }
-
-    /// Starts a worker again. One that dies before its ports are made is buried like any other.
-    fn restart(&mut self, index: usize, stop: &AtomicBool) -> Result<(), String> {
-        self.workers[index].due = None;
-        for operator in self.graph.processes[self.workers[index].process].operators.clone() {
-            self.lives[operator] += 1;
-        }
-        let mut child = self.start_worker(index)?;
-        let made = self.is_made(&mut child, stop);
-        if !made {
-            child.kill();
-        }
-        self.workers[index].child = Some(child);
-        if made {
-            self.connect_all();
-            if let Some(child) = &mut self.workers[index].child {
-                child.tell(&ToWorker::Go { epoch: self.epoch });
-            }
-        }
-        Ok(())
-    }
-
-    /// A recorder that dies goes on in the next part of the session.
-    fn replace_recorder(&mut self, stop: &AtomicBool) -> Result<Option<String>, String> {
-        if let Some(child) = self.recorder.take() {
-            let status = child.reap(Duration::from_secs(1));
-            let reason =
-                format!("the recorder ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
-            self.told.push(Told { operator: "recorder".to_string(), incarnation: 0, reason, fatal: true });
-        }
-        self.domain.clean_dead_nodes();
-        self.recorder_deaths += 1;
-        if self.recorder_deaths > 100 {
-            return Ok(Some("the recorder ended again and again".to_string()));
-        }
-        self.start_recorder()?;
-        if let Some(mut recorder) = self.recorder.take() {
-            let made = self.is_made(&mut recorder, stop);
-            let said = recorder.last_words.take();
-            self.recorder = Some(recorder);
-            if !made {
-                return Ok(Some(said.unwrap_or_else(|| "the recorder cannot be started again".to_string())));
-            }
-        }
-        self.connect_all();
-        Ok(None)
-    }
-
-    /// Ends the run in order: level by level, the recorder last.
-    fn end(mut self, early: Option<String>, stopped: u64, run: &mut dyn Run) -> Result<RunReport, String> {
-        for level in levels(&self.graph) {
-            for index in &level {
-                if let Some(child) = &mut self.workers[*index].child {
-                    child.tell(&ToWorker::Stop);
-                }
-            }
-            for index in &level {
-                self.await_stop(*index);
-            }
-            self.read_journals();
-        }
-        self.connect_all();
-        self.read_journals();
-        self.tell_faults(run);
-        let ledger = self.ledger.lines(&self.graph);
-        let balanced = ledger.iter().all(Line::balances);
-        let mut report = RunReport {
-            pipeline: self.graph.name.clone(),
-            seconds: stopped.saturating_sub(self.epoch) as f64 / 1e9,
-            operators: self.status.figures(),
-            ledger,
-            balanced,
-            unseen_entries: self.ledger.missing_entries(),
-            faults: Vec::new(),
-            ended_early: early,
-            recorded: Vec::new(),
-            swept: std::mem::take(&mut self.swept),
-        };
-        self.finish_recording(&report);
-        for worker in &mut self.workers {
-            if let Some(mut child) = worker.child.take() {
-                child.tell(&ToWorker::Exit);
-                child.reap(Duration::from_secs(10));
-            }
-        }
-        self.tell_faults(run);
-        report.faults = std::mem::take(&mut self.faults);
-        report.recorded = std::mem::take(&mut self.recorded);
-        Ok(report)
-    }
-
-    /// Waits until a worker has drained its inputs. One that does not come back from a step is killed.
-    fn await_stop(&mut self, index: usize) {
-        let Some(mut child) = self.workers[index].child.take() else { return };
-        let begun = Instant::now();
-        loop {
-            self.read_journals();
-            match child.answer(LOOK, &mut self.told) {
-                Ok(FromWorker::Stopped) => break,
-                Ok(_) => {}
-                Err(_) if begun.elapsed() < DRAINING && !child.is_gone() => {}
-                Err(_) => {
-                    let what =
-                        if child.is_gone() { "ended" } else { "was killed, since it did not come back" };
-                    let reason = format!("process {} {what} while the run was being ended", child.name);
-                    self.told.push(Told {
-                        operator: child.name.clone(),
-                        incarnation: 0,
-                        reason,
-                        fatal: true,
-                    });
-                    child.kill();
-                    child.reap(Duration::from_secs(1));
-                    return;
-                }
-            }
-        }
-        self.workers[index].child = Some(child);
-    }
-
-    fn finish_recording(&mut self, report: &RunReport) {
-        let Some(mut recorder) = self.recorder.take() else { return };
-        let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
-        recorder.tell(&ToRecorder::Finish {
-            ledger,
-            gaps: Vec::new(),
-            in_order: report.ended_early.as_deref().is_none_or(|e| e == "stopped"),
-        });
-        loop {
-            match recorder.answer(PATIENCE, &mut self.told) {
-                Ok(FromWorker::Recorded(RecorderReport { samples, bytes, lost, part })) => {
-                    self.recorded.push(Recorded { part, samples, bytes, lost });
-                    break;
-                }
-                Ok(_) => {}
-                Err(reason) => {
-                    let operator = "recorder".to_string();
-                    self.told.push(Told { operator, incarnation: 0, reason, fatal: true });
-                    break;
-                }
-            }
-        }
-        recorder.reap(Duration::from_secs(10));
-    }
-}
-
-/// Processes by level: each after all that feed it. Processes that feed each other are in one level.
-fn levels(graph: &Graph) -> Vec<Vec<usize>> {
-    let count = graph.processes.len();
-    let mut feeds = vec![BTreeSet::new(); count];
-    for node in &graph.operators {
-        for edge in node.inputs.iter().filter_map(|i| i.edge) {
-            feeds[graph.operators[edge.operator].process].insert(node.process);
-        }
-    }
-    // Reachability is enough for graphs of this size, and gives loops as sets that reach each other.
-    let reach: Vec<BTreeSet<usize>> = (0..count)
-        .map(|start| {
-            let (mut seen, mut todo) = (BTreeSet::new(), vec![start]);
-            while let Some(at) = todo.pop() {
-                for next in &feeds[at] {
-                    if seen.insert(*next) {
-                        todo.push(*next);
-                    }
-                }
-            }
-            seen
-        })
-        .collect();
-    let mut left: BTreeSet<usize> = (0..count).collect();
-    let mut levels = Vec::new();
-    while !left.is_empty() {
-        // Ready: everything that feeds it and is still left is fed by it, too.
-        let ready: Vec<usize> = left
-            .iter()
-            .copied()
-            .filter(|p| left.iter().all(|q| p == q || !reach[*q].contains(p) || reach[*p].contains(q)))
-            .collect();
-        for p in &ready {
-            left.remove(p);
-        }
-        levels.push(ready);
-    }
-    levels
 }

@@ -4,7 +4,6 @@ use std::io::Write;
 use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use stillpoint_samples::Outcome;
 use stillpoint_shm::{Domain, Wake};
@@ -13,18 +12,30 @@ use super::control::{FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
 use super::member::{Looked, Member};
 use super::pipe::{Line, Lines, say};
+use super::seat::place;
+use super::watch::Watch;
 use crate::clock::{SessionClock, float_state_is_standard};
-use crate::files::DiskFiles;
-use crate::graph::{Graph, Priority, Restart};
+use crate::files::Snapshot;
+use crate::graph::{Graph, Restart};
 use crate::operator::Registry;
 use crate::spec;
+
+/// How long a worker that always finds work does not look at its control pipe, ns.
+const HEAR_EVERY: u64 = 5_000_000;
 
 /// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
 pub fn worker_main(registry: &Registry) -> ExitCode {
     // Ctrl-C reaches the whole process group; the supervisor ends the run in order.
     ignore_interrupts();
-    // A panic is contained, journalled and told; the default message would only stand beside that.
-    std::panic::set_hook(Box::new(|_| {}));
+    // An operator's panic is contained, journalled and told. Any other one ends the process, and is told here.
+    std::panic::set_hook(Box::new(|panic| {
+        if !crate::cell::is_stepping() {
+            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            let reason =
+                format!("a fault of stillpoint itself at {place}: {}", panic.payload_as_str().unwrap_or(""));
+            let _ = tell(&FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true });
+        }
+    }));
     std::thread::spawn(end_with_supervisor);
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
@@ -81,8 +92,7 @@ pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Re
 
 /// The graph that a hello describes.
 pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
-    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &files)
+    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &hello.files)
         .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
     Ok(Arc::new(graph))
 }
@@ -101,7 +111,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         .ok_or_else(|| format!("the pipeline has no process {}", hello.process))?
         .clone();
     place(process.core, process.priority)?;
-    let files = DiskFiles::beside(std::path::Path::new(&hello.file));
+    let files = hello.files.clone();
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
     if hello.directed {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
@@ -116,12 +126,13 @@ fn serve(registry: &Registry) -> Result<(), String> {
         Restart::OnFault { limit, .. } => limit,
     };
     let watch = Watch::start(&graph, &process.operators);
+    let control = orders.fd().try_clone_to_owned().map_err(|e| e.to_string())?;
     let mut worker = Worker {
         graph,
         files,
         clock: hello.clock,
         members,
-        wake: Wake::new(listeners),
+        wake: Wake::new(control, listeners),
         watch,
         limit,
         running: false,
@@ -138,7 +149,7 @@ fn tell(message: &FromWorker) -> Result<(), String> {
 
 struct Worker {
     graph: Arc<Graph>,
-    files: DiskFiles,
+    files: Snapshot,
     clock: SessionClock,
     members: Vec<Member>,
     wake: Wake,
@@ -152,41 +163,54 @@ struct Worker {
 
 impl Worker {
     fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+        let mut heard = 0;
+        let mut told = true;
         loop {
-            loop {
-                match orders.next()? {
-                    Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
-                    Line::Message(order) => self.obey(&order)?,
-                    Line::Nothing => break,
+            // A look at the pipe is a call into the system: on the data path it is taken only now and then.
+            if told || self.clock.now() >= heard + HEAR_EVERY {
+                loop {
+                    match orders.next()? {
+                        Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
+                        Line::Message(order) => self.obey(&order)?,
+                        Line::Nothing => break,
+                    }
                 }
+                heard = self.clock.now();
+                told = false;
             }
-            let mut timeout = None;
-            if self.running && !self.stopped {
-                let (worked, next) = self.pass()?;
+            let active = self.running && !self.stopped;
+            let mut next = None;
+            if active {
+                let (worked, at) = self.pass()?;
                 if worked {
                     continue;
                 }
-                if self.stopping {
-                    for member in &mut self.members {
-                        member.finish(&self.clock)?;
-                    }
-                    self.stopped = true;
-                    tell(&FromWorker::Stopped)?;
-                    continue;
-                }
-                timeout = next.map(|at| at.saturating_sub(self.clock.now()));
+                next = at;
             }
-            self.wake.wait(orders.fd(), timeout).map_err(|e| e.to_string())?;
+            // Wake-ups are taken when the work is done: the work would have to wait for it.
+            if self.wake.drain().map_err(|e| e.to_string())? {
+                continue;
+            }
+            if active && self.stopping {
+                for member in &mut self.members {
+                    member.finish(&self.clock)?;
+                }
+                self.stopped = true;
+                tell(&FromWorker::Stopped)?;
+                continue;
+            }
+            let timeout = next.map(|at| at.saturating_sub(self.clock.now()));
+            told = self.wake.wait(timeout).map_err(|e| e.to_string())?;
         }
     }
 
     fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
         match order {
-            ToWorker::Connect { ticket } => {
+            ToWorker::Connect { number } => {
                 for member in &self.members {
                     member.connect().map_err(|e| e.to_string())?;
                 }
-                tell(&FromWorker::Connected { ticket: *ticket })
+                tell(&FromWorker::Connected { number: *number })
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);
@@ -234,7 +258,7 @@ fn contain(
     outcome: Outcome,
     limit: u32,
     graph: &Graph,
-    files: &DiskFiles,
+    files: &Snapshot,
     clock: &SessionClock,
 ) -> Result<(), String> {
     if outcome == Outcome::Done {
@@ -262,76 +286,4 @@ fn contain(
         std::process::exit(70);
     }
     Ok(())
-}
-
-/// Binds this thread to a core and sets its scheduling class, or says what forbids it.
-fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
-    if let Some(core) = core {
-        let mut set = rustix::thread::CpuSet::new();
-        if core >= rustix::thread::CpuSet::MAX_CPU {
-            return Err(format!("there is no core {core}"));
-        }
-        set.set(core);
-        rustix::thread::sched_setaffinity(None, &set).map_err(|e| {
-            format!("this process cannot be bound to core {core}: {e}; choose a core that exists")
-        })?;
-    }
-    if let Priority::Fifo(level) = priority {
-        stillpoint_shm::real_time(level)?;
-    }
-    Ok(())
-}
-
-/// Ends the process when a step takes longer than its operator's deadline.
-struct Watch {
-    /// Number of the operator plus one, in the high half, and milliseconds since the watch began, in the low half; 0
-    /// between steps.
-    now: Arc<AtomicU64>,
-    started: std::time::Instant,
-}
-
-impl Watch {
-    /// Begins to watch, if any of the operators has a deadline.
-    fn start(graph: &Arc<Graph>, operators: &[usize]) -> Option<Self> {
-        let shortest = operators.iter().filter_map(|o| graph.operators[*o].deadline).min()?;
-        let now = Arc::new(AtomicU64::new(0));
-        let started = std::time::Instant::now();
-        let (word, graph) = (now.clone(), graph.clone());
-        let period = std::time::Duration::from_nanos((shortest / 4).clamp(1_000_000, 50_000_000));
-        std::thread::spawn(move || {
-            loop {
-                std::thread::sleep(period);
-                let value = word.load(Ordering::Relaxed);
-                let Some(operator) = (value >> 40).checked_sub(1) else { continue };
-                let node = &graph.operators[operator as usize];
-                let since = value & 0xff_ffff_ffff;
-                let elapsed = (started.elapsed().as_micros() as u64).saturating_sub(since) * 1000;
-                if node.deadline.is_some_and(|deadline| elapsed > deadline) {
-                    let fault = FromWorker::Fault {
-                        operator: node.name.clone(),
-                        incarnation: 0,
-                        reason: format!("a step took {} ms, longer than its deadline", elapsed / 1_000_000),
-                        fatal: true,
-                    };
-                    // Not through the lock of standard output: the thread that hangs may hold it.
-                    if let Ok(mut line) = serde_json::to_vec(&fault) {
-                        line.push(b'\n');
-                        let _ = rustix::io::write(rustix::stdio::stdout(), &line);
-                    }
-                    rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)
-                        .ok();
-                }
-            }
-        });
-        Some(Self { now, started })
-    }
-
-    fn enter(&self, operator: usize) {
-        let since = (self.started.elapsed().as_micros() as u64) & 0xff_ffff_ffff;
-        self.now.store(((operator as u64 + 1) << 40) | since, Ordering::Relaxed);
-    }
-
-    fn leave(&self) {
-        self.now.store(0, Ordering::Relaxed);
-    }
 }

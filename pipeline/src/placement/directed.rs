@@ -6,6 +6,7 @@ use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
 
 use super::{Committed, PlacementError};
 use crate::cell::Cell;
+use crate::clock::float_state_is_standard;
 use crate::console::Inbox;
 use crate::graph::Graph;
 use crate::operator::Policy;
@@ -34,6 +35,13 @@ impl Directed {
 
     /// Begins an incarnation.
     pub fn start(&mut self, incarnation: u32, time: u64, files: &dyn Files) -> Result<Entry, PlacementError> {
+        if !float_state_is_standard() {
+            return Err(PlacementError::Setup {
+                operator: self.name().to_string(),
+                reason: "its thread does not round to nearest, or flushes subnormal numbers to zero"
+                    .to_string(),
+            });
+        }
         let built = Cell::build(&self.graph, self.operator, incarnation, files, Inbox::default())
             .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
         Ok(self.cell.insert(built).mark(Cause::Start, time, &[]))

@@ -6,33 +6,31 @@
 //! - `difference`: which field of which sample differs, and by how much
 //! - `journal`: the entries of all operators in the order of time, and their gaps
 //! - `orphans`: recorded samples that no activation made
+//! - `replayer`: does activations again and compares what they send
 //! - `report`: how a replay went
 //! - `selection`: which operators are compared, and which must run for that
 
 mod difference;
 mod journal;
 mod orphans;
+mod replayer;
 mod report;
 mod selection;
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use stillpoint_recorder::Session;
-use stillpoint_samples::{Cause, Entry, Outcome, RefKind};
+use stillpoint_recorder::{Completeness, Session};
 
 pub use difference::Difference;
 use journal::Ordered;
+use replayer::Replayer;
 pub use report::{Open, ReplayError, ReplayReport};
 pub use selection::Selection;
 use selection::{needed, selected};
 
 use crate::graph::Graph;
-use crate::placement::{Committed, Local, Placement, PlacementError};
-use crate::record::Record;
 use crate::schedule::Witness;
 use crate::setup::Files;
-use crate::shelf::Parcel;
 
 /// Replays a session of this graph. `witness` sees every entry with the outputs as they were made again.
 pub fn replay(
@@ -45,258 +43,17 @@ pub fn replay(
     let compared = selected(graph, selection)?;
     let run = needed(session, graph, &compared);
     let ordered = Ordered::new(session, graph);
-    let mut replayer = Replayer {
-        session,
-        graph: graph.clone(),
-        placement: Local::new(graph.clone(), files),
-        lives: graph.operators.iter().map(|_| None).collect(),
-        compared,
-        run,
-        report: ReplayReport::default(),
-    };
-    replayer.report.seconds = ordered.seconds();
+    let seconds = ordered.seconds();
+    let mut replayer = Replayer::new(session, graph, files, compared.clone(), run);
     for (operator, entry, gap) in ordered.entries() {
         replayer.enter(operator, entry, gap, witness)?;
     }
-    for orphan in orphans::of_session(session, graph, &replayer.compared) {
+    for orphan in orphans::of_session(session, graph, &compared) {
         replayer.differ(orphan);
     }
-    replayer.report.exact_incarnations +=
-        replayer.lives.iter().flatten().filter(|l| l.open.is_none()).count() as u64;
-    Ok(replayer.report)
-}
-
-struct Life {
-    incarnation: u32,
-    open: Option<u64>,
-}
-
-struct Replayer<'s, 'f> {
-    session: &'s Session,
-    graph: Arc<Graph>,
-    placement: Local<'f>,
-    lives: Vec<Option<Life>>,
-    compared: BTreeSet<usize>,
-    run: BTreeSet<usize>,
-    report: ReplayReport,
-}
-
-impl Replayer<'_, '_> {
-    fn enter(
-        &mut self,
-        operator: usize,
-        entry: &Entry,
-        gap: Option<String>,
-        witness: &mut dyn Witness,
-    ) -> Result<(), ReplayError> {
-        let mut made = None;
-        if self.run.contains(&operator) {
-            if let Some(reason) = gap {
-                self.open(operator, entry, reason);
-            }
-            match entry.cause() {
-                Some(Cause::Start) => self.begin(operator, entry)?,
-                Some(Cause::End) => self.finish(operator, entry)?,
-                _ => made = self.activate(operator, entry)?,
-            }
-        }
-        let made = made.unwrap_or_default();
-        let outputs = self.hand_on(operator, entry, made)?;
-        witness.saw(operator, entry, &outputs).map_err(ReplayError::Witness)
-    }
-
-    fn begin(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {
-        let life = Life { incarnation: entry.head.incarnation, open: None };
-        if self.lives[operator].replace(life).is_some_and(|l| l.open.is_none()) {
-            self.report.exact_incarnations += 1;
-        }
-        self.placement.start(operator, entry.head.incarnation, entry.head.stamp)?;
-        Ok(())
-    }
-
-    fn finish(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {
-        if self.is_exact(operator, entry) {
-            let again = self.placement.end(operator, entry.head.stamp, &[])?;
-            self.compare_entries(operator, entry, &again);
-        }
-        Ok(())
-    }
-
-    fn is_exact(&self, operator: usize, entry: &Entry) -> bool {
-        let life = self.lives[operator].as_ref();
-        life.is_some_and(|l| l.incarnation == entry.head.incarnation && l.open.is_none())
-    }
-
-    /// From here to its end the incarnation is not exact.
-    fn open(&mut self, operator: usize, entry: &Entry, reason: String) {
-        let incarnation = entry.head.incarnation;
-        match &mut self.lives[operator] {
-            Some(life) if life.incarnation == incarnation => {
-                if life.open.is_some() {
-                    return;
-                }
-                life.open = Some(entry.body.index);
-            }
-            slot => {
-                if slot.as_ref().is_some_and(|l| l.open.is_none()) {
-                    self.report.exact_incarnations += 1;
-                }
-                *slot = Some(Life { incarnation, open: Some(entry.body.index) });
-            }
-        }
-        self.report.open.push(Open {
-            operator: self.graph.operators[operator].name.clone(),
-            incarnation,
-            from_activation: entry.body.index,
-            reason,
-        });
-    }
-
-    /// Does an activation again and compares its outputs. `None` where the incarnation is open.
-    fn activate(
-        &mut self,
-        operator: usize,
-        entry: &Entry,
-    ) -> Result<Option<Vec<(usize, Parcel)>>, ReplayError> {
-        if !self.is_exact(operator, entry) {
-            return Ok(None);
-        }
-        let Some(record) = Record::of(entry) else { return Ok(None) };
-        let committed = loop {
-            match self.placement.activate_alone(operator, &record) {
-                Ok(committed) => break committed,
-                Err(PlacementError::Sample { port, incarnation, sequence, .. }) => {
-                    if self.fetch(operator, port as usize, incarnation, sequence)? {
-                        continue;
-                    }
-                    let topic = self.edge(operator, port as usize).map_or("", |(_, _, topic)| topic);
-                    let reason = format!(
-                        "sample {sequence} of incarnation {incarnation} on {topic} is not in the session, and cannot \
-                         be made again"
-                    );
-                    self.open(operator, entry, reason);
-                    return Ok(None);
-                }
-                Err(e) => return Err(e.into()),
-            }
-        };
-        self.report.activations += 1;
-        self.compare(operator, entry, &committed)?;
-        Ok(Some(committed.outputs))
-    }
-
-    /// Operator, output and topic that feed an input.
-    fn edge(&self, operator: usize, port: usize) -> Option<(usize, usize, &str)> {
-        let edge = self.graph.operators[operator].inputs.get(port)?.edge?;
-        Some((edge.operator, edge.output, &self.graph.operators[edge.operator].outputs[edge.output].topic))
-    }
-
-    /// Hands a recorded sample to an operator that did not get it, since the entry that sent it is missing or stands
-    /// elsewhere. Says whether it is there.
-    fn fetch(
-        &mut self,
-        operator: usize,
-        port: usize,
-        incarnation: u32,
-        sequence: u64,
-    ) -> Result<bool, ReplayError> {
-        let Some((producer, output, _)) = self.edge(operator, port) else { return Ok(false) };
-        let Some(parcel) = self.recorded(producer, output, incarnation, sequence)? else { return Ok(false) };
-        self.placement.deliver_to(operator, port, parcel);
-        Ok(true)
-    }
-
-    fn compare(&mut self, operator: usize, entry: &Entry, again: &Committed) -> Result<(), ReplayError> {
-        if !self.compared.contains(&operator) {
-            return Ok(());
-        }
-        self.compare_entries(operator, entry, &again.entry);
-        for (port, parcel) in &again.outputs {
-            let topic = self.graph.operators[operator].outputs[*port].topic.clone();
-            let head = parcel.head();
-            let recorded = match self.session.topic_number(&topic) {
-                Some(number) => self.session.sample(number, head.incarnation, head.sequence)?,
-                None => None,
-            };
-            let Some(recorded) = recorded else {
-                *self.report.recomputed.entry(topic).or_insert(0) += 1;
-                continue;
-            };
-            if *recorded.sample == **parcel.bytes {
-                *self.report.identical.entry(topic).or_insert(0) += 1;
-            } else {
-                let place = difference::Place {
-                    operator: &self.graph.operators[operator].name,
-                    entry,
-                    topic: &topic,
-                };
-                let found = Difference::of_samples(&place, parcel.kind, &recorded.sample, &parcel.bytes);
-                self.differ(found);
-            }
-        }
-        Ok(())
-    }
-
-    /// Compares what two entries say of outcome and outputs.
-    fn compare_entries(&mut self, operator: usize, recorded: &Entry, again: &Entry) {
-        if !self.compared.contains(&operator) {
-            return;
-        }
-        let name = &self.graph.operators[operator].name;
-        let topic = crate::live::contracts::journal_topic(name);
-        let place = difference::Place { operator: name, entry: recorded, topic: &topic };
-        if let Some(found) = Difference::of_entries(&place, recorded, again) {
-            self.differ(found);
-        }
-    }
-
-    fn differ(&mut self, difference: Difference) {
-        self.report.differences += 1;
-        self.report.first_difference.get_or_insert(difference);
-    }
-
-    /// Gives the outputs of an entry to their consumers: as recorded where they are there, else as made again.
-    fn hand_on(
-        &mut self,
-        operator: usize,
-        entry: &Entry,
-        made: Vec<(usize, Parcel)>,
-    ) -> Result<Vec<(usize, Parcel)>, ReplayError> {
-        if !made.is_empty() || entry.outcome() != Some(Outcome::Done) {
-            for (port, parcel) in &made {
-                let recorded =
-                    self.recorded(operator, *port, entry.head.incarnation, parcel.head().sequence)?;
-                self.placement.deliver(operator, *port, &recorded.unwrap_or_else(|| parcel.clone()));
-            }
-            return Ok(made);
-        }
-        let mut outputs = Vec::new();
-        for r in entry.refs_of(RefKind::Output) {
-            for sequence in r.first..r.first + u64::from(r.count) {
-                if let Some(parcel) =
-                    self.recorded(operator, r.port as usize, entry.head.incarnation, sequence)?
-                {
-                    self.placement.deliver(operator, r.port as usize, &parcel);
-                    outputs.push((r.port as usize, parcel));
-                }
-            }
-        }
-        Ok(outputs)
-    }
-
-    fn recorded(
-        &self,
-        operator: usize,
-        port: usize,
-        incarnation: u32,
-        sequence: u64,
-    ) -> Result<Option<Parcel>, ReplayError> {
-        let node = &self.graph.operators[operator];
-        let (Some(output), Some(kind)) = (node.outputs.get(port), node.stage.kind.outputs.get(port)) else {
-            return Ok(None);
-        };
-        let Some(number) = self.session.topic_number(&output.topic) else { return Ok(None) };
-        let recorded = self.session.sample(number, incarnation, sequence)?;
-        Ok(recorded.map(|r| Parcel { kind: kind.sample, bytes: Arc::new(r.sample) }))
-    }
+    let gaps = match session.completeness() {
+        Completeness::Complete => Vec::new(),
+        Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
+    };
+    Ok(ReplayReport { seconds, gaps, ..replayer.report() })
 }

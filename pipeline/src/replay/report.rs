@@ -23,7 +23,9 @@ pub struct ReplayReport {
     pub first_difference: Option<Difference>,
     /// Incarnations that could not be replayed to their end.
     pub open: Vec<Open>,
-    /// Incarnations that were replayed from begin to end.
+    /// What the session itself says is missing.
+    pub gaps: Vec<String>,
+    /// Incarnations that were replayed from their begin to the last entry that the session holds.
     pub exact_incarnations: u64,
     /// Session time between the first and the last entry, s.
     pub seconds: f64,
@@ -65,8 +67,8 @@ impl ReplayReport {
         self.identical.values().sum()
     }
 
-    /// Whether everything that could be compared is the same, and everything could be replayed.
+    /// Whether the session is complete, everything could be replayed, and all that could be compared is the same.
     pub fn is_identical(&self) -> bool {
-        self.differences == 0 && self.open.is_empty()
+        self.differences == 0 && self.open.is_empty() && self.gaps.is_empty()
     }
 }

@@ -173,7 +173,7 @@ impl Events {
         let committed = placement.activate(operator, &record)?;
         state.intake.end();
         // At least one nanosecond, so that stamps of an operator rise.
-        state.busy_until = time + node.latency.max(1);
+        state.busy_until = time.saturating_add(node.latency.max(1));
         witness.saw(operator, &committed.entry, &committed.outputs).map_err(RunError::Witness)?;
         if committed.entry.outcome() == Some(Outcome::Panic) {
             self.reincarnate(operator, time, &committed.fault.unwrap_or_default(), placement, witness)?;
@@ -182,7 +182,7 @@ impl Events {
         }
         for (output, parcel) in &committed.outputs {
             for (consumer, port) in graph.consumers(operator, *output) {
-                let arrival = time + node.latency;
+                let arrival = time.saturating_add(node.latency);
                 self.operators[consumer].ports[port].under_way.push_back((arrival, parcel.head()));
             }
         }

@@ -114,26 +114,25 @@ impl Block {
 /// All that comes out up to `limit`, and the fault that ended it.
 fn drain(mut from: impl Read, limit: u64) -> (Vec<u8>, Option<String>) {
     let mut bytes = Vec::new();
+    let mut filled = 0;
     let limit = usize::try_from(limit).unwrap_or(usize::MAX);
     let mut step = 64 * 1024;
-    loop {
-        let start = bytes.len();
-        if start >= limit {
-            return (bytes, None);
-        }
-        bytes.resize(limit.min(start + step), 0);
-        match from.read(&mut bytes[start..]) {
-            Ok(0) => {
-                bytes.truncate(start);
-                return (bytes, None);
+    let fault = loop {
+        if filled == bytes.len() {
+            if filled >= limit {
+                break None;
             }
-            Ok(n) => bytes.truncate(start + n),
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => bytes.truncate(start),
-            Err(e) => {
-                bytes.truncate(start);
-                return (bytes, Some(e.to_string()));
-            }
+            // New room only when the last is used up: a decoder fills a little at a time.
+            bytes.resize(limit.min(filled + step), 0);
+            step = (step * 2).min(1 << 20);
         }
-        step = (step * 2).min(1 << 20);
-    }
+        match from.read(&mut bytes[filled..]) {
+            Ok(0) => break None,
+            Ok(n) => filled += n,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => break Some(e.to_string()),
+        }
+    };
+    bytes.truncate(filled);
+    (bytes, fault)
 }

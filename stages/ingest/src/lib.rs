@@ -5,9 +5,24 @@
 //!
 //! - [`pcd`]: point cloud files, ascii, binary and compressed.
 //! - [`depth`]: 16-bit depth images and their deprojection.
+//! - [`point_cloud2`]: clouds as ROS 2 records them.
+//! - [`pattern`]: which of a folder's files are meant.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd` and `ingest.mcap`; all else knows nothing of pipelines.
 
 pub mod depth;
+pub mod operators;
+pub mod pattern;
 pub mod pcd;
+pub mod point_cloud2;
+
+use stillpoint_pipeline::Stage;
 
 /// The one invalid point: a quiet NaN of one bit pattern in every coordinate, so that clouds compare by bytes.
 pub const INVALID_POINT: [f32; 3] = [f32::from_bits(0x7fc0_0000); 3];
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[
+    Stage::of::<operators::IngestDepth>(),
+    Stage::of::<operators::IngestPcd>(),
+    Stage::of::<operators::IngestMcap>(),
+];

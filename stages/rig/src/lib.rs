@@ -1,6 +1,6 @@
 //! The virtual rig: a head on a couch, as a depth camera sees it.
 //!
-//! Plain mathematics that knows nothing of pipelines; SI units and radians throughout.
+//! SI units and radians throughout. All but `operator` is plain mathematics that knows nothing of pipelines.
 //!
 //! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
 //! - [`head`]: the parametric head
@@ -15,11 +15,13 @@
 //! - [`shadow`]: what a projector beside the camera cannot light
 //! - [`sensor`]: from a view to the depth image that a camera would give
 //! - [`trajectory`]: scripted head motion
+//! - [`mod@operator`], `rig.camera`
 
 pub mod camera;
 pub mod head;
 pub mod noise;
 pub mod normal;
+pub mod operator;
 pub mod quadric;
 pub mod ray;
 pub mod render;
@@ -29,3 +31,8 @@ pub mod shadow;
 pub mod shape;
 pub mod trajectory;
 pub mod view;
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<operator::Camera>()];

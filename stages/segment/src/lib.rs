@@ -10,14 +10,23 @@
 //! - [`hull`]: the convex outline of points on a plane.
 //! - [`cluster`]: Euclidean clusters.
 //! - [`face`]: the chain of these, from cloud to face.
+//! - [`mod@operator`], `segment.face`, the chain as an operator.
+//! - [`findings`]: what that operator says about a frame.
 
 mod cells;
 pub mod cluster;
 pub mod face;
+pub mod findings;
 pub mod hull;
 pub mod mlesac;
+pub mod operator;
 pub mod plane;
 pub mod voxel;
 
 pub use face::{Face, FaceParams, FaceSegmenter, Rejection};
 pub use plane::Plane;
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<operator::SegmentFace>()];

@@ -1,0 +1,92 @@
+//! What a run is asked for, and how it went.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::children::Launch;
+use super::status::OperatorFigures;
+use crate::ledger::Line;
+
+/// What is to be run, and how.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Text of the pipeline.
+    pub source: String,
+    /// Name of its file.
+    pub file: String,
+    /// `--set` overrides.
+    pub sets: Vec<String>,
+    /// Length of the run, ns of session time; `None`: until it is stopped.
+    pub duration: Option<u64>,
+    /// Folder of the session; `None`: nothing is recorded.
+    pub session: Option<PathBuf>,
+    /// Compression of the recording: `lz4`, `zstd` or `none`.
+    pub compression: String,
+    /// How children are started.
+    pub launch: Launch,
+    /// Facts about build and machine.
+    pub identity: BTreeMap<String, String>,
+}
+
+/// How a run went.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunReport {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// Session time from go to stop, s.
+    pub seconds: f64,
+    /// Figures by operator.
+    pub operators: Vec<OperatorFigures>,
+    /// The ledger.
+    pub ledger: Vec<Line>,
+    /// Whether every line of the ledger balances.
+    pub balanced: bool,
+    /// Journal entries that the supervisor did not see (the recorder may have).
+    pub unseen_entries: u64,
+    /// Failures, in the order in which they were told.
+    pub faults: Vec<Fault>,
+    /// Why the run ended before its time, if it did.
+    pub ended_early: Option<String>,
+    /// What was recorded, by part.
+    pub recorded: Vec<Recorded>,
+    /// Runs that had died, and were swept before this one.
+    pub swept: Vec<String>,
+}
+
+/// A failure during a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Fault {
+    /// Operator or process.
+    pub operator: String,
+    /// What it said, or what happened to it.
+    pub reason: String,
+    /// Whether its process ended by it.
+    pub fatal: bool,
+}
+
+/// What a part of a session holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Recorded {
+    /// The file.
+    pub part: PathBuf,
+    /// Samples, journals included.
+    pub samples: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// CPU time of the recorder's process, ns; 0 where none of its own wrote the part.
+    pub cpu_ns: u64,
+    /// Samples not kept, by topic.
+    pub lost: BTreeMap<String, u64>,
+}
+
+/// Sees how a run goes on.
+pub trait Run {
+    /// The run goes on: seconds since it began, figures so far.
+    fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]);
+    /// A failure was told.
+    fn failed(&mut self, fault: &Fault);
+    /// The processes run: process numbers by name.
+    fn started(&mut self, processes: &[(String, u32)]);
+}

@@ -1,0 +1,21 @@
+//! Where a process runs: its core and scheduling class.
+
+use crate::graph::Priority;
+
+/// Binds this thread to a core and sets its scheduling class, or says what forbids it.
+pub fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
+    if let Some(core) = core {
+        let mut set = rustix::thread::CpuSet::new();
+        if core >= rustix::thread::CpuSet::MAX_CPU {
+            return Err(format!("there is no core {core}"));
+        }
+        set.set(core);
+        rustix::thread::sched_setaffinity(None, &set).map_err(|e| {
+            format!("this process cannot be bound to core {core}: {e}; choose a core that exists")
+        })?;
+    }
+    if let Priority::Fifo(level) = priority {
+        stillpoint_shm::real_time(level)?;
+    }
+    Ok(())
+}

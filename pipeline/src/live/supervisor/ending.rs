@@ -1,0 +1,169 @@
+//! The end of a run, level by level.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{PATIENCE, Supervisor};
+use crate::graph::Graph;
+use crate::ledger::Line;
+use crate::live::children::Told;
+use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
+use crate::live::report::{Recorded, Run, RunReport};
+
+/// How long the processes of a level may take to drain their inputs and mark their ends.
+const STOP_PATIENCE: Duration = Duration::from_secs(10);
+
+impl Supervisor {
+    /// Ends the run in order: level by level, the recorder last.
+    pub(super) fn end(
+        mut self,
+        early: Option<String>,
+        stopped: u64,
+        stop: &AtomicBool,
+        run: &mut dyn Run,
+    ) -> Result<RunReport, String> {
+        // A second signal from here on ends what has not ended.
+        stop.store(false, Ordering::Relaxed);
+        let mut late = Vec::new();
+        for level in levels(&self.graph) {
+            for index in &level {
+                if let Some(child) = &mut self.workers[*index].child {
+                    child.tell(&ToWorker::Stop);
+                }
+            }
+            let begun = Instant::now();
+            for index in &level {
+                while self.is_stopping(*index)
+                    && begun.elapsed() < STOP_PATIENCE
+                    && !stop.load(Ordering::Relaxed)
+                {
+                    self.read_journals();
+                    if let Some(child) = &mut self.workers[*index].child {
+                        child.wait(Duration::from_millis(50), &mut self.told, |c| c.stopped);
+                    }
+                }
+                if self.is_stopping(*index)
+                    && let Some(mut child) = self.workers[*index].child.take()
+                {
+                    child.kill();
+                    late.push(child.name.clone());
+                    child.reap(Duration::from_secs(1));
+                }
+            }
+            self.read_journals();
+        }
+        let early = match (early, late.is_empty()) {
+            (early, true) => early,
+            (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
+        };
+        self.connect_all();
+        self.read_journals();
+        self.tell_faults(run);
+        let ledger = self.ledger.lines(&self.graph);
+        let balanced = ledger.iter().all(Line::balances);
+        let mut report = RunReport {
+            pipeline: self.graph.name.clone(),
+            seconds: stopped.saturating_sub(self.epoch) as f64 / 1e9,
+            operators: self.status.figures(),
+            ledger,
+            balanced,
+            unseen_entries: self.ledger.missing_entries(),
+            faults: Vec::new(),
+            ended_early: early,
+            recorded: Vec::new(),
+            swept: std::mem::take(&mut self.swept),
+        };
+        self.finish_recording(&report);
+        for worker in &mut self.workers {
+            if let Some(mut child) = worker.child.take() {
+                child.tell(&ToWorker::Exit);
+                child.reap(Duration::from_secs(10));
+            }
+        }
+        self.tell_faults(run);
+        report.faults = std::mem::take(&mut self.faults);
+        report.recorded = std::mem::take(&mut self.recorded);
+        Ok(report)
+    }
+
+    /// What the session should say is missing, as far as it is known here.
+    fn gaps(&self, report: &RunReport) -> Vec<String> {
+        let died = (self.recorder_deaths > 0).then(|| {
+            format!("the recorder died {} times; what it had not flushed is missing", self.recorder_deaths)
+        });
+        let unbalanced = (!report.balanced).then(|| "the ledger does not balance".to_string());
+        died.into_iter().chain(unbalanced).collect()
+    }
+
+    /// Whether a worker was told to stop, lives, and has not stopped. One that never began has nothing to stop.
+    fn is_stopping(&self, index: usize) -> bool {
+        let worker = &self.workers[index];
+        worker.went && worker.child.as_ref().is_some_and(|c| !c.stopped && !c.is_gone())
+    }
+
+    fn finish_recording(&mut self, report: &RunReport) {
+        let Some(mut recorder) = self.recorder.take() else { return };
+        let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
+        recorder.tell(&ToRecorder::Finish {
+            ledger,
+            gaps: self.gaps(report),
+            in_order: report.ended_early.as_deref().is_none_or(|e| e == "stopped"),
+        });
+        loop {
+            match recorder.answer(PATIENCE, &mut self.told) {
+                Ok(FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part })) => {
+                    self.recorded.push(Recorded { part, samples, bytes, cpu_ns, lost });
+                    break;
+                }
+                Ok(_) => {}
+                Err(reason) => {
+                    let operator = "recorder".to_string();
+                    self.told.push(Told { operator, incarnation: 0, reason, fatal: true });
+                    break;
+                }
+            }
+        }
+        recorder.reap(Duration::from_secs(10));
+    }
+}
+
+/// Processes by level: each after all that feed it. Processes that feed each other are in one level.
+fn levels(graph: &Graph) -> Vec<Vec<usize>> {
+    let count = graph.processes.len();
+    let mut feeds = vec![BTreeSet::new(); count];
+    for node in &graph.operators {
+        for edge in node.inputs.iter().filter_map(|i| i.edge) {
+            feeds[graph.operators[edge.operator].process].insert(node.process);
+        }
+    }
+    // Reachability is enough for graphs of this size, and gives loops as sets that reach each other.
+    let reach: Vec<BTreeSet<usize>> = (0..count)
+        .map(|start| {
+            let (mut seen, mut todo) = (BTreeSet::new(), vec![start]);
+            while let Some(at) = todo.pop() {
+                for next in &feeds[at] {
+                    if seen.insert(*next) {
+                        todo.push(*next);
+                    }
+                }
+            }
+            seen
+        })
+        .collect();
+    let mut left: BTreeSet<usize> = (0..count).collect();
+    let mut levels = Vec::new();
+    while !left.is_empty() {
+        // Ready: everything that feeds it and is still left is fed by it, too.
+        let ready: Vec<usize> = left
+            .iter()
+            .copied()
+            .filter(|p| left.iter().all(|q| p == q || !reach[*q].contains(p) || reach[*p].contains(q)))
+            .collect();
+        for p in &ready {
+            left.remove(p);
+        }
+        levels.push(ready);
+    }
+    levels
+}

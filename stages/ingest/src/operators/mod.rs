@@ -1,0 +1,19 @@
+//! The operators of this family, a file each.
+//!
+//! - `depth`: `ingest.depth`, depth images to clouds
+//! - `pcd`: `ingest.pcd`, point cloud files to clouds
+//! - `mcap`: `ingest.mcap`, the clouds of an MCAP recording
+//! - `files`: the files of a recording, named by a parameter
+//! - `turn`: which of a recording's frames is next
+//! - `points`: the points of a sample, in place
+
+mod depth;
+mod files;
+mod mcap;
+mod pcd;
+mod points;
+mod turn;
+
+pub use depth::{CameraParams, DepthParams, IngestDepth};
+pub use mcap::{IngestMcap, McapParams};
+pub use pcd::{IngestPcd, PcdParams};

@@ -1,0 +1,79 @@
+//! `ingest.pcd`: point cloud files, one per tick.
+
+use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{PointCloud, Sample};
+
+use super::files::{self, RecordedFile};
+use super::points::send_cloud;
+use super::turn::{AtEnd, Turn};
+use crate::pcd;
+
+const CLOUD: usize = 0;
+
+/// Parameters of `ingest.pcd`.
+#[derive(Clone, Debug, Params)]
+pub struct PcdParams {
+    /// A PCD file (ascii, binary or compressed), or a folder of them; coordinates in metres.
+    #[param(files)]
+    pub files: String,
+    /// Which files of the folder are read, in the order of their names: `*` stands for any characters.
+    #[param(default = "*.pcd")]
+    pub names: String,
+    /// What comes after the last file.
+    #[param(default = "stop")]
+    pub at_end: AtEnd,
+    /// Points of a cloud at most: shared memory is laid out by it.
+    #[param(default = 307200, min = 1, max = 16777216)]
+    pub max_points: u32,
+}
+
+/// Sends the cloud of one file per tick.
+pub struct IngestPcd {
+    /// As they are on disk: compressed ones stay small.
+    files: Vec<RecordedFile>,
+    turn: Turn,
+}
+
+impl Operator for IngestPcd {
+    type Params = PcdParams;
+    const KIND: Kind = Kind {
+        name: "ingest.pcd",
+        about: "Point cloud files (PCD), one per tick.",
+        role: Role::Operator,
+        inputs: &[],
+        outputs: &[Output {
+            name: "cloud",
+            sample: PointCloud::KIND,
+            frame: FrameRule::Key,
+            about: "The cloud as its file has it; organised where the file is.",
+        }],
+        timer: Timer::Required,
+    };
+
+    fn new(params: PcdParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let files = files::read(setup, &params.files, &params.names)?;
+        for file in &files {
+            let cloud = pcd::read(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
+            let points = cloud.points.len();
+            if points > params.max_points as usize {
+                return Err(SetupError(format!("{}: it has {points} points: raise `max_points`", file.name)));
+            }
+        }
+        Ok(Self { turn: Turn::new(files.len(), params.at_end), files })
+    }
+
+    fn capacities(params: &PcdParams) -> Vec<usize> {
+        vec![params.max_points as usize]
+    }
+
+    fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let Some(frame) = self.turn.take() else { return Ok(()) };
+        let file = &self.files[frame];
+        let cloud = pcd::read(&file.bytes).map_err(|e| StepError(format!("{}: {e}", file.name)))?;
+        send_cloud(outputs, CLOUD, cloud.width, cloud.height, |points| {
+            points.copy_from_slice(&cloud.points);
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,43 @@
+//! File names with a star: which of a folder's files are meant.
+
+/// Whether `name` is what `pattern` describes: `*` stands for any characters, also none; everything else for itself.
+///
+/// ```
+/// use stillpoint_ingest::pattern::matches;
+/// assert!(matches("n35_*_depth.png", "n35_004_depth.png"));
+/// assert!(!matches("n35_*_depth.png", "n35_004_label.png"));
+/// ```
+#[must_use]
+pub fn matches(pattern: &str, name: &str) -> bool {
+    let mut parts = pattern.split('*');
+    let first = parts.next().unwrap_or_default();
+    let Some(mut rest) = name.strip_prefix(first) else { return false };
+    let Some(last) = parts.next_back() else { return rest.is_empty() };
+    for part in parts {
+        // The earliest place leaves the most for the parts behind it.
+        let Some(at) = rest.find(part) else { return false };
+        rest = &rest[at + part.len()..];
+    }
+    rest.len() >= last.len() && rest.ends_with(last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::matches;
+
+    #[test]
+    fn stars_stand_for_any_characters_and_for_none() {
+        for (pattern, name) in
+            [("*", ""), ("*", "a.png"), ("a*", "a"), ("*_depth.png", "1_depth.png"), ("a*b*c", "a_b_b_c")]
+        {
+            assert!(matches(pattern, name), "{pattern} {name}");
+        }
+    }
+
+    #[test]
+    fn what_the_pattern_does_not_say_does_not_match() {
+        for (pattern, name) in [("", "a"), ("a", "ab"), ("a*a", "a"), ("*b", "a"), ("a*b*c", "a_c_b")] {
+            assert!(!matches(pattern, name), "{pattern} {name}");
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! `sensor_msgs/msg/PointCloud2` in CDR: a message's bytes in, points out.
+//!
+//! The fields `x`, `y` and `z` may be 32-bit or 64-bit floats at any offsets; other fields are skipped.
+
+use thiserror::Error;
+
+use crate::INVALID_POINT;
+
+/// `datatype` of a 32-bit float.
+const FLOAT32: u8 = 7;
+/// `datatype` of a 64-bit float.
+const FLOAT64: u8 = 8;
+/// Bytes before the message: which CDR it is.
+const ENCAPSULATION: usize = 4;
+
+/// Why bytes are not a cloud. Offsets are in bytes from the message's start.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum PointCloud2Error {
+    /// The message ends too early.
+    #[error("the message ends at byte {found}, but {what} needs {expected} bytes")]
+    TooShort {
+        /// The part that is cut.
+        what: &'static str,
+        /// Bytes that the message needs up to the end of the part.
+        expected: usize,
+        /// Bytes there.
+        found: usize,
+    },
+    /// The bytes are not plain CDR.
+    #[error("the message starts with {found:02x?}, which is not plain CDR (00 00 or 00 01)")]
+    Encapsulation {
+        /// The first two bytes.
+        found: [u8; 2],
+    },
+    /// A coordinate is absent or repeated.
+    #[error("the message needs exactly one field `{axis}` and has {found}")]
+    Coordinate {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Fields of that name.
+        found: usize,
+    },
+    /// A coordinate is not one float.
+    #[error(
+        "field `{axis}` is {count} of type {datatype}; a coordinate is one of type 7 (float32) or 8 (float64)"
+    )]
+    FieldType {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// The `datatype` found.
+        datatype: u8,
+        /// The `count` found.
+        count: u32,
+    },
+    /// A coordinate reaches beyond its point.
+    #[error("field `{axis}` ends at byte {end} of a point of {point_step} bytes")]
+    FieldOutside {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// End of the field, bytes from the point's start.
+        end: u64,
+        /// Bytes of a point.
+        point_step: u32,
+    },
+    /// Rows overlap.
+    #[error("row_step is {found}, but {width} points of {point_step} bytes take {expected}")]
+    RowStep {
+        /// Points in a row.
+        width: u32,
+        /// Bytes of a point.
+        point_step: u32,
+        /// Bytes that a row takes.
+        expected: u64,
+        /// Bytes from row to row.
+        found: u32,
+    },
+    /// There is less data than the sizes say.
+    #[error("{width} x {height} points need {expected} bytes of data, the message has {found}")]
+    Data {
+        /// Points in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes needed.
+        expected: u64,
+        /// Bytes there.
+        found: usize,
+    },
+}
+
+/// A cloud that is still in its message.
+#[derive(Debug, Clone, Copy)]
+pub struct PointCloud2<'a> {
+    width: usize,
+    height: usize,
+    point_step: usize,
+    row_step: usize,
+    axes: [Axis; 3],
+    big_endian: bool,
+    data: &'a [u8],
+}
+
+/// Where in a point a coordinate is.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    offset: usize,
+    double: bool,
+}
+
+/// A field as the message describes it.
+#[derive(Clone, Copy)]
+struct Field {
+    offset: u32,
+    datatype: u8,
+    count: u32,
+}
+
+impl<'a> PointCloud2<'a> {
+    /// Reads a message and checks all its sizes. Nothing is copied.
+    ///
+    /// # Errors
+    /// What is wrong with the message.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, PointCloud2Error> {
+        let mut cdr = Cdr::new(bytes)?;
+        cdr.word("the stamp")?;
+        cdr.word("the stamp")?;
+        cdr.sequence("frame_id")?;
+        let height = cdr.word("height")?;
+        let width = cdr.word("width")?;
+        let mut found = [(0, None); 3];
+        for _ in 0..cdr.word("the fields")? {
+            let name = cdr.sequence("the name of a field")?;
+            let field = Field {
+                offset: cdr.word("the offset of a field")?,
+                datatype: cdr.byte("the datatype of a field")?,
+                count: cdr.word("the count of a field")?,
+            };
+            // The length of a text counts its closing zero.
+            if let Some(axis) = [b"x\0", b"y\0", b"z\0"].iter().position(|n| *n == name) {
+                found[axis] = (found[axis].0 + 1, Some(field));
+            }
+        }
+        let big_endian = cdr.byte("is_bigendian")? != 0;
+        let point_step = cdr.word("point_step")?;
+        let row_step = cdr.word("row_step")?;
+        let data = cdr.sequence("the data")?;
+        let mut axes = [Axis { offset: 0, double: false }; 3];
+        for (place, name) in ['x', 'y', 'z'].into_iter().enumerate() {
+            axes[place] = axis(name, found[place], point_step)?;
+        }
+        check_sizes(width, height, point_step, row_step, data.len())?;
+        Ok(Self {
+            width: width as usize,
+            height: height as usize,
+            point_step: point_step as usize,
+            row_step: row_step as usize,
+            axes,
+            big_endian,
+            data,
+        })
+    }
+
+    /// Points in a row.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows; 1 for an unorganised cloud.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The points, row by row, in metres; those not finite are [`INVALID_POINT`].
+    pub fn points(&self) -> impl Iterator<Item = [f32; 3]> + 'a {
+        let cloud = *self;
+        (0..self.height).flat_map(move |row| {
+            let start = row * cloud.row_step;
+            (0..cloud.width).map(move |column| cloud.point(start + column * cloud.point_step))
+        })
+    }
+
+    fn point(&self, at: usize) -> [f32; 3] {
+        let point = self.axes.map(|axis| {
+            let bytes = self.data.get(at + axis.offset..).unwrap_or_default();
+            if axis.double {
+                let raw = bytes.first_chunk().copied().unwrap_or_default();
+                (if self.big_endian { f64::from_be_bytes(raw) } else { f64::from_le_bytes(raw) }) as f32
+            } else {
+                let raw = bytes.first_chunk().copied().unwrap_or_default();
+                if self.big_endian { f32::from_be_bytes(raw) } else { f32::from_le_bytes(raw) }
+            }
+        });
+        if point.iter().all(|c| c.is_finite()) { point } else { INVALID_POINT }
+    }
+}
+
+fn axis(name: char, found: (usize, Option<Field>), point_step: u32) -> Result<Axis, PointCloud2Error> {
+    let (1, Some(field)) = found else {
+        return Err(PointCloud2Error::Coordinate { axis: name, found: found.0 });
+    };
+    let Field { offset, datatype, count } = field;
+    let size = match (datatype, count) {
+        (FLOAT32, 1) => 4,
+        (FLOAT64, 1) => 8,
+        _ => return Err(PointCloud2Error::FieldType { axis: name, datatype, count }),
+    };
+    let end = u64::from(offset) + size;
+    if end > u64::from(point_step) {
+        return Err(PointCloud2Error::FieldOutside { axis: name, end, point_step });
+    }
+    Ok(Axis { offset: offset as usize, double: datatype == FLOAT64 })
+}
+
+/// Whether the rows lie apart and the last point's end lies within the data.
+fn check_sizes(
+    width: u32,
+    height: u32,
+    point_step: u32,
+    row_step: u32,
+    found: usize,
+) -> Result<(), PointCloud2Error> {
+    let row = u64::from(width) * u64::from(point_step);
+    if height > 1 && u64::from(row_step) < row {
+        return Err(PointCloud2Error::RowStep { width, point_step, expected: row, found: row_step });
+    }
+    // The step of a single row is never taken, and some drivers leave it at zero.
+    let expected = match height {
+        0 => 0,
+        _ => u64::from(height - 1).saturating_mul(u64::from(row_step)).saturating_add(row),
+    };
+    // Rows without bytes would let a short message claim any number of them.
+    let empty = width == 0 || height == 0;
+    if expected > found as u64 || (empty && (width, height) != (0, 0) && width.max(height) > 1) {
+        return Err(PointCloud2Error::Data { width, height, expected, found });
+    }
+    Ok(())
+}
+
+/// A reader of plain CDR.
+struct Cdr<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    big_endian: bool,
+}
+
+impl<'a> Cdr<'a> {
+    fn new(bytes: &'a [u8]) -> Result<Self, PointCloud2Error> {
+        let mut cdr = Self { bytes, at: 0, big_endian: false };
+        let head = cdr.take(ENCAPSULATION, "the encapsulation")?;
+        match [head[0], head[1]] {
+            [0, 0] => cdr.big_endian = true,
+            [0, 1] => {}
+            found => return Err(PointCloud2Error::Encapsulation { found }),
+        }
+        Ok(cdr)
+    }
+
+    fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], PointCloud2Error> {
+        let expected = self.at.saturating_add(count);
+        let taken = self.bytes.get(self.at..expected).ok_or(PointCloud2Error::TooShort {
+            what,
+            expected,
+            found: self.bytes.len(),
+        })?;
+        self.at = expected;
+        Ok(taken)
+    }
+
+    fn byte(&mut self, what: &'static str) -> Result<u8, PointCloud2Error> {
+        Ok(self.take(1, what)?[0])
+    }
+
+    /// A whole number of 32 bits, at a multiple of 4 from the end of the encapsulation.
+    fn word(&mut self, what: &'static str) -> Result<u32, PointCloud2Error> {
+        self.at = ENCAPSULATION + (self.at - ENCAPSULATION).next_multiple_of(4);
+        let raw = self.take(4, what)?.first_chunk().copied().unwrap_or_default();
+        Ok(if self.big_endian { u32::from_be_bytes(raw) } else { u32::from_le_bytes(raw) })
+    }
+
+    /// A text or a sequence of bytes behind its length.
+    fn sequence(&mut self, what: &'static str) -> Result<&'a [u8], PointCloud2Error> {
+        let length = self.word(what)? as usize;
+        self.take(length, what)
+    }
+}

@@ -1,0 +1,10 @@
+//! Where samples end.
+//!
+//! - [`null`]: `sink.null`, which counts
+
+pub mod null;
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<null::SinkNull>()];

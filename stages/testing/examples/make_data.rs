@@ -1,0 +1,68 @@
+//! Writes the small recordings of `examples/data`: the project's own head, seen by the project's own camera.
+//!
+//! `cargo run --release -p stillpoint-testing --example make_data`
+
+use std::error::Error;
+use std::path::Path;
+
+use stillpoint_ingest::pcd::write_binary;
+use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, Role, TopicInfo};
+use stillpoint_samples::{DepthImage, PointCloud, Sample};
+use stillpoint_testing::run;
+
+const TEXT: &str = "
+stillpoint: 1
+name: make-data
+seed: 7
+frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 deg, 0 deg, 0 deg] } }
+operators:
+  rig: { use: rig.camera, every: 2 s, frame: camera, params: { motion: sweep, width: 320 px, height: 240 px, focal_length: 283 px } }
+  cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }
+  far: { use: rig.camera, every: 2 s, frame: camera, params: { motion: sweep, width: 192 px, height: 144 px, focal_length: 170 px } }
+  coarse: { use: ingest.depth, inputs: { image: far.depth }, frame: camera }
+";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/data"));
+    let registry = Registry::new(&[stillpoint_rig::STAGES, stillpoint_ingest::STAGES]);
+    let run = run(TEXT, &registry, &KeptFiles::default(), 12_000)?;
+    std::fs::create_dir_all(folder.join("depth"))?;
+    std::fs::create_dir_all(folder.join("clouds"))?;
+    for (number, image) in run.samples::<DepthImage>("rig.depth").iter().enumerate() {
+        let file = std::fs::File::create(folder.join(format!("depth/{number:03}.png")))?;
+        let mut encoder = png::Encoder::new(file, image.body.width, image.body.height);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Sixteen);
+        encoder.set_compression(png::Compression::High);
+        let bytes: Vec<u8> = image.elements.iter().flat_map(|count| count.to_be_bytes()).collect();
+        encoder.write_header()?.write_image_data(&bytes)?;
+    }
+    let clouds = run.samples::<PointCloud>("coarse.cloud");
+    for (number, cloud) in clouds.iter().take(2).enumerate() {
+        let points: Vec<[f32; 3]> = cloud.elements.iter().map(|p| p.xyz).collect();
+        std::fs::write(
+            folder.join(format!("clouds/{number:03}.pcd")),
+            write_binary(&points, cloud.body.width as usize),
+        )?;
+    }
+    record(&run, &folder.join("clouds.mcap"))
+}
+
+/// Records three clouds as any session does: a topic of `sensor_msgs/msg/PointCloud2`.
+fn record(run: &stillpoint_testing::Run, path: &Path) -> Result<(), Box<dyn Error>> {
+    let mut part = PartWriter::new(std::fs::File::create(path)?, Compression::Zstd, &Opening::default())?;
+    let topic = part.add_topic(TopicInfo {
+        name: "coarse.cloud".to_string(),
+        operator: "coarse".to_string(),
+        kind: PointCloud::KIND,
+        frame: Some("camera".to_string()),
+        role: Role::Source,
+    })?;
+    for parcel in run.parcels("coarse.cloud").take(3) {
+        part.write(topic, parcel.pieces(), parcel.head().stamp)?;
+    }
+    part.finish(&Closing::default())?;
+    Ok(())
+}

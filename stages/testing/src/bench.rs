@@ -1,0 +1,148 @@
+//! One operator, activated with samples that a test makes.
+
+use std::sync::Arc;
+
+use stillpoint_pipeline::cell::Cell;
+use stillpoint_pipeline::console::Inbox;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::operator::{Registry, Stage};
+use stillpoint_pipeline::outputs::{Buffer, Lender};
+use stillpoint_pipeline::record::Record;
+use stillpoint_pipeline::setup::Files;
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::spec::check;
+use stillpoint_samples::{
+    AlignedBytes, Cause, HEAD_SIZE, Head, JournalRef, Outcome, RefKind, Sample, SampleKind,
+};
+use zerocopy::IntoBytes;
+
+use crate::feed;
+use crate::run::START;
+
+/// One operator of a pipeline on the bench.
+pub struct Bench {
+    cell: Cell,
+    kinds: Vec<&'static SampleKind>,
+    time: u64,
+    sequence: u64,
+    padding: usize,
+}
+
+/// What an activation left behind.
+pub struct Left {
+    /// The outputs with the number of their port, in the order of sending.
+    pub outputs: Vec<(usize, Parcel)>,
+    /// What the operator said where the activation failed.
+    pub fault: Option<String>,
+    /// It failed by a panic.
+    pub panicked: bool,
+}
+
+impl Bench {
+    /// Puts the operator `name` of a pipeline on the bench. The pipeline may use `feed.image`, `feed.cloud` and
+    /// `feed.pose` (output `out`) besides the kinds of `stages`.
+    ///
+    /// # Errors
+    /// The faults of the text, or why the operator cannot be made.
+    pub fn new(text: &str, name: &str, stages: &[Stage], files: &dyn Files) -> Result<Self, String> {
+        let registry = Registry::new(&[feed::STAGES, stages]);
+        let graph: Graph = check(text, "bench.yaml", &[], &registry, files).map_err(|f| f.to_string())?;
+        let graph = Arc::new(graph);
+        let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
+        let cell = Cell::build(&graph, operator, 0, files, Inbox::default()).map_err(|e| e.0)?;
+        let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
+        Ok(Self { cell, kinds, time: START, sequence: 0, padding: 0 })
+    }
+
+    /// Lends buffers that have this many bytes more than needed, of another content each time: what lies beyond a
+    /// sample's count must reach nothing.
+    pub fn padded(mut self, bytes: usize) -> Self {
+        self.padding = bytes;
+        self
+    }
+
+    /// Feeds a sample to an input, 10 ms after the last activation, acquired `age` ns before.
+    pub fn feed<S: Sample>(
+        &mut self,
+        port: usize,
+        body: &S::Body,
+        elements: &[S::Element],
+        age: u64,
+    ) -> Left {
+        self.time += 10_000_000;
+        let head = Head {
+            stamp: self.time,
+            origin: self.time.saturating_sub(age),
+            sequence: self.sequence,
+            incarnation: 0,
+            count: elements.len() as u32,
+        };
+        let mut meta = head.as_bytes().to_vec();
+        meta.extend_from_slice(body.as_bytes());
+        let mut bytes = AlignedBytes::copy_of(&[&meta[..], elements.as_bytes()].concat());
+        if meta.len() > HEAD_SIZE {
+            let end = meta.len();
+            bytes[end - 4..end].copy_from_slice(&head.count.to_le_bytes());
+        }
+        let parcel = Parcel { kind: S::KIND, bytes: Arc::new(bytes) };
+        let reference = JournalRef {
+            first: self.sequence,
+            total: self.sequence + 1,
+            lost: 0,
+            passed: 0,
+            count: 1,
+            incarnation: 0,
+            port: port as u32,
+            kind: RefKind::Fresh as u32,
+        };
+        self.sequence += 1;
+        self.activate(Cause::Input, port, vec![reference], Some(&parcel))
+    }
+
+    /// Lets the timer tick, 10 ms after the last activation.
+    pub fn tick(&mut self) -> Left {
+        self.time += 10_000_000;
+        self.activate(Cause::Timer, 0, Vec::new(), None)
+    }
+
+    fn activate(
+        &mut self,
+        cause: Cause,
+        port: usize,
+        inputs: Vec<JournalRef>,
+        parcel: Option<&Parcel>,
+    ) -> Left {
+        let record = Record { time: self.time, nominal: self.time, tick: self.sequence, cause, port, inputs };
+        let mut heap = Heap { kinds: &self.kinds, padding: self.padding };
+        let sample = |p: usize| parcel.filter(|_| p == port).map(Parcel::pieces);
+        let entry = self.cell.activate(&record, &sample, &mut heap);
+        let outcome = entry.outcome();
+        let fault = self.cell.fault().filter(|_| outcome != Some(Outcome::Done)).map(str::to_string);
+        let kinds = &self.kinds;
+        let outputs = self.cell.take_drafts();
+        let outputs = outputs.map(|d| (d.port, Parcel::copy_of(kinds[d.port], d.buffer.pieces()))).collect();
+        Left { outputs, fault, panicked: outcome == Some(Outcome::Panic) }
+    }
+}
+
+impl Left {
+    /// The bytes of all outputs, heads included.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.outputs.iter().flat_map(|(_, p)| p.bytes.iter().copied()).collect()
+    }
+}
+
+struct Heap<'k> {
+    kinds: &'k [&'static SampleKind],
+    padding: usize,
+}
+
+impl Lender for Heap<'_> {
+    fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
+        let kind = self.kinds.get(port)?;
+        let mut buffer = Buffer::heap(kind, elements + self.padding);
+        // What a buffer in shared memory held before.
+        buffer.parts_mut().1.fill(self.padding as u8);
+        Some(buffer)
+    }
+}

@@ -1,0 +1,44 @@
+//! Kinds without effect, one per type of sample: they stand upstream of an operator on a bench, which feeds it by hand.
+
+use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample};
+
+macro_rules! feed {
+    ($name:ident, $kind:literal, $sample:ty, $about:literal) => {
+        #[doc = $about]
+        pub struct $name;
+
+        impl Operator for $name {
+            type Params = ();
+            const KIND: Kind = Kind {
+                name: $kind,
+                about: $about,
+                role: Role::Source,
+                inputs: &[],
+                outputs: &[Output {
+                    name: "out",
+                    sample: <$sample>::KIND,
+                    frame: FrameRule::Key,
+                    about: "What the bench feeds.",
+                }],
+                timer: Timer::Optional,
+            };
+
+            fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+                Ok(Self)
+            }
+
+            fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+                Ok(())
+            }
+        }
+    };
+}
+
+feed!(FeedImage, "feed.image", DepthImage, "Depth images that a bench feeds.");
+feed!(FeedCloud, "feed.cloud", PointCloud, "Clouds that a bench feeds.");
+feed!(FeedPose, "feed.pose", Pose, "Poses that a bench feeds.");
+
+/// The kinds of this file.
+pub const STAGES: &[Stage] = &[Stage::of::<FeedImage>(), Stage::of::<FeedCloud>(), Stage::of::<FeedPose>()];

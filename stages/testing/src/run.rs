@@ -1,0 +1,75 @@
+//! A whole pipeline in the simulated executor.
+
+use std::sync::Arc;
+
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::placement::Local;
+use stillpoint_pipeline::schedule::{Events, Witness};
+use stillpoint_pipeline::setup::Files;
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::spec::check;
+use stillpoint_samples::{Entry, Outcome, Sample, View};
+
+/// When runs start, ns since the epoch.
+pub const START: u64 = 1_800_000_000_000_000_000;
+
+/// All that a pipeline sent.
+pub struct Run {
+    /// The checked pipeline.
+    pub graph: Arc<Graph>,
+    sent: Vec<(String, Parcel)>,
+    failed: Vec<String>,
+}
+
+/// Checks a pipeline's text and runs it for `ms` milliseconds of session time.
+///
+/// # Errors
+/// The faults of the text, or why the run ended early.
+pub fn run(text: &str, registry: &Registry, files: &dyn Files, ms: u64) -> Result<Run, String> {
+    let graph = check(text, "test.yaml", &[], registry, files).map_err(|faults| faults.to_string())?;
+    let graph = Arc::new(graph);
+    let mut run = Run { graph: graph.clone(), sent: Vec::new(), failed: Vec::new() };
+    let mut placement = Local::new(graph.clone(), files);
+    Events::new(graph).run(&mut placement, START, ms * 1_000_000, &mut run).map_err(|e| e.to_string())?;
+    Ok(run)
+}
+
+impl Witness for Run {
+    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+        let node = &self.graph.operators[operator];
+        if entry.outcome() != Some(Outcome::Done) {
+            self.failed.push(node.name.clone());
+        }
+        self.sent.extend(outputs.iter().map(|(port, p)| (node.outputs[*port].topic.clone(), p.clone())));
+        Ok(())
+    }
+}
+
+impl Run {
+    /// The samples of a topic, in the order of sending. A topic of another type has none.
+    pub fn samples<S: Sample>(&self, topic: &str) -> Vec<View<'_, S>> {
+        self.parcels(topic).filter_map(|p| p.pieces().view::<S>().ok()).collect()
+    }
+
+    /// The bytes of a topic's samples, heads included, one behind the other.
+    pub fn bytes(&self, topic: &str) -> Vec<u8> {
+        self.parcels(topic).flat_map(|p| p.bytes.iter().copied()).collect()
+    }
+
+    /// The topics on which something was sent, sorted.
+    pub fn topics(&self) -> Vec<&str> {
+        let topics: std::collections::BTreeSet<&str> = self.sent.iter().map(|(t, _)| t.as_str()).collect();
+        topics.into_iter().collect()
+    }
+
+    /// Names of operators, one for each activation that failed.
+    pub fn failed(&self) -> &[String] {
+        &self.failed
+    }
+
+    /// The samples of a topic as bytes, in the order of sending.
+    pub fn parcels(&self, topic: &str) -> impl Iterator<Item = &Parcel> {
+        self.sent.iter().filter(move |(t, _)| t == topic).map(|(_, p)| p)
+    }
+}

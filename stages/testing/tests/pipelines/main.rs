@@ -1,0 +1,35 @@
+//! Whole pipelines in the simulated executor: the default one, the examples, those on measured data, and the guide's.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod default_pipeline;
+mod examples;
+mod guide;
+#[path = "../../../../examples/own_operator.rs"]
+mod own_operator;
+mod real_data;
+
+use std::path::PathBuf;
+
+use stillpoint_pipeline::operator::{Registry, Stage};
+
+/// Every kind that the project has.
+pub const FAMILIES: &[&[Stage]] = &[
+    stillpoint_pipeline::console::STAGES,
+    stillpoint_rig::STAGES,
+    stillpoint_ingest::STAGES,
+    stillpoint_segment::STAGES,
+    stillpoint_track::STAGES,
+    stillpoint_estimate::STAGES,
+    stillpoint_sink::STAGES,
+];
+
+/// All kinds by name.
+pub fn registry() -> Registry {
+    Registry::new(FAMILIES)
+}
+
+/// A path from the root of the workspace.
+pub fn from_root(path: &str) -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(path)
+}

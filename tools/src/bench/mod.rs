@@ -1,0 +1,74 @@
+//! `stillpoint bench`: what the design promises, measured. Nothing here asserts a speed.
+//!
+//! - `hop`: from stage to stage, against bare iceoryx2
+//! - `record`: what recording costs
+//! - `ledger`: whether every sample is accounted for
+//! - `replay`: whether sessions replay bit for bit, and how fast
+//! - `stages`, `clouds`: the bench's own kinds of operators
+//! - `window`: one pipeline, live for a while
+//! - `bare`: chains of processes on bare iceoryx2 ports
+//! - `cores`: which cores are used
+//! - `figures`: quantiles and ratios
+//! - `folder`: where sessions are written
+
+pub mod bare;
+mod clouds;
+mod cores;
+mod figures;
+mod folder;
+mod hop;
+mod ledger;
+mod record;
+mod replay;
+mod stages;
+mod window;
+
+use clap::{Args, Subcommand};
+use stillpoint_pipeline::live::Launch;
+use stillpoint_pipeline::operator::{Registry, Stage};
+
+use crate::exit::{Ended, Failure};
+
+/// Argument that makes this program a worker of a bench.
+pub const WORKER: &str = "__bench_worker";
+/// Argument that makes this program the recorder of a bench.
+pub const RECORDER: &str = "__bench_recorder";
+
+/// Measure how fast and how exact this build is on this machine.
+#[derive(Args)]
+pub struct Bench {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    Hop(hop::Hop),
+    Record(record::Record),
+    Ledger(ledger::Ledger),
+    Replay(replay::Replay),
+}
+
+impl Bench {
+    /// Does it.
+    pub fn execute(&self, extra: &[&[Stage]]) -> Ended {
+        let registry = registry(extra);
+        match &self.what {
+            What::Hop(b) => b.execute(&registry),
+            What::Record(b) => b.execute(&registry),
+            What::Ledger(b) => b.execute(&registry),
+            What::Replay(b) => b.execute(&registry),
+        }
+    }
+}
+
+/// The kinds that a bench knows: the command's, and its own.
+pub fn registry(extra: &[&[Stage]]) -> Registry {
+    let lists: Vec<&[Stage]> = extra.iter().copied().chain([stages::STAGES, clouds::STAGES]).collect();
+    crate::registry(&lists)
+}
+
+fn launch() -> Result<Launch, Failure> {
+    let program = std::env::current_exe().map_err(Failure::failed)?;
+    Ok(Launch { program, worker: WORKER, recorder: RECORDER })
+}

@@ -1,0 +1,129 @@
+//! Runs on the discrete-event schedule: simulated, or in lock-step.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use stillpoint_pipeline::clock::SessionClock;
+use stillpoint_pipeline::files::{DiskFiles, Snapshot};
+use stillpoint_pipeline::keep::Keeper;
+use stillpoint_pipeline::ledger::{Ledger, Line};
+use stillpoint_pipeline::live::control::Hello;
+use stillpoint_pipeline::live::status::Status;
+use stillpoint_pipeline::live::{Processes, Recorded, RunReport};
+use stillpoint_pipeline::placement::{Local, Placement, Threads};
+use stillpoint_pipeline::schedule::{Events, Witness};
+use stillpoint_pipeline::session::{identity, opening};
+use stillpoint_pipeline::setup::Files;
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_samples::Entry;
+
+use crate::exit::Failure;
+use crate::pipeline_file::Checked;
+use crate::run::launch;
+
+/// Where activations happen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In this thread.
+    Local,
+    /// In a thread per operator.
+    Threads,
+    /// In the processes of the pipeline.
+    Processes,
+}
+
+/// Runs a checked pipeline for `length` ns of session time, which starts at 0.
+pub fn simulate(
+    checked: &Checked,
+    sets: &[String],
+    place: Place,
+    length: u64,
+    session: Option<&Path>,
+) -> Result<RunReport, Failure> {
+    let graph = &checked.graph;
+    let file = checked.file.display().to_string();
+    let snapshot = Snapshot::of(graph, &DiskFiles::beside(&checked.file)).map_err(Failure::failed)?;
+    let files: Arc<dyn Files + Send + Sync> = Arc::new(snapshot.clone());
+    let hello = Hello {
+        process: String::new(),
+        source: checked.source.clone(),
+        file: file.clone(),
+        sets: sets.to_vec(),
+        files: snapshot,
+        root: PathBuf::new(),
+        prefix: String::new(),
+        clock: SessionClock::zero(),
+        incarnations: Vec::new(),
+        directed: true,
+    };
+    let keeper = match session {
+        None => None,
+        Some(session) => {
+            let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
+            Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
+        }
+    };
+    let mut witness =
+        Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
+    let mut local;
+    let mut threads;
+    let mut processes;
+    let placement: &mut dyn Placement = match place {
+        Place::Local => {
+            local = Local::new(graph.clone(), &*files);
+            &mut local
+        }
+        Place::Threads => {
+            threads = Threads::new(graph.clone(), &files);
+            &mut threads
+        }
+        Place::Processes => {
+            processes = Processes::start(graph.clone(), &launch()?, &checked.source, &file, sets)
+                .map_err(Failure::failed)?;
+            &mut processes
+        }
+    };
+    let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
+    let ledger = witness.ledger.lines(graph);
+    let mut recorded = Vec::new();
+    if let Some(keeper) = witness.keeper {
+        let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
+        let part = keeper.finish(Some(text)).map_err(Failure::failed)?;
+        let lost = std::collections::BTreeMap::new();
+        recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, cpu_ns: 0, lost });
+    }
+    Ok(RunReport {
+        pipeline: graph.name.clone(),
+        seconds: length as f64 / 1e9,
+        operators: witness.status.figures(),
+        balanced: ledger.iter().all(Line::balances),
+        ledger,
+        unseen_entries: witness.ledger.missing_entries(),
+        faults: Vec::new(),
+        ended_early: ended.err().map(|e| e.to_string()),
+        recorded,
+        swept: Vec::new(),
+    })
+}
+
+/// What is kept of a run as it goes on.
+struct Witnesses {
+    keeper: Option<Keeper>,
+    ledger: Ledger,
+    status: Status,
+    samples: u64,
+    bytes: u64,
+}
+
+impl Witness for Witnesses {
+    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+        self.ledger.enter(operator, entry);
+        self.status.enter(operator, entry);
+        self.samples += 1 + outputs.len() as u64;
+        self.bytes += outputs.iter().map(|(_, p)| p.bytes.len() as u64).sum::<u64>();
+        match &mut self.keeper {
+            Some(keeper) => keeper.saw(operator, entry, outputs),
+            None => Ok(()),
+        }
+    }
+}
