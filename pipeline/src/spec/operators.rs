@@ -1,7 +1,7 @@
 //! The section `operators` as it was written.
 
 use super::document::{check_name, missing, period, time};
-use super::faults::Findings;
+use super::faults::{Code, Findings};
 use super::inputs::{self, ParsedInput};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
@@ -40,7 +40,12 @@ pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>
     let due = "a mapping from names to operators";
     let Some(entries) = entry.value.map("`operators`", due, findings) else { return Vec::new() };
     if entries.is_empty() && !findings.any_within(entry.value.span) {
-        missing("`operators`", "rig", "{ use: family.kind }", entry.key.span, findings);
+        findings.say(
+            entry.key.span,
+            Code::MissingKey,
+            "`operators` is empty: a pipeline needs at least one operator",
+            "add one, for example `rig: { use: rig.camera, every: 100 ms }`",
+        );
     }
     entries.iter().map(|e| operator(e, findings)).collect()
 }
