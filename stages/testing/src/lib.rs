@@ -1,8 +1,8 @@
 //! For the tests of operators: a pipeline's text run in the simulated executor, and one operator fed by hand.
 //!
-//! - [`run`]: a whole pipeline, and all that it sent
-//! - [`bench`]: one operator, activated with samples that a test makes
-//! - [`feed`]: kinds that stand upstream of an operator on a bench
+//! - [`mod@run`]: a whole pipeline, and all that it sent
+//! - [`mod@bench`]: one operator, activated with samples that a test makes
+//! - [`mod@feed`]: kinds that stand upstream of an operator on a bench
 
 pub mod bench;
 pub mod feed;

@@ -74,7 +74,7 @@ impl Window<'_> {
             launch: super::launch()?,
             identity: identity(),
         };
-        let supervisor = Supervisor::start(Arc::new(graph), options, run).map_err(Failure::failed)?;
+        let supervisor = Supervisor::start(Arc::new(graph), options, stop, run).map_err(Failure::failed)?;
         let over = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let tap = scope.spawn(|| self.tap(&over));
