@@ -12,6 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::files::Snapshot;
 
+/// Start of the name of a folder that is being made.
+const MAKING: &str = ".";
+
 /// The folder of a run that is going on.
 pub struct RunFolder {
     path: PathBuf,
@@ -60,27 +63,28 @@ impl RunFolder {
                 "{:08x}",
                 (start / 1000 + attempt * 7919 + u64::from(std::process::id()) * 104_729) as u32
             );
-            let path = runs.join(&id);
-            match std::fs::DirBuilder::new().mode(0o700).create(&path) {
-                Ok(()) => {
-                    let lock_path = path.join("lock");
-                    let lock = OpenOptions::new()
-                        .create(true)
-                        .truncate(false)
-                        .write(true)
-                        .mode(0o600)
-                        .open(&lock_path)
-                        .map_err(|e| say(&lock_path, e))?;
-                    // Somebody who sweeps may have been quicker: take another name then.
-                    let locked = flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok();
-                    if !locked || !lock_path.exists() {
-                        continue;
-                    }
-                    return Ok(Self { path, _lock: lock, prefix: format!("sp_{id}_") });
-                }
-                Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
-                Err(e) => return Err(say(&path, e)),
+            // Made and locked under a name that nobody sweeps, and then given its own: a run is never seen without its
+            // lock.
+            let (making, path) = (runs.join(format!("{MAKING}{id}")), runs.join(&id));
+            if path.exists() || std::fs::DirBuilder::new().mode(0o700).create(&making).is_err() {
+                continue;
             }
+            let lock_path = making.join("lock");
+            let lock = OpenOptions::new()
+                .create(true)
+                .truncate(false)
+                .write(true)
+                .mode(0o600)
+                .open(&lock_path)
+                .map_err(|e| say(&lock_path, e))?;
+            flock(&lock, FlockOperation::NonBlockingLockExclusive)
+                .map_err(|e| format!("{}: {e}", lock_path.display()))?;
+            // A folder of that name is never empty, so this fails where there is one.
+            if std::fs::rename(&making, &path).is_err() {
+                let _ = std::fs::remove_dir_all(&making);
+                continue;
+            }
+            return Ok(Self { path, _lock: lock, prefix: format!("sp_{id}_") });
         }
         Err(format!("{}: no free name for a run; remove what is old there", runs.display()))
     }
@@ -153,6 +157,7 @@ fn folders() -> Vec<(PathBuf, String)> {
     let Ok(entries) = std::fs::read_dir(runs_folder()) else { return Vec::new() };
     let mut found: Vec<_> =
         entries.flatten().map(|e| (e.path(), e.file_name().to_string_lossy().into_owned())).collect();
+    found.retain(|(_, name)| !name.starts_with(MAKING));
     found.sort();
     found
 }
