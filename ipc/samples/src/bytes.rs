@@ -67,7 +67,7 @@ impl std::fmt::Display for BytesError {
 impl std::error::Error for BytesError {}
 
 /// Bytes that start at a multiple of 8, so that any sample can be read in place.
-#[derive(Clone, Default, PartialEq, Eq)]
+#[derive(Clone, Default)]
 pub struct AlignedBytes {
     words: Vec<u64>,
     len: usize,
@@ -81,9 +81,31 @@ impl AlignedBytes {
 
     /// A copy of `bytes`.
     pub fn copy_of(bytes: &[u8]) -> Self {
-        let mut copy = Self::zeroed(bytes.len());
-        copy.copy_from_slice(bytes);
-        copy
+        Self::joined(bytes, &[])
+    }
+
+    /// A copy of two pieces, one behind the other. The first must be a multiple of 8 long for the second to be aligned.
+    pub fn joined(first: &[u8], second: &[u8]) -> Self {
+        let len = first.len() + second.len();
+        let mut words = Vec::with_capacity(len.div_ceil(8));
+        let (whole, odd) = first.as_chunks();
+        words.extend(whole.iter().map(|w| u64::from_ne_bytes(*w)));
+        // The word that both pieces share, then whole words again: each byte is written once.
+        let (shared, rest) = second.split_at(second.len().min((8 - odd.len()) % 8));
+        let word = |bytes: &[u8]| {
+            let mut word = [0; 8];
+            word[..bytes.len()].copy_from_slice(bytes);
+            u64::from_ne_bytes(word)
+        };
+        if !odd.is_empty() {
+            words.push(word(&[odd, shared].concat()));
+        }
+        let (whole, last) = rest.as_chunks();
+        words.extend(whole.iter().map(|w| u64::from_ne_bytes(*w)));
+        if !last.is_empty() {
+            words.push(word(last));
+        }
+        Self { words, len }
     }
 
     /// Sets the length; new bytes are zero, kept capacity is reused.
@@ -92,6 +114,14 @@ impl AlignedBytes {
         self.len = len;
     }
 }
+
+impl PartialEq for AlignedBytes {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
+impl Eq for AlignedBytes {}
 
 impl std::ops::Deref for AlignedBytes {
     type Target = [u8];
@@ -197,5 +227,29 @@ impl<'a, S: Sample> View<'a, S> {
     /// The one element of a fixed sample; the first of a slice, if it has any.
     pub fn first(&self) -> Option<&'a S::Element> {
         self.elements.first()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::AlignedBytes;
+
+    #[test]
+    fn two_pieces_are_joined_at_any_length() {
+        let bytes: Vec<u8> = (1..=60).collect();
+        for len in 0..=bytes.len() {
+            for at in 0..=len {
+                let joined = AlignedBytes::joined(&bytes[..at], &bytes[at..len]);
+                assert_eq!(*joined, bytes[..len], "{at} of {len}");
+                assert_eq!(joined.words.len(), len.div_ceil(8), "{at} of {len}");
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_beyond_the_length_do_not_count() {
+        let mut cut = AlignedBytes::copy_of(&[7; 16]);
+        cut.resize(11);
+        assert_eq!(cut, AlignedBytes::copy_of(&[7; 11]));
     }
 }

@@ -19,26 +19,38 @@ extern crate self as stillpoint_samples;
 
 mod bytes;
 mod cloud;
+mod clusters;
 mod console;
 mod depth;
 mod diagnostics;
+mod health;
+mod hull;
 mod journal;
 mod kind;
 mod layout;
+mod plane;
 mod pose;
+mod pose_report;
+mod rejection;
 mod track;
 
 pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
+pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
 pub use console::{Command, ConsoleCommand, Verb};
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
+pub use health::{Health, SensorHealth};
+pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
 pub use kind::{Sample, SampleKind, Shape};
 pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
+pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
+pub use rejection::{Rejection, RejectionElement};
 pub use stillpoint_derive::Layout;
-pub use track::{Track, TrackElement};
+pub use track::{Standing, Track, TrackElement};
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -73,12 +85,18 @@ pub const HEAD_FIELDS: &[Field] = Head::FIELDS;
 /// Every sample type of the project, in the order of their names.
 pub fn all() -> &'static [&'static SampleKind] {
     &[
+        ClusterTable::KIND,
         ConsoleCommand::KIND,
         DepthImage::KIND,
         Diagnostics::KIND,
+        Health::KIND,
+        Hull::KIND,
         Journal::KIND,
+        Plane::KIND,
         PointCloud::KIND,
         Pose::KIND,
+        PoseReport::KIND,
+        Rejection::KIND,
         Track::KIND,
     ]
 }

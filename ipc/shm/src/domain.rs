@@ -7,6 +7,7 @@ use iceoryx2::prelude::*;
 use iceoryx2::service::ipc;
 
 use crate::ShmError;
+use crate::words::words;
 
 /// One run's corner of shared memory: its own prefix and root folder, so that runs do not see each other.
 pub struct Domain {
@@ -20,14 +21,14 @@ impl Domain {
         // Set before the first call: iceoryx2 says on stderr what is returned as an error too.
         set_log_level(LogLevel::Fatal);
         let config = config(root, prefix)?;
-        let name = NodeName::new(node).map_err(|e| name_error(node, format!("{e:?}")))?;
+        let name = NodeName::new(node).map_err(|_| name_error(node))?;
         let node = NodeBuilder::new()
             .name(&name)
             .config(&config)
             // Signals are the command's: Ctrl-C ends a run in order.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
-            .map_err(|e| ShmError::Node { root: root.display().to_string(), reason: format!("{e:?}") })?;
+            .map_err(|e| ShmError::Node { root: root.display().to_string(), reason: words(&e) })?;
         Ok(Self { node })
     }
 
@@ -61,18 +62,17 @@ pub fn sweep(root: &Path, prefix: &str) -> usize {
     removed
 }
 
-fn name_error(name: &str, reason: String) -> ShmError {
-    ShmError::Name { name: name.to_string(), reason }
+/// A name that iceoryx2 does not take: it gives no more than that.
+pub(crate) fn name_error(name: &str) -> ShmError {
+    ShmError::Name { name: name.to_string() }
 }
 
 fn config(root: &Path, prefix: &str) -> Result<Config, ShmError> {
     // Not `Config::default()`'s look-up: a file in the current folder must not change a run.
     let mut config = Config::default();
-    config.global.prefix =
-        FileName::new(prefix.as_bytes()).map_err(|e| name_error(prefix, format!("{e:?}")))?;
+    config.global.prefix = FileName::new(prefix.as_bytes()).map_err(|_| name_error(prefix))?;
     let root = root.display().to_string();
-    let path =
-        iceoryx2::prelude::Path::new(root.as_bytes()).map_err(|e| name_error(&root, format!("{e:?}")))?;
+    let path = iceoryx2::prelude::Path::new(root.as_bytes()).map_err(|_| name_error(&root))?;
     config.global.set_root_path(&path);
     // A dead publisher's samples vanish when any process cleans up before the consumers have connected. The
     // supervisor alone cleans, when they have.

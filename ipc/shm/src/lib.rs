@@ -9,6 +9,7 @@
 //! - `ports`: publisher, subscriber, loan, received sample
 //! - `realtime`: scheduling class and locked memory
 //! - `wake`: notifier, listener, waiting on several of them
+//! - `words`: what iceoryx2 answers, in words
 
 mod domain;
 mod erased;
@@ -16,6 +17,7 @@ mod ports;
 mod realtime;
 mod topic;
 mod wake;
+mod words;
 
 pub use domain::{Domain, sweep};
 pub use ports::{Loan, Publisher, Received, Subscriber};
@@ -27,11 +29,11 @@ pub use wake::{Listener, Notifier, Wake};
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum ShmError {
     /// The node of this process could not be made.
-    #[error("no iceoryx2 node in {root}: {reason}; check that the folder can be written")]
+    #[error("no iceoryx2 node in {root}: {reason}")]
     Node {
         /// Root folder of the domain.
         root: String,
-        /// What iceoryx2 says.
+        /// Why, and what to do.
         reason: String,
     },
     /// A service could not be created or opened.
@@ -41,7 +43,7 @@ pub enum ShmError {
         topic: String,
         /// Contract text.
         type_name: String,
-        /// What iceoryx2 says.
+        /// Why, and what to do.
         reason: String,
     },
     /// A port could not be made or used.
@@ -51,15 +53,15 @@ pub enum ShmError {
         topic: String,
         /// Kind of port.
         port: &'static str,
-        /// What iceoryx2 says.
+        /// Why, and what to do.
         reason: String,
     },
     /// A name that iceoryx2 does not take.
-    #[error("`{name}` cannot name a part of shared memory: {reason}")]
+    #[error(
+        "`{name}` cannot name a part of shared memory: it is too long, or has a character that no file name has"
+    )]
     Name {
         /// The name.
         name: String,
-        /// Why.
-        reason: String,
     },
 }

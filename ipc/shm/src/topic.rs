@@ -5,7 +5,9 @@ use iceoryx2::service::ipc;
 use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use stillpoint_samples::{SampleKind, Shape};
 
+use crate::domain::name_error;
 use crate::erased::{self, DataFactory};
+use crate::words::words;
 use crate::{Domain, Listener, Notifier, Publisher, ShmError, Subscriber};
 
 /// What users of a topic agree on. The creator's limits hold for all.
@@ -139,18 +141,17 @@ fn event_builder(
 }
 
 fn service_name(contract: &Contract) -> Result<ServiceName, ShmError> {
-    ServiceName::new(&contract.topic)
-        .map_err(|e| ShmError::Name { name: contract.topic.clone(), reason: format!("{e:?}") })
+    ServiceName::new(&contract.topic).map_err(|_| name_error(&contract.topic))
 }
 
 pub(crate) fn topic_error(contract: &Contract, e: impl std::fmt::Debug) -> ShmError {
     ShmError::Topic {
         topic: contract.topic.clone(),
         type_name: contract.type_name.clone(),
-        reason: format!("{e:?}"),
+        reason: words(&e),
     }
 }
 
 pub(crate) fn port_error(contract: &Contract, port: &'static str, e: impl std::fmt::Debug) -> ShmError {
-    ShmError::Port { topic: contract.topic.clone(), port, reason: format!("{e:?}") }
+    ShmError::Port { topic: contract.topic.clone(), port, reason: words(&e) }
 }

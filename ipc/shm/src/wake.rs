@@ -8,6 +8,7 @@ use iceoryx2::service::ipc;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
+use crate::words::words;
 use crate::{Contract, ShmError};
 
 /// Wakes the listeners of a topic.
@@ -42,7 +43,7 @@ impl Listener {
         self.port.try_wait(|_| {}).map(drop).map_err(|e| ShmError::Port {
             topic: self.topic.clone(),
             port: "listener",
-            reason: format!("{e:?}"),
+            reason: words(&e),
         })
     }
 
@@ -51,9 +52,7 @@ impl Listener {
         let wait = std::time::Duration::from_nanos(nanoseconds);
         match self.port.timed_wait(|_| {}, wait) {
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(e) => {
-                Err(ShmError::Port { topic: self.topic.clone(), port: "listener", reason: format!("{e:?}") })
-            }
+            Err(e) => Err(ShmError::Port { topic: self.topic.clone(), port: "listener", reason: words(&e) }),
         }
     }
 }

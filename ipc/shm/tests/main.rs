@@ -131,3 +131,29 @@ fn a_topic_name_says_which_frame_and_layout() {
     let empty = Pieces { meta: &[], payload: &[] };
     assert!(empty.view::<PointCloud>().is_err());
 }
+
+#[test]
+fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
+    let room = room("words");
+    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let absent = Topic::open(&domain, &contract(2)).err().unwrap().to_string();
+    assert!(absent.contains("topic a.cloud") && absent.contains("the run has ended"), "{absent}");
+    let few = Contract { subscribers: 1, publishers: 1, ..contract(2) };
+    let topic = Topic::create(&domain, &few).unwrap();
+    let again = Topic::create(&domain, &few).err().unwrap().to_string();
+    assert!(again.contains("another run has the same prefix: start the run again"), "{again}");
+    let _tap = topic.subscriber(1).unwrap();
+    let tap = topic.subscriber(1).err().unwrap().to_string();
+    assert!(tap.contains("subscriber on topic a.cloud") && tap.contains("end an `echo`"), "{tap}");
+    let deep = topic.subscriber(9).err().unwrap().to_string();
+    assert!(deep.contains("ask for a smaller depth"), "{deep}");
+    let _publisher = topic.publisher().unwrap();
+    let publisher = topic.publisher().err().unwrap().to_string();
+    assert!(publisher.contains("end a `send`"), "{publisher}");
+    let other = Contract { type_name: "another layout".into(), ..few };
+    let other = Topic::open(&domain, &other).err().unwrap().to_string();
+    assert!(other.contains("run the same build and the same pipeline"), "{other}");
+    let long = Contract::new(&"a".repeat(300), PointCloud::KIND, None, 1);
+    let long = Topic::create(&domain, &long).err().unwrap().to_string();
+    assert!(long.contains("cannot name a part of shared memory"), "{long}");
+}

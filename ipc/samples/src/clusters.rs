@@ -1,0 +1,67 @@
+//! Tables of clusters.
+
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+use crate::{Layout, Sample, SampleKind, Shape};
+
+/// What stood over a plane, one row per cluster, the largest first.
+pub struct ClusterTable;
+
+/// What is said of the whole table.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
+)]
+#[repr(C)]
+pub struct ClusterTableShape {
+    /// Clusters found; more than were sent where the port's capacity was less.
+    pub found: u32,
+    /// Number of rows.
+    pub length: u32,
+}
+
+/// One cluster.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[repr(C)]
+pub struct Cluster {
+    /// Mean of its voxels in the port's frame.
+    #[unit("m")]
+    pub centroid: [f64; 3],
+    /// Standard deviations of its voxels along its principal axes, falling.
+    #[unit("m")]
+    pub spread: [f64; 3],
+    /// Height of its lowest voxel over the plane.
+    #[unit("m")]
+    pub height_min: f64,
+    /// Height of its highest voxel over the plane.
+    #[unit("m")]
+    pub height_max: f64,
+    /// Its voxels.
+    pub voxels: u32,
+    /// Bits: 1 it reaches the edge of the image, 2 it ends at the greatest height, 4 it ends at the hull's edge,
+    /// 8 only a part of it is the face.
+    pub touches: u32,
+    /// Voxels of it that are the face's.
+    pub face_voxels: u32,
+    /// 1 for the cluster that holds most of the face, else 0.
+    pub chosen: u32,
+}
+
+impl Cluster {
+    /// Bit of `touches`: it reaches the edge of the image.
+    pub const AT_IMAGE_EDGE: u32 = 1;
+    /// Bit of `touches`: it reaches the greatest height, where points are cut off.
+    pub const AT_CEILING: u32 = 2;
+    /// Bit of `touches`: it reaches the edge of the hull, where points are cut off.
+    pub const AT_HULL_EDGE: u32 = 4;
+    /// Bit of `touches`: only a part of it is the face.
+    pub const CUT: u32 = 8;
+}
+
+impl Sample for ClusterTable {
+    type Body = ClusterTableShape;
+    type Element = Cluster;
+    const NAME: &'static str = "ClusterTable";
+    const SHAPE: Shape = Shape::Slice;
+    const ABOUT: &'static str = "What stood over a plane, one row per cluster, the largest first.";
+    const KIND: &'static SampleKind = &SampleKind::of::<Self>();
+}

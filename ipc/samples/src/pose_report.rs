@@ -1,0 +1,97 @@
+//! What a pose estimate says about itself.
+
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+use crate::{Layout, Sample, SampleKind, Shape};
+
+/// How a pose was found, how well the surface fits, and which of the six directions the surface constrains.
+pub struct PoseReport;
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum PoseStatus {
+    /// There is no reference yet, so no pose.
+    NoReference = 0,
+    /// The frame became the reference, or a part of it; its pose is sent.
+    Captured = 1,
+    /// The pose was found from the last one.
+    Tracked = 2,
+    /// The pose was found by the search that follows a loss.
+    Found = 3,
+    /// The frame does not fit the reference: no pose.
+    Lost = 4,
+    /// The frame has too few points: no pose.
+    TooFewPoints = 5,
+    /// The frame was to become the reference and is not fit for it; the next one is tried. No pose.
+    CaptureRefused = 6,
+}
+
+impl PoseStatus {
+    /// All with the words that people read.
+    pub const ALL: &'static [(&'static str, PoseStatus)] = &[
+        ("no reference", PoseStatus::NoReference),
+        ("captured", PoseStatus::Captured),
+        ("tracked", PoseStatus::Tracked),
+        ("found", PoseStatus::Found),
+        ("lost", PoseStatus::Lost),
+        ("too few points", PoseStatus::TooFewPoints),
+        ("capture refused", PoseStatus::CaptureRefused),
+    ];
+
+    /// The status of this number.
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.iter().map(|(_, s)| *s).find(|s| *s as u32 == number)
+    }
+}
+
+/// The fields of a [`PoseReport`]. What is not known is NaN.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
+#[repr(C)]
+pub struct PoseReportElement {
+    /// Mean square of how far the surface moves along its normals per unit of movement in a direction, largest first.
+    pub sensitivity: [f64; 6],
+    /// Standard deviation of the movement in each direction; infinite where it is refused.
+    #[unit("m")]
+    pub direction_sd: [f64; 6],
+    /// The directions, one a row: translation, then rotation times `length`, in the port's frame, about `centre`.
+    pub directions: [f64; 36],
+    /// Point about which the head is said to turn here: the one nearest to all of the surface's normals.
+    #[unit("m")]
+    pub centre: [f64; 3],
+    /// Distance from the centre that makes a rotation a movement.
+    #[unit("m")]
+    pub length: f64,
+    /// Root mean square of the distances to the reference along its normals, of the points that count.
+    #[unit("m")]
+    pub residual_rms: f64,
+    /// Robust standard deviation of the same distances, of all points that have a partner.
+    #[unit("m")]
+    pub residual_sd: f64,
+    /// Part of the points used that lie on the reference, or of the reference that they lie on: the smaller, from 0 to 1.
+    pub overlap: f64,
+    /// Difference of the two largest eigenvalues of (4.21) for the three points.
+    #[unit("m2")]
+    pub three_points_gap: f64,
+    /// A [`PoseStatus`] as its number.
+    pub status: u32,
+    /// Bit i is set where direction i is refused: the surface does not constrain it.
+    pub refused: u32,
+    /// Iterations.
+    pub iterations: u32,
+    /// Points used in the last of them.
+    pub points: u32,
+    /// Points of the frame that were left out because a coordinate is not finite.
+    pub not_finite: u32,
+    /// Number of the reference, from 1; 0 where there is none.
+    pub reference: u32,
+}
+
+impl Sample for PoseReport {
+    type Body = ();
+    type Element = PoseReportElement;
+    const NAME: &'static str = "PoseReport";
+    const SHAPE: Shape = Shape::Fixed;
+    const ABOUT: &'static str = "How a pose was found, its fit, and which directions the surface constrains.";
+    const KIND: &'static SampleKind = &SampleKind::of::<Self>();
+}
