@@ -62,7 +62,8 @@ impl Encoded {
                 Envelope { sequence: self.head.sequence as u32, publish_time: self.head.origin },
                 self.message(),
             )
-            .ok()?;
+            .ok()?
+            .to_bytes();
         let pieces = Pieces::split(info.kind, &sample).ok()?;
         Some(Self::in_form(Form::Own, Shared::default(), info, &pieces, Vec::new()))
     }

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use crate::error::SessionError;
-use crate::file::{Message, Record, next_record};
-use crate::form::{Envelope, Form};
+use crate::file::{Buffer, Message, Record, next_record};
+use crate::form::{Decoded, Envelope, Form};
 use crate::layout::TopicKind;
 use crate::part::Use;
 use crate::samples::Recorded;
-use crate::session::{Place, Session};
+use crate::session::{Place, SampleKey, Session};
 
 impl Session {
     /// One sample; `None` where it was not kept, or its topic is of no kind of this build.
@@ -21,24 +21,59 @@ impl Session {
         incarnation: u32,
         sequence: u64,
     ) -> Result<Option<Recorded>, SessionError> {
-        let Some(place) = self.index.get(&(topic, incarnation, sequence)) else { return Ok(None) };
+        self.look_at((topic, incarnation, sequence), |found, log_time| Recorded {
+            topic,
+            incarnation,
+            sequence,
+            log_time,
+            sample: found.to_bytes(),
+        })
+    }
+
+    /// Whether a sample was recorded with exactly these bytes, without a copy of it; `None` where it was not kept, or
+    /// its topic is of no kind of this build.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not what its channel promises.
+    pub fn holds(
+        &self,
+        topic: usize,
+        incarnation: u32,
+        sequence: u64,
+        sample: &[u8],
+    ) -> Result<Option<bool>, SessionError> {
+        self.look_at((topic, incarnation, sequence), |found, _| found.is(sample))
+    }
+
+    fn look_at<T>(
+        &self,
+        key: SampleKey,
+        look: impl FnOnce(&Decoded<'_>, u64) -> T,
+    ) -> Result<Option<T>, SessionError> {
+        let Some(place) = self.index.get(&key) else { return Ok(None) };
         let bytes = self.records(place.part, place.block)?;
         let mut at = place.start;
         match next_record(&bytes, &mut at) {
-            Some((_, Ok(Record::Message(m)))) => self.decode(*place, &m),
+            Some((_, Ok(Record::Message(m)))) => {
+                Ok(self.decode(*place, &m)?.map(|(_, found)| look(&found, m.log_time)))
+            }
             _ => Ok(None),
         }
     }
 
-    pub(crate) fn records(&self, part: u32, block: u32) -> Result<Arc<Vec<u8>>, SessionError> {
+    pub(crate) fn records(&self, part: u32, block: u32) -> Result<Arc<Buffer>, SessionError> {
         let p = &self.parts[part as usize];
         self.cache
-            .get((part, block), || p.records(block as usize))
+            .get((part, block), |bytes, stored| p.records(block as usize, bytes, stored))
             .map_err(|cause| SessionError::Io { path: p.path.clone(), cause })
     }
 
-    /// The sample of a message. `None`: it is no sample of a known kind, or another stands in the index for it.
-    pub(crate) fn decode(&self, place: Place, m: &Message<'_>) -> Result<Option<Recorded>, SessionError> {
+    /// The sample of a message, and its name. `None`: it is no sample of a known kind, or another stands in the index for it.
+    pub(crate) fn decode<'m>(
+        &self,
+        place: Place,
+        m: &Message<'m>,
+    ) -> Result<Option<(SampleKey, Decoded<'m>)>, SessionError> {
         let part = &self.parts[place.part as usize];
         let Some(channel) = part.channels.get(&m.channel) else { return Ok(None) };
         let Use::Samples { form, shared } = &channel.purpose else { return Ok(None) };
@@ -54,13 +89,14 @@ impl Session {
         let Some((incarnation, sequence)) = channel.purpose.number(m).map_err(fault)? else {
             return Ok(None);
         };
-        if self.index.get(&(topic, incarnation, sequence)) != Some(&place) {
+        let key = (topic, incarnation, sequence);
+        if self.index.get(&key) != Some(&place) {
             return Ok(None);
         }
         if *form != Form::Own && *form != Form::of(kind) {
             return Err(fault(format!("a {} is not recorded as {}", kind.name, form.name())));
         }
         let sample = form.decode(kind, shared, Envelope::of(m), m.data).map_err(fault)?;
-        Ok(Some(Recorded { topic, incarnation, sequence, log_time: m.log_time, sample }))
+        Ok(Some((key, sample)))
     }
 }

@@ -112,7 +112,7 @@ impl Session {
             return None;
         };
         let TopicKind::Known(kind) = topic.kind else { return None };
-        let sample = Form::Own.decode(kind, shared, Envelope::of(message), message.data).ok()?;
+        let sample = Form::Own.decode(kind, shared, Envelope::of(message), message.data).ok()?.to_bytes();
         let view = Pieces::split(Journal::KIND, &sample).ok()?.view::<Journal>().ok()?;
         Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
     }

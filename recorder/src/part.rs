@@ -5,7 +5,9 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL};
-use crate::file::{Block, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan};
+use crate::file::{
+    Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
+};
 use crate::form::{Envelope, Form, Shared, own_head};
 
 /// What the messages of a channel are.
@@ -61,8 +63,12 @@ impl Part {
         let damage = std::mem::take(&mut scan.damage);
         let mut part =
             Self { path, source, size, scan, schemas: BTreeMap::new(), channels: BTreeMap::new(), damage };
+        // Every block passes through the same room.
+        let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
         for number in 0..part.scan.blocks.len() {
-            let Some(bytes) = part.load(number)? else { continue };
+            if !part.load(number, &mut bytes, &mut stored)? {
+                continue;
+            }
             let offset = part.scan.blocks[number].offset;
             let (mut at, mut start) = (0, 0);
             while let Some((_, record)) = next_record(&bytes, &mut at) {
@@ -90,24 +96,25 @@ impl Part {
         Ok(Some(part))
     }
 
-    /// The records of a block. `None`: they are damaged, which is noted.
-    fn load(&mut self, number: usize) -> io::Result<Option<Vec<u8>>> {
+    /// Loads the records of a block. False: they are damaged, which is noted.
+    fn load(&mut self, number: usize, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<bool> {
         let block = &mut self.scan.blocks[number];
-        Ok(match block.load(&self.source)? {
-            Loaded::Whole(bytes) | Loaded::Partial(bytes) => Some(bytes),
+        Ok(match block.load(&self.source, bytes, stored)? {
+            Loaded::Whole | Loaded::Partial => true,
             Loaded::Damaged(what) => {
                 self.damage.push(Damage { offset: block.offset, what });
-                None
+                false
             }
         })
     }
 
-    /// The records of a block as it was when the part was opened; nothing where they are damaged.
-    pub fn records(&self, number: usize) -> io::Result<Vec<u8>> {
-        Ok(match self.scan.blocks.get(number).map(|b: &Block| b.load(&self.source)).transpose()? {
-            Some(Loaded::Whole(bytes) | Loaded::Partial(bytes)) => bytes,
-            _ => Vec::new(),
-        })
+    /// Puts the records of a block, as it was when the part was opened, into `bytes`; nothing where they are damaged.
+    pub fn records(&self, number: usize, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<()> {
+        match self.scan.blocks.get(number).map(|b: &Block| b.load(&self.source, bytes, stored)).transpose()? {
+            Some(Loaded::Whole | Loaded::Partial) => {}
+            _ => bytes.set_len(0),
+        }
+        Ok(())
     }
 
     fn add_schema(&mut self, schema: Schema) -> Option<String> {

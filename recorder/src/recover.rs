@@ -11,7 +11,7 @@ use mcap::write::NoSeek;
 use crate::account::RECOVERED_RECORD;
 use crate::cut::{Limits, consistent_cut};
 use crate::error::SessionError;
-use crate::file::{Message, Record, Source, next_record, scan};
+use crate::file::{Buffer, Message, Record, Source, next_record, scan};
 use crate::folder::{create_private, is_blank, session_parts};
 use crate::part::{Part, PartChannel, Use};
 use crate::session::{Ended, Session};
@@ -173,8 +173,9 @@ fn rewrite<W: Write>(
         .filter(|t| matches!(t.role, Role::Journal { .. }))
         .map(|t| t.name.as_str())
         .collect();
+    let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
     for number in 0..part.scan.blocks.len() {
-        let bytes = part.records(number).map_err(read)?;
+        part.records(number, &mut bytes, &mut stored).map_err(read)?;
         let mut at = 0;
         while let Some((_, record)) = next_record(&bytes, &mut at) {
             let Ok(Record::Message(m)) = record else { continue };

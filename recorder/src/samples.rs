@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stillpoint_samples::AlignedBytes;
 
 use crate::error::SessionError;
-use crate::file::{Record, next_record};
+use crate::file::{Buffer, Record, next_record};
 use crate::part::Use;
 use crate::session::{Place, Session};
 
@@ -31,7 +31,7 @@ pub struct Samples<'a> {
     chosen: Vec<bool>,
     place: Place,
     /// The records of the block, once it is read.
-    bytes: Option<Arc<Vec<u8>>>,
+    bytes: Option<Arc<Buffer>>,
 }
 
 impl<'a> Samples<'a> {
@@ -40,7 +40,7 @@ impl<'a> Samples<'a> {
     }
 
     /// Moves to the next block that there is, and reads it.
-    fn block(&mut self) -> Result<Option<Arc<Vec<u8>>>, SessionError> {
+    fn block(&mut self) -> Result<Option<Arc<Buffer>>, SessionError> {
         if let Some(bytes) = &self.bytes {
             return Ok(Some(Arc::clone(bytes)));
         }
@@ -84,8 +84,14 @@ impl Iterator for Samples<'_> {
             match next_record(&bytes, &mut self.place.start) {
                 None => self.skip_block(),
                 Some((_, Ok(Record::Message(m)))) if self.is_chosen(m.channel) => {
-                    if let Some(found) = self.session.decode(place, &m).transpose() {
-                        return Some(found);
+                    match self.session.decode(place, &m) {
+                        Ok(None) => {}
+                        Err(e) => return Some(Err(e)),
+                        Ok(Some(((topic, incarnation, sequence), found))) => {
+                            let sample = found.to_bytes();
+                            let log_time = m.log_time;
+                            return Some(Ok(Recorded { topic, incarnation, sequence, log_time, sample }));
+                        }
                     }
                 }
                 Some(_) => {}

@@ -21,12 +21,14 @@ pub enum Role {
     Source,
     /// What an operator computed. Replay makes it again.
     Computed,
+    /// What the live executor measured: how long something took. No run has it twice, so replay does not compare it.
+    Measured,
 }
 
 impl Role {
     /// Whether a sample that was not kept leaves a gap in the session.
     pub fn is_required(&self) -> bool {
-        !matches!(self, Self::Computed)
+        matches!(self, Self::Journal { .. } | Self::Source)
     }
 
     fn name(&self) -> &'static str {
@@ -34,6 +36,7 @@ impl Role {
             Self::Journal { .. } => "journal",
             Self::Source => "source",
             Self::Computed => "computed",
+            Self::Measured => "measured",
         }
     }
 }
@@ -100,6 +103,7 @@ impl Described {
             role: match entries.get("role").map(String::as_str) {
                 Some("journal") => Role::Journal { inputs: ports("inputs"), outputs: ports("outputs") },
                 Some("source") => Role::Source,
+                Some("measured") => Role::Measured,
                 _ => Role::Computed,
             },
         })

@@ -15,7 +15,8 @@ use std::process::Command;
 use fixture::{START, cloud, depth, entry, head, opening, pieces, sample, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{
-    Cause, ConsoleCommand, DepthImage, Diagnostics, Head, Journal, PointCloud, Pose, RefKind, Sample, Track,
+    Cause, ConsoleCommand, DepthImage, Diagnostics, Head, Health, Journal, PointCloud, Pose, RefKind, Sample,
+    Track,
 };
 
 const PROBE: &str = "import mcap_ros2, rosbags";
@@ -215,8 +216,10 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
             let p = of(Track::KIND);
             out.extend(own_head(&p.head()));
             out.push("1".to_owned());
-            out.extend(f64s(&p.payload[..p.payload.len() - 16]));
-            out.extend(u64s(&p.payload[p.payload.len() - 16..]));
+            let (floats, rest) = p.payload.split_at(p.payload.len() - 40);
+            out.extend(f64s(floats));
+            out.extend(u64s(&rest[..32]));
+            out.extend(u32s(&rest[32..]));
         }
         "ConsoleCommand" => {
             let p = of(ConsoleCommand::KIND);
@@ -225,6 +228,15 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
             out.extend(f64s(&p.payload[..48]));
             out.extend(u32s(&p.payload[48..56]));
             out.extend(u8s(&p.payload[56..]));
+        }
+        "Health" => {
+            let p = of(Health::KIND);
+            out.extend(own_head(&p.head()));
+            for h in p.payload.chunks_exact(72) {
+                out.extend(f64s(&h[..24]));
+                out.extend(u64s(&h[24..40]));
+                out.extend(u8s(&h[40..]));
+            }
         }
         "Diagnostics" => {
             let p = of(Diagnostics::KIND);

@@ -104,3 +104,23 @@ fn samples_are_found_by_number() {
     assert_eq!(session.sample(topic, 0, 25).unwrap(), None);
     assert_eq!(session.sample(topic, 1, 0).unwrap(), None);
 }
+
+#[test]
+fn a_sample_is_held_with_exactly_its_bytes() {
+    let (bytes, written) = pipeline(Compression::Lz4, 3);
+    let session = stillpoint_recorder::Session::from_bytes([bytes.into()]).unwrap();
+    let mut last = std::collections::BTreeMap::new();
+    for (name, sample) in &written {
+        let number = last.entry(name).and_modify(|n| *n += 1).or_insert(0_u64);
+        let topic = session.topic_number(name).unwrap();
+        assert_eq!(session.holds(topic, 0, *number, sample).unwrap(), Some(true), "{name} {number}");
+        for at in [0, 20, sample.len() - 1] {
+            let mut other = sample.clone();
+            other[at] ^= 1;
+            assert_eq!(session.holds(topic, 0, *number, &other).unwrap(), Some(false), "{name} {number}");
+        }
+        let shorter = &sample[..sample.len() - 1];
+        assert_eq!(session.holds(topic, 0, *number, shorter).unwrap(), Some(false));
+        assert_eq!(session.holds(topic, 9, *number, sample).unwrap(), None);
+    }
+}

@@ -2,6 +2,8 @@
 
 use std::io::{self, Read};
 
+use super::buffer::Buffer;
+use super::frame::without_checksum;
 use super::record::ChunkHeader;
 use super::source::Source;
 
@@ -38,12 +40,13 @@ pub(crate) struct Block {
     pub cut: bool,
 }
 
-/// What a block held.
+/// What a block held. The bytes stand in the buffer that it was loaded into.
+#[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Loaded {
     /// Every byte.
-    Whole(Vec<u8>),
+    Whole,
     /// What came out before the cut.
-    Partial(Vec<u8>),
+    Partial,
     /// Not what was written; its records cannot be believed.
     Damaged(String),
 }
@@ -77,53 +80,75 @@ impl Block {
         self.stored.saturating_mul(ratio).min(self.size).min(LARGEST_CHUNK)
     }
 
-    /// Reads the block. Memory grows with what comes out, never with what a header promises.
-    pub fn load(&self, source: &Source) -> io::Result<Loaded> {
-        let stored = source.read(self.offset, usize::try_from(self.stored).unwrap_or(usize::MAX))?;
-        let (bytes, fault) = match self.compressed {
-            Compressed::No => (stored, None),
-            Compressed::Lz4 => match lz4::Decoder::new(&stored[..]) {
-                Ok(decoder) => drain(decoder, self.limit()),
-                Err(e) => (Vec::new(), Some(e.to_string())),
-            },
-            Compressed::Zstd => match zstd::stream::read::Decoder::with_buffer(&stored[..]) {
-                Ok(mut decoder) => match decoder.window_log_max(ZSTD_WINDOW_LOG) {
-                    Ok(()) => drain(decoder, self.limit()),
-                    Err(e) => (Vec::new(), Some(e.to_string())),
-                },
-                Err(e) => (Vec::new(), Some(e.to_string())),
-            },
+    /// Reads the block into `bytes`; `stored` is room for what is not decompressed yet. Memory grows with what comes
+    /// out, never with what a header promises.
+    pub fn load(&self, source: &Source, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<Loaded> {
+        let read = |into: &mut Buffer| {
+            source.read_into(self.offset, usize::try_from(self.stored).unwrap_or(usize::MAX), into)
+        };
+        let fault = match self.compressed {
+            Compressed::No => {
+                read(bytes)?;
+                None
+            }
+            Compressed::Lz4 => {
+                read(stored)?;
+                // Of two checksums of the same bytes one is enough.
+                if self.crc != 0 {
+                    without_checksum(stored);
+                }
+                match lz4::Decoder::new(&stored[..]) {
+                    Ok(decoder) => drain(decoder, self.limit(), bytes),
+                    Err(e) => none_of(bytes, &e),
+                }
+            }
+            Compressed::Zstd => {
+                read(stored)?;
+                match zstd::stream::read::Decoder::with_buffer(&stored[..]) {
+                    Ok(mut decoder) => match decoder.window_log_max(ZSTD_WINDOW_LOG) {
+                        Ok(()) => drain(decoder, self.limit(), bytes),
+                        Err(e) => none_of(bytes, &e),
+                    },
+                    Err(e) => none_of(bytes, &e),
+                }
+            }
         };
         if self.cut {
-            return Ok(Loaded::Partial(bytes));
+            return Ok(Loaded::Partial);
         }
         if bytes.len() as u64 != self.size {
             let fault = fault.map(|f| format!(": {f}")).unwrap_or_default();
             let (found, size) = (bytes.len(), self.size);
             return Ok(Loaded::Damaged(format!("{found} bytes came out of it where {size} went in{fault}")));
         }
-        let crc = if self.crc == 0 { 0 } else { crc32fast::hash(&bytes) };
+        let crc = if self.crc == 0 { 0 } else { crc32fast::hash(bytes) };
         if crc != self.crc {
             let stored = self.crc;
             return Ok(Loaded::Damaged(format!("its checksum is {crc:08x} where {stored:08x} was stored")));
         }
-        Ok(Loaded::Whole(bytes))
+        Ok(Loaded::Whole)
     }
 }
 
-/// All that comes out up to `limit`, and the fault that ended it.
-fn drain(mut from: impl Read, limit: u64) -> (Vec<u8>, Option<String>) {
-    let mut bytes = Vec::new();
-    let mut filled = 0;
+fn none_of(bytes: &mut Buffer, fault: &io::Error) -> Option<String> {
+    bytes.set_len(0);
+    Some(fault.to_string())
+}
+
+/// Puts all that comes out up to `limit` into `bytes`, and gives the fault that ended it.
+fn drain(mut from: impl Read, limit: u64, bytes: &mut Buffer) -> Option<String> {
     let limit = usize::try_from(limit).unwrap_or(usize::MAX);
+    let mut filled = 0;
     let mut step = 64 * 1024;
+    // Room of an earlier use costs nothing, and lets a decoder write in place.
+    bytes.set_len(limit.min(bytes.room()));
     let fault = loop {
         if filled == bytes.len() {
             if filled >= limit {
                 break None;
             }
             // New room only when the last is used up: a decoder fills a little at a time.
-            bytes.resize(limit.min(filled + step), 0);
+            bytes.set_len(limit.min(filled + step));
             step = (step * 2).min(1 << 20);
         }
         match from.read(&mut bytes[filled..]) {
@@ -133,6 +158,6 @@ fn drain(mut from: impl Read, limit: u64) -> (Vec<u8>, Option<String>) {
             Err(e) => break Some(e.to_string()),
         }
     };
-    bytes.truncate(filled);
-    (bytes, fault)
+    bytes.set_len(filled);
+    fault
 }

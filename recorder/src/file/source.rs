@@ -6,6 +6,8 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Arc;
 
+use super::buffer::Buffer;
+
 /// Where the bytes of one part are.
 #[derive(Clone, Debug)]
 pub enum Source {
@@ -34,15 +36,23 @@ impl Source {
 
     /// The bytes from `offset` on, at most `len` of them: fewer at the end.
     pub(crate) fn read(&self, offset: u64, len: usize) -> io::Result<Vec<u8>> {
+        let mut bytes = Buffer::default();
+        self.read_into(offset, len, &mut bytes)?;
+        Ok(bytes.to_vec())
+    }
+
+    /// Puts the bytes from `offset` on into `bytes`, at most `len` of them: fewer at the end.
+    pub(crate) fn read_into(&self, offset: u64, len: usize, bytes: &mut Buffer) -> io::Result<()> {
         let there = self.size()?.saturating_sub(offset);
         let len = len.min(usize::try_from(there).unwrap_or(usize::MAX));
+        bytes.set_len(0);
+        bytes.set_len(len);
         match self {
             Self::Bytes(b) => {
                 let start = usize::try_from(offset).unwrap_or(usize::MAX).min(b.len());
-                Ok(b[start..start + len].to_vec())
+                bytes.copy_from_slice(&b[start..start + len]);
             }
             Self::File(f) => {
-                let mut bytes = vec![0; len];
                 let mut read = 0;
                 while read < len {
                     match f.read_at(&mut bytes[read..], offset + read as u64) {
@@ -52,9 +62,9 @@ impl Source {
                         Err(e) => return Err(e),
                     }
                 }
-                bytes.truncate(read);
-                Ok(bytes)
+                bytes.set_len(read);
             }
         }
+        Ok(())
     }
 }

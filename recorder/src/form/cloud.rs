@@ -1,10 +1,10 @@
 //! `PointCloud` as `sensor_msgs/msg/PointCloud2`: the points' bytes are its data.
 
-use stillpoint_samples::{AlignedBytes, CloudShape, HEAD_SIZE, Head, Pieces, Point, PointCloud, Sample};
+use stillpoint_samples::{CloudShape, HEAD_SIZE, Pieces, Point};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::cdr::{Reader, Writer};
-use super::{Envelope, Fault, Shared};
+use super::{Decoded, Envelope, Fault, Shared};
 
 const POINT: u32 = size_of::<Point>() as u32;
 /// `PointField.FLOAT32`.
@@ -45,7 +45,7 @@ pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     w.u8(0);
 }
 
-pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
     let mut r = Reader::new(data)?;
     let stamp = r.header()?;
     let (height, width) = (r.u32()?, r.u32()?);
@@ -67,12 +67,8 @@ pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result
         return Err(format!("{} bytes are not {width} x {height} points of {POINT} bytes", points.len()));
     }
     let length = u32::try_from(count).map_err(|_| format!("{count} points are too many"))?;
-    let head: Head = shared.head(envelope, stamp, length);
+    let head = shared.head(envelope, stamp, length);
     let shape = CloudShape { width, height, reserved: 0, length };
-    let meta = PointCloud::KIND.meta_size();
-    let mut bytes = AlignedBytes::zeroed(meta + points.len());
-    bytes[..HEAD_SIZE].copy_from_slice(head.as_bytes());
-    bytes[HEAD_SIZE..meta].copy_from_slice(shape.as_bytes());
-    bytes[meta..].copy_from_slice(points);
-    Ok(bytes)
+    let meta = [head.as_bytes(), shape.as_bytes()].concat();
+    Ok(Decoded { meta: meta.into(), payload: points.into() })
 }

@@ -3,11 +3,11 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{AlignedBytes, DepthImage, HEAD_SIZE, Intrinsics, Pieces, Sample};
+use stillpoint_samples::{HEAD_SIZE, Intrinsics, Pieces};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::cdr::{Reader, Writer};
-use super::{Envelope, Fault, Shared};
+use super::{Decoded, Envelope, Fault, Shared};
 
 const PIXEL: u32 = size_of::<u16>() as u32;
 
@@ -54,7 +54,7 @@ pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     w.bytes(sample.payload);
 }
 
-pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
     let mut r = Reader::new(data)?;
     let stamp = r.header()?;
     let (height, width) = (r.u32()?, r.u32()?);
@@ -76,12 +76,8 @@ pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result
         let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
         *to = text.parse().map_err(|_| format!("`{name}` is `{}`, no number", text.escape_debug()))?;
     }
-    let meta = DepthImage::KIND.meta_size();
-    let mut bytes = AlignedBytes::zeroed(meta + pixels.len());
-    bytes[..HEAD_SIZE].copy_from_slice(shared.head(envelope, stamp, length).as_bytes());
-    bytes[HEAD_SIZE..meta].copy_from_slice(i.as_bytes());
-    bytes[meta..].copy_from_slice(pixels);
-    Ok(bytes)
+    let meta = [shared.head(envelope, stamp, length).as_bytes(), i.as_bytes()].concat();
+    Ok(Decoded { meta: meta.into(), payload: pixels.into() })
 }
 
 /// Appends the `sensor_msgs/msg/CameraInfo` of a depth image.

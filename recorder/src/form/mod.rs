@@ -9,6 +9,7 @@
 //! are in the metadata of the channel, so that a topic has a channel for each of their values.
 //!
 //! - `cdr`: numbers and texts at their CDR places
+//! - `decoded`: a sample behind a message, not copied yet
 //! - `own`: the sample's own bytes
 //! - `cloud`: `PointCloud` as `sensor_msgs/msg/PointCloud2`
 //! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
@@ -18,6 +19,7 @@
 
 mod cdr;
 mod cloud;
+mod decoded;
 mod depth;
 mod own;
 mod pose;
@@ -26,9 +28,10 @@ mod transforms;
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{AlignedBytes, Head, Pieces, SampleKind};
+use stillpoint_samples::{Head, Pieces, SampleKind};
 
 pub(crate) use cdr::{Reader, Writer};
+pub(crate) use decoded::Decoded;
 pub use transforms::StaticTransform;
 pub(crate) use transforms::{transforms_from, transforms_message};
 
@@ -131,14 +134,14 @@ impl Form {
         }
     }
 
-    /// The bytes of the sample behind a message.
-    pub fn decode(
+    /// The sample behind a message.
+    pub fn decode<'a>(
         self,
         kind: &SampleKind,
         shared: &Shared,
         envelope: Envelope,
-        data: &[u8],
-    ) -> Result<AlignedBytes, Fault> {
+        data: &'a [u8],
+    ) -> Result<Decoded<'a>, Fault> {
         match self {
             Self::Own => own::decode(kind, data),
             Self::Cloud => cloud::decode(shared, envelope, data),

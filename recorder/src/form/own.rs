@@ -1,9 +1,9 @@
 //! A sample's own bytes: `Head ++ Body ++ elements` is a CDR body as it is.
 
-use stillpoint_samples::{AlignedBytes, HEAD_SIZE, Head, Pieces, SampleKind};
+use stillpoint_samples::{HEAD_SIZE, Head, Pieces, SampleKind};
 
-use super::Fault;
 use super::cdr::{ENCAPSULATION, Reader, Writer};
+use super::{Decoded, Fault};
 
 pub(super) fn encode(sample: &Pieces<'_>, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);
@@ -11,11 +11,10 @@ pub(super) fn encode(sample: &Pieces<'_>, out: &mut Vec<u8>) {
     w.raw(sample.payload, 1);
 }
 
-pub(super) fn decode(kind: &SampleKind, data: &[u8]) -> Result<AlignedBytes, Fault> {
+pub(super) fn decode<'a>(kind: &SampleKind, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
     Reader::new(data)?;
-    let body = &data[ENCAPSULATION.len()..];
-    Pieces::split(kind, body).map_err(|e| e.to_string())?;
-    Ok(AlignedBytes::copy_of(body))
+    let pieces = Pieces::split(kind, &data[ENCAPSULATION.len()..]).map_err(|e| e.to_string())?;
+    Ok(Decoded { meta: pieces.meta.into(), payload: pieces.payload.into() })
 }
 
 /// The head of a message in its own form, whatever its kind.

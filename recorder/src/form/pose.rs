@@ -1,10 +1,10 @@
 //! `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`. ROS puts the scalar of a quaternion last, a sample first.
 
-use stillpoint_samples::{AlignedBytes, HEAD_SIZE, Pieces, Pose, PoseElement, Sample};
+use stillpoint_samples::{Pieces, PoseElement};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::cdr::{Reader, Writer};
-use super::{Envelope, Fault, Shared};
+use super::{Decoded, Envelope, Fault, Shared};
 
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);
@@ -17,7 +17,7 @@ pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     }
 }
 
-pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<AlignedBytes, Fault> {
+pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result<Decoded<'static>, Fault> {
     let mut r = Reader::new(data)?;
     let stamp = r.header()?;
     let mut position = [0.0; 3];
@@ -30,8 +30,6 @@ pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result
         *c = r.f64()?;
     }
     let pose = PoseElement { position, orientation: [qw, qx, qy, qz], covariance };
-    let mut bytes = AlignedBytes::zeroed(Pose::KIND.meta_size() + size_of::<PoseElement>());
-    bytes[..HEAD_SIZE].copy_from_slice(shared.head(envelope, stamp, 1).as_bytes());
-    bytes[HEAD_SIZE..].copy_from_slice(pose.as_bytes());
-    Ok(bytes)
+    let head = shared.head(envelope, stamp, 1);
+    Ok(Decoded { meta: head.as_bytes().to_vec().into(), payload: pose.as_bytes().to_vec().into() })
 }
