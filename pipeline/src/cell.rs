@@ -20,6 +20,7 @@ use crate::setup::{Files, Setup};
 pub struct Cell {
     step: Box<dyn Step>,
     kinds: Vec<(&'static SampleKind, usize)>,
+    laps: &'static [&'static str],
     key: RandomKey,
     /// Number of the next activation.
     index: u64,
@@ -65,6 +66,7 @@ impl Cell {
                 .zip(&node.outputs)
                 .map(|(port, output)| (port.sample, output.capacity))
                 .collect(),
+            laps: node.stage.laps,
             key: RandomKey {
                 seed: graph.seed,
                 operator: fnv1a(fnv1a_start(), node.name.as_bytes()),
@@ -113,8 +115,16 @@ impl Cell {
         lender: &mut dyn Lender,
     ) -> Entry {
         self.drafts.clear();
-        let mut brought = [Brought::default(); MAX_INPUTS];
-        let brought = &mut brought[..self.inputs.len()];
+        // Most operators have few inputs: what need not be cleared need not be in the caches either.
+        let mut few;
+        let mut many;
+        let brought: &mut [Brought<'_>] = if self.inputs.len() <= FEW_INPUTS {
+            few = [Brought::default(); FEW_INPUTS];
+            &mut few[..self.inputs.len()]
+        } else {
+            many = [Brought::default(); MAX_INPUTS];
+            &mut many[..self.inputs.len()]
+        };
         let mut origin = None;
         for r in &record.inputs {
             let port = r.port as usize;
@@ -145,22 +155,27 @@ impl Cell {
             inputs: brought,
             key: self.key,
         };
-        let mut outputs = Outputs::new(&self.kinds, lender, &mut self.drafts);
+        let mut outputs = Outputs::new(&self.kinds, self.laps.len(), lender, &mut self.drafts);
         let step = &mut self.step;
         let result = contained(|| step.step(&activation, &mut outputs));
         let origin = outputs.origin.unwrap_or(activation.origin);
-        let outcome = match result {
-            Ok(Ok(())) => Outcome::Done,
-            Ok(Err(error)) => {
+        let outcome = match (result, outputs.unknown_lap) {
+            (Ok(Ok(())), None) => Outcome::Done,
+            (Ok(Ok(())), Some(lap)) => {
+                self.fault = Some(format!("there is no lap {lap}: LAPS names {}", self.laps.len()));
+                Outcome::Error
+            }
+            (Ok(Err(error)), _) => {
                 self.fault = Some(error.0);
                 Outcome::Error
             }
-            Err(panic) => {
+            (Err(panic), _) => {
                 self.fault = Some(panic_text(&*panic));
                 Outcome::Panic
             }
         };
-        let mut refs = record.inputs.clone();
+        let mut refs = Vec::with_capacity(record.inputs.len() + self.sent.len());
+        refs.extend_from_slice(&record.inputs);
         if outcome == Outcome::Done {
             self.head_drafts(record.time, origin, &mut refs);
         } else {
@@ -228,6 +243,7 @@ impl Cell {
 
 /// The most inputs of an operator.
 pub const MAX_INPUTS: usize = 16;
+const FEW_INPUTS: usize = 2;
 
 fn output_ref(port: usize, sent: &Sent, count: u32, incarnation: u32) -> JournalRef {
     JournalRef {

@@ -12,6 +12,22 @@ use crate::schedule::Witness;
 use crate::session::topic_infos;
 use crate::shelf::Parcel;
 
+/// Makes the folder of a new session, or says what stands in the way and what to do.
+pub fn create_folder(session: &Path) -> Result<(), String> {
+    create_session(session).map_err(|e| match e.kind() {
+        std::io::ErrorKind::AlreadyExists if session.symlink_metadata().is_ok() => format!(
+            "{}: it is there already, and a session is never written over; name a folder that is not there",
+            session.display()
+        ),
+        _ => refused(session, &e),
+    })
+}
+
+/// What is said where a session cannot be written.
+pub(crate) fn refused(place: &Path, e: &std::io::Error) -> String {
+    format!("{}: {e}; choose another folder with --record", place.display())
+}
+
 /// A session that is written as the run goes on. Its log times are the stamps, so that two equal runs give equal files.
 pub struct Keeper {
     part: PartWriter<std::fs::File>,
@@ -35,9 +51,8 @@ impl Keeper {
         opening: &Opening,
         compression: Compression,
     ) -> Result<Self, String> {
-        let place = |e: std::io::Error| format!("{}: {e}", session.display());
-        create_session(session).map_err(place)?;
-        let (path, file) = create_part(session).map_err(place)?;
+        create_folder(session)?;
+        let (path, file) = create_part(session).map_err(|e| refused(session, &e))?;
         let mut part = PartWriter::new(file, compression, opening).map_err(|e| e.to_string())?;
         let mut topics = vec![(None, BTreeMap::new()); graph.operators.len()];
         for (info, (operator, port)) in topic_infos(graph) {
@@ -55,10 +70,20 @@ impl Keeper {
 
     /// Ends the session in order, with its ledger as JSON. Gives the file.
     pub fn finish(self, ledger: Option<String>) -> Result<PathBuf, String> {
+        self.close(ledger, BTreeMap::from([("in_order".to_string(), "true".to_string())]))
+    }
+
+    /// Ends the session of a run that ended before its time, and says why.
+    pub fn finish_early(self, ledger: Option<String>, reason: &str) -> Result<PathBuf, String> {
+        let facts = [("in_order", "false"), ("ended_early", reason)];
+        self.close(ledger, facts.map(|(name, fact)| (name.to_string(), fact.to_string())).into())
+    }
+
+    fn close(self, ledger: Option<String>, facts: BTreeMap<String, String>) -> Result<PathBuf, String> {
         let closing = Closing {
             ledger: ledger.map(String::into_bytes),
             gaps: Vec::new(),
-            facts: BTreeMap::from([("in_order".to_string(), "true".to_string())]),
+            facts,
             realtime_ns: self.last,
         };
         self.part.finish(&closing).map_err(|e| e.to_string())?;

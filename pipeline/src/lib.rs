@@ -28,11 +28,13 @@ pub mod params;
 pub mod placement;
 pub mod record;
 pub mod replay;
+pub mod restarts;
 pub mod schedule;
 pub mod session;
 pub mod setup;
 pub mod shelf;
 pub mod spec;
+pub mod stdout;
 
 pub use activation::Activation;
 pub use operator::{Operator, Registry, Stage};

@@ -124,6 +124,9 @@ pub trait Operator: Sized + Send + 'static {
     type Params: Params;
     /// Name, ports and purpose.
     const KIND: Kind;
+    /// Stages of a step whose times are worth knowing, in the order of their work. The live executor measures them and
+    /// sends them as `<operator>.timing`; the step says when one has ended with [`Outputs::lap`].
+    const LAPS: &'static [&'static str] = &[];
 
     /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.
     fn new(params: Self::Params, setup: &Setup<'_>) -> Result<Self, SetupError>;
@@ -158,6 +161,8 @@ pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn Step>, SetupEr
 pub struct Stage {
     /// Name, ports and purpose.
     pub kind: Kind,
+    /// Stages of a step that the live executor measures.
+    pub laps: &'static [&'static str],
     /// Parameters with defaults, units and ranges.
     pub fields: &'static [ParamField],
     /// Reads the parameters of a config; faults go into the reader.
@@ -171,8 +176,10 @@ pub struct Stage {
 impl Stage {
     /// The entry of `T`.
     pub const fn of<T: Operator>() -> Self {
+        const { check_names(&T::KIND, T::LAPS) };
         Self {
             kind: T::KIND,
+            laps: T::LAPS,
             fields: <T::Params as Params>::FIELDS,
             read: |reader| {
                 let params = <T::Params as Params>::read(reader)?;
@@ -190,6 +197,49 @@ impl Stage {
             },
         }
     }
+}
+
+/// Port of the topic of laps.
+pub const TIMING: &str = "timing";
+/// Names of topics that an operator has without saying so.
+const IMPLICIT: [&str; 3] = [TIMING, "journal", "inbox"];
+/// The longest name of a lap: as a metric it ends in `_s`.
+const LONGEST_LAP: usize = 30;
+
+/// Refuses a kind, when it is compiled, whose outputs would share their topic with another, or whose laps have names
+/// that do not fit.
+const fn check_names(kind: &Kind, laps: &[&str]) {
+    let mut output = 0;
+    while output < kind.outputs.len() {
+        let mut name = 0;
+        while name < IMPLICIT.len() {
+            assert!(
+                !is_same(kind.outputs[output].name, IMPLICIT[name]),
+                "timing, journal and inbox are topics that every operator may have: give the output another name"
+            );
+            name += 1;
+        }
+        output += 1;
+    }
+    let mut lap = 0;
+    while lap < laps.len() {
+        assert!(
+            !laps[lap].is_empty() && laps[lap].len() <= LONGEST_LAP,
+            "the name of a lap has 1 to 30 bytes"
+        );
+        lap += 1;
+    }
+}
+
+const fn is_same(a: &str, b: &str) -> bool {
+    let (a, b) = (a.as_bytes(), b.as_bytes());
+    let mut same = a.len() == b.len();
+    let mut at = 0;
+    while same && at < a.len() {
+        same = a[at] == b[at];
+        at += 1;
+    }
+    same
 }
 
 fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T::Params> {

@@ -51,6 +51,9 @@ impl Buffer {
 pub trait Lender {
     /// A buffer for `elements` elements on an output, or `None` where its memory is used up.
     fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer>;
+
+    /// Stage number `lap` of the step has ended. Only a placement that measures takes notice.
+    fn lap(&mut self, _lap: usize) {}
 }
 
 /// A sample that is sent when the activation is committed.
@@ -66,20 +69,25 @@ pub struct Draft {
 /// The outputs of one activation.
 pub struct Outputs<'a> {
     kinds: &'a [(&'static SampleKind, usize)],
+    laps: usize,
     lender: &'a mut dyn Lender,
     drafts: &'a mut Vec<Draft>,
+    /// A lap that the kind does not name.
+    pub(crate) unknown_lap: Option<usize>,
     /// Acquisition time that a source states for what it sends.
     pub(crate) origin: Option<u64>,
 }
 
 impl<'a> Outputs<'a> {
-    /// Outputs of these kinds and capacities (elements), which leave their samples in `drafts`.
+    /// Outputs of these kinds and capacities (elements), which leave their samples in `drafts`, of a kind with so many
+    /// laps.
     pub fn new(
         kinds: &'a [(&'static SampleKind, usize)],
+        laps: usize,
         lender: &'a mut dyn Lender,
         drafts: &'a mut Vec<Draft>,
     ) -> Self {
-        Self { kinds, lender, drafts, origin: None }
+        Self { kinds, laps, lender, drafts, unknown_lap: None, origin: None }
     }
 
     /// The most elements that a sample on this output can have.
@@ -134,6 +142,17 @@ impl<'a> Outputs<'a> {
     /// States the acquisition time of what a source sends, ns since the epoch. Without it, it is the activation's time.
     pub fn acquired_at(&mut self, origin: u64) {
         self.origin = Some(origin);
+    }
+
+    /// Says that the stage `LAPS[lap]` of the step has just ended. A live run measures it from the lap before, or from
+    /// the beginning of the step, and adds it up where a stage is entered again; elsewhere nothing happens. A lap that
+    /// `LAPS` does not name fails the activation.
+    pub fn lap(&mut self, lap: usize) {
+        if lap < self.laps {
+            self.lender.lap(lap);
+        } else {
+            self.unknown_lap.get_or_insert(lap);
+        }
     }
 }
 

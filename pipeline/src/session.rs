@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
 use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, StaticTransform, TopicInfo};
-use stillpoint_samples::{Journal, Sample};
+use stillpoint_samples::{Diagnostics, Journal, Sample};
 
 use crate::clock::realtime;
 use crate::graph::Graph;
-use crate::live::contracts::journal_topic;
+use crate::live::contracts::{journal_topic, timing_topic};
 use crate::live::control::Hello;
 use crate::operator::Role;
 use crate::setup::Files;
@@ -67,6 +67,19 @@ pub fn topic_infos(graph: &Graph) -> Vec<(TopicInfo, (usize, Option<usize>))> {
         }
     }
     infos
+}
+
+/// The topics of laps, which a live session keeps besides. Each with its operator.
+pub fn timing_infos(graph: &Graph) -> Vec<(TopicInfo, usize)> {
+    let measured = graph.operators.iter().enumerate().filter(|(_, node)| !node.stage.laps.is_empty());
+    let info = |name: &str| TopicInfo {
+        name: timing_topic(name),
+        operator: name.to_string(),
+        kind: Diagnostics::KIND,
+        frame: None,
+        role: TopicRole::Measured,
+    };
+    measured.map(|(operator, node)| (info(&node.name), operator)).collect()
 }
 
 /// The start of a part.

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use stillpoint_samples::{AlignedBytes, Head, Pieces, SampleKind};
 
+use crate::outputs::Buffer;
+
 /// A sample on the heap, shared by its consumers: head, body and exactly `count` elements.
 #[derive(Clone, Debug)]
 pub struct Parcel {
@@ -18,11 +20,20 @@ impl Parcel {
     /// A copy of a sample's bytes; what lies beyond its count is left behind.
     pub fn copy_of(kind: &'static SampleKind, pieces: Pieces<'_>) -> Self {
         let cut = pieces.check(kind).unwrap_or(pieces);
-        let mut bytes = AlignedBytes::zeroed(cut.meta.len() + cut.payload.len());
-        let (meta, payload) = bytes.split_at_mut(cut.meta.len());
-        meta.copy_from_slice(cut.meta);
-        payload.copy_from_slice(cut.payload);
-        Self { kind, bytes: Arc::new(bytes) }
+        Self { kind, bytes: Arc::new(AlignedBytes::joined(cut.meta, cut.payload)) }
+    }
+
+    /// The sample in a buffer, which is copied only where it is not on the heap.
+    pub fn of(kind: &'static SampleKind, buffer: Buffer) -> Self {
+        match buffer {
+            Buffer::Heap { mut bytes, meta } => {
+                let (meta, payload) = bytes.split_at(meta.min(bytes.len()));
+                let cut = Pieces { meta, payload }.check(kind).map(|cut| cut.meta.len() + cut.payload.len());
+                bytes.resize(cut.unwrap_or(bytes.len()));
+                Self { kind, bytes: Arc::new(bytes) }
+            }
+            Buffer::Shared(_) => Self::copy_of(kind, buffer.pieces()),
+        }
     }
 
     /// Its bytes in two pieces.

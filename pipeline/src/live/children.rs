@@ -39,6 +39,8 @@ pub struct Child {
     pub connected: u64,
     /// Its inputs are drained and its end is marked.
     pub stopped: bool,
+    /// Operators that panicked and wait for an answer, with what they said.
+    pub panicked: Vec<(String, String)>,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -83,6 +85,7 @@ impl Child {
             made: false,
             connected: 0,
             stopped: false,
+            panicked: Vec::new(),
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),
@@ -122,6 +125,10 @@ impl Child {
                         self.last_words = Some(reason.clone());
                     }
                     told.push(Told { operator, incarnation, reason, fatal });
+                }
+                Ok(Line::Message(FromWorker::Panicked { operator, incarnation, reason })) => {
+                    self.panicked.push((operator.clone(), reason.clone()));
+                    told.push(Told { operator, incarnation, reason, fatal: false });
                 }
                 Ok(Line::Message(FromWorker::Made)) => self.made = true,
                 Ok(Line::Message(FromWorker::Connected { number })) => self.connected = number,

@@ -1,9 +1,10 @@
 //! The topics of a graph, and how much memory they take.
 
-use stillpoint_samples::{ConsoleCommand, Journal, Sample, SampleKind};
+use stillpoint_samples::{ConsoleCommand, Diagnostics, Journal, Sample, SampleKind};
 use stillpoint_shm::Contract;
 
 use crate::graph::Graph;
+use crate::operator::TIMING;
 use crate::schedule::depth_of;
 
 /// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
@@ -69,6 +70,27 @@ pub fn journal(graph: &Graph, operator: usize) -> Contract {
     }
 }
 
+/// Name of the topic of an operator's laps.
+pub fn timing_topic(operator: &str) -> String {
+    format!("{operator}.{TIMING}")
+}
+
+/// The contract of an operator's laps; `None` where its kind has none.
+pub fn timing(graph: &Graph, operator: usize) -> Option<Contract> {
+    let node = &graph.operators[operator];
+    let laps = node.stage.laps.len();
+    let buffer = recorder_depth(Diagnostics::KIND, laps);
+    (laps > 0).then(|| Contract {
+        buffer,
+        borrowed: BORROWED,
+        subscribers: TAPS,
+        publishers: 4,
+        nodes: graph.processes.len() + 2 + TAPS,
+        pool: buffer + 3 + LOOKERS,
+        ..Contract::new(&timing_topic(&node.name), Diagnostics::KIND, None, laps)
+    })
+}
+
 /// Name of the topic through which people reach a console.
 pub fn inbox_topic(operator: &str) -> String {
     format!("{operator}.inbox")
@@ -92,29 +114,10 @@ pub fn all(graph: &Graph) -> Vec<Contract> {
     for (operator, node) in graph.operators.iter().enumerate() {
         contracts.push(journal(graph, operator));
         contracts.extend((0..node.outputs.len()).map(|port| output(graph, operator, port)));
+        contracts.extend(timing(graph, operator));
         if node.stage.kind.name == crate::console::KIND_NAME {
             contracts.push(inbox(graph, operator));
         }
     }
     contracts
-}
-
-/// Refuses a graph whose samples do not fit into shared memory: a write beyond its end would be a SIGBUS.
-pub fn check_room(graph: &Graph) -> Result<(), String> {
-    let needed: usize = all(graph).iter().map(Contract::pool_bytes).sum();
-    let Ok(room) = rustix::fs::statvfs("/dev/shm") else { return Ok(()) };
-    let free = room.f_bavail.saturating_mul(room.f_frsize);
-    if needed as u64 > free {
-        let mib = |bytes: u64| bytes.div_ceil(1 << 20);
-        let mut worst = all(graph);
-        worst.sort_by_key(|c| std::cmp::Reverse(c.pool_bytes()));
-        let largest = worst.first().map(|c| c.topic.clone()).unwrap_or_default();
-        return Err(format!(
-            "the pipeline's topics may take {} MiB of shared memory, and /dev/shm has {} MiB free: make /dev/shm larger \
-             or lower the capacities (the largest topic is {largest})",
-            mib(needed as u64),
-            mib(free)
-        ));
-    }
-    Ok(())
 }

@@ -46,6 +46,13 @@ pub enum ToWorker {
         /// Zero of the timers.
         epoch: u64,
     },
+    /// Begin a new incarnation of an operator that panicked.
+    Renew {
+        /// Number of the operator.
+        operator: usize,
+        /// When, session time in ns.
+        at: u64,
+    },
     /// Stop timers and sources, drain the inputs, mark the end, and say so.
     Stop,
     /// End the process.
@@ -110,6 +117,15 @@ pub enum FromWorker {
         /// Whether the process ends by it.
         fatal: bool,
     },
+    /// An operator panicked. It waits to be told when it begins again.
+    Panicked {
+        /// Name of the operator.
+        operator: String,
+        /// Its incarnation.
+        incarnation: u32,
+        /// What it said.
+        reason: String,
+    },
     /// Inputs are drained and ends are marked.
     Stopped,
     /// The recorder's account of what it kept.
@@ -138,7 +154,7 @@ pub struct RecorderReport {
     pub samples: u64,
     /// Bytes of samples written.
     pub bytes: u64,
-    /// CPU time of the recorder's process, ns.
+    /// CPU time of the recorder's process from when its topics and its part were open, ns.
     pub cpu_ns: u64,
     /// Samples that it could not keep, by topic.
     pub lost: std::collections::BTreeMap<String, u64>,

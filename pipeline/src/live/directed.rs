@@ -9,7 +9,7 @@ use zerocopy::IntoBytes;
 
 use super::contracts;
 use super::control::{FromWorker, ToWorker, refs_of_wire};
-use super::pipe::{Lines, say};
+use super::pipe::{Lines, tell};
 use super::worker::wait_for;
 use crate::graph::{Graph, ProcessNode};
 use crate::placement::Directed;
@@ -49,8 +49,6 @@ impl<'f> DirectedWorker<'f> {
 
     /// Does what it is told until the supervisor ends it.
     pub fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
-        let tell =
-            |message: &FromWorker| say(&mut std::io::stdout().lock(), message).map_err(|e| e.to_string());
         tell(&FromWorker::Made)?;
         loop {
             let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };

@@ -12,6 +12,7 @@ use super::children::{Child, Launch, Told};
 use super::contracts;
 use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::entry_of;
+use super::room::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
 use crate::files::{DiskFiles, Snapshot};
@@ -44,9 +45,9 @@ impl Processes {
         file: &str,
         sets: &[String],
     ) -> Result<Self, String> {
-        sweep_dead();
-        contracts::check_room(&graph)?;
+        sweep_dead()?;
         let folder = RunFolder::create()?;
+        reserve(&graph, &folder)?;
         let disk = DiskFiles::beside(Path::new(file));
         let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
         let domain =

@@ -5,6 +5,7 @@ use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, 
 
 use super::contracts;
 use super::directed::publish_entry;
+use super::stopwatch::Stopwatch;
 use crate::cell::Cell;
 use crate::clock::SessionClock;
 use crate::console::Inbox;
@@ -32,26 +33,50 @@ pub struct Member {
     /// Time of the last activation: stamps of an operator rise.
     last: u64,
     sent_before: u64,
-    /// Panics in a row.
-    pub panics: u32,
+    /// It panicked, and a new incarnation begins later.
+    pub down: Option<Down>,
     /// Keeps the services alive while this process has ports on them.
     _topics: Vec<Topic>,
 }
 
+/// Until when an operator that panicked does nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Down {
+    /// Until the supervisor has answered.
+    Unanswered,
+    /// Until this session time, ns.
+    Until(u64),
+}
+
+struct Outlet {
+    publisher: Publisher,
+    /// Wakes consumers in other processes, where there are any.
+    notifier: Option<Notifier>,
+    /// Something was sent that nobody was woken for yet.
+    sent: bool,
+}
+
 struct Outlets {
-    ports: Vec<(Publisher, Option<Notifier>)>,
+    ports: Vec<Outlet>,
+    stopwatch: Option<Stopwatch>,
     /// What the last loan failed of, other than used-up memory.
     fault: Option<ShmError>,
 }
 
 impl Lender for Outlets {
     fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
-        match self.ports.get(port)?.0.loan(elements) {
+        match self.ports.get(port)?.publisher.loan(elements) {
             Ok(loan) => loan.map(Buffer::Shared),
             Err(e) => {
                 self.fault = Some(e);
                 None
             }
+        }
+    }
+
+    fn lap(&mut self, lap: usize) {
+        if let Some(stopwatch) = &mut self.stopwatch {
+            stopwatch.lap(lap);
         }
     }
 }
@@ -98,9 +123,10 @@ impl Member {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
-            ports.push((topic.publisher().map_err(text)?, notifier));
+            ports.push(Outlet { publisher: topic.publisher().map_err(text)?, notifier, sent: false });
             topics.push(topic);
         }
+        let stopwatch = Stopwatch::open(graph, operator, domain).map_err(text)?;
         let journal = Topic::open(domain, &contracts::journal(graph, operator)).map_err(text)?;
         let journal_port = journal.publisher().map_err(text)?;
         topics.push(journal);
@@ -117,7 +143,7 @@ impl Member {
             cell,
             intake: Intake::new(node),
             inlets,
-            outlets: Outlets { ports, fault: None },
+            outlets: Outlets { ports, stopwatch, fault: None },
             journal: journal_port,
             inbox: people,
             every: node.every,
@@ -125,15 +151,18 @@ impl Member {
             epoch: 0,
             last: 0,
             sent_before: 0,
-            panics: 0,
+            down: None,
             _topics: topics,
         })
     }
 
     /// Connects to all ports that are there.
     pub fn connect(&self) -> Result<(), ShmError> {
-        for (publisher, _) in &self.outlets.ports {
-            publisher.connect()?;
+        for outlet in &self.outlets.ports {
+            outlet.publisher.connect()?;
+        }
+        if let Some(stopwatch) = &self.outlets.stopwatch {
+            stopwatch.connect()?;
         }
         self.journal.connect()?;
         for inlet in self.inlets.iter().flatten() {
@@ -161,9 +190,10 @@ impl Member {
         clock: &SessionClock,
     ) -> Result<(), String> {
         let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
-        self.cell =
-            Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox).map_err(|e| e.0)?;
+        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox)
+            .map_err(|e| format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0))?;
         self.intake.renew();
+        self.down = None;
         let now = clock.now().max(self.last + 1);
         self.last = now;
         let entry = self.cell.mark(Cause::Start, now, &[]);
@@ -209,6 +239,9 @@ impl Member {
         let record = Record { time: now, nominal, tick, cause, port, inputs: self.intake.begin(cause, port) };
         self.last = now;
         let intake = &self.intake;
+        if let Some(stopwatch) = &mut self.outlets.stopwatch {
+            stopwatch.begin();
+        }
         let entry = self.cell.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.commit(entry, clock)?;
@@ -223,26 +256,31 @@ impl Member {
         self.publish_entry(&entry)
     }
 
-    /// The commit rule: the entry, then the outputs, then the listeners.
+    /// The commit rule: the entry, then the outputs, then the listeners. What was measured follows, for those who poll.
     fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), String> {
         if let Some(fault) = self.outlets.fault.take() {
             return Err(fault.to_string());
         }
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
-        let mut notify = [false; 64];
         for draft in self.cell.take_drafts() {
             if let Buffer::Shared(loan) = draft.buffer {
-                self.outlets.ports[draft.port].0.send(loan).map_err(|e| e.to_string())?;
-                notify[draft.port.min(63)] = true;
+                let outlet = &mut self.outlets.ports[draft.port];
+                outlet.publisher.send(loan).map_err(|e| e.to_string())?;
+                outlet.sent = true;
             }
         }
-        for ((_, notifier), sent) in self.outlets.ports.iter().zip(notify) {
-            if let (Some(notifier), true) = (notifier, sent) {
+        for outlet in &mut self.outlets.ports {
+            if std::mem::take(&mut outlet.sent)
+                && let Some(notifier) = &outlet.notifier
+            {
                 notifier.notify();
             }
         }
         self.sent_before = clock.now();
+        if let Some(stopwatch) = &self.outlets.stopwatch {
+            stopwatch.send(&entry).map_err(|e| e.to_string())?;
+        }
         Ok(())
     }
 

@@ -3,8 +3,10 @@
 //! - `children`: starting child processes, telling and hearing them
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
+//! - `missed`: what was sent while no recorder was there
 //! - `pipe`: lines over the children's pipes, unbuffered
 //! - `report`: what a run is asked for, and how it went
+//! - `room`: what runs take of shared memory, and leave to each other
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
 //! - `watch`: the watch over deadlines
 //! - `worker`: a process of operators
@@ -15,6 +17,7 @@
 //! - `recorder`: the process that records
 //! - `seat`: core and scheduling class of a process
 //! - `status`: what a run looks like from its journals
+//! - `stopwatch`: how long the stages of a step took
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
 mod children;
@@ -23,12 +26,15 @@ pub mod control;
 mod directed;
 mod lockstep;
 mod member;
+mod missed;
 mod pipe;
 mod recorder;
 mod report;
+mod room;
 pub mod run_folder;
 mod seat;
 pub mod status;
+mod stopwatch;
 mod supervisor;
 mod watch;
 mod worker;

@@ -1,12 +1,17 @@
 //! Lines over the children's pipes. Reads are unbuffered but for the rest of a line, which is asked for before a wait:
 //! two lines that arrive together are both seen.
 
+use std::fs::File;
 use std::io::Write;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::sync::OnceLock;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+
+use super::control::FromWorker;
+use crate::stdout::Aside;
 
 /// The reading end of a pipe of JSON lines.
 pub struct Lines {
@@ -69,6 +74,21 @@ impl Lines {
             }
         }
     }
+}
+
+/// The line to the supervisor: what standard output was when this process began.
+static CONTROL: OnceLock<File> = OnceLock::new();
+
+/// Takes standard output as the line to the supervisor. From here on what is printed goes to standard error.
+pub fn take_control() -> Result<(), String> {
+    let line = Aside::begin().keep().ok_or("standard output cannot be led aside")?;
+    CONTROL.set(line).map_err(|_| "the line to the supervisor is taken already".to_string())
+}
+
+/// Tells the supervisor something. No lock is taken: a thread that hangs cannot hold it.
+pub fn tell(message: &FromWorker) -> Result<(), String> {
+    let mut line = CONTROL.get().ok_or("there is no line to a supervisor")?;
+    say(&mut line, message).map_err(|e| format!("the supervisor cannot be told: {e}"))
 }
 
 /// Writes a message as one line.

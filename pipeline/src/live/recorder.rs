@@ -1,26 +1,29 @@
 //! The process that records: it polls, off the data path, and a second thread writes.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crossbeam_channel::{Receiver, Sender, bounded, unbounded};
+use crossbeam_channel::{Receiver, Sender, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillpoint_recorder::{
-    ClockSample, Closing, Compression, Encoded, PartWriter, TopicId, TopicInfo, create_part, session_parts,
+    ClockSample, Closing, Compression, Encoded, PartWriter, Session, TopicId, TopicInfo, create_part,
+    session_parts,
 };
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::contracts;
 use super::control::{FromWorker, HelloRecorder, RecorderReport, ToRecorder};
-use super::pipe::{Line, say};
+use super::missed::missed;
+use super::pipe::{Line, take_control, tell};
 use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
+use crate::keep::refused;
 use crate::operator::Registry;
-use crate::session::{opening, topic_infos};
+use crate::session::{opening, timing_infos, topic_infos};
 
 /// How often shared memory is looked at, ns.
 const PERIOD: i64 = 5_000_000;
@@ -34,17 +37,35 @@ const MOST_WAITING: usize = 256 << 20;
 /// of a long one.
 const SPARE: usize = 8;
 
+/// Buffers that were written. The last one back is the first to go out again: it is the one in the caches, and those that
+/// nobody needs are never touched.
+#[derive(Clone, Default)]
+struct Spare(Arc<Mutex<Vec<Vec<u8>>>>);
+
+impl Spare {
+    fn take(&self) -> Vec<u8> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn put(&self, buffer: Vec<u8>) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() < SPARE {
+            kept.push(buffer);
+        }
+    }
+}
+
 /// The body of the recorder's process.
 pub fn recorder_main(registry: &Registry) -> ExitCode {
+    if take_control().is_err() {
+        return ExitCode::from(70);
+    }
     ignore_interrupts();
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {
             let operator = "recorder".to_string();
-            let _ = say(
-                &mut std::io::stdout(),
-                &FromWorker::Fault { operator, incarnation: 0, reason, fatal: true },
-            );
+            let _ = tell(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
             ExitCode::from(70)
         }
     }
@@ -57,7 +78,6 @@ fn serve(registry: &Registry) -> Result<(), String> {
     let domain =
         Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
     let mut recorder = Recorder::open(&graph, &domain, &hello)?;
-    let tell = |m: &FromWorker| say(&mut std::io::stdout().lock(), m).map_err(|e| e.to_string());
     tell(&FromWorker::Made)?;
     loop {
         loop {
@@ -91,15 +111,15 @@ struct Tap {
     subscriber: Subscriber,
     info: TopicInfo,
     topic: TopicId,
-    /// Buffers that were written, back from the writer, and its way to give them back.
-    spare: (Sender<Vec<u8>>, Receiver<Vec<u8>>),
+    /// Buffers that were written, back from the writer.
+    spare: Spare,
     /// By incarnation: the number expected next.
     next: BTreeMap<u32, u64>,
     _topic: Topic,
 }
 
 enum Item {
-    Sample { topic: TopicId, sample: Encoded, size: usize, log_time: u64, spare: Sender<Vec<u8>> },
+    Sample { topic: TopicId, sample: Encoded, size: usize, log_time: u64, spare: Spare },
     Lost { topic: TopicId, incarnation: u32, first: u64, count: u64 },
 }
 
@@ -111,6 +131,8 @@ struct Recorder {
     lost: BTreeMap<String, u64>,
     part: PathBuf,
     first_part: bool,
+    /// What this process had used when its topics and its part were open, ns.
+    cpu_before: u64,
 }
 
 struct Written {
@@ -122,7 +144,7 @@ struct Written {
 impl Recorder {
     fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, String> {
         let clock = hello.hello.clock;
-        let (path, file) = create_part(&hello.session).map_err(|e| place(&hello.session, &e))?;
+        let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, &e))?;
         let compression = match hello.compression.as_str() {
             "none" => Compression::None,
             "zstd" => Compression::Zstd,
@@ -131,15 +153,18 @@ impl Recorder {
         let start = opening(graph, &hello.hello, &hello.identity)?;
         let mut part = PartWriter::new(file, compression, &start).map_err(|e| e.to_string())?;
         let mut taps = Vec::new();
-        for (info, source) in topic_infos(graph) {
-            let contract = match source {
-                (operator, None) => contracts::journal(graph, operator),
-                (operator, Some(port)) => contracts::output(graph, operator, port),
-            };
+        let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
+            (operator, None) => (info, contracts::journal(graph, operator)),
+            (operator, Some(port)) => (info, contracts::output(graph, operator, port)),
+        });
+        let measured = timing_infos(graph)
+            .into_iter()
+            .filter_map(|(info, operator)| Some((info, contracts::timing(graph, operator)?)));
+        for (info, contract) in kept.chain(measured) {
             let topic = Topic::open(domain, &contract).map_err(|e| e.to_string())?;
             let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
             let id = part.add_topic(info.clone()).map_err(|e| e.to_string())?;
-            let spare = bounded(SPARE);
+            let spare = Spare::default();
             taps.push(Tap { subscriber, info, topic: id, spare, next: BTreeMap::new(), _topic: topic });
         }
         part.flush().map_err(|e| e.to_string())?;
@@ -156,6 +181,7 @@ impl Recorder {
             lost: BTreeMap::new(),
             part: path,
             first_part,
+            cpu_before: cpu_time(),
         })
     }
 
@@ -210,14 +236,28 @@ impl Recorder {
                 }
                 self.waiting.fetch_add(size, Ordering::Relaxed);
                 // The one copy out of shared memory is the message as it will be written.
-                let buffer = tap.spare.1.try_recv().unwrap_or_default();
+                let buffer = tap.spare.take();
                 let sample = Encoded::new(&tap.info, sample.pieces(), buffer)
                     .map_err(|e| format!("topic {}: {e}", tap.info.name))?;
-                let (log_time, spare) = (realtime(), tap.spare.0.clone());
+                let (log_time, spare) = (realtime(), tap.spare.clone());
                 let _ = items.send(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
             }
         }
         Ok(any)
+    }
+
+    /// Lists what was sent while no recorder was there. Only at the end is it all known, and nobody waits.
+    fn list_missed(&mut self, part: &mut PartWriter<std::fs::File>) -> Result<(), String> {
+        let say = |e: &dyn std::fmt::Display| format!("what was missed between two parts is not listed: {e}");
+        part.flush().map_err(|e| say(&e))?;
+        let folder = self.part.parent().unwrap_or(&self.part);
+        for lost in missed(&Session::open(folder).map_err(|e| say(&e))?) {
+            let Some(tap) = self.taps.iter().find(|t| t.info.name == lost.topic) else { continue };
+            part.note_lost(tap.topic, lost.incarnation, lost.first, lost.count, realtime())
+                .map_err(|e| say(&e))?;
+            *self.lost.entry(lost.topic).or_insert(0) += lost.count;
+        }
+        Ok(())
     }
 
     fn finish(
@@ -228,18 +268,22 @@ impl Recorder {
     ) -> Result<RecorderReport, String> {
         while self.drain()? {}
         self.items = None;
-        let written = match self.writer.take().map(std::thread::JoinHandle::join) {
+        let mut written = match self.writer.take().map(std::thread::JoinHandle::join) {
             Some(Ok(written)) => written?,
             _ => return Err("the recording's writer panicked".to_string()),
         };
+        let mut gaps = gaps;
+        if !self.first_part {
+            gaps.extend(self.list_missed(&mut written.part).err());
+        }
         let closing =
             Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
         let file = written.part.finish(&closing).map_err(|e| e.to_string())?;
-        file.sync_all().map_err(|e| place(&self.part, &e))?;
+        file.sync_all().map_err(|e| refused(&self.part, &e))?;
         Ok(RecorderReport {
             samples: written.samples,
             bytes: written.bytes,
-            cpu_ns: cpu_time(),
+            cpu_ns: cpu_time().saturating_sub(self.cpu_before),
             lost: std::mem::take(&mut self.lost),
             part: self.part.clone(),
         })
@@ -263,7 +307,7 @@ fn write(
                 samples += 1;
                 bytes += size as u64;
                 waiting.fetch_sub(size, Ordering::Relaxed);
-                let _ = spare.try_send(sample.into_buffer());
+                spare.put(sample.into_buffer());
                 dirty = true;
             }
             Ok(Item::Lost { topic, incarnation, first, count }) => {
@@ -288,8 +332,4 @@ fn write(
             part.flush().map_err(|e| e.to_string())?;
         }
     }
-}
-
-fn place(path: &Path, e: &std::io::Error) -> String {
-    format!("{}: {e}; choose another folder with --record", path.display())
 }

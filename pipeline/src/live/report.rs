@@ -75,7 +75,8 @@ pub struct Recorded {
     pub samples: u64,
     /// Their bytes.
     pub bytes: u64,
-    /// CPU time of the recorder's process, ns; 0 where none of its own wrote the part.
+    /// CPU time of the recorder's process from when its topics and its part were open, ns; 0 where none of its own wrote
+    /// the part.
     pub cpu_ns: u64,
     /// Samples not kept, by topic.
     pub lost: BTreeMap<String, u64>,

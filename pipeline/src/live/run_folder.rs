@@ -4,7 +4,7 @@
 //! and the root folder of its domain.
 
 use std::fs::{File, OpenOptions};
-use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, flock};
@@ -43,20 +43,47 @@ pub struct RunCard {
     pub prefix: String,
 }
 
-/// The folder of all runs of this user.
-pub fn runs_folder() -> PathBuf {
+/// The folder of all runs of this user, by name.
+fn runs_folder() -> PathBuf {
     let user = rustix::process::getuid().as_raw();
     // Short: the paths of sockets below it may have 108 bytes.
     std::env::var_os("STILLPOINT_RUNS")
         .map_or_else(|| std::env::temp_dir().join(format!("stillpoint-{user}")), PathBuf::from)
 }
 
+/// Refuses a folder of runs in which somebody else could have put something, or could look: it names files to read, and
+/// what stands in it is removed.
+fn check_owner(runs: &Path, folder: &std::fs::Metadata) -> Result<(), String> {
+    let (place, user) = (runs.display(), rustix::process::getuid().as_raw());
+    // What is checked is the name itself: a link leads wherever its owner likes.
+    if !folder.is_dir() {
+        return Err(format!("{place}: runs are kept there, but it is no folder; remove it"));
+    }
+    if folder.uid() != user {
+        return Err(format!(
+            "{place}: runs are kept there, but it belongs to user {}, not to you (user {user}); remove it, or name \
+             another folder in STILLPOINT_RUNS",
+            folder.uid()
+        ));
+    }
+    let mode = folder.mode() & 0o777;
+    if mode & 0o077 != 0 {
+        return Err(format!(
+            "{place}: runs are kept there, but other users have rights in it (mode {mode:o}); say `chmod 700 {place}`"
+        ));
+    }
+    Ok(())
+}
+
 impl RunFolder {
     /// Makes the folder of a new run.
     pub fn create() -> Result<Self, String> {
         let runs = runs_folder();
-        let say = |path: &Path, e: std::io::Error| format!("{}: {e}", path.display());
+        let say = |path: &Path, e: std::io::Error| {
+            format!("{}: {e}; name a folder that you can write in STILLPOINT_RUNS", path.display())
+        };
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&runs).map_err(|e| say(&runs, e))?;
+        check_owner(&runs, &runs.symlink_metadata().map_err(|e| say(&runs, e))?)?;
         let start = crate::clock::realtime();
         for attempt in 0..100u64 {
             let id = format!(
@@ -84,9 +111,14 @@ impl RunFolder {
                 let _ = std::fs::remove_dir_all(&making);
                 continue;
             }
-            return Ok(Self { path, _lock: lock, prefix: format!("sp_{id}_") });
+            return Ok(Self { path, _lock: lock, prefix: prefix_of(&id) });
         }
         Err(format!("{}: no free name for a run; remove what is old there", runs.display()))
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// Prefix of the run's domain.
@@ -122,18 +154,18 @@ impl Drop for RunFolder {
 }
 
 /// Sweeps what dead runs of this user left. Says which were swept.
-pub fn sweep_dead() -> Vec<String> {
+pub fn sweep_dead() -> Result<Vec<String>, String> {
     let mut swept = Vec::new();
-    for (path, id) in folders() {
+    for (path, id) in folders()? {
         let Ok(lock) = OpenOptions::new().write(true).open(path.join("lock")) else { continue };
         // Whoever holds the lock lives. A folder that is just being made has no lock yet, and is left alone.
         if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
-            stillpoint_shm::sweep(&path.join("d"), &format!("sp_{id}_"));
+            stillpoint_shm::sweep(&path.join("d"), &prefix_of(&id));
             let _ = std::fs::remove_dir_all(&path);
             swept.push(id);
         }
     }
-    swept
+    Ok(swept)
 }
 
 /// Whether the run with this folder is going on: its supervisor holds the lock.
@@ -143,21 +175,35 @@ pub fn is_going_on(run: &Path) -> bool {
 }
 
 /// The cards of all runs that are going on, oldest process first.
-pub fn going_on() -> Vec<RunCard> {
-    let mut cards: Vec<RunCard> = folders()
+pub fn going_on() -> Result<Vec<RunCard>, String> {
+    let mut cards: Vec<RunCard> = folders()?
         .into_iter()
         .filter(|(path, _)| is_going_on(path))
         .filter_map(|(path, _)| serde_json::from_slice(&std::fs::read(path.join("run.json")).ok()?).ok())
         .collect();
     cards.sort_by_key(|c| c.pid);
-    cards
+    Ok(cards)
 }
 
-fn folders() -> Vec<(PathBuf, String)> {
-    let Ok(entries) = std::fs::read_dir(runs_folder()) else { return Vec::new() };
+/// Prefix of the domain of the run of this name.
+pub fn prefix_of(id: &str) -> String {
+    format!("sp_{id}_")
+}
+
+/// Folders and names of the runs that are going on besides this one.
+pub fn others_going_on(but: &RunFolder) -> Result<Vec<(PathBuf, String)>, String> {
+    Ok(folders()?.into_iter().filter(|(path, _)| *path != but.path && is_going_on(path)).collect())
+}
+
+/// Folders of runs, with their names.
+fn folders() -> Result<Vec<(PathBuf, String)>, String> {
+    let runs = runs_folder();
+    let Ok(folder) = runs.symlink_metadata() else { return Ok(Vec::new()) };
+    check_owner(&runs, &folder)?;
+    let entries = std::fs::read_dir(&runs).map_err(|e| format!("{}: {e}", runs.display()))?;
     let mut found: Vec<_> =
         entries.flatten().map(|e| (e.path(), e.file_name().to_string_lossy().into_owned())).collect();
     found.retain(|(_, name)| !name.starts_with(MAKING));
     found.sort();
-    found
+    Ok(found)
 }

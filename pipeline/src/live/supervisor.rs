@@ -19,12 +19,14 @@ use super::contracts;
 use super::control::{Hello, HelloRecorder, ToRecorder, ToWorker};
 use super::entry_of;
 use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
+use super::room::reserve;
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
 use crate::files::{DiskFiles, Snapshot};
 use crate::graph::Graph;
 use crate::ledger::Ledger;
+use crate::restarts::Restarts;
 
 /// How long a child may take to make its ports before the run begins.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -68,9 +70,8 @@ struct Worker {
     child: Option<Child>,
     /// It was told to begin.
     went: bool,
-    /// Restarts since the last calm.
-    restarts: u32,
-    last_death: u64,
+    /// What follows on its death, or on a panic of one of its operators.
+    restarts: Restarts,
     /// When it is to be started again, session time.
     due: Option<u64>,
 }
@@ -83,9 +84,9 @@ impl Supervisor {
         stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> Result<Self, String> {
-        let swept = sweep_dead();
-        contracts::check_room(&graph)?;
+        let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
+        reserve(&graph, &folder)?;
         let disk = DiskFiles::beside(Path::new(&options.file));
         let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
         let domain =
@@ -106,8 +107,7 @@ impl Supervisor {
                 process,
                 child: None,
                 went: false,
-                restarts: 0,
-                last_death: 0,
+                restarts: Restarts::new(graph.processes[process].restart),
                 due: None,
             })
             .collect();

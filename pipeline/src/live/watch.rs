@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::control::FromWorker;
+use super::pipe::tell;
 use crate::graph::Graph;
 
 /// Ends the process when a step takes longer than its operator's deadline.
@@ -41,11 +42,7 @@ impl Watch {
                         ),
                         fatal: true,
                     };
-                    // Not through the lock of standard output: the thread that hangs may hold it.
-                    if let Ok(mut line) = serde_json::to_vec(&fault) {
-                        line.push(b'\n');
-                        let _ = rustix::io::write(rustix::stdio::stdout(), &line);
-                    }
+                    let _ = tell(&fault);
                     rustix::process::kill_process(rustix::process::getpid(), rustix::process::Signal::KILL)
                         .ok();
                 }

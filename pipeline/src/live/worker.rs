@@ -1,6 +1,5 @@
 //! A process of operators: one thread, upstream before downstream.
 
-use std::io::Write;
 use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -10,13 +9,13 @@ use stillpoint_shm::{Domain, Wake};
 
 use super::control::{FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
-use super::member::{Looked, Member};
-use super::pipe::{Line, Lines, say};
+use super::member::{Down, Looked, Member};
+use super::pipe::{Line, Lines, take_control, tell};
 use super::seat::place;
 use super::watch::Watch;
 use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
-use crate::graph::{Graph, Restart};
+use crate::graph::Graph;
 use crate::operator::Registry;
 use crate::spec;
 
@@ -25,6 +24,9 @@ const HEAR_EVERY: u64 = 5_000_000;
 
 /// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
 pub fn worker_main(registry: &Registry) -> ExitCode {
+    if take_control().is_err() {
+        return ExitCode::from(70);
+    }
     // Ctrl-C reaches the whole process group; the supervisor ends the run in order.
     ignore_interrupts();
     // An operator's panic is contained, journalled and told. Any other one ends the process, and is told here.
@@ -41,7 +43,7 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {
             let fault = FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true };
-            let _ = say(&mut std::io::stdout(), &fault);
+            let _ = tell(&fault);
             ExitCode::from(70)
         }
     }
@@ -121,10 +123,6 @@ fn serve(registry: &Registry) -> Result<(), String> {
     for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
         members.push(Member::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
     }
-    let limit = match process.restart {
-        Restart::Never => 0,
-        Restart::OnFault { limit, .. } => limit,
-    };
     let watch = Watch::start(&graph, &process.operators);
     let control = orders.fd().try_clone_to_owned().map_err(|e| e.to_string())?;
     let mut worker = Worker {
@@ -134,17 +132,12 @@ fn serve(registry: &Registry) -> Result<(), String> {
         members,
         wake: Wake::new(control, listeners),
         watch,
-        limit,
         running: false,
         stopping: false,
         stopped: false,
     };
     tell(&FromWorker::Made)?;
     worker.serve(&mut orders)
-}
-
-fn tell(message: &FromWorker) -> Result<(), String> {
-    say(&mut std::io::stdout().lock(), message).map_err(|e| format!("the supervisor cannot be told: {e}"))
 }
 
 struct Worker {
@@ -154,8 +147,6 @@ struct Worker {
     members: Vec<Member>,
     wake: Wake,
     watch: Option<Watch>,
-    /// Panics in a row that are answered with a new incarnation.
-    limit: u32,
     running: bool,
     stopping: bool,
     stopped: bool,
@@ -224,6 +215,13 @@ impl Worker {
                 self.stopping = true;
                 Ok(())
             }
+            ToWorker::Renew { operator, at } => {
+                for member in self.members.iter_mut().filter(|m| m.operator == *operator && m.down.is_some())
+                {
+                    member.down = Some(Down::Until(*at));
+                }
+                Ok(())
+            }
             other => Err(format!("this worker is not directed, but was told {other:?}")),
         }
     }
@@ -233,6 +231,17 @@ impl Worker {
         let mut worked = false;
         let mut next: Option<u64> = None;
         for member in &mut self.members {
+            match member.down {
+                None => {}
+                Some(Down::Until(at)) if at <= self.clock.now() && !self.stopping => {
+                    member.reincarnate(&self.graph, &self.files, &self.clock)?;
+                }
+                Some(Down::Until(at)) => {
+                    next = [next, Some(at)].into_iter().flatten().min();
+                    continue;
+                }
+                Some(Down::Unanswered) => continue,
+            }
             if let Some(watch) = &self.watch {
                 watch.enter(member.operator);
             }
@@ -243,7 +252,7 @@ impl Worker {
             match looked? {
                 Looked::Activated(outcome) => {
                     worked = true;
-                    contain(member, outcome, self.limit, &self.graph, &self.files, &self.clock)?;
+                    report(member, outcome, &self.graph)?;
                 }
                 Looked::Idle(at) => next = [next, at].into_iter().flatten().min(),
             }
@@ -252,38 +261,17 @@ impl Worker {
     }
 }
 
-/// Answers an outcome: an error is told, a panic begins a new incarnation while the policy allows it.
-fn contain(
-    member: &mut Member,
-    outcome: Outcome,
-    limit: u32,
-    graph: &Graph,
-    files: &Snapshot,
-    clock: &SessionClock,
-) -> Result<(), String> {
+/// Tells of an activation that failed. One that panicked leaves its operator down until the supervisor has answered.
+fn report(member: &mut Member, outcome: Outcome, graph: &Graph) -> Result<(), String> {
     if outcome == Outcome::Done {
-        member.panics = 0;
         return Ok(());
     }
     let operator = graph.operators[member.operator].name.clone();
     let incarnation = member.cell.incarnation();
-    let mut reason = member.cell.fault().unwrap_or_default().to_string();
-    let mut fatal = false;
+    let reason = member.cell.fault().unwrap_or_default().to_string();
     if outcome == Outcome::Panic {
-        member.panics += 1;
-        if member.panics > limit {
-            fatal = true;
-            reason = format!("{reason} ({} panics in a row)", member.panics);
-        } else if let Err(e) = member.reincarnate(graph, files, clock) {
-            fatal = true;
-            reason = format!("{reason}; it cannot be made again: {e}");
-        }
+        member.down = Some(Down::Unanswered);
+        return tell(&FromWorker::Panicked { operator, incarnation, reason });
     }
-    tell(&FromWorker::Fault { operator, incarnation, reason, fatal })?;
-    if fatal {
-        // The supervisor decides what follows.
-        let _ = std::io::stdout().flush();
-        std::process::exit(70);
-    }
-    Ok(())
+    tell(&FromWorker::Fault { operator, incarnation, reason, fatal: false })
 }

@@ -77,10 +77,8 @@ impl Directed {
         let outputs = cell
             .take_drafts()
             .map(|draft| {
-                (
-                    draft.port,
-                    Parcel::copy_of(node.stage.kind.outputs[draft.port].sample, draft.buffer.pieces()),
-                )
+                let kind = node.stage.kind.outputs[draft.port].sample;
+                (draft.port, Parcel::of(kind, draft.buffer))
             })
             .collect();
         for r in &record.inputs {

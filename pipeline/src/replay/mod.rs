@@ -19,7 +19,7 @@ mod selection;
 
 use std::sync::Arc;
 
-use stillpoint_recorder::{Completeness, Session};
+use stillpoint_recorder::{Completeness, Role as TopicRole, Session};
 
 pub use difference::Difference;
 use journal::Ordered;
@@ -51,9 +51,11 @@ pub fn replay(
     for orphan in orphans::of_session(session, graph, &compared) {
         replayer.differ(orphan);
     }
+    let measured = session.topics().iter().filter(|t| t.role == TopicRole::Measured);
+    let measured = measured.map(|t| (t.name.clone(), t.samples)).collect();
     let gaps = match session.completeness() {
         Completeness::Complete => Vec::new(),
         Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
     };
-    Ok(ReplayReport { seconds, gaps, ..replayer.report() })
+    Ok(ReplayReport { seconds, gaps, measured, ..replayer.report() })
 }

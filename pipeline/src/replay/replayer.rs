@@ -9,7 +9,7 @@ use stillpoint_samples::{Cause, Entry, Outcome, RefKind};
 use super::difference::{self, Difference};
 use super::{Open, ReplayError, ReplayReport};
 use crate::graph::Graph;
-use crate::placement::{Committed, Local, Placement, PlacementError};
+use crate::placement::{Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::schedule::Witness;
 use crate::setup::Files;
@@ -158,7 +158,13 @@ impl<'s, 'f> Replayer<'s, 'f> {
             }
         };
         self.report.activations += 1;
-        self.compare(operator, entry, &committed)?;
+        if self.compared.contains(&operator) {
+            self.compare_entries(operator, entry, &committed.entry);
+        }
+        for (port, parcel) in &committed.outputs {
+            let other = self.compare(operator, entry, *port, parcel)?;
+            self.placement.deliver(operator, *port, other.as_ref().unwrap_or(parcel));
+        }
         Ok(Some(committed.outputs))
     }
 
@@ -183,35 +189,37 @@ impl<'s, 'f> Replayer<'s, 'f> {
         Ok(true)
     }
 
-    fn compare(&mut self, operator: usize, entry: &Entry, again: &Committed) -> Result<(), ReplayError> {
-        if !self.compared.contains(&operator) {
-            return Ok(());
-        }
-        self.compare_entries(operator, entry, &again.entry);
-        for (port, parcel) in &again.outputs {
-            let topic = self.graph.operators[operator].outputs[*port].topic.clone();
-            let head = parcel.head();
-            let recorded = match self.session.topic_number(&topic) {
-                Some(number) => self.session.sample(number, head.incarnation, head.sequence)?,
-                None => None,
-            };
-            let Some(recorded) = recorded else {
-                *self.report.recomputed.entry(topic).or_insert(0) += 1;
-                continue;
-            };
-            if *recorded.sample == **parcel.bytes {
-                *self.report.identical.entry(topic).or_insert(0) += 1;
-            } else {
-                let place = difference::Place {
-                    operator: &self.graph.operators[operator].name,
-                    entry,
-                    topic: &topic,
-                };
-                let found = Difference::of_samples(&place, parcel.kind, &recorded.sample, &parcel.bytes);
-                self.differ(found);
+    /// Compares a sample that was made again with the recorded one, and gives that one where it is another.
+    fn compare(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        port: usize,
+        parcel: &Parcel,
+    ) -> Result<Option<Parcel>, ReplayError> {
+        let head = parcel.head();
+        let topic = &self.graph.operators[operator].outputs[port].topic;
+        let same = match self.session.topic_number(topic) {
+            Some(number) => self.session.holds(number, head.incarnation, head.sequence, &parcel.bytes)?,
+            None => None,
+        };
+        if self.compared.contains(&operator) {
+            match same {
+                None => *self.report.recomputed.entry(topic.clone()).or_insert(0) += 1,
+                Some(true) => *self.report.identical.entry(topic.clone()).or_insert(0) += 1,
+                Some(false) => {}
             }
         }
-        Ok(())
+        if same != Some(false) {
+            return Ok(None);
+        }
+        let recorded = self.recorded(operator, port, head.incarnation, head.sequence)?;
+        if let Some(recorded) = recorded.as_ref().filter(|_| self.compared.contains(&operator)) {
+            let place = difference::Place { operator: &self.graph.operators[operator].name, entry, topic };
+            let found = Difference::of_samples(&place, parcel.kind, &recorded.bytes, &parcel.bytes);
+            self.differ(found);
+        }
+        Ok(recorded)
     }
 
     /// Compares what two entries say of outcome and outputs.
@@ -233,7 +241,8 @@ impl<'s, 'f> Replayer<'s, 'f> {
         self.report.first_difference.get_or_insert(difference);
     }
 
-    /// Gives the outputs of an entry to their consumers: as recorded where they are there, else as made again.
+    /// Gives the outputs of an entry that was not done again, or made nothing, to their consumers as they were recorded.
+    /// Those that were made are handed on already: as recorded where they are there, else as made again.
     fn hand_on(
         &mut self,
         operator: usize,
@@ -241,11 +250,6 @@ impl<'s, 'f> Replayer<'s, 'f> {
         made: Vec<(usize, Parcel)>,
     ) -> Result<Vec<(usize, Parcel)>, ReplayError> {
         if !made.is_empty() || entry.outcome() != Some(Outcome::Done) {
-            for (port, parcel) in &made {
-                let recorded =
-                    self.recorded(operator, *port, entry.head.incarnation, parcel.head().sequence)?;
-                self.placement.deliver(operator, *port, &recorded.unwrap_or_else(|| parcel.clone()));
-            }
             return Ok(made);
         }
         let mut outputs = Vec::new();

@@ -17,6 +17,8 @@ pub struct ReplayReport {
     pub identical: BTreeMap<String, u64>,
     /// By topic: samples that the recording does not hold; they were made again.
     pub recomputed: BTreeMap<String, u64>,
+    /// By topic: samples that were measured. They are not compared.
+    pub measured: BTreeMap<String, u64>,
     /// Samples that differ, or were made by no activation.
     pub differences: u64,
     /// The first of them.

@@ -1,30 +1,31 @@
 //! Discrete events, ordered by (time, place in the graph). Latencies and delays are those that the config declares.
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use stillpoint_samples::{Cause, Entry, Head, Outcome};
 
-use crate::graph::{Graph, Restart};
+use super::waiting::Waiting;
+use crate::graph::Graph;
 use crate::intake::Intake;
-use crate::operator::Policy;
 use crate::placement::{Placement, PlacementError};
 use crate::record::Record;
+use crate::restarts::{Answer, Restarts};
 use crate::shelf::Parcel;
+
+/// How long what is under way at the end is drained at most, ns of session time.
+const DRAIN: u64 = 1_000_000_000;
 
 /// Why a run ended before its time.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum RunError {
-    /// An operator failed more often in a row than its policy allows.
-    #[error(
-        "operator {operator} failed {times} times in a row, which its restart policy does not allow: {reason}"
-    )]
+    /// An operator failed, and the restart policy of its process has the run end.
+    #[error("operator {operator}: {said}; {reason}")]
     Fault {
         /// Name of the operator.
         operator: String,
-        /// Failures in a row.
-        times: u32,
         /// What it said last.
+        said: String,
+        /// What the policy says.
         reason: String,
     },
     /// The placement could not do what was asked.
@@ -39,12 +40,17 @@ pub enum RunError {
 pub trait Witness {
     /// An entry was made, with these outputs. Says why the run cannot go on, if it cannot.
     fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String>;
+
+    /// The activation that was seen last failed, and this is what the operator said.
+    fn failed(&mut self, _operator: usize, _reason: &str) {}
 }
 
 /// The schedule of a simulated or lock-step run.
 pub struct Events {
     graph: Arc<Graph>,
     operators: Vec<State>,
+    /// By process.
+    restarts: Vec<Restarts>,
 }
 
 struct State {
@@ -56,15 +62,23 @@ struct State {
     /// Something has arrived, or was consumed, since the intake last said that nothing is ready.
     dirty: bool,
     incarnation: u32,
-    panics: u32,
+    down: Option<Down>,
 }
 
-/// The samples on their way to one input.
-struct Waiting {
-    depth: usize,
-    /// Sent, not arrived: (time of arrival, head).
-    under_way: VecDeque<(u64, Head)>,
-    arrived: VecDeque<Head>,
+/// Why an operator does nothing, and until when, ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Down {
+    /// It panicked: its ports are there, and samples wait.
+    Panicked(u64),
+    /// Its process died: what is sent meanwhile is not for it.
+    Dead(u64),
+}
+
+impl Down {
+    fn until(self) -> u64 {
+        let (Self::Panicked(at) | Self::Dead(at)) = self;
+        at
+    }
 }
 
 impl Events {
@@ -80,10 +94,11 @@ impl Events {
                 busy_until: 0,
                 dirty: true,
                 incarnation: 0,
-                panics: 0,
+                down: None,
             })
             .collect();
-        Self { graph, operators }
+        let restarts = graph.processes.iter().map(|p| Restarts::new(p.restart)).collect();
+        Self { graph, operators, restarts }
     }
 
     /// Runs from `start` for `duration`, both ns of session time. When the time is over timers stop, and what is still
@@ -102,26 +117,38 @@ impl Events {
             witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
         }
         let mut last = start;
+        let mut ended = Ok(());
         while let Some((time, operator)) = self.next(start, end) {
-            if time >= end.saturating_add(1_000_000_000) {
+            if time >= end.saturating_add(DRAIN) {
                 break;
             }
             last = last.max(time);
-            self.visit(operator, time, start, end, placement, witness)?;
+            ended = self.visit(operator, time, start, end, placement, witness);
+            match &ended {
+                Ok(()) => {}
+                // It ends the run in order.
+                Err(RunError::Fault { .. }) => break,
+                Err(_) => return ended,
+            }
         }
-        for operator in 0..self.operators.len() {
-            let account = self.operators[operator].intake.account();
-            let entry = placement.end(operator, last, &account)?;
-            witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
+        for (operator, state) in self.operators.iter().enumerate() {
+            // The dead mark no end.
+            if !matches!(state.down, Some(Down::Dead(_))) {
+                let entry = placement.end(operator, last, &state.intake.account())?;
+                witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
+            }
         }
-        Ok(())
+        ended
     }
 
     /// The next operator that may have something to do, and when.
     fn next(&self, start: u64, end: u64) -> Option<(u64, usize)> {
         let candidates = self.operators.iter().enumerate().filter_map(|(index, state)| {
+            if let Some(down) = state.down {
+                return (down.until() < end).then_some((down.until(), index));
+            }
             let timer = self.timer(index, start, end);
-            let arrival = state.ports.iter().filter_map(|p| p.under_way.front().map(|(t, _)| *t)).min();
+            let arrival = state.ports.iter().filter_map(Waiting::next_arrival).min();
             let visible = state.intake.next_visible().filter(|t| *t > state.busy_until);
             let dirty = state.dirty.then_some(state.busy_until);
             let earliest = [timer, arrival, visible, dirty].into_iter().flatten().min()?;
@@ -147,20 +174,27 @@ impl Events {
         placement: &mut dyn Placement,
         witness: &mut dyn Witness,
     ) -> Result<(), RunError> {
+        if let Some(down) = self.operators[operator].down {
+            return self.begin_again(operator, down, time.saturating_sub(start), time, placement, witness);
+        }
         let timer = self.timer(operator, start, end).filter(|due| *due <= time);
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         let state = &mut self.operators[operator];
         state.arrive(time);
         let ports = &mut state.ports;
-        let ready = state.intake.ready(time, &mut |port| ports[port].arrived.pop_front());
+        let ready = state.intake.ready(time, &mut |port| ports[port].take());
         // What came before the tick is seen before it; at the same time, too.
         let input = ready.filter(|trigger| timer.is_none_or(|due| trigger.since <= due));
         let (cause, port, nominal, tick) = match (input, timer) {
             (Some(trigger), _) => (trigger.cause, trigger.port, time, 0),
             (None, Some(due)) => {
-                state.tick += 1;
-                (Cause::Timer, 0, due, state.tick - 1)
+                // Ticks that passed while the operator was busy are skipped; the number of the tick shows it.
+                let every = node.every.unwrap_or(1);
+                let skipped = (time - due) / every;
+                let tick = state.tick + skipped;
+                state.tick = tick + 1;
+                (Cause::Timer, 0, due + skipped * every, tick)
             }
             (None, None) => {
                 state.dirty = false;
@@ -169,84 +203,101 @@ impl Events {
             }
         };
         state.dirty = true;
+        if let Some(deadline) = node.deadline.filter(|deadline| node.latency > *deadline) {
+            return self.die(operator, time.saturating_add(deadline), witness);
+        }
+        let state = &mut self.operators[operator];
         let record = Record { time, nominal, tick, cause, port, inputs: state.intake.begin(cause, port) };
         let committed = placement.activate(operator, &record)?;
         state.intake.end();
         // At least one nanosecond, so that stamps of an operator rise.
         state.busy_until = time.saturating_add(node.latency.max(1));
         witness.saw(operator, &committed.entry, &committed.outputs).map_err(RunError::Witness)?;
+        if let Some(reason) = &committed.fault {
+            witness.failed(operator, reason);
+        }
         if committed.entry.outcome() == Some(Outcome::Panic) {
-            self.reincarnate(operator, time, &committed.fault.unwrap_or_default(), placement, witness)?;
-        } else {
-            self.operators[operator].panics = 0;
+            let at = self.answer(operator, time, &committed.fault.unwrap_or_default())?;
+            // At least one nanosecond, so that stamps of an operator rise.
+            self.operators[operator].down = Some(Down::Panicked(at.max(time + 1)));
         }
         for (output, parcel) in &committed.outputs {
             for (consumer, port) in graph.consumers(operator, *output) {
                 let arrival = time.saturating_add(node.latency);
-                self.operators[consumer].ports[port].under_way.push_back((arrival, parcel.head()));
+                self.operators[consumer].ports[port].send(arrival, parcel.head());
             }
         }
         Ok(())
     }
 
-    fn reincarnate(
+    /// When what failed at `time` begins again, or why the run ends.
+    fn answer(&mut self, operator: usize, time: u64, said: &str) -> Result<u64, RunError> {
+        let node = &self.graph.operators[operator];
+        match self.restarts[node.process].failed(time) {
+            Answer::Again { at } => Ok(at),
+            Answer::GiveUp(reason) => {
+                Err(RunError::Fault { operator: node.name.clone(), said: said.to_string(), reason })
+            }
+        }
+    }
+
+    /// A step is not done by its deadline: its process dies, with all its operators, and nothing of the step is seen.
+    fn die(&mut self, operator: usize, time: u64, witness: &mut dyn Witness) -> Result<(), RunError> {
+        let graph = self.graph.clone();
+        let node = &graph.operators[operator];
+        let said = format!(
+            "a step takes {} us, longer than its deadline of {} us",
+            node.latency / 1000,
+            node.deadline.unwrap_or(0) / 1000
+        );
+        witness.failed(operator, &said);
+        let members = &graph.processes[node.process].operators;
+        for member in members {
+            self.operators[*member].down = Some(Down::Dead(u64::MAX));
+        }
+        let at = self.answer(operator, time, &said)?;
+        for member in members {
+            self.operators[*member].down = Some(Down::Dead(at));
+        }
+        Ok(())
+    }
+
+    /// A new incarnation begins, `since_start` ns after the run.
+    fn begin_again(
         &mut self,
         operator: usize,
+        down: Down,
+        since_start: u64,
         time: u64,
-        reason: &str,
         placement: &mut dyn Placement,
         witness: &mut dyn Witness,
     ) -> Result<(), RunError> {
         let node = &self.graph.operators[operator];
         let state = &mut self.operators[operator];
-        state.panics += 1;
-        let allowed = match self.graph.processes[node.process].restart {
-            Restart::Never => 0,
-            Restart::OnFault { limit, .. } => limit,
-        };
-        if state.panics > allowed {
-            return Err(RunError::Fault {
-                operator: node.name.clone(),
-                times: state.panics,
-                reason: reason.to_string(),
-            });
-        }
+        state.down = None;
         state.incarnation += 1;
-        state.intake.renew();
-        let entry = placement.start(operator, state.incarnation, time + 1)?;
+        state.dirty = true;
+        state.busy_until = time + 1;
+        match down {
+            Down::Panicked(_) => state.intake.renew(),
+            Down::Dead(_) => {
+                state.intake = Intake::new(node);
+                state.ports.iter_mut().for_each(|port| port.forget_before(time));
+                if let Some(every) = node.every {
+                    state.tick = since_start.div_ceil(every);
+                }
+            }
+        }
+        let entry = placement.start(operator, state.incarnation, time)?;
         witness.saw(operator, &entry, &[]).map_err(RunError::Witness)
     }
 }
 
 impl State {
-    /// Moves what has arrived by `time` into the bounded queues; the oldest goes where one is full.
+    /// Moves what has arrived by `time` to where the intake takes it.
     fn arrive(&mut self, time: u64) {
         for port in &mut self.ports {
-            while port.under_way.front().is_some_and(|(t, _)| *t <= time) {
-                if let Some((_, head)) = port.under_way.pop_front() {
-                    if port.arrived.len() >= port.depth {
-                        port.arrived.pop_front();
-                    }
-                    port.arrived.push_back(head);
-                    self.dirty = true;
-                }
-            }
+            self.dirty |= port.arrive(time);
         }
-    }
-}
-
-impl Waiting {
-    fn of(policy: Policy) -> Self {
-        Self { depth: depth_of(policy), under_way: VecDeque::new(), arrived: VecDeque::new() }
-    }
-}
-
-/// How many samples wait on an input at most.
-pub(crate) fn depth_of(policy: Policy) -> usize {
-    match policy {
-        Policy::Queue(n) => n as usize,
-        // Only the newest counts; a few more, so that a delayed one is not pushed out by those behind it.
-        Policy::Latest => 4,
-        Policy::Sync { .. } => 8,
     }
 }

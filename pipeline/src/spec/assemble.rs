@@ -13,6 +13,7 @@ use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
 use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record};
+use crate::operator::TIMING;
 use crate::params::CheckedParams;
 
 /// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
@@ -45,7 +46,7 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
             name: name.to_owned(),
             operators,
             restart: parsed.restart,
-            core: parsed.core,
+            core: parsed.core.as_ref().map(|core| core.value),
             priority: parsed.priority,
         });
     }
@@ -116,7 +117,14 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
         };
         let Some(stage) = &wired[number].stage else { continue };
         let name = format!("{}.{}", operator.value, port.value);
-        if !stage.kind.outputs.iter().any(|o| o.name == port.value) {
+        if port.value == TIMING && !stage.laps.is_empty() {
+            findings.say(
+                topic.span,
+                Code::Measured,
+                format!("{} is measured, and every live session keeps it", shown(&name)),
+                "remove it from the list",
+            );
+        } else if !stage.kind.outputs.iter().any(|o| o.name == port.value) {
             findings.say(
                 port.span,
                 Code::UnknownTopic,

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 
 use super::document::{self, Document};
 use super::faults::{Code, Faults, Findings};
+use super::machine::Machine;
 use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::Entry;
@@ -26,8 +27,21 @@ pub fn check(
     registry: &Registry,
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
+    // A session is replayed, and a run joined, wherever one is: what its processes asked of their machine is no fault.
+    check_for(&Machine::default(), text, file_name, sets, registry, files)
+}
+
+/// As [`check`], for a pipeline that is to run on this machine.
+pub fn check_for(
+    machine: &Machine,
+    text: &str,
+    file_name: &str,
+    sets: &[String],
+    registry: &Registry,
+    files: &dyn Files,
+) -> Result<Graph, Faults> {
     let findings = Findings::default();
-    let graph = pass(text, sets, registry, files, &findings);
+    let graph = pass(machine, text, sets, registry, files, &findings);
     match graph {
         Some(graph) if findings.is_empty() => Ok(graph),
         _ => {
@@ -46,6 +60,7 @@ pub fn check(
 }
 
 fn pass(
+    machine: &Machine,
     text: &str,
     sets: &[String],
     registry: &Registry,
@@ -81,6 +96,7 @@ fn pass(
     let order = order::upstream_first(&document, &wired, findings);
     let frames = port_frames::resolve(&document, &wired, findings);
     let processes = assemble::processes(&document, findings);
+    machine.check(&document, findings);
     let record = assemble::record(&document, &wired, findings);
     if !findings.is_empty() {
         return None;

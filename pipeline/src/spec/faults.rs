@@ -27,6 +27,7 @@ pub enum Code {
     UnknownChoice,
     UnknownUnit,
     UnknownTopic,
+    Measured,
     MissingUnit,
     WrongUnit,
     NotANumber,
@@ -44,6 +45,7 @@ pub enum Code {
     Cycle,
     FileMissing,
     ProcessShared,
+    CoreMissing,
     Policy,
     Set,
 }
@@ -67,6 +69,7 @@ impl Code {
         Code::UnknownChoice,
         Code::UnknownUnit,
         Code::UnknownTopic,
+        Code::Measured,
         Code::MissingUnit,
         Code::WrongUnit,
         Code::NotANumber,
@@ -84,6 +87,7 @@ impl Code {
         Code::Cycle,
         Code::FileMissing,
         Code::ProcessShared,
+        Code::CoreMissing,
         Code::Policy,
         Code::Set,
     ];

@@ -24,7 +24,7 @@
 //! - `document`: the file; `operators`, `inputs`, `frames`, `processes`, `record`: its sections
 //!
 //! Parsed to checked pipeline:
-//! - `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
+//! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
 //!   each port; `order`: upstream before downstream, cycles; `assemble`: the graph
 //!
 //! What is said about it:
@@ -38,6 +38,7 @@ mod document;
 pub mod faults;
 mod frames;
 mod inputs;
+pub mod machine;
 pub mod near;
 mod operators;
 mod order;
@@ -56,5 +57,6 @@ pub mod units;
 mod wiring;
 pub mod yaml;
 
-pub use check::check;
+pub use check::{check, check_for};
 pub use faults::{Code, Fault, Faults};
+pub use machine::Machine;

@@ -24,7 +24,7 @@ pub struct ParsedProcess {
     /// Restart policy.
     pub restart: Restart,
     /// Core that it is bound to.
-    pub core: Option<usize>,
+    pub core: Option<Marked<usize>>,
     /// Scheduling class.
     pub priority: Priority,
 }
@@ -57,7 +57,9 @@ fn process(entry: &Entry, findings: &Findings) -> ParsedProcess {
         None => missing("a process", "operators", "[operator]", parsed.name.span, findings),
     }
     parsed.restart = keys.get("restart").and_then(|e| restart(&e.value, findings)).unwrap_or(RESTART);
-    parsed.core = keys.get("core").and_then(|e| count(e, 0, MOST_CORES - 1, findings)).map(|c| c as usize);
+    parsed.core = keys
+        .get("core")
+        .and_then(|e| Some(Marked::new(count(e, 0, MOST_CORES - 1, findings)? as usize, e.value.span)));
     parsed.priority =
         keys.get("priority").and_then(|e| priority(&e.value, findings)).unwrap_or(Priority::Normal);
     parsed

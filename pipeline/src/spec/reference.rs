@@ -62,6 +62,11 @@ pub fn reference_of(stage: &Stage) -> String {
             let _ = writeln!(page, "| `{}` | {} | {frame} | {} |", o.name, o.sample.name, cell(o.about));
         }
     }
+    if !stage.laps.is_empty() {
+        let laps: Vec<String> = stage.laps.iter().map(|lap| format!("`{lap}_s`")).collect();
+        let _ =
+            writeln!(page, "\nA live run measures its stages, on the topic `timing`: {}.", laps.join(", "));
+    }
     if !stage.fields.is_empty() {
         page.push_str(
             "\n| parameter | type | default | range | what for |\n| --- | --- | --- | --- | --- |\n",

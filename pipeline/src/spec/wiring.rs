@@ -12,7 +12,7 @@ use super::near::{listed, nearest, shown, suggestion};
 use super::operators::ParsedOperator;
 use super::source::{Marked, Span};
 use crate::graph::Edge;
-use crate::operator::{Registry, Stage, Timer};
+use crate::operator::{Registry, Stage, TIMING, Timer};
 
 /// Topics that a help line names.
 const LISTED: usize = 4;
@@ -164,6 +164,19 @@ impl Lookup<'_> {
         };
         let stage = self.stages[number].as_ref()?;
         let outputs = stage.kind.outputs;
+        if port.value == TIMING && !stage.laps.is_empty() {
+            self.findings.say(
+                port.span,
+                Code::Measured,
+                format!(
+                    "`{}.{TIMING}` is measured, and differs from run to run: what an operator does with it could not be \
+                     replayed",
+                    operator.value
+                ),
+                format!("remove it; `stillpoint echo {}.{TIMING}` shows it, and every live session keeps it", operator.value),
+            );
+            return None;
+        }
         let Some(output) = outputs.iter().position(|o| o.name == port.value) else {
             self.findings.say(
                 port.span,

@@ -11,11 +11,12 @@ use stillpoint_samples::{
 use crate::others;
 
 macro_rules! kind {
-    ($name:ident, $params:ty, $kind:expr) => {
+    ($name:ident, $params:ty, $kind:expr $(, laps: $laps:expr)?) => {
         pub struct $name;
         impl Operator for $name {
             type Params = $params;
             const KIND: Kind = $kind;
+            $(const LAPS: &'static [&'static str] = $laps;)?
             fn new(_: $params, _: &Setup<'_>) -> Result<Self, SetupError> {
                 Ok(Self)
             }
@@ -136,7 +137,8 @@ kind!(
             sends("diagnostics", Diagnostics::KIND, FrameRule::None),
         ],
         timer: Timer::No,
-    }
+    },
+    laps: &["voxel", "plane"]
 );
 
 kind!(

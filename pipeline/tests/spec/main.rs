@@ -8,6 +8,7 @@ mod disk;
 mod garbage;
 mod good;
 mod kinds;
+mod machine;
 mod others;
 mod params;
 mod schema;

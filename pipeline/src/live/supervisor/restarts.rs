@@ -2,13 +2,11 @@
 
 use std::time::Duration;
 
-use super::Supervisor;
-use crate::graph::Restart;
+use super::{Supervisor, Worker};
 use crate::live::children::{Child, Told};
 use crate::live::control::ToWorker;
+use crate::restarts::Answer;
 
-/// After this long without a fault, ns, restarts count from zero again.
-const CALM: u64 = 10_000_000_000;
 /// Wait before the recorder is started again, ns; it doubles each time, up to [`RECORDER_LONGEST`].
 const RECORDER_BACKOFF: u64 = 10_000_000;
 /// Longest wait before the recorder is started again, ns.
@@ -18,6 +16,9 @@ impl Supervisor {
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
     pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, String> {
         for index in 0..self.workers.len() {
+            if let Some(reason) = self.answer_panics(index, now) {
+                return Ok(Some(reason));
+            }
             if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
                 && let Some(reason) = self.bury_worker(index, now)
             {
@@ -40,6 +41,19 @@ impl Supervisor {
         Ok(None)
     }
 
+    /// Tells operators that panicked when they begin again. Says why the run ends, if their policy has it so.
+    fn answer_panics(&mut self, index: usize, now: u64) -> Option<String> {
+        let Worker { child: Some(child), restarts, .. } = &mut self.workers[index] else { return None };
+        for (name, said) in std::mem::take(&mut child.panicked) {
+            match (restarts.failed(now), self.graph.operator(&name)) {
+                (Answer::GiveUp(why), _) => return Some(format!("operator {name}: {said}; {why}")),
+                (Answer::Again { at }, Some(operator)) => child.tell(&ToWorker::Renew { operator, at }),
+                (Answer::Again { .. }, None) => {}
+            }
+        }
+        None
+    }
+
     /// Everyone connects to what a dead process left, and only then its node is cleaned.
     fn clean_after(&mut self, child: Child) -> String {
         let name = child.name.clone();
@@ -60,19 +74,10 @@ impl Supervisor {
         let reason = self.clean_after(child);
         let worker = &mut self.workers[index];
         worker.went = false;
-        if now.saturating_sub(worker.last_death) > CALM {
-            worker.restarts = 0;
-        }
-        worker.last_death = now;
-        match self.graph.processes[worker.process].restart {
-            Restart::Never => Some(format!("{reason}{said}; its restart policy is never")),
-            Restart::OnFault { limit, .. } if worker.restarts >= limit => {
-                Some(format!("{reason}{said}; it was restarted {limit} times already"))
-            }
-            Restart::OnFault { backoff, .. } => {
-                let wait = backoff.saturating_mul(1 << worker.restarts.min(16));
-                worker.restarts += 1;
-                worker.due = Some(now.saturating_add(wait));
+        match worker.restarts.failed(now) {
+            Answer::GiveUp(why) => Some(format!("{reason}{said}; {why}")),
+            Answer::Again { at } => {
+                worker.due = Some(at);
                 None
             }
         }
@@ -100,7 +105,7 @@ impl Supervisor {
 
     /// Processes whose ports are made since the last look: everyone connects to them, then they begin.
     fn greet_the_new(&mut self) {
-        let is_new = |w: &super::Worker| !w.went && w.child.as_ref().is_some_and(|c| c.made);
+        let is_new = |w: &Worker| !w.went && w.child.as_ref().is_some_and(|c| c.made);
         let recorder = self.recorder.as_ref().is_some_and(|r| r.made && r.connected == 0);
         if !recorder && !self.workers.iter().any(is_new) {
             return;

@@ -1,0 +1,67 @@
+//! The samples on their way to one input: sent, arrived, pushed out by newer ones.
+
+use std::collections::VecDeque;
+
+use stillpoint_samples::Head;
+
+use crate::operator::Policy;
+
+/// The samples on their way to one input.
+pub struct Waiting {
+    depth: usize,
+    /// Sent, not arrived: (time of arrival, head).
+    under_way: VecDeque<(u64, Head)>,
+    arrived: VecDeque<Head>,
+}
+
+impl Waiting {
+    /// None yet, for an input of this policy.
+    pub fn of(policy: Policy) -> Self {
+        Self { depth: depth_of(policy), under_way: VecDeque::new(), arrived: VecDeque::new() }
+    }
+
+    /// A sample is sent, and arrives at this time, ns.
+    pub fn send(&mut self, arrival: u64, head: Head) {
+        self.under_way.push_back((arrival, head));
+    }
+
+    /// When the next sample arrives.
+    pub fn next_arrival(&self) -> Option<u64> {
+        self.under_way.front().map(|(arrival, _)| *arrival)
+    }
+
+    /// Moves what has arrived by `time` into the bounded queue; the oldest goes where it is full. Says whether anything
+    /// came.
+    pub fn arrive(&mut self, time: u64) -> bool {
+        let mut any = false;
+        while let Some((_, head)) = self.under_way.pop_front_if(|(arrival, _)| *arrival <= time) {
+            if self.arrived.len() >= self.depth {
+                self.arrived.pop_front();
+            }
+            self.arrived.push_back(head);
+            any = true;
+        }
+        any
+    }
+
+    /// The oldest sample that has arrived.
+    pub fn take(&mut self) -> Option<Head> {
+        self.arrived.pop_front()
+    }
+
+    /// Takes away what was sent before a time.
+    pub fn forget_before(&mut self, time: u64) {
+        self.arrived.clear();
+        self.under_way.retain(|(arrival, _)| *arrival >= time);
+    }
+}
+
+/// How many samples wait on an input at most.
+pub fn depth_of(policy: Policy) -> usize {
+    match policy {
+        Policy::Queue(n) => n as usize,
+        // Only the newest counts; a few more, so that a delayed one is not pushed out by those behind it.
+        Policy::Latest => 4,
+        Policy::Sync { .. } => 8,
+    }
+}

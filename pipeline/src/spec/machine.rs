@@ -1,0 +1,65 @@
+//! What the checker knows of the machine that a pipeline is to run on.
+
+use std::collections::BTreeSet;
+
+use super::document::Document;
+use super::faults::{Code, Findings};
+
+/// The machine that a pipeline is to run on.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Machine {
+    cores: BTreeSet<usize>,
+}
+
+impl Machine {
+    /// This machine: the cores that this process may use.
+    pub fn here() -> Self {
+        let set = rustix::thread::sched_getaffinity(None);
+        let all = 0..rustix::thread::CpuSet::MAX_CPU;
+        Self { cores: set.map(|set| all.filter(|core| set.is_set(*core)).collect()).unwrap_or_default() }
+    }
+
+    /// A machine with these cores.
+    pub fn with_cores(cores: impl IntoIterator<Item = usize>) -> Self {
+        Self { cores: cores.into_iter().collect() }
+    }
+
+    /// Finds what a pipeline asks for and this machine does not have.
+    pub(super) fn check(&self, document: &Document<'_>, findings: &Findings) {
+        // Where the system does not say which cores there are, the run will.
+        let Some(nearest) = self.cores.last() else { return };
+        for core in document.processes.iter().filter_map(|p| p.core.as_ref()) {
+            if !self.cores.contains(&core.value) {
+                findings.say(
+                    core.span,
+                    Code::CoreMissing,
+                    format!(
+                        "there is no core {}: a run on the machine that was asked may use {}",
+                        core.value,
+                        self.names()
+                    ),
+                    format!(
+                        "write for example `core: {nearest}`, or check the file on the machine that runs it"
+                    ),
+                );
+            }
+        }
+    }
+
+    /// The cores in words: `core 0`, `the cores 0 to 3, 6`.
+    fn names(&self) -> String {
+        let mut ranges: Vec<(usize, usize)> = Vec::new();
+        for core in &self.cores {
+            match ranges.last_mut() {
+                Some((_, last)) if *last + 1 == *core => *last = *core,
+                _ => ranges.push((*core, *core)),
+            }
+        }
+        let one = |(first, last): &(usize, usize)| match first == last {
+            true => first.to_string(),
+            false => format!("{first} to {last}"),
+        };
+        let list = ranges.iter().map(one).collect::<Vec<_>>().join(", ");
+        if self.cores.len() == 1 { format!("core {list}") } else { format!("the cores {list}") }
+    }
+}
