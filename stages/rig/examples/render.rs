@@ -94,7 +94,7 @@ fn time(
 
 /// Brighter where the surface faces the camera, and by label.
 fn shade(view: &View) -> Vec<u8> {
-    let of_label = [60.0, 110.0, 150.0, 180.0, 255.0];
+    let of_label = [60.0, 110.0, 150.0, 180.0, 255.0, 200.0];
     let pixels = view.label().iter().zip(view.cosine()).zip(view.depth_m());
     pixels
         .map(

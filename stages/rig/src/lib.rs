@@ -5,6 +5,7 @@
 //! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
 //! - [`head`]: the parametric head
 //! - [`scene`]: couch, pads, clutter and floor
+//! - [`setting`]: what the head rests on and touches
 //! - [`camera`]: pinhole intrinsics and the camera's place over the couch
 //! - [`ray`]: one ray against one shape
 //! - [`quadric`]: an ellipsoid as a camera sees it, row by row
@@ -27,6 +28,7 @@ pub mod ray;
 pub mod render;
 pub mod scene;
 pub mod sensor;
+pub mod setting;
 pub mod shadow;
 pub mod shape;
 pub mod trajectory;

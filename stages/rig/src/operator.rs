@@ -10,9 +10,9 @@ use crate::camera::Pinhole;
 use crate::head::Head;
 use crate::noise::{DEPTH_UNIT_M, NoiseModel, NoiseParams};
 use crate::render::Renderer;
-use crate::scene::Scene;
 use crate::sensor::DepthSensor;
-use crate::trajectory::{self, Trajectory, rest_on_pad};
+use crate::setting;
+use crate::trajectory::{self, Trajectory};
 
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
@@ -30,6 +30,23 @@ pub enum Motion {
     Nods,
     /// Height, pitch and roll change for 30 s, then stay.
     Sweep,
+    /// The height alone rises by 15 mm and falls again, every 30 s.
+    Raise,
+}
+
+/// What the head rests on and touches.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Setting {
+    /// A flat pad under the head and one at each side, which do not touch it.
+    Pads,
+    /// The pads at the sides are pressed against the head.
+    TightPads,
+    /// The head lies sunk into a soft pillow.
+    Pillow,
+    /// Shoulders and chest join the neck; the head lies on the flat pad.
+    Shoulders,
+    /// Shoulders, chest and pillow.
+    Patient,
 }
 
 /// Whose errors the camera has.
@@ -66,6 +83,9 @@ pub struct CameraParams {
     /// Focal length.
     #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
     pub focal_length: f64,
+    /// What the head rests on and touches.
+    #[param(default = "pads")]
+    pub setting: Setting,
     /// Size of the head; 1 is an adult's.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
@@ -114,13 +134,14 @@ impl Operator for Camera {
         let (cx, cy) = ((f64::from(width) - 1.0) / 2.0, (f64::from(height) - 1.0) / 2.0);
         let focal = params.focal_length;
         let pinhole = Pinhole::new(focal, focal, cx, cy, width as usize, height as usize).map_err(refusal)?;
-        let scene = Scene::treatment_couch().map_err(refusal)?;
+        let setting = setting::Setting::from(params.setting);
+        let scene = setting.scene(params.head_scale).map_err(refusal)?;
         let head = Head::new(params.head_scale).map_err(refusal)?;
         let noise = NoiseModel::new(params.noise.into()).map_err(refusal)?;
         Ok(Self {
             renderer: Renderer::new(pinhole, &isometry(&couch_from_camera), &scene, head).map_err(refusal)?,
             sensor: DepthSensor::new(&pinhole, noise),
-            script: Trajectory::new(params.motion.into(), params.seed, rest_on_pad()),
+            script: Trajectory::new(params.motion.into(), params.seed, setting.rest(params.head_scale)),
             intrinsics: Intrinsics {
                 fx: focal,
                 fy: focal,
@@ -189,6 +210,19 @@ impl From<Motion> for trajectory::Motion {
             Motion::Steps => Self::Steps,
             Motion::Nods => Self::Nods,
             Motion::Sweep => Self::Sweep,
+            Motion::Raise => Self::Raise,
+        }
+    }
+}
+
+impl From<Setting> for setting::Setting {
+    fn from(setting: Setting) -> Self {
+        match setting {
+            Setting::Pads => Self::Pads,
+            Setting::TightPads => Self::TightPads,
+            Setting::Pillow => Self::Pillow,
+            Setting::Shoulders => Self::Shoulders,
+            Setting::Patient => Self::Patient,
         }
     }
 }

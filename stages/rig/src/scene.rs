@@ -23,6 +23,8 @@ pub enum Label {
     Clutter = 3,
     /// The head.
     Head = 4,
+    /// Shoulders and chest.
+    Body = 5,
 }
 
 /// The form of an object.
@@ -87,6 +89,11 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Adds things that stand still.
+    pub fn add(&mut self, objects: impl IntoIterator<Item = Object>) {
+        self.objects.extend(objects);
+    }
+
     /// The things that stand still, in the couch frame.
     pub fn objects(&self) -> &[Object] {
         &self.objects
@@ -115,12 +122,17 @@ fn placed(centre: [f64; 3], turn_degrees: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(centre), turn)
 }
 
-fn cuboid(label: Label, centre: [f64; 3], half: [f64; 3], turn_degrees: f64) -> Result<Object, ShapeError> {
+pub(crate) fn cuboid(
+    label: Label,
+    centre: [f64; 3],
+    half: [f64; 3],
+    turn_degrees: f64,
+) -> Result<Object, ShapeError> {
     let shape = Cuboid::new(placed(centre, turn_degrees), Vector3::from(half))?;
     Ok(Object { label, form: Form::Cuboid(shape) })
 }
 
-fn ellipsoid(
+pub(crate) fn ellipsoid(
     label: Label,
     centre: [f64; 3],
     semi_axes: [f64; 3],

@@ -25,6 +25,8 @@ pub enum Motion {
     /// In 30 s the height goes from 2.5 to 14 mm over rest, pitch from 0.25 to 1.6 deg and roll from
     /// 35 to 45 deg, then all stay (the range of figure 4.11 of the dissertation).
     Sweep,
+    /// One degree of freedom: every 30 s the height rises by 15 mm from 2 to 12 s and falls again from 17 to 27 s.
+    Raise,
 }
 
 /// A script with its seed and its pose of rest.
@@ -64,6 +66,7 @@ impl Trajectory {
             Motion::Steps => self.steps(t),
             Motion::Nods => self.nods(t),
             Motion::Sweep => sweep(t),
+            Motion::Raise => raise(t),
         };
         let angles = offset.angles;
         let turn = UnitQuaternion::from_euler_angles(angles.x, angles.y, angles.z);
@@ -155,6 +158,14 @@ fn sweep(t: f64) -> Offset {
     }
 }
 
+fn raise(t: f64) -> Offset {
+    const PERIOD_SECS: f64 = 30.0;
+    const MOVE_SECS: f64 = 10.0;
+    let since = t - (t / PERIOD_SECS).floor() * PERIOD_SECS;
+    let part = smooth_step((since - 2.0) / MOVE_SECS) - smooth_step((since - 17.0) / MOVE_SECS);
+    Offset { translation: Vector3::new(0.0, 0.0, 15e-3 * part), angles: Vector3::zeros() }
+}
+
 /// From 0 to 1 with no velocity at either end: the cubic with zero slope at 0 and 1.
 fn smooth_step(part: f64) -> f64 {
     let p = part.clamp(0.0, 1.0);
@@ -183,12 +194,29 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const ALL: [Motion; 4] = [Motion::Still, Motion::Steps, Motion::Nods, Motion::Sweep];
+    const ALL: [Motion; 5] = [Motion::Still, Motion::Steps, Motion::Nods, Motion::Sweep, Motion::Raise];
 
     fn height_and_angles(motion: Motion, t: f64) -> (f64, (f64, f64, f64)) {
         let pose = Trajectory::new(motion, 7, Isometry3::identity()).couch_from_head(t);
         let (pitch, roll, yaw) = pose.rotation.euler_angles();
         (pose.translation.z * 1e3, (pitch.to_degrees(), roll.to_degrees(), yaw.to_degrees()))
+    }
+
+    #[test]
+    fn raise_lifts_and_lowers_without_a_turn() {
+        for (t, height) in [
+            (0.0, 0.0),
+            (2.0, 0.0),
+            (7.0, 7.5),
+            (12.0, 15.0),
+            (16.0, 15.0),
+            (22.0, 7.5),
+            (28.0, 0.0),
+            (42.0, 15.0),
+        ] {
+            let (found, angles) = height_and_angles(Motion::Raise, t);
+            assert!((found - height).abs() < 1e-9 && angles == (0.0, 0.0, 0.0), "{t}: {found} mm");
+        }
     }
 
     #[test]

@@ -25,6 +25,15 @@ impl CellKey {
         Some(Self(key))
     }
 
+    /// Whether two cells share a face, an edge or a corner, or are the same.
+    #[inline]
+    pub fn touches(self, other: Self) -> bool {
+        (0..3).all(|axis| {
+            let [a, b] = [self, other].map(|key| (key.0 >> (21 * axis)) as i32 & (2 * REACH - 1));
+            (a - b).abs() <= 1
+        })
+    }
+
     /// The cell `by` further, `None` beyond the grid.
     #[inline]
     pub fn offset(self, by: [i32; 3]) -> Option<Self> {
@@ -114,6 +123,63 @@ impl CellIndex {
     }
 }
 
+/// Marks a point that is in no cell.
+pub(crate) const NO_CELL: u32 = u32::MAX;
+
+/// Points sorted into cells, with the buffers for it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct SortedCells {
+    index: CellIndex,
+    cell_of_point: Vec<u32>,
+    /// Where each cell's points start in `members`; one more at the end.
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl SortedCells {
+    /// Sorts `points` into cells `1 / inverse_side` wide. Points beyond the grid and NaN are in no cell.
+    pub fn sort(&mut self, points: &[[f32; 3]], inverse_side: f64) {
+        self.index.clear();
+        self.cell_of_point.clear();
+        for &point in points {
+            let cell = CellKey::of(point, inverse_side).map_or(NO_CELL, |key| self.index.insert(key));
+            self.cell_of_point.push(cell);
+        }
+        // A counting sort keeps the points of a cell in their order.
+        self.starts.clear();
+        self.starts.resize(self.index.len() + 2, 0);
+        for &cell in self.cell_of_point.iter().filter(|&&cell| cell != NO_CELL) {
+            self.starts[cell as usize + 2] += 1;
+        }
+        for cell in 2..self.starts.len() {
+            self.starts[cell] += self.starts[cell - 1];
+        }
+        self.members.clear();
+        self.members.resize(self.starts[self.starts.len() - 1] as usize, 0);
+        for (point, &cell) in self.cell_of_point.iter().enumerate().filter(|&(_, &cell)| cell != NO_CELL) {
+            let next = &mut self.starts[cell as usize + 1];
+            self.members[*next as usize] = point as u32;
+            *next += 1;
+        }
+        self.starts.pop();
+    }
+
+    pub fn index(&self) -> &CellIndex {
+        &self.index
+    }
+
+    /// The cell of each point, or [`NO_CELL`].
+    pub fn cell_of_point(&self) -> &[u32] {
+        &self.cell_of_point
+    }
+
+    /// The points of a cell, in their order.
+    #[inline]
+    pub fn members(&self, cell: u32) -> &[u32] {
+        &self.members[self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -138,6 +204,9 @@ mod tests {
         assert_ne!(cell(-0.001), cell(0.0));
         assert_eq!(cell(-0.001), cell(-0.099));
         assert_eq!(cell(0.0).offset([-1, 0, 0]), Some(cell(-0.05)));
+        assert!(
+            cell(0.0).touches(cell(-0.05)) && cell(0.0).touches(cell(0.15)) && !cell(0.0).touches(cell(0.25))
+        );
     }
 
     #[test]

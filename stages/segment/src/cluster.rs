@@ -3,7 +3,7 @@
 //! Points go into cells of tolerance / sqrt(3), in which any two are near enough. Two cells within two steps of each
 //! other join if any point of one is near enough to one of the other. This gives the clusters of single linkage exactly.
 
-use crate::cells::{CellIndex, CellKey};
+use crate::cells::{NO_CELL, SortedCells};
 
 /// Marks a point that is in no cluster that was kept.
 pub const NO_CLUSTER: u32 = u32::MAX;
@@ -11,11 +11,7 @@ pub const NO_CLUSTER: u32 = u32::MAX;
 /// The clustering with its buffers; after the first frames it allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct EuclideanClusters {
-    index: CellIndex,
-    cell_of_point: Vec<u32>,
-    /// Where each cell's points start in `members`; one more at the end.
-    starts: Vec<u32>,
-    members: Vec<u32>,
+    cells: SortedCells,
     parents: Vec<u32>,
     counts: Vec<u32>,
     roots: Vec<u32>,
@@ -51,13 +47,14 @@ impl EuclideanClusters {
     /// Joins `points` (finite, in metres) whose distance is at most `tolerance` metres, and keeps the clusters of at
     /// least `min_points`: the largest first, among equals the one with the earliest point.
     pub fn find(&mut self, points: &[[f32; 3]], tolerance: f64, min_points: usize) {
-        self.sort_into_cells(points, tolerance);
+        // A little narrower than tolerance / sqrt(3), so that rounding parts no cell's points.
+        self.cells.sort(points, 3.0_f64.sqrt() / tolerance * (1.0 + 1e-6));
         self.parents.clear();
-        self.parents.extend(0..self.index.len() as u32);
+        self.parents.extend(0..self.cells.index().len() as u32);
         let near = (tolerance * tolerance) as f32;
-        for cell in 0..self.index.len() as u32 {
-            let key = self.index.keys()[cell as usize];
-            for other in NEIGHBOURS.iter().filter_map(|&by| self.index.get(key.offset(by)?)) {
+        for cell in 0..self.cells.index().len() as u32 {
+            let key = self.cells.index().keys()[cell as usize];
+            for other in NEIGHBOURS.iter().filter_map(|&by| self.cells.index().get(key.offset(by)?)) {
                 let (a, b) = (root(&mut self.parents, cell), root(&mut self.parents, other));
                 if a != b && self.touch(points, cell, other, near) {
                     self.parents[a.max(b) as usize] = a.min(b);
@@ -79,55 +76,26 @@ impl EuclideanClusters {
         &self.labels
     }
 
-    fn sort_into_cells(&mut self, points: &[[f32; 3]], tolerance: f64) {
-        self.index.clear();
-        self.cell_of_point.clear();
-        // A little narrower than tolerance / sqrt(3), so that rounding parts no cell's points.
-        let inverse_side = 3.0_f64.sqrt() / tolerance * (1.0 + 1e-6);
-        for &point in points {
-            let cell = CellKey::of(point, inverse_side).map_or(NO_CLUSTER, |key| self.index.insert(key));
-            self.cell_of_point.push(cell);
-        }
-        // A counting sort keeps the points of a cell in their order.
-        self.starts.clear();
-        self.starts.resize(self.index.len() + 2, 0);
-        for &cell in self.cell_of_point.iter().filter(|&&cell| cell != NO_CLUSTER) {
-            self.starts[cell as usize + 2] += 1;
-        }
-        for cell in 2..self.starts.len() {
-            self.starts[cell] += self.starts[cell - 1];
-        }
-        self.members.clear();
-        self.members.resize(self.starts[self.starts.len() - 1] as usize, 0);
-        for (point, &cell) in self.cell_of_point.iter().enumerate().filter(|&(_, &cell)| cell != NO_CLUSTER) {
-            let next = &mut self.starts[cell as usize + 1];
-            self.members[*next as usize] = point as u32;
-            *next += 1;
-        }
-        self.starts.pop();
-    }
-
-    fn members(&self, cell: u32) -> &[u32] {
-        &self.members[self.starts[cell as usize] as usize..self.starts[cell as usize + 1] as usize]
-    }
-
     fn touch(&self, points: &[[f32; 3]], a: u32, b: u32, near: f32) -> bool {
-        self.members(a).iter().any(|&i| {
-            self.members(b).iter().any(|&j| distance_squared(points[i as usize], points[j as usize]) <= near)
+        self.cells.members(a).iter().any(|&i| {
+            self.cells
+                .members(b)
+                .iter()
+                .any(|&j| distance_squared(points[i as usize], points[j as usize]) <= near)
         })
     }
 
     /// Numbers the roots by size and gives each point its cluster's number.
     fn label(&mut self, points: usize, min_points: usize) {
         self.counts.clear();
-        self.counts.resize(self.index.len(), 0);
+        self.counts.resize(self.cells.index().len(), 0);
         self.roots.clear();
-        for cell in 0..self.index.len() as u32 {
+        for cell in 0..self.cells.index().len() as u32 {
             let root = root(&mut self.parents, cell);
             if root == cell {
                 self.roots.push(cell);
             }
-            self.counts[root as usize] += self.members(cell).len() as u32;
+            self.counts[root as usize] += self.cells.members(cell).len() as u32;
         }
         self.roots.retain(|&root| self.counts[root as usize] as usize >= min_points);
         // Cells are numbered by their first point, and a root is the first cell of its cluster.
@@ -140,8 +108,8 @@ impl EuclideanClusters {
         }
         self.labels.clear();
         for point in 0..points {
-            let label = match self.cell_of_point[point] {
-                NO_CLUSTER => NO_CLUSTER,
+            let label = match self.cells.cell_of_point()[point] {
+                NO_CELL => NO_CLUSTER,
                 cell => self.counts[root(&mut self.parents, cell) as usize],
             };
             self.labels.push(label);

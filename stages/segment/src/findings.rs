@@ -1,75 +1,100 @@
-//! What `segment.face` says about a frame: the same named numbers for every frame, so that they can be plotted.
+//! What `segment.face` says about a frame, as samples: the same named numbers for every frame, so that they can be
+//! plotted; a row per cluster; the reason where there is no face.
 
-use stillpoint_samples::Metric;
+use stillpoint_samples::{Cluster, Metric, PlaneElement, RejectionElement};
 
-use crate::face::{Face, Rejection};
+use crate::face::{Rejection, Seen};
+use crate::mlesac::{Origin, PlaneFit};
+use crate::table::ClusterRow;
 
 /// Numbers about one frame.
-pub const METRICS: usize = 13;
+pub const METRICS: usize = 15;
 
 /// What is not known of a frame: the one NaN, so that samples compare by bytes.
 const UNKNOWN: f64 = f64::NAN;
 
 /// Code of a frame that has a face.
-pub const FOUND: f64 = 0.0;
-/// Code of [`Rejection::TooFewVoxels`].
-pub const TOO_FEW_VOXELS: f64 = 1.0;
-/// Code of [`Rejection::NoPlane`].
-pub const NO_PLANE: f64 = 2.0;
-/// Code of [`Rejection::NoCluster`].
-pub const NO_CLUSTER: f64 = 3.0;
+pub const FOUND: u32 = 0;
 
-/// The numbers of a frame with a face, of which `sent` points were sent.
-pub fn of_face(face: &Face<'_>, sent: usize) -> [Metric; METRICS] {
-    let n = face.plane.normal;
-    let cluster = |place: usize| face.cluster_sizes.get(place).map_or(0.0, |size| f64::from(*size));
-    metrics([
-        FOUND,
-        n.x,
-        n.y,
-        n.z,
-        face.plane.offset,
-        face.plane_inliers as f64,
-        face.cluster_sizes.len() as f64,
-        cluster(0),
-        cluster(1),
-        face.indices.len() as f64,
-        sent as f64,
-        UNKNOWN,
-        UNKNOWN,
-    ])
+impl Rejection {
+    /// Number of the reason, from 1.
+    #[must_use]
+    pub fn code(&self) -> u32 {
+        match self {
+            Self::TooFewVoxels { .. } => 1,
+            Self::NoPlane { .. } => 2,
+            Self::NoCluster { .. } => 3,
+            Self::NoHead { .. } => 4,
+        }
+    }
+
+    /// What was found and what was needed.
+    fn voxels(&self) -> (usize, usize) {
+        match *self {
+            Self::TooFewVoxels { found, needed }
+            | Self::NoPlane { found, needed }
+            | Self::NoCluster { above: found, needed }
+            | Self::NoHead { above: found, needed } => (found, needed),
+        }
+    }
+
+    pub(crate) fn element(&self) -> RejectionElement {
+        let (found, needed) = self.voxels();
+        RejectionElement::new(self.code(), &self.to_string(), found as f64, needed as f64)
+    }
 }
 
-/// The numbers of a frame without a face.
-pub fn of_rejection(rejection: &Rejection) -> [Metric; METRICS] {
-    let (code, found, needed) = match *rejection {
-        Rejection::TooFewVoxels { found, needed } => (TOO_FEW_VOXELS, found, needed),
-        Rejection::NoPlane { found, needed } => (NO_PLANE, found, needed),
-        Rejection::NoCluster { above, needed } => (NO_CLUSTER, above, needed),
-    };
-    let mut values = [UNKNOWN; METRICS];
-    values[0] = code;
-    values[10] = 0.0;
-    values[11] = found as f64;
-    values[12] = needed as f64;
-    metrics(values)
+/// The numbers of a frame, of whose face `sent` points were sent.
+pub(crate) fn metrics(seen: &Seen<'_>, sent: usize) -> [Metric; METRICS] {
+    let plane = |number: fn(&PlaneFit) -> f64| seen.plane.as_ref().map_or(UNKNOWN, number);
+    let cluster = |place: usize| seen.clusters.get(place).map_or(0.0, |row| f64::from(row.voxels));
+    let rejection = seen.face.as_ref().err();
+    [
+        ("rejection", f64::from(rejection.map_or(FOUND, Rejection::code))),
+        ("plane_normal_x", plane(|fit| fit.plane.normal.x)),
+        ("plane_normal_y", plane(|fit| fit.plane.normal.y)),
+        ("plane_normal_z", plane(|fit| fit.plane.normal.z)),
+        ("plane_offset_m", plane(|fit| fit.plane.offset)),
+        ("plane_voxels", plane(|fit| fit.inliers as f64)),
+        ("plane_hypotheses", plane(|fit| f64::from(fit.hypotheses))),
+        ("points_in_range", seen.points as f64),
+        ("voxels", seen.voxels as f64),
+        ("voxels_above", seen.above as f64),
+        ("clusters", seen.clusters.len() as f64),
+        ("largest_cluster_voxels", cluster(0)),
+        ("second_cluster_voxels", cluster(1)),
+        ("face_points", seen.face.as_ref().map_or(0.0, |face| face.len() as f64)),
+        ("sent_points", sent as f64),
+    ]
+    .map(|(name, value)| Metric::new(name, value))
 }
 
-fn metrics(values: [f64; METRICS]) -> [Metric; METRICS] {
-    const NAMES: [&str; METRICS] = [
-        "rejection",
-        "plane_normal_x",
-        "plane_normal_y",
-        "plane_normal_z",
-        "plane_offset_m",
-        "plane_voxels",
-        "clusters",
-        "largest_cluster_voxels",
-        "second_cluster_voxels",
-        "face_points",
-        "sent_points",
-        "rejected_with_voxels",
-        "rejected_below_voxels",
-    ];
-    std::array::from_fn(|i| Metric::new(NAMES[i], values[i]))
+pub(crate) fn plane(fit: &PlaneFit) -> PlaneElement {
+    PlaneElement {
+        normal: fit.plane.normal.into(),
+        offset: fit.plane.offset,
+        rms: fit.rms,
+        inliers: fit.inliers as u32,
+        points: fit.points as u32,
+        kept: u32::from(fit.origin == Origin::Kept),
+        hypotheses: fit.hypotheses,
+    }
+}
+
+pub(crate) fn cluster(row: &ClusterRow, chosen: bool) -> Cluster {
+    let bit = |is: bool, bit: u32| if is { bit } else { 0 };
+    let [image, ceiling, hull] = row.touches;
+    Cluster {
+        centroid: row.centroid.into(),
+        spread: row.spread.into(),
+        height_min: row.heights[0],
+        height_max: row.heights[1],
+        voxels: row.voxels,
+        touches: bit(image, Cluster::AT_IMAGE_EDGE)
+            | bit(ceiling, Cluster::AT_CEILING)
+            | bit(hull, Cluster::AT_HULL_EDGE)
+            | bit((1..row.voxels).contains(&row.face_voxels), Cluster::CUT),
+        face_voxels: row.face_voxels,
+        chosen: u32::from(chosen),
+    }
 }

@@ -7,9 +7,13 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone, Default)]
 pub struct ConvexHull {
     axes: (Vector3<f64>, Vector3<f64>),
+    /// The plane's point nearest to the origin.
+    foot: Vector3<f64>,
     points: Vec<[f64; 2]>,
     /// Counter-clockwise, without repeats.
     corners: Vec<[f64; 2]>,
+    /// The distance to each edge from its inner side is a u + b v + c.
+    lines: Vec<[f64; 3]>,
 }
 
 /// Twice the signed area of the triangle `a`, `b`, `c`: positive where `c` is left of the way from `a` to `b`.
@@ -28,6 +32,7 @@ impl ConvexHull {
     /// The hull of `points` (finite, in metres) projected along the normal onto `plane`.
     pub fn build(&mut self, plane: &Plane, points: impl IntoIterator<Item = [f32; 3]>) {
         self.axes = plane.axes();
+        self.foot = -plane.offset * plane.normal;
         self.points.clear();
         let axes = self.axes;
         self.points.extend(points.into_iter().map(|p| project(&axes, p)));
@@ -39,6 +44,32 @@ impl ConvexHull {
         let lower = self.corners.len();
         chain_from(&mut self.corners, lower, self.points.iter().rev().copied());
         self.corners.pop();
+        self.lines.clear();
+        if self.corners.len() >= 3 {
+            let next = self.corners.iter().cycle().skip(1);
+            self.lines.extend(self.corners.iter().zip(next).map(|(from, to)| {
+                let (du, dv) = (to[0] - from[0], to[1] - from[1]);
+                let length = (du * du + dv * dv).sqrt();
+                [-dv / length, du / length, (dv * from[0] - du * from[1]) / length]
+            }));
+        }
+    }
+
+    /// Forgets the outline and keeps the memory: nothing lies within.
+    pub fn clear(&mut self) {
+        self.corners.clear();
+        self.lines.clear();
+    }
+
+    /// Distance in metres from `point`, projected along the normal, to the nearest edge's line: negative outside, and
+    /// where the hull contains nothing.
+    #[must_use]
+    pub fn margin(&self, point: [f32; 3]) -> f64 {
+        let [u, v] = project(&self.axes, point);
+        if self.lines.is_empty() {
+            return f64::NEG_INFINITY;
+        }
+        self.lines.iter().map(|[a, b, c]| a * u + b * v + c).fold(f64::INFINITY, f64::min)
     }
 
     /// Whether `point`, projected along the normal, lies within the hull or on its edge.
@@ -60,6 +91,16 @@ impl ConvexHull {
     pub fn area(&self) -> f64 {
         let Some(&first) = self.corners.first() else { return 0.0 };
         self.corners.windows(2).map(|edge| turn(first, edge[0], edge[1])).sum::<f64>() / 2.0
+    }
+
+    /// The corner of this number as a point of the plane, in metres in the frame of the points.
+    ///
+    /// # Panics
+    /// Where there is no such corner.
+    #[must_use]
+    pub fn corner_in_space(&self, number: usize) -> [f32; 3] {
+        let [u, v] = self.corners[number];
+        (self.foot + u * self.axes.0 + v * self.axes.1).map(|c| c as f32).into()
     }
 
     /// Corners in metres along the plane's two axes, counter-clockwise as seen from the normal's side.
@@ -115,6 +156,14 @@ mod tests {
     }
 
     #[test]
+    fn corners_in_space_are_the_points_themselves() {
+        let square = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]];
+        let hull = hull(&square);
+        let corners: Vec<[f32; 3]> = (0..4).map(|k| hull.corner_in_space(k)).collect();
+        assert!(square.iter().all(|&[x, y]| corners.contains(&[x, y, 1.0])), "{corners:?}");
+    }
+
+    #[test]
     fn points_over_the_hull_are_inside_at_any_height() {
         let hull = hull(&[[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.5, 0.5]]);
         assert_eq!(hull.corners().len(), 3);
@@ -122,6 +171,14 @@ mod tests {
         assert!(hull.contains([1.0, 0.0, 0.9]), "an edge belongs to the hull");
         assert!(!hull.contains([1.5, 1.5, 0.2]));
         assert!(!hull.contains([f32::NAN; 3]));
+    }
+
+    #[test]
+    fn margin_is_the_distance_to_the_nearest_edge() {
+        let hull = hull(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
+        assert!((hull.margin([0.5, 1.0, 0.3]) - 0.5).abs() < 1e-6);
+        assert!((hull.margin([1.0, 2.25, 0.3]) + 0.25).abs() < 1e-6);
+        assert_eq!(ConvexHull::new().margin([0.0, 0.0, 1.0]), f64::NEG_INFINITY);
     }
 
     #[test]

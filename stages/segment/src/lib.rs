@@ -5,25 +5,43 @@
 //! order of the points, and no map's order reaches a result.
 //!
 //! - [`voxel`]: centroids of a grid's cells, and which point fell into which.
+//! - [`neighbours`]: the k nearest neighbours of each point.
+//! - [`outliers`]: statistical outlier removal.
+//! - [`mls`]: robust moving least squares.
 //! - [`plane`]: a plane and its least-squares fit.
 //! - [`mlesac`]: the plane that most points lie on, by seeded MLESAC.
 //! - [`hull`]: the convex outline of points on a plane.
 //! - [`cluster`]: Euclidean clusters.
+//! - [`surface`]: patches of the surface that voxels lie on, with normals and creases.
+//! - [`ball`]: where a ball of about a head's size is.
+//! - [`summit`]: summits of a landscape.
+//! - [`cut`]: minimum cut of a graph.
+//! - [`head`]: the head, cut from what it touches.
+//! - [`table`]: what is said of each cluster.
 //! - [`face`]: the chain of these, from cloud to face.
 //! - [`mod@operator`], `segment.face`, the chain as an operator.
 //! - [`findings`]: what that operator says about a frame.
 
+pub mod ball;
 mod cells;
 pub mod cluster;
+pub mod cut;
 pub mod face;
 pub mod findings;
+pub mod head;
 pub mod hull;
 pub mod mlesac;
+pub mod mls;
+pub mod neighbours;
 pub mod operator;
+pub mod outliers;
 pub mod plane;
+pub mod summit;
+pub mod surface;
+pub mod table;
 pub mod voxel;
 
-pub use face::{Face, FaceParams, FaceSegmenter, Rejection};
+pub use face::{Cloud, FaceParams, FaceSegmenter, Rejection, Rule, Seen, Step};
 pub use plane::Plane;
 
 use stillpoint_pipeline::Stage;

@@ -14,6 +14,17 @@ pub struct MlesacParams {
     pub tolerance: f64,
     /// Hypotheses at most; fewer are drawn once a better one is unlikely.
     pub iterations: u32,
+    /// What points beneath a plane say of it.
+    pub beneath: Beneath,
+}
+
+/// What points on the far side of a plane, as seen from the origin, say of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Beneath {
+    /// Nothing: they are outliers as others.
+    Outliers,
+    /// That it supports nothing: a camera does not see what is under a couch.
+    Unlikely,
 }
 
 /// A plane and the points on it.
@@ -23,6 +34,23 @@ pub struct PlaneFit {
     pub plane: Plane,
     /// Points within the tolerance.
     pub inliers: usize,
+    /// Points looked at.
+    pub points: usize,
+    /// Root mean square of the inliers' distances, in metres.
+    pub rms: f64,
+    /// Where the search began.
+    pub origin: Origin,
+    /// Hypotheses drawn.
+    pub hypotheses: u32,
+}
+
+/// Where a plane came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// The plane given was at least as likely as any drawn.
+    Kept,
+    /// It was drawn from this cloud.
+    Searched,
 }
 
 /// Points that a hypothesis is scored on.
@@ -33,6 +61,8 @@ const CONFIDENCE: f64 = 0.9999;
 const EM_STEPS: usize = 3;
 /// A hypothesis with fewer inliers than this fraction of the best one's is not scored further.
 const BAIL_OUT: f64 = 0.8;
+/// How much less likely than another outlier a point beneath a supporting plane is: about e^-3.
+const BENEATH: f64 = 0.05;
 /// Fits to the inliers at most, each with the inliers of the one before.
 const REFINEMENTS: usize = 5;
 
@@ -47,7 +77,7 @@ pub struct Mlesac {
 }
 
 /// A number below `bound`, from 32 random bits by multiplication (Lemire); the bias is below `bound` / 2^32.
-fn below(rng: &mut impl Rng, bound: usize) -> usize {
+pub(crate) fn below(rng: &mut impl Rng, bound: usize) -> usize {
     ((u64::from(rng.next_u32()) * bound as u64) >> 32) as usize
 }
 
@@ -59,9 +89,14 @@ impl Mlesac {
     }
 
     /// The plane that most of `points` (finite, in metres) lie on; `None` where no three of those drawn span one.
+    ///
+    /// A `prior`, such as the plane of the last frame, is the first hypothesis. It is refined to what these points say
+    /// and has to be as likely as every plane that is drawn; as many are drawn as would find a plane of its share of
+    /// inliers by themselves. So a prior saves draws and steadies the result, and it is never believed unproved.
     pub fn find(
         &mut self,
         points: &[[f32; 3]],
+        prior: Option<&Plane>,
         params: &MlesacParams,
         rng: &mut impl Rng,
     ) -> Option<PlaneFit> {
@@ -69,24 +104,41 @@ impl Mlesac {
             return None;
         }
         self.draw_scored(points, rng);
-        let scale = Scale::new(params.tolerance, self.diagonal());
+        let scale = Scale::new(params, self.diagonal());
         let (mut best, mut best_score, mut best_inliers) = (None, f64::NEG_INFINITY, 0);
         let (mut iteration, mut needed) = (0, params.iterations);
+        let mut origin = Origin::Searched;
+        if let Some(plane) = prior.and_then(|prior| self.refined_on_scored(prior, params.tolerance)) {
+            let inliers = self.residuals(&plane, params.tolerance as f32);
+            (best, best_score, best_inliers) = (Some(plane), self.log_likelihood(&scale, inliers), inliers);
+            needed = needed_iterations(inliers as f64 / self.xs.len() as f64).min(params.iterations);
+            origin = Origin::Kept;
+        }
         while iteration < needed {
             iteration += 1;
             let [a, b, c] = [(); 3].map(|()| points[below(rng, points.len())]);
             let Some(plane) = Plane::through(a, b, c) else { continue };
             let inliers = self.residuals(&plane, params.tolerance as f32);
-            if (inliers as f64) < BAIL_OUT * best_inliers as f64 {
+            let few =
+                params.beneath == Beneath::Outliers && (inliers as f64) < BAIL_OUT * best_inliers as f64;
+            if few {
                 continue;
             }
             let score = self.log_likelihood(&scale, inliers);
             if score > best_score {
                 (best, best_score, best_inliers) = (Some(plane), score, inliers);
+                origin = Origin::Searched;
                 needed = needed_iterations(inliers as f64 / self.xs.len() as f64).min(params.iterations);
             }
         }
-        refine(points, best?, params.tolerance)
+        let start = PlaneFit { plane: best?, inliers: 0, points: 0, rms: 0.0, origin, hypotheses: iteration };
+        refine(points, start, params)
+    }
+
+    /// `plane` fitted to those of the scored points that lie within the tolerance of it.
+    fn refined_on_scored(&self, plane: &Plane, tolerance: f64) -> Option<Plane> {
+        let scored = self.xs.iter().zip(&self.ys).zip(&self.zs).map(|((&x, &y), &z)| [x, y, z]);
+        Plane::fit(scored.filter(|&p| plane.height(p).abs() <= tolerance))
     }
 
     fn draw_scored(&mut self, points: &[[f32; 3]], rng: &mut impl Rng) {
@@ -128,6 +180,7 @@ impl Mlesac {
     fn log_likelihood(&mut self, scale: &Scale, inliers: usize) -> f64 {
         self.densities.clear();
         self.densities.extend(self.residuals.iter().map(|&e| scale.inlier_density(f64::from(e))));
+        let beneath = self.residuals.iter().filter(|&&e| f64::from(e) < scale.deep).count();
         let count = self.densities.len() as f64;
         // Neither kind may vanish, or its weight stays 0.
         let mut gamma = (inliers as f64 / count).clamp(0.01, 0.99);
@@ -141,7 +194,8 @@ impl Mlesac {
         self.densities
             .chunks(8)
             .map(|chunk| libm::log(chunk.iter().map(|p| gamma * p + outlier).product()))
-            .sum()
+            .sum::<f64>()
+            + beneath as f64 * scale.log_beneath
     }
 }
 
@@ -151,16 +205,25 @@ struct Scale {
     inverse_two_variance: f64,
     cutoff: f64,
     outlier_density: f64,
+    /// Residuals below this are of points beneath.
+    deep: f64,
+    log_beneath: f64,
 }
 
 impl Scale {
-    fn new(tolerance: f64, diagonal: f64) -> Self {
+    fn new(params: &MlesacParams, diagonal: f64) -> Self {
+        let tolerance = params.tolerance;
         let sigma = tolerance / 1.96;
         Self {
             peak: 1.0 / (sigma * (2.0 * std::f64::consts::PI).sqrt()),
             inverse_two_variance: 0.5 / (sigma * sigma),
             cutoff: 6.0 * sigma,
             outlier_density: 1.0 / diagonal.max(tolerance),
+            deep: -2.0 * tolerance,
+            log_beneath: match params.beneath {
+                Beneath::Outliers => 0.0,
+                Beneath::Unlikely => libm::log(BENEATH),
+            },
         }
     }
 
@@ -181,20 +244,24 @@ fn needed_iterations(w: f64) -> u32 {
     (libm::log(1.0 - CONFIDENCE) / libm::log1p(-all_inliers)).ceil() as u32
 }
 
-/// Fits to the inliers until they stay the same in number, in the order of the points.
-fn refine(points: &[[f32; 3]], start: Plane, tolerance: f64) -> Option<PlaneFit> {
-    let on = |plane: Plane| points.iter().copied().filter(move |&p| plane.height(p).abs() <= tolerance);
-    let (mut plane, mut inliers) = (start, 0);
+/// Fits a plane to its inliers among `points` until they stay the same in number; sums in the order of the points.
+/// `None` where the inliers make no plane.
+fn refine(points: &[[f32; 3]], start: PlaneFit, params: &MlesacParams) -> Option<PlaneFit> {
+    let tolerance = params.tolerance;
+    let mut fit = PlaneFit { inliers: 0, points: points.len(), ..start };
     for _ in 0..REFINEMENTS {
-        let next = Plane::fit(on(plane))?;
-        let count = on(next).count();
-        plane = next;
-        if count == inliers {
+        let plane = fit.plane;
+        fit.plane = Plane::fit(points.iter().copied().filter(|&p| plane.height(p).abs() <= tolerance))?;
+        let heights = points.iter().map(|&p| fit.plane.height(p)).filter(|h| h.abs() <= tolerance);
+        let (count, squares) =
+            heights.fold((0_usize, 0.0), |(count, squares), h| (count + 1, squares + h * h));
+        fit.rms = (squares / count.max(1) as f64).sqrt();
+        if count == fit.inliers {
             break;
         }
-        inliers = count;
+        fit.inliers = count;
     }
-    Some(PlaneFit { plane, inliers })
+    Some(fit)
 }
 
 #[cfg(test)]
@@ -217,14 +284,16 @@ mod tests {
         (points, truth)
     }
 
-    const PARAMS: MlesacParams = MlesacParams { tolerance: 0.008, iterations: 500 };
+    const PARAMS: MlesacParams =
+        MlesacParams { tolerance: 0.008, iterations: 500, beneath: Beneath::Outliers };
 
     #[test]
     fn plane_is_found_among_as_many_outliers_for_every_seed() {
         for seed in 0..50 {
             let (points, truth) = scene(seed);
-            let fit =
-                Mlesac::new().find(&points, &PARAMS, &mut ChaCha8Rng::seed_from_u64(1000 + seed)).unwrap();
+            let fit = Mlesac::new()
+                .find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(1000 + seed))
+                .unwrap();
             let degrees = fit.plane.angle_to(&truth).to_degrees();
             let millimetres = (fit.plane.offset - truth.offset).abs() * 1000.0;
             assert!(degrees < 0.1 && millimetres < 0.5, "seed {seed}: {degrees} deg, {millimetres} mm");
@@ -236,10 +305,70 @@ mod tests {
     fn same_seed_gives_the_same_bits_in_fresh_and_used_buffers() {
         let (points, _) = scene(3);
         let mut used = Mlesac::new();
-        used.find(&points[..700], &PARAMS, &mut ChaCha8Rng::seed_from_u64(5));
-        let again = used.find(&points, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
-        let fresh = Mlesac::new().find(&points, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+        used.find(&points[..700], None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(5));
+        let again = used.find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
+        let fresh = Mlesac::new().find(&points, None, &PARAMS, &mut ChaCha8Rng::seed_from_u64(9)).unwrap();
         assert_eq!(again, fresh);
+    }
+
+    #[test]
+    fn a_prior_that_still_fits_is_kept_and_follows_the_points() {
+        let (points, truth) = scene(3);
+        // The couch sank by 3 mm and tilted by 0.2 degrees since.
+        let prior = Plane {
+            normal: truth.normal + nalgebra::Vector3::new(0.0, 0.0035, 0.0),
+            offset: truth.offset + 0.003,
+        };
+        let prior = Plane { normal: prior.normal.normalize(), ..prior };
+        for seed in 0..50 {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let fit = Mlesac::new().find(&points, Some(&prior), &PARAMS, &mut rng).unwrap();
+            assert!(
+                fit.plane.angle_to(&truth).to_degrees() < 0.1
+                    && (fit.plane.offset - truth.offset).abs() < 5e-4
+            );
+            assert_eq!(fit.origin, Origin::Kept, "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn a_prior_that_does_not_fit_is_given_up() {
+        let (points, truth) = scene(3);
+        // Another height, another tilt, and a plane through the scattered points.
+        let others = [
+            Plane { offset: truth.offset + 0.05, ..truth },
+            Plane::through([0.0, 0.0, 1.0], [0.2, 0.0, 1.0], [0.0, 0.2, 1.05]).unwrap(),
+            Plane::through([0.0, 0.0, 0.6], [0.2, 0.0, 0.6], [0.0, 0.2, 0.6]).unwrap(),
+        ];
+        for (seed, prior) in others.iter().enumerate() {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed as u64);
+            let fit = Mlesac::new().find(&points, Some(prior), &PARAMS, &mut rng).unwrap();
+            assert_eq!(fit.origin, Origin::Searched);
+            assert!(
+                fit.plane.angle_to(&truth).to_degrees() < 0.1
+                    && (fit.plane.offset - truth.offset).abs() < 5e-4
+            );
+        }
+    }
+
+    #[test]
+    fn what_supports_all_else_is_found_under_something_larger() {
+        // A board 0.2 m over the table hides most of it: four points for three.
+        let mut points = Vec::new();
+        for i in 0..3000_u32 {
+            let (x, y) = ((i % 60) as f32 * 0.01 - 0.3, (i / 60) as f32 * 0.01 - 0.25);
+            points.push([x, y, 0.8]);
+            if i % 4 != 0 {
+                points.push([x * 2.0, y + if y < 0.0 { -0.5 } else { 0.5 }, 1.0]);
+            }
+        }
+        let find = |beneath| {
+            let params = MlesacParams { beneath, ..PARAMS };
+            let mut rng = ChaCha8Rng::seed_from_u64(1);
+            Mlesac::new().find(&points, None, &params, &mut rng).unwrap().plane.offset
+        };
+        assert!((find(Beneath::Outliers) - 0.8).abs() < 1e-6);
+        assert!((find(Beneath::Unlikely) - 1.0).abs() < 1e-6);
     }
 
     #[test]
@@ -247,7 +376,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let line: Vec<_> = (0..100).map(|i| [i as f32, 0.0, 1.0]).collect();
         for points in [&line[..0], &line[..2], &line[..], &[[1.0, 2.0, 3.0]; 10]] {
-            assert_eq!(Mlesac::new().find(points, &PARAMS, &mut rng), None);
+            assert_eq!(Mlesac::new().find(points, None, &PARAMS, &mut rng), None);
         }
     }
 

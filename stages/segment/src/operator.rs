@@ -3,18 +3,62 @@
 use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
-use stillpoint_samples::{CloudShape, Diagnostics, Point, PointCloud, Sample};
+use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{
+    CloudShape, ClusterTable, ClusterTableShape, Corner, Diagnostics, Hull, HullShape, Plane, Point,
+    PointCloud, Rejection, Sample,
+};
 use zerocopy::{FromBytes, IntoBytes};
 
-use crate::face::{Face, FaceParams, FaceSegmenter};
+use crate::face::{self, Cloud, FaceParams, FaceSegmenter, Seen, Step};
 use crate::findings::{self, METRICS};
+use crate::mls::MlsParams;
+use crate::outliers::OutlierParams;
+use crate::table::ClusterRows;
 
 const CLOUD: usize = 0;
 const FACE: usize = 0;
 const DIAGNOSTICS: usize = 1;
+const PLANE: usize = 2;
+const HULL: usize = 3;
+const CLUSTERS: usize = 4;
+const REJECTION: usize = 5;
 
-/// Parameters of `segment.face`. The defaults are for a head on a pad of up to 55 mm, seen from 0.5 to 1 m.
+/// Width of the cells in which neighbours of voxels are looked for, in voxels.
+const NEIGHBOUR_CELL: f64 = 2.0;
+/// Corners of a hull that are sent at most; of more, corners evenly spread over the outline.
+const MAX_CORNERS: usize = 256;
+/// Clusters that are sent at most, the largest ones.
+const MAX_CLUSTERS: usize = 64;
+
+/// What is done with voxels that stand apart.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Outliers {
+    /// They are kept.
+    Keep,
+    /// They are removed, by the statistics of their neighbours' distances.
+    Remove,
+}
+
+/// How voxels are smoothed.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Smoothing {
+    /// Not at all.
+    Off,
+    /// By robust moving least squares.
+    MovingLeastSquares,
+}
+
+/// Which voxels over the plane are the face.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Rule {
+    /// Those of the largest cluster.
+    Largest,
+    /// Those of a head, cut from what it touches.
+    Head,
+}
+
+/// Parameters of `segment.face`. The defaults are for a head of any size, on whatever it rests, seen from 0.5 to 1 m.
 #[derive(Clone, Debug, Params)]
 pub struct SegmentParams {
     /// Width of a voxel.
@@ -23,6 +67,21 @@ pub struct SegmentParams {
     /// Points farther from the camera are ignored.
     #[param(unit = "m", default = "1.6 m", min = "100 mm", max = "10 m")]
     pub range_max: f64,
+    /// What is done with voxels that stand apart.
+    #[param(default = "keep")]
+    pub outliers: Outliers,
+    /// Neighbours whose mean distance tells an outlier, for `outliers: remove`.
+    #[param(default = 30, min = 3, max = 200)]
+    pub outlier_neighbours: u32,
+    /// Standard deviations over the mean of these distances at which an outlier begins.
+    #[param(default = 2, min = 0.1, max = 10)]
+    pub outlier_deviations: f64,
+    /// Whether voxels are moved onto the smooth surface that they lie on.
+    #[param(default = "off")]
+    pub smoothing: Smoothing,
+    /// Neighbours that the surface is fitted to, for `smoothing: moving_least_squares`.
+    #[param(default = 30, min = 9, max = 200)]
+    pub smoothing_neighbours: u32,
     /// Distance within which a voxel belongs to the supporting plane.
     #[param(unit = "m", default = "10 mm", min = "0.1 mm", max = "100 mm")]
     pub plane_tolerance: f64,
@@ -30,11 +89,18 @@ pub struct SegmentParams {
     #[param(default = 500, min = 1, max = 100000)]
     pub iterations: u32,
     /// Height over the plane at which the face starts.
-    #[param(unit = "m", default = "60 mm", above = "0 mm", max = "1 m")]
+    #[param(unit = "m", default = "15 mm", above = "0 mm", max = "1 m")]
     pub height_min: f64,
     /// Height over the plane at which the face ends.
     #[param(unit = "m", default = "360 mm", above = "0 mm", max = "2 m")]
     pub height_max: f64,
+    /// Which voxels over the plane are the face.
+    #[param(default = "head")]
+    pub rule: Rule,
+    /// Mean distance of an adult head's surface from its middle, for `rule: head`. Heads of 0.6 to 1.35 times this size
+    /// are found.
+    #[param(unit = "m", default = "90 mm", min = "20 mm", max = "300 mm")]
+    pub head_radius: f64,
     /// Distance within which two voxels belong to one cluster.
     #[param(unit = "m", default = "20 mm", min = "0.5 mm", max = "200 mm")]
     pub cluster_tolerance: f64,
@@ -76,61 +142,139 @@ impl Operator for SegmentFace {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "Plane, clusters and points found, and why a frame has no face.",
+                about: "Numbers about each frame: points, voxels and hypotheses looked at, plane, clusters and points found.",
+            },
+            Output {
+                name: "plane",
+                sample: Plane::KIND,
+                frame: FrameRule::SameAs("cloud"),
+                about: "The supporting plane, of each frame that has one.",
+            },
+            Output {
+                name: "hull",
+                sample: Hull::KIND,
+                frame: FrameRule::SameAs("cloud"),
+                about: "The convex outline of the voxels on the plane.",
+            },
+            Output {
+                name: "clusters",
+                sample: ClusterTable::KIND,
+                frame: FrameRule::SameAs("cloud"),
+                about: "The clusters that stand over the plane, and which one is the face.",
+            },
+            Output {
+                name: "rejection",
+                sample: Rejection::KIND,
+                frame: FrameRule::None,
+                about: "Why a frame has no face, in place of the face: 1 too few voxels in range, 2 no plane, 3 no cluster, 4 no head.",
             },
         ],
         timer: Timer::No,
     };
+    const LAPS: &'static [&'static str] = Step::NAMES;
 
     fn new(params: SegmentParams, _: &Setup<'_>) -> Result<Self, SetupError> {
         let chain = FaceParams {
             leaf: params.leaf,
             range_max: params.range_max,
+            outliers: match params.outliers {
+                Outliers::Keep => None,
+                Outliers::Remove => Some(OutlierParams {
+                    neighbours: params.outlier_neighbours as usize,
+                    deviations: params.outlier_deviations,
+                    cell: NEIGHBOUR_CELL * params.leaf,
+                }),
+            },
+            smoothing: match params.smoothing {
+                Smoothing::Off => None,
+                Smoothing::MovingLeastSquares => Some(MlsParams {
+                    neighbours: params.smoothing_neighbours as usize,
+                    deviations: 1.0,
+                    tolerance: params.plane_tolerance,
+                    cell: NEIGHBOUR_CELL * params.leaf,
+                }),
+            },
             plane_tolerance: params.plane_tolerance,
             iterations: params.iterations,
             height_min: params.height_min,
             height_max: params.height_max,
             cluster_tolerance: params.cluster_tolerance,
             min_points: params.min_voxels as usize,
+            rule: match params.rule {
+                Rule::Largest => face::Rule::Largest,
+                Rule::Head => face::Rule::Head,
+            },
+            head_radius: params.head_radius,
         };
         let segmenter = FaceSegmenter::new(chain).map_err(|e| SetupError(e.to_string()))?;
         Ok(Self { segmenter, max_points: params.max_points as usize })
     }
 
     fn capacities(params: &SegmentParams) -> Vec<usize> {
-        vec![params.max_points as usize, METRICS]
+        vec![params.max_points as usize, METRICS, 1, MAX_CORNERS, MAX_CLUSTERS, 1]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(cloud) = activation.input::<PointCloud>(CLOUD) else { return Ok(()) };
         let points = <[[f32; 3]]>::ref_from_bytes(cloud.elements.as_bytes())
             .map_err(|e| StepError(format!("the cloud's points cannot be read in place: {e}")))?;
-        let metrics = match self.segmenter.segment(points, &mut activation.random()) {
-            Ok(face) => {
-                let sent = send(&face, cloud.elements, self.max_points, outputs)?;
-                findings::of_face(&face, sent)
+        let organised =
+            cloud.body.height > 1 && cloud.body.width as usize * cloud.body.height as usize == points.len();
+        let width = if organised { cloud.body.width as usize } else { 0 };
+        let mut ended = |step: Step| outputs.lap(step as usize);
+        let seen =
+            self.segmenter.segment_in_steps(Cloud { points, width }, &mut activation.random(), &mut ended);
+        let sent = match &seen.face {
+            Ok(face) => send_face(face, cloud.elements, self.max_points, outputs)?,
+            Err(rejection) => {
+                outputs.send::<Rejection>(REJECTION, &rejection.element())?;
+                0
             }
-            Err(rejection) => findings::of_rejection(&rejection),
         };
-        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics)
+        send_surroundings(&seen, outputs)?;
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &findings::metrics(&seen, sent))
     }
 }
 
 /// Sends the face's points, at most `most` of them, and says how many.
-fn send(
-    face: &Face<'_>,
+fn send_face(
+    face: &[u32],
     cloud: &[Point],
     most: usize,
     outputs: &mut Outputs<'_>,
 ) -> Result<usize, StepError> {
-    let found = face.indices.len();
-    let count = found.min(most);
+    let count = face.len().min(most);
     let mut writer = outputs.open::<PointCloud>(FACE, count)?;
     *writer.body() = CloudShape { width: count as u32, height: 1, reserved: 0, length: count as u32 };
     for (k, slot) in writer.elements().iter_mut().enumerate() {
-        let place = face.indices[k * found / count] as usize;
+        let place = face[k * face.len() / count] as usize;
         *slot = cloud[place];
     }
     writer.finish(count)?;
     Ok(count)
+}
+
+/// Sends the plane, its hull and the clusters on it, as far as they were found.
+fn send_surroundings(seen: &Seen<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let Some(plane) = &seen.plane else { return Ok(()) };
+    outputs.send::<Plane>(PLANE, &findings::plane(plane))?;
+
+    let found = seen.hull.corners().len();
+    let count = found.min(MAX_CORNERS);
+    let mut writer = outputs.open::<Hull>(HULL, count)?;
+    *writer.body() = HullShape { area: seen.hull.area(), found: found as u32, length: count as u32 };
+    for (k, slot) in writer.elements().iter_mut().enumerate() {
+        *slot = Corner { xyz: seen.hull.corner_in_space(k * found / count) };
+    }
+    writer.finish(count)?;
+
+    let found = seen.clusters.len();
+    let count = found.min(MAX_CLUSTERS);
+    let mut writer = outputs.open::<ClusterTable>(CLUSTERS, count)?;
+    *writer.body() = ClusterTableShape { found: found as u32, length: count as u32 };
+    let chosen = ClusterRows::chosen(seen.clusters);
+    for (number, (slot, row)) in writer.elements().iter_mut().zip(seen.clusters).enumerate() {
+        *slot = findings::cluster(row, chosen == Some(number));
+    }
+    writer.finish(count)
 }

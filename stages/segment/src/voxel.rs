@@ -13,6 +13,7 @@ pub struct VoxelGrid {
     counts: Vec<u32>,
     centroids: Vec<[f32; 3]>,
     voxel_of_point: Vec<u32>,
+    renumbered: Vec<u32>,
 }
 
 impl VoxelGrid {
@@ -68,6 +69,41 @@ impl VoxelGrid {
         }));
     }
 
+    /// Removes the voxels that are not to be kept, one answer for each; their points are then in none.
+    pub fn retain(&mut self, keep: &[bool]) {
+        self.renumbered.clear();
+        let mut kept = 0;
+        for (voxel, _) in self.centroids.iter().enumerate() {
+            let stays = keep.get(voxel) == Some(&true);
+            self.renumbered.push(if stays { kept } else { NO_VOXEL });
+            kept += u32::from(stays);
+        }
+        for (voxel, &number) in self.renumbered.iter().enumerate().filter(|(_, number)| **number != NO_VOXEL)
+        {
+            self.centroids[number as usize] = self.centroids[voxel];
+            self.counts[number as usize] = self.counts[voxel];
+        }
+        self.centroids.truncate(kept as usize);
+        self.counts.truncate(kept as usize);
+        for voxel in &mut self.voxel_of_point {
+            *voxel = self.renumbered.get(*voxel as usize).copied().unwrap_or(NO_VOXEL);
+        }
+    }
+
+    /// Puts other places where the centroids were, one for each voxel.
+    ///
+    /// # Panics
+    /// Where there are more or fewer places than voxels.
+    pub fn replace(&mut self, places: &[[f32; 3]]) {
+        self.centroids.copy_from_slice(places);
+    }
+
+    /// Points that fell into a voxel.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.counts.iter().map(|&count| count as usize).sum()
+    }
+
     /// The centroid of each voxel, in metres.
     #[must_use]
     pub fn centroids(&self) -> &[[f32; 3]] {
@@ -108,6 +144,19 @@ mod tests {
         let mut grid = VoxelGrid::new();
         grid.downsample(&[[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]], 0.1, 1.5);
         assert_eq!(grid.voxel_of_point(), [0, NO_VOXEL]);
+    }
+
+    #[test]
+    fn removed_voxels_leave_their_points_in_none() {
+        let mut grid = VoxelGrid::new();
+        let cloud = [[0.0, 0.0, 1.0], [0.2, 0.0, 1.0], NAN, [0.4, 0.0, 1.0], [0.21, 0.0, 1.0]];
+        grid.downsample(&cloud, 0.1, 10.0);
+        grid.retain(&[false, true, true]);
+        assert_eq!(grid.voxel_of_point(), [NO_VOXEL, 0, NO_VOXEL, 1, 0]);
+        assert_eq!((grid.counts(), grid.points()), (&[2, 1][..], 3));
+        assert_eq!(grid.centroids(), [[0.205, 0.0, 1.0], [0.4, 0.0, 1.0]]);
+        grid.replace(&[[0.2, 0.0, 1.0], [0.4, 0.0, 0.9]]);
+        assert_eq!(grid.centroids()[1], [0.4, 0.0, 0.9]);
     }
 
     #[test]

@@ -5,7 +5,8 @@
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use proptest::prelude::*;
-use stillpoint_segment::{FaceParams, FaceSegmenter, Rejection};
+use stillpoint_segment::mlesac::Origin;
+use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rejection, Rule};
 
 const WIDTH: usize = 320;
 const HEIGHT: usize = 240;
@@ -46,7 +47,15 @@ fn scene(posts: &[Post]) -> (Vec<[f32; 3]>, Vec<bool>) {
 }
 
 fn params() -> FaceParams {
-    FaceParams { leaf: 0.008, ..FaceParams::default() }
+    FaceParams { leaf: 0.008, height_min: 0.06, rule: Rule::Largest, ..FaceParams::default() }
+}
+
+fn image(points: &[[f32; 3]]) -> Cloud<'_> {
+    Cloud { points, width: WIDTH }
+}
+
+fn loose(points: &[[f32; 3]]) -> Cloud<'_> {
+    Cloud { points, width: 0 }
 }
 
 fn rng() -> ChaCha8Rng {
@@ -57,20 +66,21 @@ fn rng() -> ChaCha8Rng {
 fn face_is_every_point_of_the_largest_thing_on_the_table() {
     let (cloud, on_head) = scene(&[HEAD, CUP]);
     let mut segmenter = FaceSegmenter::new(params()).unwrap();
-    let face = segmenter.segment(&cloud, &mut rng()).unwrap();
+    let seen = segmenter.segment(image(&cloud), &mut rng());
     let expected: Vec<u32> = (0..cloud.len() as u32).filter(|&i| on_head[i as usize]).collect();
-    assert_eq!(face.indices, expected);
-    assert_eq!(face.cluster_sizes.len(), 2);
-    assert!((face.plane.offset - 1.0).abs() < 1e-4 && (face.plane.normal.z + 1.0).abs() < 1e-6);
+    assert_eq!(seen.face, Ok(&expected[..]));
+    assert_eq!(seen.clusters.len(), 2);
+    let plane = seen.plane.unwrap().plane;
+    assert!((plane.offset - 1.0).abs() < 1e-4 && (plane.normal.z + 1.0).abs() < 1e-6);
 }
 
 #[test]
 fn empty_and_invalid_frames_have_too_few_voxels() {
     let mut segmenter = FaceSegmenter::new(params()).unwrap();
     let refusal = Err(Rejection::TooFewVoxels { found: 0, needed: 100 });
-    assert_eq!(segmenter.segment(&[], &mut rng()), refusal);
-    assert_eq!(segmenter.segment(&[[f32::NAN; 3]; 1000], &mut rng()), refusal);
-    assert_eq!(segmenter.segment(&[[0.0, 0.0, 9.0]; 1000], &mut rng()), refusal);
+    assert_eq!(segmenter.segment(loose(&[]), &mut rng()).face, refusal);
+    assert_eq!(segmenter.segment(loose(&[[f32::NAN; 3]; 1000]), &mut rng()).face, refusal);
+    assert_eq!(segmenter.segment(loose(&[[0.0, 0.0, 9.0]; 1000]), &mut rng()).face, refusal);
 }
 
 #[test]
@@ -80,25 +90,36 @@ fn scattered_points_have_no_plane() {
             [7, 11, 13].map(|k| (i.wrapping_mul(2_654_435_761 + k * k * k) >> 8) as f32 / (1 << 24) as f32)
         })
         .collect();
-    let result = FaceSegmenter::new(params()).unwrap().segment(&cloud, &mut rng()).map(|_| ());
-    assert!(matches!(result, Err(Rejection::NoPlane { needed: 100, .. })), "{result:?}");
+    let mut segmenter = FaceSegmenter::new(params()).unwrap();
+    let seen = segmenter.segment(loose(&cloud), &mut rng());
+    assert!(matches!(seen.face, Err(Rejection::NoPlane { needed: 100, .. })), "{:?}", seen.face);
+    assert!(seen.plane.is_none() && seen.hull.corners().is_empty());
 }
 
 #[test]
 fn empty_table_has_no_cluster() {
     let mut segmenter = FaceSegmenter::new(params()).unwrap();
-    let result = segmenter.segment(&scene(&[]).0, &mut rng());
-    assert_eq!(result, Err(Rejection::NoCluster { above: 0, needed: 100 }));
+    let cloud = scene(&[]).0;
+    assert_eq!(
+        segmenter.segment(image(&cloud), &mut rng()).face,
+        Err(Rejection::NoCluster { above: 0, needed: 100 })
+    );
 }
 
 #[test]
 fn frame_after_a_refused_one_starts_afresh() {
     let (cloud, _) = scene(&[HEAD, CUP]);
     let mut used = FaceSegmenter::new(params()).unwrap();
-    used.segment(&scene(&[CUP]).0, &mut rng()).unwrap();
-    used.segment(&scene(&[]).0, &mut rng()).unwrap_err();
+    used.segment(image(&scene(&[CUP]).0), &mut rng()).face.unwrap();
+    used.segment(loose(&[]), &mut rng()).face.unwrap_err();
     let mut fresh = FaceSegmenter::new(params()).unwrap();
-    assert_eq!(used.segment(&cloud, &mut rng()), fresh.segment(&cloud, &mut rng()));
+    let (after, first) = (used.segment(image(&cloud), &mut rng()), fresh.segment(image(&cloud), &mut rng()));
+    // Only the plane remembers: it was proved, not searched.
+    assert_eq!(
+        (after.face, after.above, after.clusters.len()),
+        (first.face, first.above, first.clusters.len())
+    );
+    assert_eq!(after.plane.unwrap().origin, Origin::Kept);
 }
 
 #[test]
@@ -125,10 +146,12 @@ proptest! {
         let params = FaceParams { min_points: 3, ..params() };
         let cloud = [cloud, near].concat();
         let mut segmenter = FaceSegmenter::new(params).unwrap();
-        if let Ok(face) = segmenter.segment(&cloud, &mut ChaCha8Rng::seed_from_u64(seed)) {
-            prop_assert!(!face.indices.is_empty());
-            prop_assert!(face.plane.normal.norm() > 0.999 && face.plane.offset >= 0.0);
-            prop_assert!(face.indices.iter().all(|&i| cloud[i as usize].iter().all(|c| c.is_finite())));
+        let seen = segmenter.segment(loose(&cloud), &mut ChaCha8Rng::seed_from_u64(seed));
+        if let Ok(face) = seen.face {
+            prop_assert!(!face.is_empty());
+            let plane = seen.plane.unwrap().plane;
+            prop_assert!(plane.normal.norm() > 0.999 && plane.offset >= 0.0);
+            prop_assert!(face.iter().all(|&i| cloud[i as usize].iter().all(|c| c.is_finite())));
         }
     }
 }

@@ -4,8 +4,18 @@
 
 use proptest::prelude::*;
 use stillpoint_pipeline::files::KeptFiles;
-use stillpoint_samples::{CloudShape, Diagnostics, Point, PointCloud};
+use stillpoint_samples::{
+    CloudShape, Cluster, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample, View,
+};
 use stillpoint_testing::Bench;
+use stillpoint_testing::bench::Left;
+
+const FACE: usize = 0;
+const DIAGNOSTICS: usize = 1;
+const PLANE: usize = 2;
+const HULL: usize = 3;
+const CLUSTERS: usize = 4;
+const REJECTION: usize = 5;
 
 const TEXT: &str = "
 stillpoint: 1
@@ -13,7 +23,7 @@ name: segment
 frames: { camera: { parent: couch, at: [0 mm, 0 mm, 1 m] } }
 operators:
   feed: { use: feed.cloud, frame: camera }
-  face: { use: segment.face, inputs: { cloud: feed.out }, params: { max_points: 2000, iterations: 50 } }
+  face: { use: segment.face, inputs: { cloud: feed.out }, params: { rule: largest, max_points: 2000, iterations: 50 } }
 ";
 
 fn bench() -> Bench {
@@ -37,13 +47,21 @@ fn shape(points: &[Point]) -> CloudShape {
     CloudShape { width: points.len() as u32, height: 1, reserved: 0, length: points.len() as u32 }
 }
 
-fn metrics(left: &stillpoint_testing::bench::Left) -> Vec<(String, f64)> {
+fn ports(left: &Left) -> Vec<usize> {
+    left.outputs.iter().map(|(port, _)| *port).collect()
+}
+
+fn view<S: Sample>(left: &Left, port: usize) -> View<'_, S> {
+    left.outputs.iter().find(|(p, _)| *p == port).unwrap().1.pieces().view::<S>().unwrap()
+}
+
+fn metrics(left: &Left) -> Vec<(String, f64)> {
     let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
     let view = parcel.pieces().view::<Diagnostics>().unwrap();
     view.elements.iter().map(|m| (m.name().to_string(), m.value)).collect()
 }
 
-fn metric(left: &stillpoint_testing::bench::Left, name: &str) -> f64 {
+fn metric(left: &Left, name: &str) -> f64 {
     metrics(left).into_iter().find(|(n, _)| n == name).unwrap().1
 }
 
@@ -65,10 +83,69 @@ fn a_frame_without_a_face_says_why_and_sends_none() {
     let table: Vec<Point> =
         block_on_a_table().into_iter().map(|p| Point { xyz: [p.xyz[0], p.xyz[1], 1.0] }).collect();
     let left = bench().feed::<PointCloud>(0, &shape(&table), &table, 0);
-    assert_eq!(left.outputs.len(), 1);
+    // The plane and its hull were found all the same, and the table has no rows.
+    assert_eq!(ports(&left), [REJECTION, PLANE, HULL, CLUSTERS, DIAGNOSTICS]);
     assert_eq!((metric(&left, "rejection"), metric(&left, "sent_points")), (3.0, 0.0));
+    let rejection = view::<Rejection>(&left, REJECTION).elements[0];
+    assert_eq!((rejection.code, rejection.found, rejection.needed), (3, 0.0, 100.0));
+    assert_eq!(rejection.reason(), "0 voxels stand over the plane and no cluster of them has 100");
+
     let left = bench().feed::<PointCloud>(0, &shape(&[]), &[], 0);
-    assert_eq!((metric(&left, "rejection"), metric(&left, "rejected_with_voxels")), (1.0, 0.0));
+    assert_eq!(ports(&left), [REJECTION, DIAGNOSTICS]);
+    assert_eq!(metric(&left, "rejection"), 1.0);
+}
+
+#[test]
+fn plane_hull_and_clusters_are_sent_beside_the_face() {
+    let cloud = block_on_a_table();
+    let mut bench = bench();
+    let grid = CloudShape { width: 160, height: 120, ..shape(&cloud) };
+    let left = bench.feed::<PointCloud>(0, &grid, &cloud, 0);
+    assert_eq!(ports(&left), [FACE, PLANE, HULL, CLUSTERS, DIAGNOSTICS]);
+    let plane = view::<Plane>(&left, PLANE).elements[0];
+    assert!((plane.offset - 1.0).abs() < 1e-6 && plane.rms < 1e-6 && plane.kept == 0);
+    let hull = view::<Hull>(&left, HULL);
+    assert_eq!((hull.elements.len(), hull.body.found), (4, 4));
+    assert!((hull.body.area - 0.795 * 0.595).abs() < 1e-3, "{}", hull.body.area);
+    let table = view::<ClusterTable>(&left, CLUSTERS);
+    let [block] = table.elements else { panic!("{} clusters", table.elements.len()) };
+    assert_eq!((block.chosen, block.touches, block.voxels), (1, 0, block.face_voxels));
+    assert!((block.height_max - 0.2).abs() < 1e-5 && block.centroid[2] > 0.79);
+    // The plane of one frame is where the next one's search begins.
+    let left = bench.feed::<PointCloud>(0, &grid, &cloud, 0);
+    assert_eq!(view::<Plane>(&left, PLANE).elements[0].kept, 1);
+}
+
+#[test]
+fn outliers_are_removed_and_voxels_smoothed_where_it_is_asked_for() {
+    let text =
+        TEXT.replace("rule: largest", "rule: largest, outliers: remove, smoothing: moving_least_squares");
+    let mut bench = Bench::new(&text, "face", stillpoint_segment::STAGES, &KeptFiles::default()).unwrap();
+    let mut cloud = block_on_a_table();
+    // One that stands apart, in the prism over the table.
+    cloud.push(Point { xyz: [0.2, 0.2, 0.75] });
+    let left = bench.feed::<PointCloud>(0, &shape(&cloud), &cloud, 0);
+    assert_eq!(left.fault, None);
+    let of = |left: &Left, name| metric(left, name);
+    assert_eq!(of(&left, "rejection"), 0.0);
+    let plain = self::bench().feed::<PointCloud>(0, &shape(&cloud), &cloud, 0);
+    assert!(of(&left, "voxels") < of(&plain, "voxels"));
+    assert_eq!(of(&plain, "points_in_range"), cloud.len() as f64);
+    assert!((of(&left, "plane_offset_m") - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_cluster_says_where_it_may_not_be_whole() {
+    let mut cloud = block_on_a_table();
+    for (i, point) in cloud.iter_mut().enumerate() {
+        // Moved to the edge of the image, and up to the greatest height.
+        let (row, column) = (i / 160, i % 160);
+        point.xyz[2] = if row < 20 && (60..80).contains(&column) { 0.6405 } else { 1.0 };
+    }
+    let grid = CloudShape { width: 160, height: 120, ..shape(&cloud) };
+    let left = bench().feed::<PointCloud>(0, &grid, &cloud, 0);
+    let touches = view::<ClusterTable>(&left, CLUSTERS).elements[0].touches;
+    assert_eq!(touches, Cluster::AT_IMAGE_EDGE | Cluster::AT_CEILING | Cluster::AT_HULL_EDGE);
 }
 
 #[test]

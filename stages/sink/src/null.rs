@@ -5,12 +5,12 @@ use stillpoint_pipeline::operator::{
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
 use stillpoint_samples::{
-    ConsoleCommand, DepthImage, Diagnostics, Metric, PointCloud, Pose, Sample, SampleKind, Track,
+    ConsoleCommand, DepthImage, Diagnostics, Health, Metric, PointCloud, Pose, Sample, SampleKind, Track,
 };
 
 const COUNTS: usize = 0;
-const INPUTS: usize = 6;
-const NAMES: [&str; INPUTS] = ["cloud", "image", "pose", "track", "diagnostics", "command"];
+const INPUTS: usize = 7;
+const NAMES: [&str; INPUTS] = ["cloud", "image", "pose", "track", "diagnostics", "command", "health"];
 
 const fn takes(port: usize, sample: &'static SampleKind, queue: u32) -> Input {
     let about = "Samples to count.";
@@ -35,6 +35,7 @@ impl Operator for SinkNull {
             takes(3, Track::KIND, 4),
             takes(4, Diagnostics::KIND, 4),
             takes(5, ConsoleCommand::KIND, 16),
+            takes(6, Health::KIND, 4),
         ],
         outputs: &[Output {
             name: "counts",

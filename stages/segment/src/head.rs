@@ -1,0 +1,234 @@
+//! The head among what it touches: cut out of a cluster where that is cheapest.
+//!
+//! The source takes the largest cluster. That fails where the head touches a pad, a pillow or a shoulder, since these
+//! are then one cluster with it. Here a ball of a head's size is sought first (see [`ball`](crate::ball)). Its upper
+//! side belongs to the head. What meets the couch beside it, and what is farther from its centre than a head
+//! reaches, does not. In between, a minimum cut (Golovinskiy and Funkhouser, 2009) parts the surface where it is
+//! creased: heads, pads and shoulders are convex each, and where two convex things touch there is a concave crease
+//! (Stein et al., 2014). So the rule knows the size of a head, and no height of pads.
+
+use crate::ball::{Ball, BallSearch};
+use crate::cut::{Lean, MinCut};
+use crate::plane::Plane;
+use crate::summit::Summits;
+use crate::surface::{Patch, Surface};
+use nalgebra::Vector3;
+
+/// What is known of heads, in metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeadParams {
+    /// Mean distance of an adult head's surface from its middle.
+    pub radius: f64,
+    /// Width of a voxel.
+    pub leaf: f64,
+    /// Height over the plane at which the voxels start.
+    pub height_min: f64,
+}
+
+/// Heads are from this part of the adult radius to that.
+const SIZES: [f64; 2] = [0.6, 1.35];
+/// Width of a patch in voxels.
+const PATCH: f64 = 2.0;
+/// A head shows at least this part of the half of its ball that faces the camera.
+const SHOWN: f64 = 0.4;
+// Lengths from here on are in radii of the adult head: that of the ball depends on which side is seen.
+
+/// Nothing farther from the ball's centre is the head. A neck ends before.
+const REACH: f64 = 3.0;
+/// How far the surface of a head and its neck is mostly.
+const NEARBY: f64 = 2.0;
+/// Beside the ball's centre: what meets the couch farther out is not the head.
+const FOOT: f64 = 1.1;
+/// Over the ball's centre, in its own radii: the surface of the ball that is higher is the head.
+const CAP: f64 = 0.2;
+/// A summit from which the way up leads down this far is of something else ...
+const SUMMIT: f64 = 0.2;
+/// ... where it is this far beside the ball's centre.
+const BESIDE: f64 = 1.0;
+/// ... and which has at least this many patches. Flying pixels have fewer.
+const HILL_PATCHES: u32 = 12;
+/// As far around such a summit, and no farther than it is prominent, all is of that other thing.
+const HILL: f64 = 0.4;
+/// Over the least height: what is lower there meets the couch.
+const FOOT_HEIGHT: f64 = 0.3;
+/// So far may two patches be apart that are seen beside each other, since one hides what is between.
+const HIDDEN: f64 = 0.6;
+/// How much a patch that faces away from the head leans to it all the same: what nothing else claims is the head's.
+const SUPPORT: f64 = 0.15;
+/// Cost of a cut between two neighbouring patches of a flat surface.
+const FLAT: f64 = 1000.0;
+/// Cost of a cut between two patches that are only seen beside each other, for each pair of pixels.
+const SEEN: f64 = 10.0;
+/// A crease whose surroundings lie this part of a patch before it costs a factor e less.
+const CREASE: f64 = 0.07;
+/// Cost of one patch on the side where it is less likely.
+const LEANING: f64 = 80.0;
+
+/// The search with its buffers; after the first frames of a size it allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub struct HeadFinder {
+    surface: Surface,
+    search: BallSearch,
+    summits: Summits,
+    graph: MinCut,
+    /// Pairs of patches that border on each other, then those that are seen beside each other.
+    edges: Vec<[u32; 2]>,
+    heights: Vec<f64>,
+    hills: Vec<(Vector3<f64>, f64)>,
+    parents: Vec<u32>,
+    head: Vec<bool>,
+    ball: Option<Ball>,
+}
+
+impl HeadFinder {
+    /// A search without buffers yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Finds the head among `voxels` (metres) over `plane`; `seen` are pairs of voxels that are seen beside each other
+    /// in the camera's image. Says whether anything has the size and roundness of a head.
+    pub fn find(
+        &mut self,
+        voxels: &[[f32; 3]],
+        seen: &[[u32; 2]],
+        plane: &Plane,
+        params: &HeadParams,
+    ) -> bool {
+        self.head.clear();
+        let side = PATCH * params.leaf;
+        self.surface.gather(voxels, side);
+        let radii = SIZES.map(|size| size * params.radius);
+        let half_ball = |ball: &Ball| 2.0 * std::f64::consts::PI * ball.radius * ball.radius / (side * side);
+        let height = |ball: &Ball| plane.normal.dot(&ball.centre);
+        // Where several things are round, such as pads and shoulders, the head lies on or over them.
+        let balls = self.search.find(self.surface.patches(), radii).iter();
+        self.ball = balls
+            .filter(|ball| ball.voters as f64 >= SHOWN * half_ball(ball))
+            .max_by(|a, b| height(a).total_cmp(&height(b)))
+            .copied();
+        let Some(ball) = self.ball else { return false };
+        self.collect_edges(seen, params);
+        self.build(&ball, plane, params);
+        self.graph.cut();
+        self.keep_what_hangs_together(&ball, plane);
+        true
+    }
+
+    /// For each voxel whether it is the head's; empty where there is none.
+    #[must_use]
+    pub fn is_head(&self) -> &[bool] {
+        &self.head
+    }
+
+    /// The ball of the last search that was taken for the head.
+    #[must_use]
+    pub fn ball(&self) -> Option<&Ball> {
+        self.ball.as_ref()
+    }
+
+    /// Borders, and pairs of patches seen beside each other that are no neighbours: one hides a part of the other.
+    fn collect_edges(&mut self, seen: &[[u32; 2]], params: &HeadParams) {
+        self.edges.clear();
+        self.edges.extend_from_slice(self.surface.borders());
+        let patch_of_voxel = self.surface.patch_of_voxel();
+        let patches = self.surface.patches();
+        for pair in seen {
+            let [a, b] = pair.map(|voxel| patch_of_voxel[voxel as usize]);
+            let apart = (patches[a as usize].place - patches[b as usize].place).norm();
+            if apart < HIDDEN * params.radius && !self.surface.are_neighbours(a, b) {
+                self.edges.push([a, b]);
+            }
+        }
+    }
+
+    fn build(&mut self, ball: &Ball, plane: &Plane, params: &HeadParams) {
+        let patches = self.surface.patches();
+        let middle = plane.normal.dot(&ball.centre) + plane.offset;
+        let beside = |place: &Vector3<f64>, height: f64| {
+            (place - ball.centre - (height - middle) * plane.normal).norm() / params.radius
+        };
+        self.heights.clear();
+        self.heights.extend(patches.iter().map(|patch| plane.normal.dot(&patch.place) + plane.offset));
+        let prominence = self.summits.find(&self.heights, &self.edges, HILL_PATCHES);
+        self.hills.clear();
+        for ((patch, &height), &prominence) in patches.iter().zip(&self.heights).zip(prominence) {
+            if prominence > SUMMIT * params.radius && beside(&patch.place, height) > BESIDE {
+                self.hills.push((patch.place, prominence.min(HILL * params.radius)));
+            }
+        }
+        let side = PATCH * params.leaf;
+        let low = params.height_min + FOOT_HEIGHT * params.radius;
+        self.graph.start(patches.len());
+        for (number, (patch, &height)) in patches.iter().zip(&self.heights).enumerate() {
+            let from_centre = patch.place - ball.centre;
+            let distance = from_centre.norm() / params.radius;
+            let foot = height < low && beside(&patch.place, height) > FOOT;
+            let on_hill = || self.hills.iter().any(|(top, reach)| (patch.place - top).norm() < *reach);
+            let lean = if is_cap(patch, ball, plane) {
+                Lean::Source
+            } else if distance > REACH || foot || on_hill() {
+                Lean::Sink
+            } else {
+                // A head's surface faces away from its middle; what it lies on faces up from below.
+                let outward = patch.normal.dot(&from_centre) / from_centre.norm().max(1e-9);
+                let round = (2.0 * outward).clamp(SUPPORT, 1.0);
+                let near = (NEARBY - distance).clamp(-1.0, 1.0);
+                Lean::Cost((LEANING * round.min(near)) as i32)
+            };
+            self.graph.lean(number as u32, lean);
+        }
+        let crease = CREASE * side;
+        let borders = self.surface.borders().len();
+        for (number, &[a, b]) in self.edges.iter().enumerate() {
+            let [p, q] = [a, b].map(|patch| patches[patch as usize].bend.max(0.0));
+            let capacity = if number < borders { FLAT * libm::exp(-(p + q) / 2.0 / crease) } else { SEEN };
+            self.graph.join(a, b, capacity as u32 + 1);
+        }
+    }
+
+    /// Keeps what is joined to the cap by patches on the head's side of the cut.
+    fn keep_what_hangs_together(&mut self, ball: &Ball, plane: &Plane) {
+        let patches = self.surface.patches();
+        self.parents.clear();
+        self.parents.extend(0..patches.len() as u32 + 1);
+        let cap = patches.len() as u32;
+        for &[a, b] in &self.edges {
+            if self.graph.with_source(a) && self.graph.with_source(b) {
+                unite(&mut self.parents, a, b);
+            }
+        }
+        for (number, _) in patches.iter().enumerate().filter(|(_, patch)| is_cap(patch, ball, plane)) {
+            unite(&mut self.parents, number as u32, cap);
+        }
+        let head = root(&mut self.parents, cap);
+        for &patch in self.surface.patch_of_voxel() {
+            let is = self.graph.with_source(patch) && root(&mut self.parents, patch) == head;
+            self.head.push(is);
+        }
+    }
+}
+
+fn root(parents: &mut [u32], mut node: u32) -> u32 {
+    while parents[node as usize] != node {
+        parents[node as usize] = parents[parents[node as usize] as usize];
+        node = parents[node as usize];
+    }
+    node
+}
+
+fn unite(parents: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parents, a), root(parents, b));
+    parents[a.max(b) as usize] = a.min(b);
+}
+
+/// Whether a patch is on the upper side of the ball's surface.
+fn is_cap(patch: &Patch, ball: &Ball, plane: &Plane) -> bool {
+    let from_centre = patch.place - ball.centre;
+    let distance = from_centre.norm();
+    distance < 1.3 * ball.radius
+        && distance > 0.7 * ball.radius
+        && plane.normal.dot(&from_centre) > CAP * ball.radius
+        && patch.normal.dot(&from_centre) > 0.6 * distance
+}

@@ -1,0 +1,8 @@
+//! The chain on scenes made here, on those of the virtual rig, on rendered and on measured clouds, and as an operator.
+
+mod face;
+mod labelled;
+mod operator;
+mod picture;
+mod real_data;
+mod rig_scenes;
