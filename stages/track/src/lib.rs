@@ -1,14 +1,50 @@
 //! Follows what a stage before has cut out of a cloud.
 //!
 //! - [`mod@centroid`]: the mean of a cloud and how well it is known.
-//! - [`mod@operator`], `track.centroid`.
+//! - [`angles`]: a pose as position, pitch, roll and yaw.
+//! - [`quaternion`]: the pose between paired points, (4.21)-(4.22).
+//! - [`mod@three_points`]: three points on a head that move with it.
+//! - [`buckets`]: points sorted into cells.
+//! - [`patch`]: a quadric fitted to the points around a place.
+//! - [`nearest`]: which place is nearest, from a table.
+//! - [`surface`]: the reference surface.
+//! - [`align`]: a cloud brought onto the surface.
+//! - [`observability`]: which directions the surface constrains.
+//! - [`mod@search`]: where an alignment starts.
+//! - [`tracker`]: a head followed frame by frame.
+//! - [`mod@capture`]: when a face becomes the reference.
+//! - [`uncertainty`]: what is known of a pose.
+//! - [`mod@operator`], `track.centroid`; [`head`], `track.head`.
+//! - [`summit`]: how high the highest place of a cloud is; [`summit_operator`], `track.summit`.
 
+pub mod align;
+pub mod angles;
+pub mod buckets;
+pub mod capture;
 pub mod centroid;
+pub mod head;
+pub mod nearest;
+pub mod observability;
 pub mod operator;
+pub mod patch;
+pub mod quaternion;
+pub mod search;
+pub mod summit;
+pub mod summit_operator;
+pub mod surface;
+pub mod three_points;
+pub mod tracker;
+pub mod uncertainty;
 
+pub use angles::PoseNumbers;
 pub use centroid::{Centroid, centroid};
+pub use tracker::HeadTracker;
 
 use stillpoint_pipeline::Stage;
 
 /// The operators of this family.
-pub const STAGES: &[Stage] = &[Stage::of::<operator::TrackCentroid>()];
+pub const STAGES: &[Stage] = &[
+    Stage::of::<operator::TrackCentroid>(),
+    Stage::of::<head::TrackHead>(),
+    Stage::of::<summit_operator::TrackSummit>(),
+];

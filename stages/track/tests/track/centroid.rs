@@ -1,7 +1,5 @@
 //! `track.centroid` on a bench.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use proptest::prelude::*;
 use stillpoint_pipeline::files::KeptFiles;
 use stillpoint_samples::{CloudShape, Point, PointCloud, Pose, PoseElement};

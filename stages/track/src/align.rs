@@ -1,0 +1,359 @@
+//! Brings a cloud onto a reference surface: iterated weighted least squares of the distances to its patches.
+//!
+//! Each step finds every point's partner (point to quadric, so neither spacing nor curvature biases the distance), leaves
+//! out points over the surface's edge and such as are seen at a grazing angle, weights the rest robustly with
+//! a scale from the median distance, and solves for the movement in the directions that the surface constrains.
+
+use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+
+use crate::observability::Observability;
+use crate::patch::Place;
+use crate::surface::Surface;
+
+/// Huber's and Tukey's constants: 95 % efficiency where the errors are normal.
+const HUBER: f64 = 1.345;
+const TUKEY: f64 = 4.685;
+/// Standard deviation of normal errors over the median of their absolute values.
+const NORMAL_OVER_MEDIAN: f64 = 1.4826;
+/// Distances below this are rounding of the clouds' 32-bit coordinates, m.
+const ROUNDING: f64 = 1e-6;
+/// Points seen at a smaller cosine are left out; below twice it they count less.
+const COSINE_LEAST: f64 = 0.2;
+const COSINE_FULL: f64 = 0.5;
+/// Rounding, m: a smaller step ends the iterations whatever the scale.
+const STEP_LEAST: f64 = 1e-7;
+/// Noise of the normals makes a sphere's turns seem constrained: their sensitivity is 2/3 of the normals' variance. What is
+/// not three times that is refused.
+const NOISE_MARGIN: f64 = 2.0;
+
+/// How a cloud is aligned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AlignParams {
+    /// A point within this distance lies on the surface, m.
+    pub tolerance: f64,
+    /// Directions of a lower sensitivity are refused.
+    pub least_sensitivity: f64,
+}
+
+/// How distances are weighted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Robust {
+    /// Huber's: a distant point pulls as one at 1.345 standard deviations does; beyond twice the tolerance it is left
+    /// out. A nose that is still off turns the head.
+    Huber,
+    /// Tukey's: a distant point does not pull. The most exact where the cloud already lies on the surface.
+    Tukey,
+}
+
+impl Robust {
+    /// Weight of a distance, and its derivative's: of the weighted distance by the distance.
+    #[inline]
+    fn weight(self, distance: f64, scale: f64, tolerance: f64) -> (f64, f64) {
+        match self {
+            Self::Huber => {
+                let (size, knee) = (distance.abs(), HUBER * scale);
+                if size <= knee {
+                    (1.0, 1.0)
+                } else if size <= 2.0 * tolerance {
+                    (knee / size, 0.0)
+                } else {
+                    (0.0, 0.0)
+                }
+            }
+            Self::Tukey => {
+                let u = distance / (TUKEY * scale);
+                let inside = (1.0 - u * u).max(0.0);
+                (inside * inside, inside * (1.0 - 5.0 * u * u))
+            }
+        }
+    }
+}
+
+/// How many points are used, and how often.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    /// Points at most, spread evenly over the order of the cloud.
+    pub points: usize,
+    /// Iterations at most.
+    pub iterations: u32,
+    /// A step below this part of the distances' standard deviation ends them. A rotation counts by the movement that it
+    /// makes.
+    pub step: f64,
+    /// Standard deviation of the distances to begin with, m.
+    pub scale: f64,
+    /// How distances are weighted.
+    pub robust: Robust,
+}
+
+/// A cloud on its surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alignment {
+    /// Into the surface's coordinates, about its centre.
+    pub surface_from_cloud: Isometry3<f64>,
+    /// What the surface constrains, in the surface's axes, about its centre.
+    pub observability: Observability,
+    /// Covariance of the movement (translation, rotation times length) about the centre, m2, in the surface's axes;
+    /// zero in refused directions.
+    pub covariance: Matrix6<f64>,
+    /// Weighted root mean square of the distances, m.
+    pub rms: f64,
+    /// Robust standard deviation of the distances, m.
+    pub sd: f64,
+    /// Part of the points that lie on the surface within the tolerance, or part of the surface that they lie on: the
+    /// smaller of the two.
+    pub overlap: f64,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Points used.
+    pub points: usize,
+}
+
+/// Aligns clouds; after the first of a size it allocates nothing.
+#[derive(Debug, Clone, Default)]
+pub struct Aligner {
+    distances: Vec<f64>,
+    groups: Vec<Group>,
+}
+
+/// A group of patches: how its residuals pull, and whether a point lies on it.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    pull: Vector6<f64>,
+    hit: bool,
+}
+
+/// The normal equations at one place.
+struct Equations {
+    information: Matrix6<f64>,
+    right: Vector6<f64>,
+    weight: f64,
+    squares: f64,
+    /// Sum of the derivative of the weighted distance by the distance, over the sum of the weights.
+    slope: f64,
+    close: usize,
+    used: usize,
+}
+
+/// Whether a pass sums up the groups that the covariance needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Groups {
+    Summed,
+    NotSummed,
+}
+
+impl Aligner {
+    /// Aligns `cloud` (m, finite, seen from the origin of its frame) from a start.
+    ///
+    /// The result is where the iterations ended: whether it fits, `overlap` and the residuals say.
+    pub fn align(
+        &mut self,
+        surface: &Surface,
+        cloud: &[Vector3<f64>],
+        start: &Isometry3<f64>,
+        params: &AlignParams,
+        effort: &Effort,
+    ) -> Alignment {
+        let least = params.least_sensitivity.max(NOISE_MARGIN * surface.slope_variance());
+        // What the patches smooth away is no outlier, however good the camera is: noses and brows hold the turns.
+        let scale_least = surface.noise_sd().max(ROUNDING);
+        let mut pose = *start;
+        let mut scale = effort.scale.max(scale_least);
+        let mut iterations = 0;
+        while iterations < effort.iterations {
+            iterations += 1;
+            let at = self.pass(surface, cloud, &pose, scale, params, effort, Groups::NotSummed);
+            scale = self.scale().max(scale_least);
+            let seen = Observability::new(&at.information, at.weight, least);
+            let movement = seen.solve(&at.right, at.weight);
+            pose = moved(&pose, &movement, surface.length());
+            let small = movement.norm() < STEP_LEAST.max(effort.step * scale);
+            if small {
+                break;
+            }
+        }
+        let at = self.pass(surface, cloud, &pose, scale, params, effort, Groups::Summed);
+        let observability = Observability::new(&at.information, at.weight, least);
+        let covariance = self.covariance(&observability, &at);
+        let hit = self.groups.iter().filter(|g| g.hit).count();
+        let covered = hit as f64 / surface.group_count().max(1) as f64;
+        Alignment {
+            surface_from_cloud: pose,
+            observability,
+            covariance,
+            rms: (at.squares / at.weight).sqrt(),
+            sd: self.scale(),
+            overlap: (at.close as f64 / at.used.max(1) as f64).min(covered),
+            iterations,
+            points: at.used,
+        }
+    }
+
+    /// One pass over the points: the equations at `pose`, and the distances for the next scale.
+    #[allow(clippy::too_many_arguments)]
+    fn pass(
+        &mut self,
+        surface: &Surface,
+        cloud: &[Vector3<f64>],
+        pose: &Isometry3<f64>,
+        scale: f64,
+        params: &AlignParams,
+        effort: &Effort,
+        groups: Groups,
+    ) -> Equations {
+        self.distances.clear();
+        self.groups.clear();
+        if groups == Groups::Summed {
+            self.groups.resize(surface.group_count(), Group { pull: Vector6::zeros(), hit: false });
+        }
+        let rotation = pose.rotation.to_rotation_matrix().into_inner();
+        let inverse_length = 1.0 / surface.length();
+        let mut sums = Sums::default();
+        let (mut slopes, mut close, mut used) = (0.0, 0, 0);
+        for point in spread(cloud, effort.points) {
+            used += 1;
+            let at = rotation * point + pose.translation.vector;
+            let Some(partner) = surface.partner(&at) else { continue };
+            let sight = partner.sight;
+            if !partner.over {
+                continue;
+            }
+            if sight.distance.abs() <= params.tolerance {
+                close += 1;
+                if let Some(group) = self.groups.get_mut(partner.group) {
+                    group.hit = true;
+                }
+            }
+            // The line of sight in the surface's axes.
+            let cosine = -sight.normal.dot(&(rotation * point)) / point.norm();
+            if partner.place == Place::Edge || cosine < COSINE_LEAST {
+                continue;
+            }
+            self.distances.push(sight.distance.abs());
+            let (trust, slope) = effort.robust.weight(sight.distance, scale, params.tolerance);
+            if trust == 0.0 {
+                continue;
+            }
+            let facing = (cosine / COSINE_FULL).min(1.0);
+            let weight = facing * trust;
+            let turn = at.cross(&sight.normal) * inverse_length;
+            let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
+            sums.add(&row, sight.distance, weight);
+            slopes += facing * slope;
+            if let Some(group) = self.groups.get_mut(partner.group) {
+                group.pull += row * (weight * sight.distance);
+            }
+        }
+        let weight = sums.weight.max(f64::MIN_POSITIVE);
+        Equations {
+            information: sums.information(),
+            right: sums.right,
+            weight,
+            squares: sums.squares,
+            slope: slopes / weight,
+            close,
+            used,
+        }
+    }
+
+    /// Robust standard deviation of the distances of the last pass, m.
+    fn scale(&mut self) -> f64 {
+        let middle = self.distances.len() / 2;
+        if self.distances.is_empty() {
+            return f64::INFINITY;
+        }
+        let (_, median, _) = self.distances.select_nth_unstable_by(middle, f64::total_cmp);
+        NORMAL_OVER_MEDIAN * *median
+    }
+
+    /// Covariance of the movement from how the residuals of whole groups of patches pull: neighbouring points err alike
+    /// (sensors smooth, and so do the patches), so counting points would promise too much. Sandwich estimate of an
+    /// M-estimator with clusters (Huber 1981; Liang and Zeger 1986).
+    fn covariance(&self, observability: &Observability, at: &Equations) -> Matrix6<f64> {
+        let mut pulls = Matrix6::zeros();
+        let mut count = 0_usize;
+        for pull in self.groups.iter().map(|g| g.pull).filter(|p| *p != Vector6::zeros()) {
+            pulls += pull * pull.transpose();
+            count += 1;
+        }
+        let freedom = count as f64 / (count as f64 - 6.0).max(1.0);
+        // Few good points: the derivative may vanish, and the covariance must not.
+        let slope = at.slope.max(0.1);
+        let inverse = observability.inverse(at.weight) / slope;
+        inverse * pulls * inverse * freedom
+    }
+}
+
+/// Sums of the normal equations; the symmetric matrix is kept by its lower half.
+#[derive(Default)]
+struct Sums {
+    lower: [f64; 21],
+    right: Vector6<f64>,
+    weight: f64,
+    squares: f64,
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, row: &Vector6<f64>, distance: f64, weight: f64) {
+        let mut place = 0;
+        for i in 0..6 {
+            let weighted = weight * row[i];
+            for j in 0..=i {
+                self.lower[place] += weighted * row[j];
+                place += 1;
+            }
+            // The movement has to undo the distance.
+            self.right[i] -= weighted * distance;
+        }
+        self.weight += weight;
+        self.squares += weight * distance * distance;
+    }
+
+    fn information(&self) -> Matrix6<f64> {
+        Matrix6::from_fn(|i, j| {
+            let (i, j) = (i.max(j), i.min(j));
+            self.lower[i * (i + 1) / 2 + j]
+        })
+    }
+}
+
+/// Mean distance of at most `points` points of the cloud from the surface, each at most `cap` (m): what a start is
+/// chosen by.
+#[must_use]
+pub fn misfit(
+    surface: &Surface,
+    cloud: &[Vector3<f64>],
+    pose: &Isometry3<f64>,
+    cap: f64,
+    points: usize,
+) -> f64 {
+    let rotation: Matrix3<f64> = pose.rotation.to_rotation_matrix().into_inner();
+    let (mut sum, mut used) = (0.0, 0.0);
+    for point in spread(cloud, points) {
+        let at = rotation * point + pose.translation.vector;
+        sum += surface.partner(&at).map_or(cap, |partner| {
+            let beside = if partner.over { 0.0 } else { partner.sight.aside };
+            (partner.sight.distance * partner.sight.distance + beside).sqrt().min(cap)
+        });
+        used += 1.0;
+    }
+    if used > 0.0 { sum / used } else { cap }
+}
+
+/// At most `most` elements, spread evenly.
+fn spread(cloud: &[Vector3<f64>], most: usize) -> impl Iterator<Item = &Vector3<f64>> {
+    let count = cloud.len().min(most);
+    (0..count).map(move |k| &cloud[k * cloud.len() / count])
+}
+
+/// A pose after a movement (translation, rotation times `length`) about the origin, m.
+fn moved(pose: &Isometry3<f64>, movement: &Vector6<f64>, length: f64) -> Isometry3<f64> {
+    let turn = Vector3::new(movement[3], movement[4], movement[5]) / length;
+    let by = Isometry3::from_parts(
+        Translation3::new(movement[0], movement[1], movement[2]),
+        UnitQuaternion::from_scaled_axis(turn),
+    );
+    let mut pose = by * pose;
+    pose.rotation.renormalize();
+    pose
+}

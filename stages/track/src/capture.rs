@@ -1,0 +1,189 @@
+//! When a face becomes the reference, and of how many frames one is made.
+
+use nalgebra::{Isometry3, Vector3};
+use thiserror::Error;
+
+use crate::surface::SurfaceError;
+use crate::tracker::HeadTracker;
+
+/// Why a face did not become the reference. The one before stays, and the next face is tried.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum CaptureError {
+    /// It has too few points.
+    #[error("the face has {found} points, a reference needs {needed}")]
+    TooFewPoints {
+        /// Finite points.
+        found: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// It makes no surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+/// What an offered face was needed for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Offer {
+    /// It became the reference, or the first frame of one.
+    Taken,
+    /// None was awaited.
+    NotAwaited,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Idle,
+    /// The next face is to be the reference.
+    Awaited,
+    /// So many frames are still to be added to it.
+    Gathering(u32),
+    /// It is complete and has not been sent.
+    Complete,
+}
+
+/// Makes references. The first frame is one at once; those that follow are brought onto it and make its surface finer.
+#[derive(Debug, Clone)]
+pub struct Capture {
+    frames: u32,
+    most: usize,
+    state: State,
+    number: u32,
+    cloud: Vec<Vector3<f64>>,
+    centroid: Vector3<f64>,
+    centre: Vector3<f64>,
+}
+
+impl Capture {
+    /// References of `frames` frames and at most `most` points.
+    #[must_use]
+    pub fn new(frames: u32, most: usize) -> Self {
+        let nowhere = Vector3::zeros();
+        Self {
+            frames: frames.max(1),
+            most,
+            state: State::Idle,
+            number: 0,
+            cloud: Vec::new(),
+            centroid: nowhere,
+            centre: nowhere,
+        }
+    }
+
+    /// The next face that is fit for it becomes the reference.
+    pub fn command(&mut self) {
+        self.state = State::Awaited;
+    }
+
+    /// Starts with a reference from elsewhere, in the frame of the faces. Where the head is, a search finds.
+    ///
+    /// # Errors
+    /// A cloud that makes no reference.
+    pub fn start_with(
+        &mut self,
+        tracker: &mut HeadTracker,
+        cloud: Vec<Vector3<f64>>,
+    ) -> Result<(), SurfaceError> {
+        self.cloud = cloud;
+        thin(&mut self.cloud, self.most);
+        tracker.capture(&self.cloud, 0)?;
+        tracker.lose();
+        self.settle(tracker);
+        self.state = State::Complete;
+        Ok(())
+    }
+
+    /// Offers a face (m, finite, seen from the origin), acquired at `time`, ns.
+    ///
+    /// # Errors
+    /// Why a face that was awaited did not become the reference.
+    pub fn offer(
+        &mut self,
+        tracker: &mut HeadTracker,
+        cloud: &[Vector3<f64>],
+        time: u64,
+        needed: usize,
+    ) -> Result<Offer, CaptureError> {
+        if self.state != State::Awaited {
+            return Ok(Offer::NotAwaited);
+        }
+        if cloud.len() < needed {
+            return Err(CaptureError::TooFewPoints { found: cloud.len(), needed });
+        }
+        tracker.capture(cloud, time)?;
+        self.settle(tracker);
+        self.cloud.clear();
+        self.cloud.extend_from_slice(cloud);
+        thin(&mut self.cloud, self.most / self.frames as usize);
+        self.state = if self.frames > 1 { State::Gathering(self.frames) } else { State::Complete };
+        Ok(Offer::Taken)
+    }
+
+    /// Adds a face that was tracked, if the reference is to have more frames. The first face itself counts as one.
+    pub fn add(
+        &mut self,
+        tracker: &mut HeadTracker,
+        cloud: &[Vector3<f64>],
+        current_from_reference: &Isometry3<f64>,
+    ) {
+        let State::Gathering(left) = self.state else { return };
+        if left < self.frames {
+            let most = self.most / self.frames as usize;
+            let count = cloud.len().min(most);
+            let back = current_from_reference.inverse();
+            let picked = (0..count).map(|k| &cloud[k * cloud.len() / count]);
+            self.cloud.extend(picked.map(|p| back * nalgebra::Point3::from(*p)).map(|p| p.coords));
+        }
+        self.state = State::Gathering(left - 1);
+        if left == 1 {
+            // A surface of more points can fail only where that of the first frame fails; then that one stays.
+            let _ = tracker.refine(&self.cloud);
+            self.state = State::Complete;
+        }
+    }
+
+    /// The points of a reference that has become complete, once.
+    pub fn completed(&mut self) -> Option<&[Vector3<f64>]> {
+        if self.state != State::Complete {
+            return None;
+        }
+        self.state = State::Idle;
+        Some(&self.cloud)
+    }
+
+    /// Number of the reference, from 1; 0 where there is none.
+    #[must_use]
+    pub fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Mean of the points of the reference's first frame, m.
+    #[must_use]
+    pub fn centroid(&self) -> Vector3<f64> {
+        self.centroid
+    }
+
+    /// The point nearest to the normals of the reference's first frame, m.
+    #[must_use]
+    pub fn centre(&self) -> Vector3<f64> {
+        self.centre
+    }
+
+    fn settle(&mut self, tracker: &HeadTracker) {
+        self.number += 1;
+        if let Some(surface) = tracker.surface() {
+            (self.centroid, self.centre) = (surface.centroid(), surface.centre());
+        }
+    }
+}
+
+/// Keeps at most `most` points, spread evenly.
+fn thin(cloud: &mut Vec<Vector3<f64>>, most: usize) {
+    let all = cloud.len();
+    if all > most {
+        for k in 0..most {
+            cloud[k] = cloud[k * all / most];
+        }
+        cloud.truncate(most);
+    }
+}

@@ -1,0 +1,12 @@
+//! `track.head`: the pose of a head against a reference capture.
+//!
+//! - `params`: what the config may say
+//! - `operator`: ports and steps
+//! - `report`: what is said about each frame
+
+mod operator;
+mod params;
+mod report;
+
+pub use operator::TrackHead;
+pub use params::{CaptureBy, HeadParams, Method, Origin};

@@ -1,0 +1,264 @@
+//! `track.head` as an operator.
+
+use nalgebra::{Isometry3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use stillpoint_pipeline::frames::Rigid;
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_samples::{
+    CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement, Sample,
+    Verb,
+};
+
+use super::params::{CaptureBy, HeadParams, Method, Origin};
+use super::report;
+use crate::capture::Capture;
+use crate::quaternion::PairedPose;
+use crate::tracker::{HeadTracker, TrackedPose};
+use crate::uncertainty::{Uncertainty, of_three_points};
+
+const FACE: usize = 0;
+const COMMAND: usize = 1;
+const POSE: usize = 0;
+const THREE_POINTS: usize = 1;
+const REFERENCE: usize = 2;
+const REPORT: usize = 3;
+
+/// Sends the pose of each face against the reference, and a report on each.
+///
+/// The head's frame is that of the capture: its axes are those of the pose's frame, its origin is `origin`. So the pose
+/// at the capture is a translation, and a pose's rotation is the head's since.
+pub struct TrackHead {
+    method: Method,
+    origin: Origin,
+    three_points_sd: f64,
+    min_points: usize,
+    tracker: HeadTracker,
+    capture: Capture,
+    /// From the face's frame into that of the pose.
+    output_from_face: Isometry3<f64>,
+    /// The finite points of the frame.
+    cloud: Vec<Vector3<f64>>,
+}
+
+impl Operator for TrackHead {
+    type Params = HeadParams;
+    const KIND: Kind = Kind {
+        name: "track.head",
+        about: "Pose of a head against a reference capture, with what the surface constrains of it.",
+        role: Role::Operator,
+        inputs: &[
+            Input {
+                name: "face",
+                sample: PointCloud::KIND,
+                policy: Policy::Queue(1),
+                required: true,
+                about: "The points of the face, seen from the origin of their frame.",
+            },
+            Input {
+                name: "command",
+                sample: ConsoleCommand::KIND,
+                policy: Policy::Queue(8),
+                required: false,
+                about: "`capture` makes the next face the reference; other commands are not for it.",
+            },
+        ],
+        outputs: &[
+            Output {
+                name: "pose",
+                sample: Pose::KIND,
+                frame: FrameRule::KeyOr("face"),
+                about: "The head's pose, couch_from_head; none where the head is lost.",
+            },
+            Output {
+                name: "three_points",
+                sample: Pose::KIND,
+                frame: FrameRule::KeyOr("face"),
+                about: "The same by three points and the quaternion of their cross-covariance.",
+            },
+            Output {
+                name: "reference",
+                sample: PointCloud::KIND,
+                frame: FrameRule::SameAs("face"),
+                about: "The reference, once when it is complete.",
+            },
+            Output {
+                name: "report",
+                sample: PoseReport::KIND,
+                frame: FrameRule::KeyOr("face"),
+                about: "How each face's pose was found, its fit, and which directions the surface constrains.",
+            },
+        ],
+        timer: Timer::No,
+    };
+
+    fn new(params: HeadParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let awaited = params.capture == CaptureBy::Command && params.reference.is_none();
+        if awaited && !setup.is_connected(COMMAND) {
+            return Err(SetupError(
+                "no command can reach it: connect `command`, name a `reference`, or say `capture: first`"
+                    .into(),
+            ));
+        }
+        let from = setup.input_frames.first().and_then(Option::as_deref);
+        let to = setup.output_frames.first().and_then(Option::as_deref);
+        let output_from_face = match (to, from) {
+            (Some(to), Some(from)) if to != from => setup.transform(to, from).ok_or_else(|| {
+                SetupError(format!("place `{from}` and `{to}` in `frames` so that both hang on one root"))
+            })?,
+            (Some(to), None) => {
+                return Err(SetupError(format!(
+                    "its face is in no frame, so it cannot be brought into `{to}`: remove `frame`"
+                )));
+            }
+            _ => Rigid::IDENTITY,
+        };
+        let mut tracker = HeadTracker::new(params.tracking());
+        let mut capture = Capture::new(params.capture_frames, params.max_points as usize);
+        match &params.reference {
+            Some(name) => {
+                let cloud = reference_file(name, setup)?;
+                capture.start_with(&mut tracker, cloud).map_err(|e| SetupError(format!("{name}: {e}")))?;
+            }
+            None if params.capture == CaptureBy::First => capture.command(),
+            None => {}
+        }
+        Ok(Self {
+            method: params.method,
+            origin: params.origin,
+            three_points_sd: params.three_points_sd,
+            min_points: params.min_points as usize,
+            tracker,
+            capture,
+            output_from_face: isometry(&output_from_face),
+            cloud: Vec::new(),
+        })
+    }
+
+    fn capacities(params: &HeadParams) -> Vec<usize> {
+        vec![1, 1, params.max_points as usize, 1]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if let Some(command) = activation.fresh::<ConsoleCommand>(COMMAND)
+            && command.first().is_some_and(|c| c.verb == Verb::Capture as u32)
+        {
+            self.capture.command();
+        }
+        let Some(face) = activation.fresh::<PointCloud>(FACE) else { return Ok(()) };
+        let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
+        self.cloud.clear();
+        self.cloud.extend(face.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from))));
+        let mut said = report::empty();
+        said.not_finite = (face.elements.len() - self.cloud.len()) as u32;
+        let time = face.head.origin;
+        let captured = self.capture.offer(&mut self.tracker, &self.cloud, time, self.min_points);
+        self.send_three_points(&mut said, outputs)?;
+        let tracked = self.tracker.track(&self.cloud, time);
+        said.status = report::status(&captured, &tracked) as u32;
+        match &tracked {
+            Ok(tracked) => {
+                self.send_dense(tracked, &mut said, outputs)?;
+                self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference);
+            }
+            Err(loss) => report::of_loss(&mut said, loss),
+        }
+        said.reference = self.capture.number();
+        if let Some(cloud) = self.capture.completed() {
+            send_cloud(cloud, outputs)?;
+        }
+        outputs.send::<PoseReport>(REPORT, &said)
+    }
+}
+
+impl TrackHead {
+    /// The head's origin at the capture, in the face's frame, m.
+    fn origin(&self) -> Vector3<f64> {
+        match self.origin {
+            Origin::Centroid => self.capture.centroid(),
+            Origin::Centre => self.capture.centre(),
+        }
+    }
+
+    /// The head's pose after a motion in the face's frame since the capture.
+    fn output_from_head(&self, motion: &Isometry3<f64>) -> Isometry3<f64> {
+        let origin = self.output_from_face * Translation3::from(self.origin());
+        let moved = self.output_from_face * motion * self.output_from_face.inverse();
+        moved * Translation3::from(origin.translation.vector)
+    }
+
+    fn send_dense(
+        &self,
+        tracked: &TrackedPose,
+        said: &mut PoseReportElement,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        let pose = self.output_from_head(&tracked.current_from_reference);
+        let now = self.output_from_face * tracked.alignment.surface_from_cloud.inverse();
+        let length = self.tracker.surface().map_or(f64::NAN, |s| s.length());
+        let known = Uncertainty::new(&tracked.alignment, length, &now, &pose.translation.vector);
+        report::of_alignment(said, &tracked.alignment);
+        report::of_uncertainty(said, &known, length);
+        if self.method == Method::Dense {
+            outputs.send::<Pose>(POSE, &element(&pose, &known.covariance))?;
+        }
+        Ok(())
+    }
+
+    fn send_three_points(
+        &mut self,
+        said: &mut PoseReportElement,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        let Some(PairedPose { model_from_measured, gap, .. }) = self.tracker.three_points(&self.cloud) else {
+            return Ok(());
+        };
+        said.three_points_gap = gap;
+        let motion = model_from_measured.inverse();
+        let pose = self.output_from_head(&motion);
+        let Some(points) = self.tracker.three_points_of_reference() else { return Ok(()) };
+        let now = points.map(|p| (self.output_from_face * motion * Point3::from(p)).coords);
+        let covariance = of_three_points(&now, self.three_points_sd, &pose.translation.vector);
+        let element = element(&pose, &covariance);
+        outputs.send::<Pose>(THREE_POINTS, &element)?;
+        if self.method == Method::ThreePoints {
+            outputs.send::<Pose>(POSE, &element)?;
+        }
+        Ok(())
+    }
+}
+
+fn send_cloud(cloud: &[Vector3<f64>], outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let count = cloud.len();
+    let mut writer = outputs.open::<PointCloud>(REFERENCE, count)?;
+    *writer.body() = CloudShape { width: count as u32, height: 1, reserved: 0, length: count as u32 };
+    for (slot, point) in writer.elements().iter_mut().zip(cloud) {
+        *slot = Point { xyz: [point.x as f32, point.y as f32, point.z as f32] };
+    }
+    writer.finish(count)
+}
+
+/// The finite points of a PCD file.
+fn reference_file(name: &str, setup: &Setup<'_>) -> Result<Vec<Vector3<f64>>, SetupError> {
+    let bytes = setup.file(name)?;
+    let cloud = stillpoint_ingest::pcd::read(&bytes).map_err(|e| SetupError(format!("{name}: {e}")))?;
+    let finite = |p: &&[f32; 3]| p.iter().all(|c| c.is_finite());
+    Ok(cloud.points.iter().filter(finite).map(|p| Vector3::from(p.map(f64::from))).collect())
+}
+
+fn isometry(rigid: &Rigid) -> Isometry3<f64> {
+    let [w, x, y, z] = rigid.quaternion();
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(rigid.translation), rotation)
+}
+
+fn element(pose: &Isometry3<f64>, covariance: &Matrix6<f64>) -> PoseElement {
+    let q = pose.rotation.quaternion();
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    PoseElement {
+        position: pose.translation.vector.into(),
+        orientation: [q.w, q.i, q.j, q.k].map(|c| sign * c),
+        covariance: core::array::from_fn(|i| covariance[(i / 6, i % 6)]),
+    }
+}

@@ -1,0 +1,95 @@
+//! Parameters of `track.head`.
+
+use stillpoint_pipeline::{Choice, Params};
+
+use crate::align::AlignParams;
+use crate::surface::SurfaceParams;
+use crate::tracker::TrackParams;
+
+/// What makes the pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Method {
+    /// All of the face, on the reference's surface.
+    Dense,
+    /// Three points and the quaternion of their cross-covariance, (4.21)-(4.22).
+    ThreePoints,
+}
+
+/// What makes a face the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum CaptureBy {
+    /// It is the first one. A command makes another one it.
+    First,
+    /// A person's command, `capture`. Until then there is no pose.
+    Command,
+}
+
+/// Which point of the head is its origin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Origin {
+    /// The mean of the reference's points: it lies near the face's surface.
+    Centroid,
+    /// The point nearest to all of the surface's normals: it lies inside the head, where turning moves it least.
+    Centre,
+}
+
+/// Parameters of `track.head`.
+#[derive(Clone, Debug, Params)]
+pub struct HeadParams {
+    /// What makes the pose that is sent as `pose`. The three points' is always sent beside it.
+    #[param(default = "dense")]
+    pub method: Method,
+    /// What makes a face the reference.
+    #[param(default = "first")]
+    pub capture: CaptureBy,
+    /// A PCD file with a reference to start with: a face, in the frame of `face`. A command replaces it.
+    #[param(file)]
+    pub reference: Option<String>,
+    /// Frames that a reference is made of. The head may move: each is brought onto the first.
+    #[param(default = 1, min = 1, max = 16)]
+    pub capture_frames: u32,
+    /// Which point of the head its pose is given for. Its axes are those of the pose's frame at the capture.
+    #[param(default = "centroid")]
+    pub origin: Origin,
+    /// Distance between the patches of the reference's surface.
+    #[param(unit = "m", default = "4 mm", min = "1 mm", max = "20 mm")]
+    pub spacing: f64,
+    /// Radius of the points that a patch is fitted to; it grows where the reference has too few points for it.
+    #[param(unit = "m", default = "8 mm", min = "2 mm", max = "40 mm")]
+    pub smoothing: f64,
+    /// A point within this distance lies on the reference.
+    #[param(unit = "m", default = "5 mm", min = "0.1 mm", max = "50 mm")]
+    pub tolerance: f64,
+    /// Part of a face's points that must lie on the reference, and of the reference under them, else the head is lost.
+    #[param(default = 0.5, min = 0.1, max = 1)]
+    pub min_overlap: f64,
+    /// Mean square that the surface must move along its normals per unit of movement, else the direction is refused.
+    #[param(default = 0.005, min = 0.0001, max = 0.5)]
+    pub min_sensitivity: f64,
+    /// Points of a face that the last iterations use at most, spread evenly.
+    #[param(default = 6000, min = 500, max = 1000000)]
+    pub points: u32,
+    /// Points that a face needs.
+    #[param(default = 500, min = 100, max = 1000000)]
+    pub min_points: u32,
+    /// Points of a face and of the reference at most: shared memory is laid out by it.
+    #[param(default = 100000, min = 1000, max = 4194304)]
+    pub max_points: u32,
+    /// Standard deviation of each of the three points, for the covariance of their pose.
+    #[param(unit = "m", default = "2 mm", above = "0 mm", max = "100 mm")]
+    pub three_points_sd: f64,
+}
+
+impl HeadParams {
+    /// What of them the tracker needs.
+    #[must_use]
+    pub fn tracking(&self) -> TrackParams {
+        TrackParams {
+            surface: SurfaceParams { spacing: self.spacing, smoothing: self.smoothing },
+            align: AlignParams { tolerance: self.tolerance, least_sensitivity: self.min_sensitivity },
+            points: self.points as usize,
+            min_points: self.min_points as usize,
+            min_overlap: self.min_overlap,
+        }
+    }
+}

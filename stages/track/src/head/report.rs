@@ -1,0 +1,69 @@
+//! What `track.head` says about a frame.
+
+use stillpoint_samples::{PoseReportElement, PoseStatus};
+
+use crate::align::Alignment;
+use crate::capture::{CaptureError, Offer};
+use crate::tracker::{Loss, TrackedPose, Way};
+use crate::uncertainty::Uncertainty;
+
+/// A report that knows nothing yet.
+pub fn empty() -> PoseReportElement {
+    PoseReportElement {
+        sensitivity: [f64::NAN; 6],
+        direction_sd: [f64::NAN; 6],
+        directions: [f64::NAN; 36],
+        centre: [f64::NAN; 3],
+        length: f64::NAN,
+        residual_rms: f64::NAN,
+        residual_sd: f64::NAN,
+        overlap: f64::NAN,
+        three_points_gap: f64::NAN,
+        status: 0,
+        refused: 0,
+        iterations: 0,
+        points: 0,
+        not_finite: 0,
+        reference: 0,
+    }
+}
+
+/// What became of a frame.
+pub fn status(captured: &Result<Offer, CaptureError>, tracked: &Result<TrackedPose, Loss>) -> PoseStatus {
+    match (captured, tracked) {
+        (Err(_), _) => PoseStatus::CaptureRefused,
+        (Ok(Offer::Taken), _) => PoseStatus::Captured,
+        (_, Ok(pose)) if pose.way == Way::Tracked => PoseStatus::Tracked,
+        (_, Ok(_)) => PoseStatus::Found,
+        (_, Err(Loss::NoReference)) => PoseStatus::NoReference,
+        (_, Err(Loss::TooFewPoints { .. })) => PoseStatus::TooFewPoints,
+        (_, Err(Loss::NoFit { .. })) => PoseStatus::Lost,
+    }
+}
+
+/// Says how the frame fits.
+pub fn of_alignment(said: &mut PoseReportElement, alignment: &Alignment) {
+    let observability = &alignment.observability;
+    said.sensitivity = observability.sensitivity;
+    said.refused = (observability.constrained..6).fold(0, |bits, i| bits | 1 << i);
+    said.residual_rms = alignment.rms;
+    said.residual_sd = alignment.sd;
+    said.overlap = alignment.overlap;
+    said.iterations = alignment.iterations;
+    said.points = alignment.points as u32;
+}
+
+/// Says what is known of the pose.
+pub fn of_uncertainty(said: &mut PoseReportElement, known: &Uncertainty, length: f64) {
+    said.directions = core::array::from_fn(|i| known.directions[(i % 6, i / 6)]);
+    said.direction_sd = known.direction_sd;
+    said.centre = known.centre;
+    said.length = length;
+}
+
+/// Says what was tried where there is no pose.
+pub fn of_loss(said: &mut PoseReportElement, loss: &Loss) {
+    if let Loss::NoFit { alignment, .. } = loss {
+        of_alignment(said, alignment);
+    }
+}

@@ -1,0 +1,260 @@
+//! Follows a head against a reference surface, frame by frame.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use thiserror::Error;
+
+use crate::align::{AlignParams, Aligner, Alignment, Effort, Robust, misfit};
+use crate::quaternion::{PairedPose, pose_of_pairs};
+use crate::search::{best_start, onto_centroid, search};
+use crate::surface::{Surface, SurfaceError, SurfaceParams};
+use crate::three_points::{ThreePoints, same_three_points, three_points};
+
+/// The first iterations use fewer points.
+const ROUGH: Effort = Effort { points: 1000, iterations: 30, step: 0.05, scale: 5e-3, robust: Robust::Huber };
+const FINE_ITERATIONS: u32 = 15;
+const FINE_STEP: f64 = 0.01;
+/// A fit whose distances scatter this many times more than the last one's, or whose overlap is this much smaller, may be
+/// the wrong one: another is looked for.
+const WORSE_SCATTER: f64 = 1.3;
+const WORSE_OVERLAP: f64 = 0.04;
+/// Points by which two fits are compared.
+const JUDGED: usize = 2000;
+
+/// How a head is followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackParams {
+    /// How the reference becomes a surface.
+    pub surface: SurfaceParams,
+    /// How frames are aligned with it.
+    pub align: AlignParams,
+    /// Points of a frame that are used at most.
+    pub points: usize,
+    /// Points that a frame needs.
+    pub min_points: usize,
+    /// Part of a frame's points that must lie on the reference.
+    pub min_overlap: f64,
+}
+
+/// How a pose was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Way {
+    /// From the last pose.
+    Tracked,
+    /// By a search, after a loss.
+    Found,
+}
+
+/// The pose of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrackedPose {
+    /// The head's motion since the capture, in the camera's frame.
+    pub current_from_reference: Isometry3<f64>,
+    /// The fit.
+    pub alignment: Alignment,
+    /// How it was found.
+    pub way: Way,
+}
+
+/// Why a frame has no pose.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Loss {
+    /// No reference was captured.
+    #[error("there is no reference: capture one")]
+    NoReference,
+    /// The frame has too few points.
+    #[error("the frame has {found} points, a pose needs {needed}")]
+    TooFewPoints {
+        /// Finite points of the frame.
+        found: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// The frame lies elsewhere than the reference wherever it is turned.
+    #[error("{:.0} % of the frame lie on the reference, it takes {:.0} %", 100.0 * alignment.overlap, 100.0 * needed)]
+    NoFit {
+        /// The best fit.
+        alignment: Box<Alignment>,
+        /// Part of the points that must lie on the reference.
+        needed: f64,
+    },
+}
+
+/// A reference, and where the head was last.
+struct Reference {
+    surface: Surface,
+    three: Option<ThreePoints>,
+    /// Into the surface's coordinates, at the last frame with a pose, and the time of that frame, ns.
+    last: (Isometry3<f64>, u64),
+    /// The same of the frame before it.
+    before: Option<(Isometry3<f64>, u64)>,
+    lost: bool,
+    /// Scatter (m) and overlap of the last fit.
+    fit: Option<(f64, f64)>,
+}
+
+/// Follows a head.
+pub struct HeadTracker {
+    params: TrackParams,
+    aligner: Aligner,
+    reference: Option<Reference>,
+}
+
+impl HeadTracker {
+    /// A tracker without a reference.
+    #[must_use]
+    pub fn new(params: TrackParams) -> Self {
+        Self { params, aligner: Aligner::default(), reference: None }
+    }
+
+    /// Makes a cloud (m, finite, seen from the origin) the reference. `time` is its acquisition, ns.
+    ///
+    /// # Errors
+    /// A cloud that makes no reference; the one before stays.
+    pub fn capture(&mut self, cloud: &[Vector3<f64>], time: u64) -> Result<(), SurfaceError> {
+        let surface = Surface::new(cloud, &self.params.surface)?;
+        let identity = Isometry3::from(-surface.centre());
+        self.reference = Some(Reference {
+            three: three_points(cloud),
+            surface,
+            last: (identity, time),
+            before: None,
+            lost: false,
+            fit: None,
+        });
+        Ok(())
+    }
+
+    /// Puts the surface of a larger cloud, in the frame of the capture, in the reference's place; the pose stays.
+    ///
+    /// # Errors
+    /// A cloud that makes no reference; the one before stays.
+    pub fn refine(&mut self, cloud: &[Vector3<f64>]) -> Result<(), SurfaceError> {
+        let Some(reference) = &mut self.reference else { return Ok(()) };
+        let surface = Surface::new(cloud, &self.params.surface)?;
+        let shift = Translation3::from(reference.surface.centre() - surface.centre());
+        reference.last.0 = shift * reference.last.0;
+        reference.before = None;
+        reference.surface = surface;
+        Ok(())
+    }
+
+    /// Forgets where the head is: the next frame is searched for it.
+    pub fn lose(&mut self) {
+        if let Some(reference) = &mut self.reference {
+            reference.lost = true;
+        }
+    }
+
+    /// The source's three points of the reference, m.
+    #[must_use]
+    pub fn three_points_of_reference(&self) -> Option<[Vector3<f64>; 3]> {
+        self.reference.as_ref()?.three.map(|three| three.points)
+    }
+
+    /// The reference surface.
+    #[must_use]
+    pub fn surface(&self) -> Option<&Surface> {
+        self.reference.as_ref().map(|r| &r.surface)
+    }
+
+    /// The pose of a frame (m, finite, seen from the origin) acquired at `time`, ns.
+    ///
+    /// # Errors
+    /// Why there is none. The next frame is searched for the head.
+    pub fn track(&mut self, cloud: &[Vector3<f64>], time: u64) -> Result<TrackedPose, Loss> {
+        let Self { params, aligner, reference } = self;
+        let reference = reference.as_mut().ok_or(Loss::NoReference)?;
+        let Some(centroid) = mean(cloud).filter(|_| cloud.len() >= params.min_points) else {
+            reference.lost = true;
+            return Err(Loss::TooFewPoints { found: cloud.len(), needed: params.min_points });
+        };
+        let follow = |start: Isometry3<f64>, aligner: &mut Aligner| {
+            let rough = aligner.align(&reference.surface, cloud, &start, &params.align, &ROUGH);
+            let (iterations, step) = (FINE_ITERATIONS, FINE_STEP);
+            let effort =
+                Effort { points: params.points, iterations, step, scale: rough.sd, robust: Robust::Tukey };
+            let start = rough.surface_from_cloud;
+            let mut fine = aligner.align(&reference.surface, cloud, &start, &params.align, &effort);
+            fine.iterations += rough.iterations;
+            fine
+        };
+        let near = if reference.lost { None } else { reference.near(cloud, &centroid, time) };
+        let tracked = near.map(|start| follow(start, aligner));
+        let fits = |alignment: &Alignment| alignment.overlap >= params.min_overlap;
+        if let Some(alignment) = tracked.filter(|a| fits(a) && !reference.is_worse(a)) {
+            return Ok(reference.accept(alignment, time, Way::Tracked));
+        }
+        let rotations = [reference.last.0.rotation, UnitQuaternion::identity()];
+        let start = search(aligner, &reference.surface, cloud, &centroid, &rotations, &params.align);
+        let found = follow(start, aligner);
+        let cost = |a: &Alignment| {
+            misfit(&reference.surface, cloud, &a.surface_from_cloud, params.align.tolerance, JUDGED)
+        };
+        let (best, way) = match tracked {
+            Some(alignment) if cost(&alignment) <= cost(&found) => (alignment, Way::Tracked),
+            _ => (found, Way::Found),
+        };
+        if fits(&best) {
+            return Ok(reference.accept(best, time, way));
+        }
+        reference.lost = true;
+        Err(Loss::NoFit { alignment: Box::new(best), needed: params.min_overlap })
+    }
+
+    /// The motion since the capture by the source's three points, in the camera's frame. `None` without a reference, or
+    /// where the points are not found or determine no rotation.
+    pub fn three_points(&self, cloud: &[Vector3<f64>]) -> Option<PairedPose> {
+        let model = self.reference.as_ref()?.three?;
+        let measured = same_three_points(cloud, &model.axes)?;
+        pose_of_pairs(&measured.points, &model.points).ok()
+    }
+}
+
+impl Reference {
+    /// The best start near the last pose: there, moved on, or with the centroids on each other.
+    fn near(&self, cloud: &[Vector3<f64>], centroid: &Vector3<f64>, time: u64) -> Option<Isometry3<f64>> {
+        let last = self.last.0;
+        let beside = onto_centroid(&self.surface, centroid, &last.rotation);
+        let starts = [Some(last), self.predicted(time), Some(beside)];
+        best_start(&self.surface, cloud, starts.into_iter().flatten())
+    }
+
+    /// Whether a fit is so much worse than the last one that it may be the wrong one.
+    fn is_worse(&self, alignment: &Alignment) -> bool {
+        self.fit.is_some_and(|(sd, overlap)| {
+            alignment.sd > WORSE_SCATTER * sd || alignment.overlap < overlap - WORSE_OVERLAP
+        })
+    }
+
+    fn accept(&mut self, alignment: Alignment, time: u64, way: Way) -> TrackedPose {
+        self.before = (way == Way::Tracked).then_some(self.last);
+        self.last = (alignment.surface_from_cloud, time);
+        self.fit = Some((alignment.sd, alignment.overlap));
+        self.lost = false;
+        let surface_from_reference = Translation3::from(-self.surface.centre());
+        let current_from_reference = alignment.surface_from_cloud.inverse() * surface_from_reference;
+        TrackedPose { current_from_reference, alignment, way }
+    }
+
+    /// Where the head would be at `time` had it moved on as between the last two frames.
+    fn predicted(&self, time: u64) -> Option<Isometry3<f64>> {
+        let (before, then) = self.before?;
+        let (last, since) = self.last;
+        let step = since.checked_sub(then).filter(|ns| *ns > 0)?;
+        let part = time.checked_sub(since)? as f64 / step as f64;
+        // Farther than two steps ahead it is a guess.
+        let part = part.min(2.0);
+        let motion = last * before.inverse();
+        let moved = Isometry3::from_parts(
+            Translation3::from(motion.translation.vector * part),
+            UnitQuaternion::from_scaled_axis(motion.rotation.scaled_axis() * part),
+        );
+        Some(moved * last)
+    }
+}
+
+fn mean(cloud: &[Vector3<f64>]) -> Option<Vector3<f64>> {
+    let first = cloud.first()?;
+    let sum: Vector3<f64> = cloud.iter().map(|p| p - first).sum();
+    Some(first + sum / cloud.len() as f64)
+}

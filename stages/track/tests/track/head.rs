@@ -1,0 +1,294 @@
+//! `track.head` on a bench.
+
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::operator::Stage;
+use stillpoint_samples::{
+    CloudShape, Command, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
+    PoseStatus, Verb,
+};
+use stillpoint_testing::Bench;
+use stillpoint_testing::bench::Left;
+
+use crate::shapes::{camera_from_body, head, sphere};
+
+const TEXT: &str = "
+stillpoint: 1
+name: track
+frames: { camera: { parent: couch, at: [1 m, 2 m, 3 m], rotation: [0 deg, 0 deg, 90 deg] } }
+operators:
+  console: { use: console, every: 20 ms }
+  feed: { use: feed.cloud, frame: camera }
+  head: { use: track.head, inputs: { face: feed.out, command: console.capture }, frame: couch, params: { capture: first } }
+";
+
+fn stages() -> Vec<Stage> {
+    [stillpoint_track::STAGES, stillpoint_pipeline::console::STAGES].concat()
+}
+
+fn bench_with(text: &str, files: &KeptFiles) -> Result<Bench, String> {
+    Bench::new(text, "head", &stages(), files)
+}
+
+fn bench(change: impl Fn(&str) -> String) -> Bench {
+    bench_with(&change(TEXT), &KeptFiles::default()).unwrap()
+}
+
+/// What one frame left: pose, three points, reference, report.
+struct Said {
+    pose: Option<PoseElement>,
+    three_points: Option<PoseElement>,
+    reference: Option<Vec<[f32; 3]>>,
+    report: PoseReportElement,
+    bytes: Vec<u8>,
+}
+
+impl Said {
+    fn status(&self) -> PoseStatus {
+        PoseStatus::from_number(self.report.status).unwrap()
+    }
+
+    fn of(left: &Left) -> Self {
+        assert_eq!(left.fault, None);
+        let on = |port: usize| left.outputs.iter().find(|(p, _)| *p == port).map(|(_, parcel)| parcel);
+        let pose = |port: usize| on(port).map(|p| *p.pieces().view::<Pose>().unwrap().first().unwrap());
+        let cloud = on(2).map(|p| p.pieces().view::<PointCloud>().unwrap().elements.to_vec());
+        Self {
+            pose: pose(0),
+            three_points: pose(1),
+            reference: cloud.map(|c: Vec<Point>| c.iter().map(|p| p.xyz).collect()),
+            report: *on(3).unwrap().pieces().view::<PoseReport>().unwrap().first().unwrap(),
+            bytes: left.bytes(),
+        }
+    }
+}
+
+fn feed(bench: &mut Bench, cloud: &[Vector3<f64>]) -> Said {
+    let points: Vec<Point> =
+        cloud.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
+    feed_points(bench, &points)
+}
+
+fn feed_points(bench: &mut Bench, points: &[Point]) -> Said {
+    let shape = CloudShape { width: points.len() as u32, height: 1, reserved: 0, length: 0 };
+    Said::of(&bench.feed::<PointCloud>(0, &shape, points, 0))
+}
+
+fn command(bench: &mut Bench, verb: Verb) {
+    let command = Command { verb: verb as u32, ..Command::default() };
+    let left = bench.feed::<ConsoleCommand>(1, &(), &[command], 0);
+    assert!(left.fault.is_none() && left.outputs.is_empty());
+}
+
+/// A body moved in the camera's axes, turned about its own origin: m and rad.
+fn moved(shift: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
+    let mut pose = camera_from_body();
+    pose.translation.vector += Vector3::from(shift);
+    pose.rotation = UnitQuaternion::from_scaled_axis(Vector3::from(turn)) * pose.rotation;
+    pose
+}
+
+fn isometry(pose: &PoseElement) -> Isometry3<f64> {
+    let [w, x, y, z] = pose.orientation;
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Vector3::from(pose.position).into(), rotation)
+}
+
+#[test]
+fn the_first_face_is_the_reference_and_its_pose_a_translation_to_its_centroid() {
+    let cloud = head(&camera_from_body());
+    let said = feed(&mut bench(str::to_owned), &cloud);
+    assert_eq!(said.status(), PoseStatus::Captured);
+    assert_eq!(said.report.reference, 1);
+    assert_eq!(said.reference.unwrap().len(), cloud.len());
+    let pose = isometry(&said.pose.unwrap());
+    assert!(pose.rotation.angle() < 1e-4, "{pose}");
+    // A quarter turn about z takes the camera's x to the couch's y.
+    let mean = cloud.iter().sum::<Vector3<f64>>() / cloud.len() as f64;
+    let expected = Vector3::new(1.0 - mean.y, 2.0 + mean.x, 3.0 + mean.z);
+    assert!((pose.translation.vector - expected).norm() < 5e-5, "{pose} {expected}");
+}
+
+#[test]
+fn a_motion_of_the_head_is_given_in_the_couchs_axes_with_its_covariance() {
+    let mut bench = bench(str::to_owned);
+    let first = feed(&mut bench, &head(&camera_from_body())).pose.unwrap();
+    let said = feed(&mut bench, &head(&moved([0.003, -0.002, 0.004], [0.05, 0.0, 0.0])));
+    assert_eq!(said.status(), PoseStatus::Tracked);
+    let pose = said.pose.unwrap();
+    let turn = (isometry(&pose) * isometry(&first).inverse()).rotation.scaled_axis();
+    // The camera's x is the couch's y.
+    assert!((turn - Vector3::new(0.0, 0.05, 0.0)).norm() < 1e-3, "{turn}");
+    let c = |i: usize, j: usize| pose.covariance[6 * i + j];
+    for i in 0..6 {
+        assert!(c(i, i) > 0.0 && c(i, i).sqrt() < 1e-3, "{i}: {}", c(i, i));
+        for j in 0..6 {
+            assert_eq!(c(i, j), c(j, i));
+            assert!(c(i, j).abs() <= (c(i, i) * c(j, j)).sqrt() * (1.0 + 1e-9));
+        }
+    }
+    let report = said.report;
+    assert_eq!(report.refused, 0);
+    assert!(report.sensitivity.windows(2).all(|s| s[0] >= s[1]));
+    assert!(report.overlap > 0.8, "{}", report.overlap);
+    assert!(report.direction_sd.iter().all(|sd| *sd < 1e-3), "{:?}", report.direction_sd);
+    // The three points see the turn too, if less well.
+    let three = isometry(&said.three_points.unwrap());
+    assert!(three.rotation.angle() > 0.02 && said.report.three_points_gap > 0.0);
+}
+
+#[test]
+fn before_a_command_there_is_no_pose_and_it_is_said() {
+    let mut bench = bench(|t| t.replace("capture: first", "capture: command"));
+    let cloud = head(&camera_from_body());
+    for verb in [Verb::Arm, Verb::Capture] {
+        let said = feed(&mut bench, &cloud);
+        assert_eq!(said.status(), PoseStatus::NoReference);
+        assert!(said.pose.is_none() && said.three_points.is_none() && said.reference.is_none());
+        command(&mut bench, verb);
+    }
+    let said = feed(&mut bench, &cloud);
+    assert_eq!(said.status(), PoseStatus::Captured);
+    assert!(said.pose.is_some() && said.reference.is_some());
+}
+
+#[test]
+fn another_command_makes_another_reference() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    let cloud = head(&moved([0.005, 0.0, 0.0], [0.0, 0.1, 0.0]));
+    let before = feed(&mut bench, &cloud);
+    assert!(isometry(&before.pose.unwrap()).rotation.angle() > 0.05);
+    command(&mut bench, Verb::Capture);
+    let after = feed(&mut bench, &cloud);
+    assert_eq!((after.status(), after.report.reference), (PoseStatus::Captured, 2));
+    assert!(isometry(&after.pose.unwrap()).rotation.angle() < 1e-3);
+}
+
+#[test]
+fn a_face_that_is_unfit_is_refused_and_the_next_one_captured() {
+    let mut bench = bench(str::to_owned);
+    let cloud = head(&camera_from_body());
+    let said = feed(&mut bench, &cloud[..300]);
+    assert_eq!(said.status(), PoseStatus::CaptureRefused);
+    assert!(said.pose.is_none());
+    assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Captured);
+}
+
+#[test]
+fn points_that_are_not_finite_are_left_out_and_counted() {
+    let cloud = head(&camera_from_body());
+    let clean = feed(&mut bench(str::to_owned), &cloud);
+    let mut points: Vec<Point> =
+        cloud.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
+    points.insert(100, Point { xyz: [f32::NAN; 3] });
+    points.push(Point { xyz: [0.0, f32::INFINITY, 1.0] });
+    let said = feed_points(&mut bench(str::to_owned), &points);
+    assert_eq!(said.report.not_finite, 2);
+    assert_eq!(said.pose, clean.pose);
+    let none = feed_points(&mut bench(str::to_owned), &vec![Point { xyz: [f32::NAN; 3] }; 2000]);
+    assert_eq!((none.status(), none.report.not_finite), (PoseStatus::CaptureRefused, 2000));
+}
+
+#[test]
+fn a_lost_head_has_no_pose_and_is_found_again() {
+    let mut bench = bench(str::to_owned);
+    let cloud = head(&camera_from_body());
+    feed(&mut bench, &cloud);
+    let lost = feed(&mut bench, &sphere(&moved([0.05, 0.0, 0.1], [0.0; 3]), 0.05));
+    assert_eq!(lost.status(), PoseStatus::Lost);
+    assert!(lost.pose.is_none() && lost.report.overlap < 0.5);
+    let few = feed(&mut bench, &cloud[..50]);
+    assert_eq!(few.status(), PoseStatus::TooFewPoints);
+    assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Found);
+    assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Tracked);
+}
+
+#[test]
+fn a_sphere_has_infinite_variance_where_it_is_refused() {
+    for origin in ["centroid", "centre"] {
+        let mut bench = bench(|t| t.replace("capture: first", &format!("capture: first, origin: {origin}")));
+        feed(&mut bench, &sphere(&camera_from_body(), 0.09));
+        let said = feed(&mut bench, &sphere(&moved([0.002, 0.0, 0.001], [0.0; 3]), 0.09));
+        assert_eq!(said.report.refused, 0b11_1000);
+        assert!(said.report.direction_sd[3..].iter().all(|sd| *sd == f64::INFINITY));
+        let pose = said.pose.unwrap();
+        assert!((3..6).all(|i| pose.covariance[7 * i] == f64::INFINITY));
+        // The centre's place is known; the surface's centroid slides with the turns.
+        assert_eq!(pose.covariance[0].is_finite(), origin == "centre");
+    }
+}
+
+#[test]
+fn more_frames_make_one_reference_though_the_head_moves() {
+    let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_frames: 3"));
+    let mut last = None;
+    for k in 0..3 {
+        let said = feed(
+            &mut bench,
+            &head(&moved([0.001 * f64::from(k), 0.0, 0.0], [0.0, 0.01 * f64::from(k), 0.0])),
+        );
+        assert_eq!(said.reference.is_some(), k == 2, "{k}");
+        last = said.reference;
+    }
+    // All three lie on the first.
+    let first = feed(&mut self::bench(str::to_owned), &head(&camera_from_body())).reference.unwrap();
+    let all = last.unwrap();
+    assert!(all.len() > 2 * first.len());
+    let mean = |cloud: &[[f32; 3]]| {
+        cloud.iter().map(|p| Vector3::from(p.map(f64::from))).sum::<Vector3<f64>>() / cloud.len() as f64
+    };
+    assert!((mean(&all) - mean(&first)).norm() < 1e-3);
+}
+
+#[test]
+fn a_reference_from_a_file_is_searched_for_and_sent() {
+    let cloud = head(&camera_from_body());
+    let points: Vec<[f32; 3]> = cloud.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+    let mut files = KeptFiles::default();
+    let bytes = stillpoint_ingest::pcd::write_binary(&points, points.len());
+    files.files.insert("face.pcd".into(), bytes);
+    let text = TEXT.replace("capture: first", "capture: command, reference: face.pcd");
+    let mut bench = bench_with(&text, &files).unwrap();
+    let said = feed(&mut bench, &head(&moved([0.01, 0.02, 0.0], [0.0, 0.3, 0.0])));
+    assert_eq!((said.status(), said.report.reference), (PoseStatus::Found, 1));
+    assert_eq!(said.reference.unwrap().len(), points.len());
+    let turn = isometry(&said.pose.unwrap()).rotation.angle();
+    assert!((turn - 0.3).abs() < 2e-3, "{turn}");
+}
+
+#[test]
+fn a_reference_that_is_no_face_is_refused_with_its_name() {
+    let mut files = KeptFiles::default();
+    files.files.insert("face.pcd".into(), b"no cloud".to_vec());
+    let text = TEXT.replace("capture: first", "reference: face.pcd");
+    let refused = bench_with(&text, &files).err().unwrap();
+    assert!(refused.contains("face.pcd"), "{refused}");
+    let points = [[0.0, 0.0, 1.0]; 20];
+    files.files.insert("face.pcd".into(), stillpoint_ingest::pcd::write_binary(&points, 20));
+    let refused = bench_with(&text, &files).err().unwrap();
+    assert!(refused.contains("face.pcd: the cloud holds 0 pieces of surface"), "{refused}");
+}
+
+#[test]
+fn without_a_way_to_a_reference_it_does_not_start() {
+    let text = TEXT.replace("capture: first", "capture: command").replace(", command: console.capture", "");
+    let refused = bench_with(&text, &KeptFiles::default()).err().unwrap();
+    assert!(refused.contains("connect `command`"), "{refused}");
+}
+
+#[test]
+fn three_points_may_make_the_pose() {
+    let mut bench = bench(|t| t.replace("capture: first", "capture: first, method: three_points"));
+    let said = feed(&mut bench, &head(&camera_from_body()));
+    assert_eq!(said.pose, said.three_points);
+    assert!(said.pose.is_some());
+}
+
+#[test]
+fn equal_frames_give_equal_bytes_wherever_the_buffers_lie() {
+    let frames = [camera_from_body(), moved([0.004, 0.0, 0.002], [0.02, 0.05, 0.0])].map(|p| head(&p));
+    let all = |mut bench: Bench| frames.iter().flat_map(|f| feed(&mut bench, f).bytes).collect::<Vec<u8>>();
+    let straight = all(bench(str::to_owned));
+    assert!(straight == all(bench(str::to_owned).padded(4096)));
+}
