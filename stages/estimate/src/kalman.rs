@@ -1,19 +1,27 @@
 //! Constant-velocity Kalman filter driven by stamped measurements (SCIENCE D1-D2).
 
+use crate::manifold::Manifold;
+use crate::measurement::Measurement;
+use crate::process::{Hold, ProcessNoise};
 use crate::state::{Innovation, State};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
 use thiserror::Error;
 
 /// What a filter needs to know. Units are the measurement's (m for SI).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KalmanParams {
-    /// Standard deviation sigma_a of the acceleration between two stamps, per second squared.
-    pub acceleration_sd: f64,
+pub struct KalmanParams<const N: usize> {
+    /// How much the motion may change by itself.
+    pub process: ProcessNoise<N>,
+    /// Standard deviation of a channel that the first measurement leaves open.
+    pub open_sd: SVector<f64, N>,
     /// Standard deviation of the velocity before the first measurement, per second.
-    pub initial_velocity_sd: f64,
+    pub initial_velocity_sd: SVector<f64, N>,
     /// A measurement is refused where nu_i^2 / S_ii of any channel exceeds this; 9 is three standard deviations,
     /// infinity refuses none. A refused measurement widens P, so a filter that was wrong comes back.
     pub gate: f64,
+    /// How long the filter predicts without a measurement that it uses, in nanoseconds. After that it has no state, and
+    /// starts anew.
+    pub horizon: u64,
 }
 
 /// A parameter outside its range.
@@ -38,30 +46,12 @@ pub struct StampError {
     pub found: u64,
 }
 
-/// A measured position.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measurement<const N: usize> {
-    /// z.
-    pub position: SVector<f64, N>,
-    /// R, symmetric.
-    pub covariance: SMatrix<f64, N, N>,
-}
-
-impl<const N: usize> Measurement<N> {
-    /// Whether all numbers are finite and the covariance is positive definite.
-    #[must_use]
-    pub fn is_usable(&self) -> bool {
-        let finite = self.position.iter().chain(self.covariance.iter()).all(|v| v.is_finite());
-        finite && self.covariance.cholesky().is_some()
-    }
-}
-
 /// What a step did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome<const N: usize> {
-    /// Nothing was measured before: there is no state yet.
+    /// Nothing was measured before, or not for the whole horizon: there is no state.
     Waiting,
-    /// The first measurement became the state.
+    /// The measurement became the state.
     Started,
     /// The measurement was used.
     Updated(Innovation<N>),
@@ -76,7 +66,7 @@ pub enum Outcome<const N: usize> {
 /// How often each thing happened since the filter was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Measurements used, the first one included.
+    /// Measurements used, those that started a track included.
     pub used: u64,
     /// Steps without a measurement.
     pub missing: u64,
@@ -86,15 +76,31 @@ pub struct Counts {
     pub refused: u64,
     /// Steps refused for their stamp.
     pub stale: u64,
+    /// Tracks given up: nothing was used for the whole horizon, or the numbers had left the range of `f64`.
+    pub given_up: u64,
+}
+
+impl Counts {
+    /// Measurements that were not used.
+    #[must_use]
+    pub fn rejected(&self) -> u64 {
+        self.gated + self.refused + self.stale
+    }
 }
 
 /// A filter for the position and velocity of N channels, joint in their covariance. It allocates nothing.
 ///
 /// ```
 /// use nalgebra::{Matrix1, Vector1};
-/// use stillpoint_estimate::{Kalman, KalmanParams, Measurement};
+/// use stillpoint_estimate::{Kalman, KalmanParams, Measurement, ProcessNoise};
 ///
-/// let params = KalmanParams { acceleration_sd: 0.02, initial_velocity_sd: 0.1, gate: 9.0 };
+/// let params = KalmanParams {
+///     process: ProcessNoise::per_step(0.02),
+///     open_sd: Vector1::new(1.0),
+///     initial_velocity_sd: Vector1::new(0.1),
+///     gate: 9.0,
+///     horizon: 500_000_000,
+/// };
 /// let mut filter = Kalman::<1>::new(params)?;
 /// for frame in 0..30_u64 {
 ///     let z = Measurement { position: Vector1::new(0.7), covariance: Matrix1::new(1e-6) };
@@ -104,39 +110,49 @@ pub struct Counts {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kalman<const N: usize> {
-    params: KalmanParams,
-    state: Option<State<N>>,
+pub struct Kalman<const N: usize, X = SVector<f64, N>> {
+    params: KalmanParams<N>,
+    state: Option<State<N, X>>,
     stamp: Option<u64>,
+    /// Stamp of the last measurement that was used.
+    used_at: u64,
+    run: u64,
     counts: Counts,
 }
 
-impl<const N: usize> Kalman<N> {
+impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
     /// A filter that starts with its first measurement.
     ///
     /// # Errors
     /// A parameter outside its range.
-    pub fn new(params: KalmanParams) -> Result<Self, ParamError> {
-        let checks = [
-            ("acceleration_sd", params.acceleration_sd, params.acceleration_sd.is_finite()),
-            ("initial_velocity_sd", params.initial_velocity_sd, params.initial_velocity_sd.is_finite()),
-            ("gate", params.gate, true),
+    pub fn new(params: KalmanParams<N>) -> Result<Self, ParamError> {
+        let hold = match params.process.hold {
+            Hold::Step => 1.0,
+            Hold::Seconds(seconds) => seconds,
+        };
+        let finite = [
+            ("acceleration_sd", &params.process.acceleration_sd),
+            ("open_sd", &params.open_sd),
+            ("initial_velocity_sd", &params.initial_velocity_sd),
+            ("hold", &SVector::repeat(hold)),
         ];
-        for (name, value, finite) in checks {
-            let positive = value > 0.0;
-            if !(finite && positive) {
-                return Err(ParamError { name, value, must: "a number above 0" });
-            }
+        let bad = finite
+            .into_iter()
+            .flat_map(|(name, values)| values.iter().map(move |v| (name, *v)))
+            .find(|(_, v)| !(v.is_finite() && *v > 0.0))
+            .or((params.gate.is_nan() || params.gate <= 0.0).then_some(("gate", params.gate)));
+        if let Some((name, value)) = bad {
+            return Err(ParamError { name, value, must: "a number above 0" });
         }
-        Ok(Self { params, state: None, stamp: None, counts: Counts::default() })
+        Ok(Self { params, state: None, stamp: None, used_at: 0, run: 0, counts: Counts::default() })
     }
 
-    /// A filter that is in `state` at `stamp` nanoseconds.
+    /// A filter whose state at `stamp` is known.
     ///
     /// # Errors
     /// A parameter outside its range.
-    pub fn starting_at(params: KalmanParams, stamp: u64, state: State<N>) -> Result<Self, ParamError> {
-        Ok(Self { state: Some(state), stamp: Some(stamp), ..Self::new(params)? })
+    pub fn from_state(params: KalmanParams<N>, stamp: u64, state: State<N, X>) -> Result<Self, ParamError> {
+        Ok(Self { state: Some(state), stamp: Some(stamp), used_at: stamp, ..Self::new(params)? })
     }
 
     /// Brings the filter to `stamp` (nanoseconds) and uses `measurement`, if there is one and it can be used.
@@ -146,7 +162,7 @@ impl<const N: usize> Kalman<N> {
     pub fn step(
         &mut self,
         stamp: u64,
-        measurement: Option<&Measurement<N>>,
+        measurement: Option<&Measurement<N, X>>,
     ) -> Result<Outcome<N>, StampError> {
         let dt = match self.stamp {
             Some(last) if stamp <= last => {
@@ -157,26 +173,40 @@ impl<const N: usize> Kalman<N> {
             None => 0.0,
         };
         self.stamp = Some(stamp);
-        let prior = self.state.map(|state| state.predicted(dt, self.params.acceleration_sd));
+        if self.state.is_some() && self.is_beyond_horizon(stamp) {
+            self.give_up();
+        }
+        let prior = self.state.map(|state| state.predicted(dt, &self.params.process));
         self.state = prior;
         let Some(z) = measurement else {
             self.counts.missing += 1;
             return Ok(if prior.is_some() { Outcome::Predicted } else { Outcome::Waiting });
         };
-        Ok(self.correct(prior, z))
+        let outcome = self.correct(prior, z);
+        if self.state.is_some_and(|s| !s.is_finite()) {
+            self.give_up();
+            self.counts.refused += 1;
+            return Ok(Outcome::Waiting);
+        }
+        if matches!(outcome, Outcome::Started | Outcome::Updated(_)) {
+            self.counts.used += 1;
+            self.run += 1;
+            self.used_at = stamp;
+        }
+        Ok(outcome)
     }
 
-    fn correct(&mut self, prior: Option<State<N>>, z: &Measurement<N>) -> Outcome<N> {
+    fn correct(&mut self, prior: Option<State<N, X>>, z: &Measurement<N, X>) -> Outcome<N> {
         if !z.is_usable() {
             self.counts.refused += 1;
             return Outcome::Refused;
         }
         let Some(prior) = prior else {
-            self.counts.used += 1;
-            self.state = Some(State::at_rest(z.position, z.covariance, self.params.initial_velocity_sd));
+            self.run = 0;
+            self.state = Some(State::at_rest(z, &self.params.open_sd, &self.params.initial_velocity_sd));
             return Outcome::Started;
         };
-        let Some(innovation) = prior.innovation(&z.position, &z.covariance) else {
+        let Some(innovation) = prior.innovation(z) else {
             self.counts.refused += 1;
             return Outcome::Refused;
         };
@@ -184,14 +214,43 @@ impl<const N: usize> Kalman<N> {
             self.counts.gated += 1;
             return Outcome::Gated(innovation);
         }
-        self.counts.used += 1;
-        self.state = Some(prior.updated(&innovation, &z.covariance));
+        self.state = Some(prior.updated(&innovation, z));
         Outcome::Updated(innovation)
     }
 
-    /// The state at the last stamp; `None` before the first measurement.
+    /// The state `stamp` stands for, predicted from the last one, which stays as it is. `None` where there is none, or
+    /// `stamp` lies before it or beyond the horizon.
     #[must_use]
-    pub fn state(&self) -> Option<&State<N>> {
+    pub fn predicted_to(&self, stamp: u64) -> Option<State<N, X>> {
+        let ns = stamp.checked_sub(self.stamp?)?;
+        let state = self.state.filter(|_| !self.is_beyond_horizon(stamp))?;
+        let state = state.predicted(ns as f64 * 1e-9, &self.params.process);
+        state.is_finite().then_some(state)
+    }
+
+    /// Ends the track, so that the next measurement starts another at whatever stamp.
+    pub fn restart(&mut self) {
+        self.give_up();
+        self.stamp = None;
+    }
+
+    fn give_up(&mut self) {
+        self.counts.given_up += u64::from(self.state.take().is_some());
+    }
+
+    fn is_beyond_horizon(&self, stamp: u64) -> bool {
+        stamp.saturating_sub(self.used_at) > self.params.horizon
+    }
+
+    /// What it was made with.
+    #[must_use]
+    pub fn params(&self) -> &KalmanParams<N> {
+        &self.params
+    }
+
+    /// The state at the last stamp; `None` before the first measurement and after a horizon without one.
+    #[must_use]
+    pub fn state(&self) -> Option<&State<N, X>> {
         self.state.as_ref()
     }
 
@@ -201,17 +260,15 @@ impl<const N: usize> Kalman<N> {
         self.stamp
     }
 
+    /// Measurements used since the track began.
+    #[must_use]
+    pub fn run(&self) -> u64 {
+        self.run
+    }
+
     /// What happened so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
-    }
-}
-
-impl<const N: usize> Innovation<N> {
-    /// Whether nu_i^2 / S_ii exceeds `gate` in any channel.
-    #[must_use]
-    pub fn exceeds(&self, gate: f64) -> bool {
-        (0..N).any(|i| self.residual[i] * self.residual[i] > gate * self.covariance[(i, i)])
     }
 }

@@ -1,11 +1,20 @@
 //! What the filter does with stamps, gaps, outliers and several channels.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
+use nalgebra::{Matrix1, Matrix3, SVector, Vector1, Vector3};
+use stillpoint_estimate::{
+    Counts, Hold, Kalman, KalmanParams, Measurement, Outcome, ProcessNoise, StampError,
+};
 
-use nalgebra::{Matrix1, Matrix3, Vector1, Vector3};
-use stillpoint_estimate::{Counts, Kalman, KalmanParams, Measurement, Outcome, StampError};
+fn params<const N: usize>() -> KalmanParams<N> {
+    KalmanParams {
+        process: ProcessNoise::per_step(0.05),
+        open_sd: SVector::repeat(1.0),
+        initial_velocity_sd: SVector::repeat(0.1),
+        gate: 9.0,
+        horizon: u64::MAX,
+    }
+}
 
-const PARAMS: KalmanParams = KalmanParams { acceleration_sd: 0.05, initial_velocity_sd: 0.1, gate: 9.0 };
 const PERIOD: u64 = 33_333_333;
 
 fn at(z: f64) -> Measurement<1> {
@@ -17,7 +26,7 @@ fn at_3d(z: [f64; 3]) -> Measurement<3> {
 }
 
 fn settled() -> (Kalman<1>, u64) {
-    let mut filter = Kalman::new(PARAMS).unwrap();
+    let mut filter = Kalman::new(params()).unwrap();
     for k in 1..=60 {
         filter.step(k * PERIOD, Some(&at(0.5))).unwrap();
     }
@@ -26,7 +35,7 @@ fn settled() -> (Kalman<1>, u64) {
 
 #[test]
 fn filter_waits_for_its_first_measurement() {
-    let mut filter = Kalman::<1>::new(PARAMS).unwrap();
+    let mut filter = Kalman::<1>::new(params()).unwrap();
     assert_eq!(filter.step(5, None), Ok(Outcome::Waiting));
     assert_eq!(filter.state(), None);
     assert_eq!(filter.step(9, Some(&at(0.5))), Ok(Outcome::Started));
@@ -82,7 +91,7 @@ fn measurements_that_are_not_finite_or_without_covariance_are_refused_and_counte
     let (mut filter, now) = settled();
     let bad = [
         Measurement { position: Vector1::new(f64::NAN), ..at(0.5) },
-        Measurement { covariance: Matrix1::new(f64::INFINITY), ..at(0.5) },
+        Measurement { covariance: Matrix1::new(f64::NEG_INFINITY), ..at(0.5) },
         Measurement { covariance: Matrix1::new(0.0), ..at(0.5) },
         Measurement { covariance: Matrix1::new(-1.0), ..at(0.5) },
     ];
@@ -106,8 +115,8 @@ fn stamp_that_does_not_increase_is_refused_and_changes_nothing() {
 
 #[test]
 fn independent_channels_are_as_many_single_filters() {
-    let mut joint = Kalman::<3>::new(PARAMS).unwrap();
-    let mut single = [(); 3].map(|()| Kalman::<1>::new(PARAMS).unwrap());
+    let mut joint = Kalman::<3>::new(params()).unwrap();
+    let mut single = [(); 3].map(|()| Kalman::<1>::new(params()).unwrap());
     for k in 1..200_u64 {
         let t = k as f64 / 30.0;
         let z = [0.001 * t, 0.5 + 0.0003 * ((k * 7) % 5) as f64, -0.002 * t * t / 50.0];
@@ -128,7 +137,7 @@ fn independent_channels_are_as_many_single_filters() {
 
 #[test]
 fn one_bad_channel_gates_the_whole_measurement() {
-    let mut filter = Kalman::<3>::new(PARAMS).unwrap();
+    let mut filter = Kalman::<3>::new(params()).unwrap();
     for k in 1..60 {
         filter.step(k * PERIOD, Some(&at_3d([0.1, 0.2, 0.3]))).unwrap();
     }
@@ -138,7 +147,7 @@ fn one_bad_channel_gates_the_whole_measurement() {
 
 #[test]
 fn covariance_stays_symmetric_and_positive_over_a_long_run_of_unequal_steps() {
-    let mut filter = Kalman::<3>::new(KalmanParams { gate: f64::INFINITY, ..PARAMS }).unwrap();
+    let mut filter = Kalman::<3>::new(KalmanParams { gate: f64::INFINITY, ..params() }).unwrap();
     let correlated = Matrix3::new(4e-6, 3e-6, 0.0, 3e-6, 4e-6, 1e-6, 0.0, 1e-6, 1e-6);
     let mut stamp = 0;
     for k in 1..20_000_u64 {
@@ -154,7 +163,84 @@ fn covariance_stays_symmetric_and_positive_over_a_long_run_of_unequal_steps() {
 #[test]
 fn parameters_outside_their_range_are_refused_by_name() {
     let of = |params| Kalman::<1>::new(params).unwrap_err().name;
-    assert_eq!(of(KalmanParams { acceleration_sd: f64::NAN, ..PARAMS }), "acceleration_sd");
-    assert_eq!(of(KalmanParams { initial_velocity_sd: -1.0, ..PARAMS }), "initial_velocity_sd");
-    assert_eq!(of(KalmanParams { gate: 0.0, ..PARAMS }), "gate");
+    let process = ProcessNoise::per_step(f64::NAN);
+    assert_eq!(of(KalmanParams { process, ..params() }), "acceleration_sd");
+    let process = ProcessNoise { hold: Hold::Seconds(0.0), ..params().process };
+    assert_eq!(of(KalmanParams { process, ..params() }), "hold");
+    assert_eq!(
+        of(KalmanParams { initial_velocity_sd: Vector1::new(-1.0), ..params() }),
+        "initial_velocity_sd"
+    );
+    assert_eq!(of(KalmanParams { open_sd: Vector1::new(f64::INFINITY), ..params() }), "open_sd");
+    assert_eq!(of(KalmanParams { gate: 0.0, ..params() }), "gate");
+}
+
+#[test]
+fn filter_without_a_usable_measurement_for_its_horizon_has_no_state_and_starts_anew() {
+    let mut filter = Kalman::<1>::new(KalmanParams { horizon: 10 * PERIOD, ..params() }).unwrap();
+    for k in 1..=5 {
+        filter.step(k * PERIOD, Some(&at(0.5))).unwrap();
+    }
+    // Gated measurements do not count: it would predict for ever.
+    for k in 6..=15 {
+        filter.step(k * PERIOD, Some(&at(0.9))).unwrap();
+        assert!(filter.state().is_some(), "{k}");
+    }
+    assert!(filter.predicted_to(15 * PERIOD).is_some() && filter.predicted_to(15 * PERIOD + 1).is_none());
+    assert_eq!(filter.step(16 * PERIOD, Some(&at(0.9))), Ok(Outcome::Started));
+    assert_eq!((filter.state().unwrap().position.x, filter.run()), (0.9, 1));
+    assert_eq!(filter.counts(), Counts { used: 6, gated: 10, given_up: 1, ..Counts::default() });
+    assert_eq!(filter.step(27 * PERIOD, None), Ok(Outcome::Waiting));
+    assert_eq!(filter.state(), None);
+}
+
+#[test]
+fn held_acceleration_means_the_same_in_one_step_as_in_two() {
+    let q = ProcessNoise { hold: Hold::Seconds(0.033), acceleration_sd: Vector1::new(0.1) };
+    let start = *settled().0.state().unwrap();
+    let once = start.predicted(0.066, &q);
+    let twice = start.predicted(0.020, &q).predicted(0.046, &q);
+    for (a, b) in [(once.pp, twice.pp), (once.pv, twice.pv), (once.vv, twice.vv)] {
+        assert!((a.x / b.x - 1.0).abs() < 1e-12, "{a} {b}");
+    }
+    // Per step (4.6), twice the time is not twice one step.
+    let q = ProcessNoise::per_step(0.1);
+    let (once, twice) = (start.predicted(0.066, &q), start.predicted(0.033, &q).predicted(0.033, &q));
+    assert!((once.vv - start.vv).x > 1.9 * (twice.vv - start.vv).x);
+}
+
+#[test]
+fn open_channels_are_not_updated_whatever_their_numbers() {
+    let mut filter = Kalman::<3>::new(params()).unwrap();
+    let mut height = Kalman::<1>::new(params()).unwrap();
+    let mut covariance = Matrix3::from_diagonal_element(f64::INFINITY);
+    covariance[(2, 2)] = 1e-6;
+    for k in 1..60_u64 {
+        let z = 0.3 + 0.001 * ((k * 7) % 5) as f64;
+        let measured = Measurement { position: Vector3::new(f64::NAN, k as f64, z), covariance };
+        filter.step(k * PERIOD, Some(&measured)).unwrap();
+        height.step(k * PERIOD, Some(&at(z))).unwrap();
+    }
+    let (state, alone) = (filter.state().unwrap(), height.state().unwrap());
+    assert_eq!((state.position.x, state.position.y), (0.0, 0.0));
+    assert!(state.pp[(0, 0)] >= 1.0 && state.pp[(1, 1)] >= 1.0);
+    assert_eq!(filter.counts(), height.counts());
+    assert!((state.position.z - alone.position.x).abs() < 1e-12);
+    assert!((state.pp[(2, 2)] / alone.pp.x - 1.0).abs() < 1e-9);
+    // A channel that is measured later takes the measurement as it is.
+    let open = Measurement {
+        position: Vector3::new(5.0, 0.0, 0.0),
+        covariance: Matrix3::from_diagonal(&Vector3::new(1e-6, f64::INFINITY, f64::INFINITY)),
+    };
+    let mut far = Kalman::<3>::new(KalmanParams { gate: 1e9, ..params() }).unwrap();
+    far.step(1, Some(&Measurement { position: Vector3::zeros(), covariance })).unwrap();
+    far.step(PERIOD, Some(&open)).unwrap();
+    assert!((far.state().unwrap().position.x - 5.0).abs() < 1e-4);
+}
+
+#[test]
+fn measurement_of_nothing_is_refused() {
+    let (mut filter, now) = settled();
+    let nothing = Measurement { covariance: Matrix1::new(f64::INFINITY), ..at(0.5) };
+    assert_eq!(filter.step(now + PERIOD, Some(&nothing)), Ok(Outcome::Refused));
 }

@@ -1,11 +1,11 @@
 //! The filter against the test vectors of SCIENCE D and a recorded sequence.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
-use nalgebra::{Matrix1, Vector1};
+use nalgebra::{Matrix1, Matrix2, Vector1};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use stillpoint_estimate::{Kalman, KalmanParams, Measurement, State};
+use stillpoint_estimate::cross;
+use stillpoint_estimate::fusion::{cross_covariance, fused, inverse_variance, joint};
+use stillpoint_estimate::{Kalman, KalmanParams, Measurement, ProcessNoise, State};
 
 const VECTORS: &str =
     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/d_kalman_fusion.json"));
@@ -32,8 +32,14 @@ fn assert_close(case: &Value, what: &str, found: f64, expected: f64) {
     );
 }
 
-fn params(acceleration_sd: f64) -> KalmanParams {
-    KalmanParams { acceleration_sd, initial_velocity_sd: 10.0, gate: f64::INFINITY }
+fn params(acceleration_sd: f64) -> KalmanParams<1> {
+    KalmanParams {
+        process: ProcessNoise::per_step(acceleration_sd),
+        open_sd: Vector1::new(1.0),
+        initial_velocity_sd: Vector1::new(10.0),
+        gate: f64::INFINITY,
+        horizon: u64::MAX,
+    }
 }
 
 fn measured(z: f64, r: f64) -> Measurement<1> {
@@ -51,13 +57,14 @@ fn track(input: &Value, z: &str, r: &str) -> Vec<State<1>> {
         pv: at(p0, 0, 1),
         vv: at(p0, 1, 1),
     };
-    let (dt, sigma_a, r) = (number(&input["dt"]), number(&input["sigma_a"]), Matrix1::new(number(&input[r])));
+    let (dt, r) = (number(&input["dt"]), number(&input[r]));
+    let process = ProcessNoise::per_step(number(&input["sigma_a"]));
     let mut states = Vec::new();
     for z in input[z].as_array().unwrap() {
-        state = state.predicted(dt, sigma_a);
+        state = state.predicted(dt, &process);
         if let Some(z) = z.as_f64() {
-            let innovation = state.innovation(&Vector1::new(z), &r).unwrap();
-            state = state.updated(&innovation, &r);
+            let z = measured(z, r);
+            state = state.updated(&state.innovation(&z).unwrap(), &z);
         }
         states.push(state);
     }
@@ -98,20 +105,60 @@ fn tracks_follow_the_vectors_through_missing_samples() {
 #[test]
 fn covariance_settles_at_the_riccati_solution() {
     for case in cases("kf_ss") {
-        let (dt, sigma_a) = (number(&case["in"]["dt"]), number(&case["in"]["sigma_a"]));
-        let r = Matrix1::new(number(&case["in"]["r"]));
-        let mut posterior = State::at_rest(Vector1::zeros(), r, 10.0);
+        let dt = number(&case["in"]["dt"]);
+        let process = ProcessNoise::per_step(number(&case["in"]["sigma_a"]));
+        let z = measured(0.0, number(&case["in"]["r"]));
+        let mut posterior = State::at_rest(&z, &Vector1::new(1.0), &Vector1::new(10.0));
         let mut prior = posterior;
         for _ in 0..5000 {
-            prior = posterior.predicted(dt, sigma_a);
-            posterior = prior.updated(&prior.innovation(&Vector1::zeros(), &r).unwrap(), &r);
+            prior = posterior.predicted(dt, &process);
+            posterior = prior.updated(&prior.innovation(&z).unwrap(), &z);
         }
-        let gain = prior.innovation(&Vector1::zeros(), &r).unwrap();
+        let gain = prior.innovation(&z).unwrap();
         let out = &case["out"];
         assert_close(&case, "position gain", gain.position_gain.x, number(&out["gain"][0][0]));
         assert_close(&case, "velocity gain", gain.velocity_gain.x, number(&out["gain"][1][0]));
         for (state, name) in [(prior, "P_prior"), (posterior, "P_post")] {
             assert_covariance(&case, name, &state, &out[name]);
+        }
+    }
+}
+
+#[test]
+fn fused_tracks_follow_the_vectors_as_printed_and_with_cross_covariance() {
+    for case in cases("kf") {
+        let (input, out) = (&case["in"], &case["out"]);
+        let dt = number(&input["dt"]);
+        let process = ProcessNoise::<1>::per_step(number(&input["sigma_a"]));
+        let (x1, x2) = (track(input, "z1", "r1"), track(input, "z2", "r2"));
+        let mut p12 = Matrix2::zeros();
+        let mut last = None;
+        for (k, (a, b)) in x1.iter().zip(&x2).enumerate() {
+            p12 = cross::predicted(&p12, dt, &process);
+            for (side, z, r) in [(0, "z1", "r1"), (1, "z2", "r2")] {
+                // The gain that the track had: K = P H^T / R after the update, none for a missing sample.
+                let own = [a, b][side];
+                let r = number(&input[r]);
+                if input[z][k].is_number() {
+                    let keep = cross::keep::<1, 2>(&[own.pp / r, own.pv / r]);
+                    p12 = if side == 0 { keep * p12 } else { p12 * keep.transpose() };
+                }
+            }
+            let (p1, p2) = (joint::<1, 2, _>(a), joint::<1, 2, _>(b));
+            let printed = fused(a, b, &inverse_variance(&p1, &p2).unwrap());
+            let best = fused(a, b, &cross_covariance(&p1, &p2, &p12).unwrap());
+            for (state, name) in [(printed, "x_fused_ivw"), (best, "x_fused_cross")] {
+                let expected = &out[name][k];
+                assert_close(&case, &format!("{name}[{k}] position"), state.position.x, number(&expected[0]));
+                assert_close(&case, &format!("{name}[{k}] velocity"), state.velocity.x, number(&expected[1]));
+            }
+            last = Some((printed, best));
+        }
+        let (printed, best) = last.unwrap();
+        assert_covariance(&case, "P_fused_ivw_last", &printed, &out["P_fused_ivw_last"]);
+        assert_covariance(&case, "P_fused_cross_last", &best, &out["P_fused_cross_last"]);
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            assert_close(&case, "P12_last", p12[(i, j)], number(&out["P12_last"][i][j]));
         }
     }
 }

@@ -1,0 +1,24 @@
+//! Whether a filter's covariance is the one of its errors: NIS and NEES.
+//!
+//! Over many steps of a filter whose model holds, NIS has the mean of its measured channels, and NEES that of the state's.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::state::Innovation;
+
+/// Normalised innovation squared, nu^T S^-1 nu; `None` where it is no number.
+#[must_use]
+pub fn nis<const N: usize>(innovation: &Innovation<N>) -> Option<f64> {
+    normalised(&innovation.residual, &innovation.covariance)
+}
+
+/// Normalised estimation error squared, e^T P^-1 e, of a position; `None` where it is no number.
+#[must_use]
+pub fn nees<const N: usize>(error: &SVector<f64, N>, covariance: &SMatrix<f64, N, N>) -> Option<f64> {
+    normalised(error, covariance)
+}
+
+fn normalised<const N: usize>(e: &SVector<f64, N>, p: &SMatrix<f64, N, N>) -> Option<f64> {
+    let squared = e.dot(&p.cholesky()?.solve(e));
+    squared.is_finite().then_some(squared)
+}

@@ -1,0 +1,172 @@
+//! `estimate.fuse`: the tracks of two sensors become one.
+
+use nalgebra::{Isometry3, SVector};
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{Cause, Diagnostics, Health, Sample, Track};
+
+use crate::channels::{Channels, Follow};
+use crate::cross::Side;
+use crate::operators::fusion::{Fusion, FusionOf, FusionParams, METRICS, NAMES};
+use crate::watch::WatchParams;
+
+const STATE: usize = 0;
+const HEALTH: usize = 1;
+const DIAGNOSTICS: usize = 2;
+
+/// How two tracks are weighed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Method {
+    /// By the covariances of both and of both together, which comes of the motion that they share.
+    CrossCovariance,
+    /// By the inverse of the covariances, as the source prints it; the covariance that it claims is too small.
+    InverseVariance,
+    /// By covariance intersection: safe where nothing is known of what the tracks have in common.
+    Intersection,
+}
+
+/// Parameters of `estimate.fuse`.
+#[derive(Clone, Debug, Params)]
+pub struct FuseParams {
+    /// What the tracks follow: the same as both filters.
+    #[param(default = "position")]
+    pub follow: Follow,
+    /// How the tracks are weighed.
+    #[param(default = "cross_covariance")]
+    pub method: Method,
+    /// Sensors disagree where the difference of a channel, beyond the tolerance and squared, is more than this many times
+    /// its variance.
+    #[param(default = 25, above = 0, max = 1000000000)]
+    pub gate: f64,
+    /// What the sensors may differ by for good: the residual of their extrinsics, and what each makes of a surface.
+    #[param(unit = "m", default = "1 mm", min = "0 mm", max = "1 m")]
+    pub tolerance: f64,
+    /// The same for rotations.
+    #[param(unit = "rad", default = "0.5 deg", min = "0 deg", max = "180 deg")]
+    pub angle_tolerance: f64,
+    /// A sensor that sent nothing for this long is silent, and a track that is older is not used.
+    #[param(unit = "ns", default = "200 ms", min = "1 ms", max = "1 min")]
+    pub timeout: u64,
+    /// A delay from acquisition to arrival that differs by more than this from the one before is a jump of a clock.
+    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 min")]
+    pub clock_jump: u64,
+    /// So many repetitions of the same measurement make a sensor frozen.
+    #[param(default = 3, min = 1)]
+    pub frozen_after: u64,
+    /// So many measurements in a row that its filter does not use leave a sensor out.
+    #[param(default = 3, min = 1)]
+    pub unused_after: u64,
+    /// So many good samples in a row bring a sensor back.
+    #[param(default = 5, min = 1)]
+    pub readmit_after: u64,
+}
+
+/// Track-to-track fusion (4.2.3, SCIENCE D3) of sensors of any rates.
+///
+/// Origins are taken to be on one clock, the session's, which sources map their own to; a constant error of one is
+/// estimated from the motion (`clock_offset_s`, not corrected), a jump leaves the sensor out. The tracks are those of
+/// `estimate.kalman` without `every:`, which carry the gains that the cross covariance needs.
+///
+/// A track sends the fused state at its origin, unless a newer one was sent; each tick sends it predicted to the tick. A
+/// sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate was is
+/// left out, and `health` says why; with neither left there is no estimate, and what is sent says so and has no numbers.
+pub struct EstimateFuse {
+    fusion: Box<dyn Fusion>,
+}
+
+impl Operator for EstimateFuse {
+    type Params = FuseParams;
+    const KIND: Kind = Kind {
+        name: "estimate.fuse",
+        about: "One track of two: fuses the tracks of two sensors, and leaves out one that fails.",
+        role: Role::Operator,
+        inputs: &[
+            Input {
+                name: NAMES[0],
+                sample: Track::KIND,
+                policy: Policy::Queue(8),
+                required: true,
+                about: "Track of one sensor, from a filter without timer.",
+            },
+            Input {
+                name: NAMES[1],
+                sample: Track::KIND,
+                policy: Policy::Queue(8),
+                required: true,
+                about: "Track of the other sensor, in the same frame.",
+            },
+        ],
+        outputs: &[
+            Output {
+                name: "state",
+                sample: Track::KIND,
+                frame: FrameRule::SameAs(NAMES[0]),
+                about: "The fused track at the sample's origin.",
+            },
+            Output {
+                name: "health",
+                sample: Health::KIND,
+                frame: FrameRule::None,
+                about: "Whether each sensor is used, and why not.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "Sensors used, weight of the second, offset of the clocks.",
+            },
+        ],
+        // Both sensors may fall silent, and that has to be said: somebody must look at the time.
+        timer: Timer::Required,
+    };
+
+    fn new(params: FuseParams, _: &Setup<'_>) -> Result<Self, SetupError> {
+        let fusion = FusionParams {
+            method: params.method,
+            gate: params.gate,
+            tolerance: params.tolerance,
+            angle_tolerance: params.angle_tolerance,
+            watch: WatchParams {
+                timeout: params.timeout,
+                clock_jump: params.clock_jump,
+                frozen_after: params.frozen_after,
+                unused_after: params.unused_after,
+                readmit_after: params.readmit_after,
+            },
+        };
+        Ok(Self {
+            fusion: match params.follow {
+                Follow::X => Box::new(FusionOf::<1, 2, SVector<f64, 1>>::new(fusion, Channels::axis(0))),
+                Follow::Y => Box::new(FusionOf::<1, 2, SVector<f64, 1>>::new(fusion, Channels::axis(1))),
+                Follow::Z => Box::new(FusionOf::<1, 2, SVector<f64, 1>>::new(fusion, Channels::axis(2))),
+                Follow::Position => {
+                    Box::new(FusionOf::<3, 6, SVector<f64, 3>>::new(fusion, Channels::POSITION))
+                }
+                Follow::Pose => Box::new(FusionOf::<6, 12, Isometry3<f64>>::new(fusion, Channels::POSE)),
+            },
+        })
+    }
+
+    fn capacities(_: &FuseParams) -> Vec<usize> {
+        vec![1, NAMES.len(), METRICS]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let time = activation.time;
+        let fused = if activation.cause == Cause::Timer {
+            Some(self.fusion.predict(time))
+        } else {
+            let side = if activation.port == 0 { Side::First } else { Side::Second };
+            let Some(view) = activation.fresh::<Track>(activation.port) else { return Ok(()) };
+            let Some(track) = view.first() else { return Ok(()) };
+            self.fusion.take(side, track, view.head.origin, time).map_err(StepError)?
+        };
+        if let Some(fused) = &fused {
+            outputs.send::<Track>(STATE, fused)?;
+        }
+        outputs.send_slice::<Health>(HEALTH, &(), &self.fusion.health(time))?;
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.fusion.metrics())
+    }
+}

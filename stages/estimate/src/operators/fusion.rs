@@ -1,0 +1,402 @@
+//! Two tracks of N channels become one: what `estimate.fuse` runs, whatever N is.
+
+use nalgebra::{SMatrix, SVector};
+use stillpoint_samples::{Metric, SensorHealth, Standing, TrackElement};
+
+use crate::channels::{Channels, InSamples, LocalTrack};
+use crate::cross::{CrossCovariance, Side, Update};
+use crate::fusion::{Weighted, cross_covariance, fused, intersection, inverse_variance, joint};
+use crate::offset::ClockOffset;
+use crate::operators::fuse::Method;
+use crate::process::ProcessNoise;
+use crate::state::State;
+use crate::watch::{Agreement, Fate, Report, Verdict, Watch, WatchParams};
+
+/// Numbers of a diagnostics sample.
+pub const METRICS: usize = 6;
+/// Names of the sensors: those of the inputs.
+pub const NAMES: [&str; 2] = ["first", "second"];
+/// Pairs that the offset of the clocks is estimated from: about two minutes of frames.
+const OFFSET_PAIRS: u32 = 4000;
+/// Updates whose tracks were lost and that are still made up for; by then a filter has forgotten the first.
+const MADE_UP: u64 = 8;
+
+/// What a fusion needs to know.
+#[derive(Clone, Copy, Debug)]
+pub struct FusionParams {
+    /// How the tracks are weighed.
+    pub method: Method,
+    /// Tracks are apart where a channel's difference, beyond the tolerance and squared, is more than this many times its
+    /// variance.
+    pub gate: f64,
+    /// What the sensors may differ by for good, m.
+    pub tolerance: f64,
+    /// The same for rotations, rad.
+    pub angle_tolerance: f64,
+    /// When a sensor is left out.
+    pub watch: WatchParams,
+}
+
+/// A fusion of tracks of any channels.
+pub trait Fusion: Send {
+    /// Takes a track acquired at `origin` that arrived at `time`, both ns. What is then known at `origin`, where that is
+    /// the newest time.
+    ///
+    /// # Errors
+    /// A track of other channels.
+    fn take(
+        &mut self,
+        side: Side,
+        track: &TrackElement,
+        origin: u64,
+        time: u64,
+    ) -> Result<Option<TrackElement>, String>;
+    /// What is known at `time`, ns.
+    fn predict(&mut self, time: u64) -> TrackElement;
+    /// The health of both sensors at `time`, ns.
+    fn health(&self, time: u64) -> [SensorHealth; 2];
+    /// Numbers about the fusion.
+    fn metrics(&self) -> [Metric; METRICS];
+}
+
+struct Sensor<const N: usize, X> {
+    watch: Watch,
+    /// The newest track, and when it was acquired.
+    track: Option<(u64, LocalTrack<N, X>)>,
+    run: u64,
+    used: u64,
+    left_out: u64,
+}
+
+/// Whether both sensors are left out because they are apart, and it cannot be told which is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Dispute {
+    None,
+    /// With so many samples in a row that were close again.
+    Open(u64),
+}
+
+/// Sensors are close where their distance is at most this part of the gate: half as many standard deviations.
+const CLOSE: f64 = 0.25;
+
+/// A [`Fusion`] of N channels; M is twice N.
+pub struct FusionOf<const N: usize, const M: usize, X> {
+    params: FusionParams,
+    channels: Channels<N>,
+    sensors: [Sensor<N, X>; 2],
+    cross: CrossCovariance<N, M>,
+    /// What was known when the sensors were last close, or one was left: (time in ns, state).
+    consensus: Option<(u64, State<N, X>)>,
+    dispute: Dispute,
+    offset: ClockOffset<N>,
+    distance: f64,
+    weight: f64,
+    lost: u64,
+    sent: u64,
+    run: u64,
+}
+
+impl<const N: usize, const M: usize, X: InSamples<N>> FusionOf<N, M, X> {
+    /// A fusion that has seen nothing.
+    pub fn new(params: FusionParams, channels: Channels<N>) -> Self {
+        let sensor = || Sensor { watch: Watch::new(params.watch), track: None, run: 0, used: 0, left_out: 0 };
+        Self {
+            params,
+            channels,
+            sensors: [sensor(), sensor()],
+            cross: CrossCovariance::new(ProcessNoise::per_step(0.0)),
+            consensus: None,
+            dispute: Dispute::None,
+            offset: ClockOffset::new(OFFSET_PAIRS),
+            distance: f64::NAN,
+            weight: f64::NAN,
+            lost: 0,
+            sent: 0,
+            run: 0,
+        }
+    }
+
+    /// Brings an update of one filter into the cross covariance.
+    fn record(&mut self, side: Side, origin: u64, run: u64, update: &Update<N>) {
+        let sensor = &mut self.sensors[side as usize];
+        let last = sensor.track.as_ref().map(|(origin, _)| *origin);
+        let missing = match update {
+            Update::Gain(_) if sensor.run > 0 => run.saturating_sub(sensor.run + 1),
+            _ => 0,
+        };
+        sensor.run = run;
+        self.lost += missing;
+        // Updates whose tracks were lost had about the gain of this one: it hardly changes in a settled filter.
+        let made_up = missing.min(MADE_UP);
+        let gap = origin.saturating_sub(last.unwrap_or(origin)) / (made_up + 1);
+        for k in (0..=made_up).rev() {
+            self.cross.record(side, origin - k * gap, *update);
+        }
+    }
+
+    /// The state of a sensor at `time`, if it is not older than the timeout.
+    fn state(&self, side: usize, time: u64) -> Option<State<N, X>> {
+        let (origin, track) = self.sensors[side].track.as_ref()?;
+        let age = time.saturating_sub(*origin);
+        let state = track.state.filter(|_| age <= self.params.watch.timeout)?;
+        Some(if age == 0 { state } else { state.predicted(age as f64 * 1e-9, &track.process) })
+    }
+
+    fn is_used(&self, side: usize) -> bool {
+        self.sensors[side].watch.verdict() == Verdict::Used
+    }
+
+    /// How far two states are from each other, over what they may be: the worst channel, squared.
+    fn distance(&self, a: &State<N, X>, b: &State<N, X>, p12: &SMatrix<f64, M, M>) -> f64 {
+        let tolerance = self.channels.each(self.params.tolerance, self.params.angle_tolerance);
+        let apart = b.position.minus(&a.position);
+        let beyond = |i: usize| (apart[i].abs() - tolerance[i]).max(0.0);
+        (0..N).fold(0.0, |worst: f64, i| {
+            let variance = a.pp[(i, i)] + b.pp[(i, i)] - 2.0 * p12[(i, i)];
+            worst.max(beyond(i) * beyond(i) / variance.max(f64::MIN_POSITIVE))
+        })
+    }
+
+    /// Where a sensor is, seen from the other; a sensor that turns out to be wrong while it is used is left out.
+    fn agreement(&mut self, side: Side, time: u64) -> Agreement {
+        let (own, other) = (side as usize, 1 - side as usize);
+        self.distance = f64::NAN;
+        let comparable = [Verdict::Used, Verdict::Disagrees, Verdict::Returning];
+        let theirs =
+            self.state(other, time).filter(|_| comparable.contains(&self.sensors[other].watch.verdict()));
+        let (Some(mine), Some(theirs)) = (self.state(own, time), theirs) else {
+            return match &mut self.dispute {
+                Dispute::None => Agreement::Unknown,
+                Dispute::Open(close) => {
+                    *close = 0;
+                    Agreement::Disputed
+                }
+            };
+        };
+        let p12 = self.p12(time);
+        self.distance = self.distance(&mine, &theirs, &p12);
+        if let Dispute::Open(close) = &mut self.dispute {
+            *close = if self.distance <= CLOSE * self.params.gate { *close + 1 } else { 0 };
+            return Agreement::Disputed;
+        }
+        if self.distance <= self.params.gate {
+            return Agreement::Together;
+        }
+        let newcomer = !matches!(self.sensors[own].watch.verdict(), Verdict::Used | Verdict::Waiting);
+        match (newcomer, self.is_used(other)) {
+            (true, _) => Agreement::Apart,
+            (false, false) => Agreement::Unknown,
+            (false, true) => self.blame(&mine, &theirs, other, time),
+        }
+    }
+
+    /// Two sensors that are used are apart: the one that left where both were is wrong. One that crept away took the
+    /// estimate along until they were no longer close; by now that is too long ago to tell, and neither is used.
+    fn blame(&mut self, mine: &State<N, X>, theirs: &State<N, X>, other: usize, time: u64) -> Agreement {
+        let process = self.sensors[other].track.as_ref().map(|(_, track)| track.process);
+        let before = self
+            .consensus
+            .zip(process)
+            .map(|((at, state), process)| state.predicted(time.saturating_sub(at) as f64 * 1e-9, &process));
+        let is_there = |state: &State<N, X>| {
+            // Without what the two have in common, so the variance is rather too large.
+            before.as_ref().is_some_and(|b| self.distance(state, b, &SMatrix::zeros()) <= self.params.gate)
+        };
+        match (is_there(mine), is_there(theirs)) {
+            (true, false) => {
+                self.sensors[other].watch.expel(time);
+                Agreement::Unknown
+            }
+            (false, true) => Agreement::Apart,
+            _ => {
+                self.dispute = Dispute::Open(0);
+                self.sensors[other].watch.expel(time);
+                Agreement::Disputed
+            }
+        }
+    }
+
+    /// Sensors in dispute come back together, when both have been close for long enough.
+    fn settle(&mut self, time: u64) {
+        if let Dispute::Open(close) = self.dispute
+            && close >= 2 * self.params.watch.readmit_after
+        {
+            self.dispute = Dispute::None;
+            self.sensors.iter_mut().for_each(|s| s.watch.reinstate(time));
+        }
+    }
+
+    /// What the rule has for the covariance of the errors of both tracks.
+    fn p12(&self, time: u64) -> SMatrix<f64, M, M> {
+        match self.params.method {
+            Method::CrossCovariance => self.cross.at(time),
+            Method::InverseVariance | Method::Intersection => SMatrix::zeros(),
+        }
+    }
+
+    fn weigh(
+        &self,
+        first: &State<N, X>,
+        second: &State<N, X>,
+        p12: &SMatrix<f64, M, M>,
+    ) -> Option<Weighted<M>> {
+        let (p1, p2) = (joint(first), joint(second));
+        match self.params.method {
+            Method::CrossCovariance => {
+                cross_covariance(&p1, &p2, p12).filter(|w| (0..M).all(|i| w.covariance[(i, i)] > 0.0))
+            }
+            Method::InverseVariance => inverse_variance(&p1, &p2),
+            Method::Intersection => None,
+        }
+        .or_else(|| intersection(&p1, &p2))
+    }
+
+    /// What the sensors that are used say of `time`.
+    fn fuse(&mut self, time: u64) -> Option<State<N, X>> {
+        let of = |side: usize| if self.is_used(side) { self.state(side, time) } else { None };
+        let state = match (of(0), of(1)) {
+            (Some(first), Some(second)) => {
+                let p12 = self.p12(time);
+                let weighted = self.weigh(&first, &second, &p12)?;
+                self.weight = weighted.weight[(0, 0)];
+                let state = fused(&first, &second, &weighted);
+                let variance =
+                    SVector::from_fn(|i, _| first.pp[(i, i)] + second.pp[(i, i)] - 2.0 * p12[(i, i)]);
+                self.offset.add(&second.position.minus(&first.position), &variance, &state.velocity);
+                state
+            }
+            (Some(only), None) => {
+                self.weight = 0.0;
+                only
+            }
+            (None, Some(only)) => {
+                self.weight = 1.0;
+                only
+            }
+            (None, None) => return None,
+        };
+        state.is_finite().then_some(state)
+    }
+
+    fn output(&mut self, time: u64, standing: Standing) -> TrackElement {
+        let state = self.fuse(time);
+        let process =
+            (0..2).find(|side| self.is_used(*side)).and_then(|side| self.sensors[side].track.as_ref());
+        let track = match (state, process) {
+            (Some(state), Some((_, track))) => {
+                let both = self.is_used(0) && self.is_used(1);
+                if !both || self.distance <= CLOSE * self.params.gate {
+                    self.consensus = Some((time, state));
+                }
+                self.run += 1;
+                let numbers = self.channels.track(&state, &track.process);
+                TrackElement { standing: standing as u32, run: self.run, ..numbers }
+            }
+            _ => {
+                self.weight = f64::NAN;
+                self.run = 0;
+                TrackElement { channels: self.channels.bits(), ..TrackElement::NONE }
+            }
+        };
+        self.sent += 1;
+        TrackElement {
+            accepted: self.sensors.iter().map(|s| s.used).sum(),
+            rejected: self.sensors.iter().map(|s| s.left_out).sum(),
+            ..track
+        }
+    }
+}
+
+impl<const N: usize, const M: usize, X: InSamples<N>> Fusion for FusionOf<N, M, X> {
+    fn take(
+        &mut self,
+        side: Side,
+        track: &TrackElement,
+        origin: u64,
+        time: u64,
+    ) -> Result<Option<TrackElement>, String> {
+        let own = side as usize;
+        let Some(local) = self.channels.read::<X>(track) else {
+            return Err(format!(
+                "`{}` has other channels than this fusion, or numbers that are none: give both filters and this the same `follow`",
+                NAMES[own]
+            ));
+        };
+        let fate = match track.standing() {
+            // A filter with a timer sends what it predicts between measurements: nothing new.
+            Standing::Predicted => return Ok(None),
+            Standing::Measured => Fate::Used,
+            Standing::Refused if track.nis.is_nan() => Fate::Refused,
+            Standing::Refused => Fate::Gated,
+            Standing::None => Fate::NoEstimate,
+        };
+        let report = Report { origin, arrival: time, repeated: track.repeated, fate };
+        let sound = self.sensors[own].watch.is_sound(&report);
+        if let [Some((_, a)), Some((_, b))] = [&self.sensors[0].track, &self.sensors[1].track]
+            && a.state.and(b.state).is_some()
+        {
+            self.cross.share(CrossCovariance::<N, M>::shared(&a.process, &b.process));
+        }
+        if let Some(update) = &local.update {
+            self.record(side, origin, track.run, update);
+        }
+        self.sensors[own].track = Some((origin, local));
+        self.sensors[1 - own].watch.look(time);
+        let newest = self.sensors[1 - own].track.as_ref().filter(|_| self.is_used(1 - own));
+        let at = newest.map_or(origin, |(newest, _)| origin.max(*newest));
+        let agreement = if sound { self.agreement(side, at) } else { Agreement::Unknown };
+        self.sensors[own].watch.see(report, agreement);
+        self.settle(time);
+        if self.sensors[own].watch.verdict() == Verdict::Clock {
+            // The times of what the tracks have in common are wrong.
+            self.cross.restart();
+        }
+        let used = self.is_used(own);
+        let sensor = &mut self.sensors[own];
+        *(if used { &mut sensor.used } else { &mut sensor.left_out }) += 1;
+        let other_is_newer =
+            self.is_used(1 - own) && self.state(1 - own, time).is_some() && (!used || at > origin);
+        if other_is_newer {
+            return Ok(None);
+        }
+        let standing = if fate == Fate::Used { Standing::Measured } else { Standing::Refused };
+        Ok(Some(self.output(origin, standing)))
+    }
+
+    fn predict(&mut self, time: u64) -> TrackElement {
+        for sensor in &mut self.sensors {
+            sensor.watch.look(time);
+        }
+        self.output(time, Standing::Predicted)
+    }
+
+    fn health(&self, time: u64) -> [SensorHealth; 2] {
+        let seconds = |from: u64| time.saturating_sub(from) as f64 * 1e-9;
+        std::array::from_fn(|side| {
+            let sensor = &self.sensors[side];
+            let verdict = sensor.watch.verdict();
+            SensorHealth {
+                age: sensor.watch.last().map_or(f64::NAN, |last| seconds(last.origin)),
+                since: if verdict == Verdict::Waiting { f64::NAN } else { seconds(sensor.watch.since()) },
+                distance: self.distance,
+                used: sensor.used,
+                left_out: sensor.left_out,
+                name: SensorHealth::field(NAMES[side]),
+                reason: SensorHealth::field(verdict.name()),
+            }
+        })
+    }
+
+    fn metrics(&self) -> [Metric; METRICS] {
+        let used = (0..2).filter(|side| self.is_used(*side)).count();
+        let offset = self.offset.estimate();
+        [
+            Metric::new("sensors_used", used as f64),
+            Metric::new("weight_of_second", self.weight),
+            Metric::new("clock_offset_s", offset.map_or(f64::NAN, |o| o.seconds)),
+            Metric::new("clock_offset_sd_s", offset.map_or(f64::NAN, |o| o.sd)),
+            Metric::new("tracks_lost", self.lost as f64),
+            Metric::new("sent", self.sent as f64),
+        ]
+    }
+}

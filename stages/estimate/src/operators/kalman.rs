@@ -1,0 +1,169 @@
+//! `estimate.kalman`: where what is measured is, and how fast it moves.
+
+use nalgebra::{Isometry3, SVector};
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{Cause, Diagnostics, Pose, Sample, Track};
+
+use crate::channels::{Channels, Follow, InSamples};
+use crate::kalman::{Kalman, KalmanParams};
+use crate::operators::filter::{Filter, FilterOf, Given, METRICS};
+use crate::operators::truths::Truths;
+use crate::process::{Hold, ProcessNoise};
+
+const MEASUREMENT: usize = 0;
+const TRUTH: usize = 1;
+const STATE: usize = 0;
+const DIAGNOSTICS: usize = 1;
+
+/// Parameters of `estimate.kalman`.
+#[derive(Clone, Debug, Params)]
+pub struct FilterParams {
+    /// What is followed: one coordinate of the position, all three, or the whole pose.
+    #[param(default = "position")]
+    pub follow: Follow,
+    /// Standard deviation of the acceleration, on each axis.
+    #[param(unit = "m/s2", default = "100 mm/s2", above = "0 mm/s2", max = "100 m/s2")]
+    pub acceleration_sd: f64,
+    /// Standard deviation of the angular acceleration, about each axis.
+    #[param(unit = "rad/s2", default = "60 deg/s2", above = "0 deg/s2", max = "1000 rad/s2")]
+    pub angular_acceleration_sd: f64,
+    /// How long an acceleration lasts. Without it, from one measurement to the next; give it where tracks of other rates
+    /// are fused with this one.
+    #[param(unit = "s", above = "0 s", max = "1 s")]
+    pub acceleration_hold: Option<f64>,
+    /// Standard deviation of the velocity before the first measurement, on each axis.
+    #[param(unit = "m/s", default = "50 mm/s", above = "0 mm/s", max = "10 m/s")]
+    pub initial_velocity_sd: f64,
+    /// Standard deviation of the angular velocity before the first measurement, about each axis.
+    #[param(unit = "rad/s", default = "30 deg/s", above = "0 deg/s", max = "100 rad/s")]
+    pub initial_angular_velocity_sd: f64,
+    /// Standard deviation of a coordinate that the first measurement leaves open.
+    #[param(unit = "m", default = "1 m", above = "0 m", max = "100 m")]
+    pub open_sd: f64,
+    /// Standard deviation of a rotation that the first measurement leaves open.
+    #[param(unit = "rad", default = "60 deg", above = "0 deg", max = "180 deg")]
+    pub open_angle_sd: f64,
+    /// Standard deviation of a measured coordinate, in place of what the measurement says of itself.
+    #[param(unit = "m", above = "0 m", max = "1 m")]
+    pub measurement_sd: Option<f64>,
+    /// Standard deviation of a measured rotation, in place of what the measurement says of itself.
+    #[param(unit = "rad", above = "0 rad", max = "180 deg")]
+    pub measurement_angle_sd: Option<f64>,
+    /// A measurement is refused where the innovation of a channel, squared, is more than this many times its variance.
+    #[param(default = 9, above = 0, max = 1000000000)]
+    pub gate: f64,
+    /// How long it predicts without a measurement that it uses. After that there is no estimate.
+    #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
+    pub horizon: u64,
+}
+
+/// Constant-velocity filter (SCIENCE D1-D2), from acquisition time to acquisition time.
+///
+/// Each measurement sends the state at its acquisition time; one that is refused sends the prediction. A direction of
+/// infinite variance is not used. A measurement acquired no later than the last one is counted as late and sends no
+/// state; where all are late for the horizon, the sensor's clock went back, and the track begins anew. With a timer,
+/// each tick sends the state predicted to the tick, which changes nothing in the filter. Where nothing was used for the
+/// horizon there is no estimate: what is sent then says so and has no numbers.
+pub struct EstimateKalman {
+    filter: Box<dyn Filter>,
+    truths: Truths,
+}
+
+impl Operator for EstimateKalman {
+    type Params = FilterParams;
+    const KIND: Kind = Kind {
+        name: "estimate.kalman",
+        about: "Position, or pose, and its rates from measurements: a Kalman filter of constant velocity.",
+        role: Role::Operator,
+        inputs: &[
+            Input {
+                name: "measurement",
+                sample: Pose::KIND,
+                policy: Policy::Queue(4),
+                required: true,
+                about: "Measured pose with its covariance; directions of infinite variance are not used.",
+            },
+            Input {
+                name: "truth",
+                sample: Pose::KIND,
+                policy: Policy::Queue(8),
+                required: false,
+                about: "True pose of the same thing, for the NEES alone.",
+            },
+        ],
+        outputs: &[
+            Output {
+                name: "state",
+                sample: Track::KIND,
+                frame: FrameRule::SameAs("measurement"),
+                about: "Mean and covariance at the sample's origin.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "NIS, NEES, and what became of the measurements so far.",
+            },
+        ],
+        timer: Timer::Optional,
+    };
+
+    fn new(params: FilterParams, _: &Setup<'_>) -> Result<Self, SetupError> {
+        let filter = match params.follow {
+            Follow::X => filter::<1, SVector<f64, 1>>(&params, Channels::axis(0))?,
+            Follow::Y => filter::<1, SVector<f64, 1>>(&params, Channels::axis(1))?,
+            Follow::Z => filter::<1, SVector<f64, 1>>(&params, Channels::axis(2))?,
+            Follow::Position => filter::<3, SVector<f64, 3>>(&params, Channels::POSITION)?,
+            Follow::Pose => filter::<6, Isometry3<f64>>(&params, Channels::POSE)?,
+        };
+        Ok(Self { filter, truths: Truths::default() })
+    }
+
+    fn capacities(_: &FilterParams) -> Vec<usize> {
+        vec![1, METRICS]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if activation.cause == Cause::Timer {
+            return match self.filter.predict(activation.time) {
+                Some(track) => outputs.send::<Track>(STATE, &track),
+                None => Ok(()),
+            };
+        }
+        if let Some(truth) = activation.fresh::<Pose>(TRUTH)
+            && let Some(pose) = truth.first()
+        {
+            self.truths.keep(truth.head.origin, *pose);
+        }
+        let Some(measured) = activation.fresh::<Pose>(MEASUREMENT) else { return Ok(()) };
+        let Some(pose) = measured.first() else { return Ok(()) };
+        let step = self.filter.measure(pose, measured.head.origin, activation.time, &self.truths);
+        if let Some(track) = &step.track {
+            outputs.send::<Track>(STATE, track)?;
+        }
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &step.metrics)
+    }
+}
+
+fn filter<const N: usize, X: InSamples<N>>(
+    params: &FilterParams,
+    channels: Channels<N>,
+) -> Result<Box<dyn Filter>, SetupError> {
+    let process = ProcessNoise {
+        acceleration_sd: channels.each(params.acceleration_sd, params.angular_acceleration_sd),
+        hold: params.acceleration_hold.map_or(Hold::Step, Hold::Seconds),
+    };
+    let kalman = Kalman::<N, X>::new(KalmanParams {
+        process,
+        open_sd: channels.each(params.open_sd, params.open_angle_sd),
+        initial_velocity_sd: channels.each(params.initial_velocity_sd, params.initial_angular_velocity_sd),
+        gate: params.gate,
+        horizon: params.horizon,
+    })
+    .map_err(|e| SetupError(e.to_string()))?;
+    let given = Given { length: params.measurement_sd, angle: params.measurement_angle_sd };
+    Ok(Box::new(FilterOf::new(kalman, channels, given)))
+}

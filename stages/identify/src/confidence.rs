@@ -1,0 +1,79 @@
+//! Poles and DC gain of a model, and how well they are known: single entries of B are not, these are.
+
+use nalgebra::{Complex, DMatrix, DVector};
+use serde::Serialize;
+
+use crate::companion::Companion;
+
+/// A number and its standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sd: f64,
+}
+
+/// A pole of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pole {
+    /// Real part.
+    pub re: Estimate,
+    /// Imaginary part.
+    pub im: Estimate,
+    /// Distance from 0; 1 and more is unstable.
+    pub modulus: Estimate,
+}
+
+/// The poles, by real and imaginary part, with what the covariance of the parameters says of them: for a root z of the
+/// characteristic polynomial p, dz / dr_j = z^j / p'(z), r being the last row of A.
+pub fn poles(model: &Companion, covariance: &DMatrix<f64>) -> Vec<Pole> {
+    let n = model.order();
+    let mut roots: Vec<Complex<f64>> = model.a().complex_eigenvalues().iter().copied().collect();
+    roots.sort_by(|a, b| (a.re, a.im).partial_cmp(&(b.re, b.im)).unwrap_or(std::cmp::Ordering::Equal));
+    let one = Complex::new(1.0, 0.0);
+    roots
+        .into_iter()
+        .map(|z| {
+            let power = |k: usize| (0..k).fold(one, |product, _| product * z);
+            let slope = (1..n)
+                .fold(power(n - 1) * n as f64, |sum, j| sum - power(j - 1) * (j as f64 * model.last[j]));
+            let by: Vec<Complex<f64>> = (0..n).map(|j| power(j) / slope).collect();
+            let sd = |part: &dyn Fn(&Complex<f64>) -> f64| {
+                let gradient = DVector::from_iterator(n, by.iter().map(part));
+                variance(&gradient, covariance).sqrt()
+            };
+            let modulus = z.norm();
+            Pole {
+                re: Estimate { value: z.re, sd: sd(&|d| d.re) },
+                im: Estimate { value: z.im, sd: sd(&|d| d.im) },
+                modulus: Estimate {
+                    value: modulus,
+                    sd: sd(&|d| if modulus > 0.0 { (z.re * d.re + z.im * d.im) / modulus } else { d.norm() }),
+                },
+            }
+        })
+        .collect()
+}
+
+/// C (I - A)^-1 B, and its deviation; infinite where 1 is a pole.
+pub fn dc_gain(model: &Companion, covariance: &DMatrix<f64>) -> Estimate {
+    let n = model.order();
+    let Some(inverse) = (DMatrix::identity(n, n) - model.a()).try_inverse() else {
+        return Estimate { value: f64::INFINITY, sd: f64::INFINITY };
+    };
+    let state = &inverse * &model.input;
+    // d(C M B) = C M (dA M B + dB) with M = (I - A)^-1; dA is in the last row.
+    let mut gradient = DVector::zeros(2 * n);
+    for j in 0..n {
+        gradient[j] = inverse[(0, n - 1)] * state[j];
+        gradient[n + j] = inverse[(0, j)];
+    }
+    Estimate { value: state[0], sd: variance(&gradient, covariance).sqrt() }
+}
+
+/// g^T P g for the first numbers of the parameters.
+fn variance(gradient: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
+    let n = gradient.len();
+    (gradient.transpose() * covariance.view((0, 0), (n, n)) * gradient)[0].max(0.0)
+}
