@@ -1,0 +1,46 @@
+//! DICOM in and out: CT and RTSTRUCT to cases, RTPLAN and RTDOSE of plans.
+//!
+//! Read: single-frame CT, little endian and uncompressed, axial, head first supine; structure sets of closed planar
+//! contours. What differs is refused with the file and the tag. No patient's name, ID or birth date enters a case; UIDs
+//! do.
+//!
+//! - `layout`: whether a file's lengths hold together, before a parser trusts them
+//! - `dataset`: the data set in a file's bytes
+//! - `element`: typed values of tags, with errors that name the tag
+//! - `slice`: one CT image
+//! - `series`: CT images to a volume
+//! - `roi`: the contours of a structure set
+//! - `raster`: contours to masks
+//! - `import`: a folder to a case
+//! - `identity`: whose plan it is, read again at export and never kept
+//! - `write`: what RTPLAN and RTDOSE share
+//! - `plan`: RTPLAN
+//! - `dose`: RTDOSE
+
+#![forbid(unsafe_code)]
+
+mod dataset;
+mod dose;
+mod element;
+mod identity;
+mod import;
+mod layout;
+mod plan;
+mod raster;
+mod roi;
+mod series;
+mod slice;
+mod write;
+
+pub use dataset::{DataSet, ReadError};
+pub use dose::{PlannedDose, dose_file};
+pub use element::TagError;
+pub use identity::Identity;
+pub use import::{ImportError, Request, import_folder};
+pub use layout::LayoutError;
+pub use plan::{Beam, Machine, Plan, plan_file};
+pub use raster::{Contour, Rastered, rasterise};
+pub use roi::{Roi, Rois};
+pub use series::{SeriesError, Volume, volume};
+pub use slice::Slice;
+pub use write::{Export, ExportError, Exported, uids_of};

@@ -1,0 +1,9 @@
+//! DICOM in and out.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod export;
+mod fixture;
+mod import;
+mod planning_data;
+mod raster;

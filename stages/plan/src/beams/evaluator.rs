@@ -1,0 +1,271 @@
+//! What a set of beams costs: solved, cached and counted.
+
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::price::{Slopes, promise};
+use super::ring::{BeamSet, Ring};
+use crate::dose::CachedBeam;
+use crate::fluence::{Goals, GoalsError, Options, Plan, solve_plan};
+use crate::threads::on_threads;
+use crate::{Csc, CscRef};
+
+/// The dose matrices of all beams of a ring.
+pub trait Influence: Sync {
+    /// The matrix of a beam: rows are voxels of the dose grid, columns its bixels.
+    fn beam(&self, beam: u16) -> CscRef<'_>;
+}
+
+impl Influence for [Csc] {
+    fn beam(&self, beam: u16) -> CscRef<'_> {
+        self[usize::from(beam)].view()
+    }
+}
+
+impl Influence for [CachedBeam] {
+    fn beam(&self, beam: u16) -> CscRef<'_> {
+        self[usize::from(beam)].beam.dose()
+    }
+}
+
+/// How many sets may be solved. A solve is any evaluation of a set to 1e-3 or better, cut short or not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// Solves.
+    pub solves: usize,
+}
+
+/// A set of beams with its best fluence.
+#[derive(Clone, Debug)]
+pub struct Evaluated {
+    /// The beams.
+    pub beams: BeamSet,
+    /// What the plan costs: its objective.
+    pub cost: f64,
+    /// Where each beam's weights start in the plan's; one more at the end.
+    pub starts: Vec<usize>,
+    /// The fluence.
+    pub plan: Plan,
+}
+
+/// Why an evaluation was not made.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum Stop {
+    /// The budget is spent.
+    #[error("the budget of solves is spent")]
+    Spent,
+    /// The goals and matrices make no problem.
+    #[error(transparent)]
+    Goals(#[from] GoalsError),
+}
+
+/// Progress, after each solve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// Solves until now.
+    pub solves: usize,
+    /// Beams priced by a gradient until now.
+    pub prices: usize,
+    /// Cost of the set just solved.
+    pub cost: f64,
+    /// Least cost of a set of as many beams as the plan has; infinite before the first.
+    pub best: f64,
+    /// The set just solved.
+    pub beams: BeamSet,
+}
+
+/// Accuracy of a solve: a thousandth of what counts as one.
+const ACCURACY: Options = Options { tolerance: 1e-6, max_steps: 400, dense_columns: 3000 };
+
+/// Solves sets of beams for a search, each once, and counts what that takes.
+///
+/// Any search stands on this: it sees costs, fluences and prices, and ends when [`Stop::Spent`] comes. Results do not
+/// depend on the number of threads.
+pub struct Evaluator<'a, I: Influence + ?Sized> {
+    influence: &'a I,
+    goals: &'a Goals,
+    ring: Ring,
+    beams: usize,
+    budget: Budget,
+    threads: NonZeroUsize,
+    cache: BTreeMap<BeamSet, Arc<Evaluated>>,
+    prices: usize,
+    best: Option<Arc<Evaluated>>,
+    history: Vec<Progress>,
+    on_progress: Box<dyn FnMut(&Progress) + 'a>,
+}
+
+impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
+    /// For plans of `beams` beams.
+    pub fn new(influence: &'a I, goals: &'a Goals, ring: Ring, beams: usize, budget: Budget) -> Self {
+        Self {
+            influence,
+            goals,
+            ring,
+            beams,
+            budget,
+            threads: NonZeroUsize::MIN,
+            cache: BTreeMap::new(),
+            prices: 0,
+            best: None,
+            history: Vec::new(),
+            on_progress: Box::new(|_| ()),
+        }
+    }
+
+    /// Solves and prices on up to so many threads.
+    #[must_use]
+    pub fn with_threads(mut self, threads: NonZeroUsize) -> Self {
+        self.threads = threads;
+        self
+    }
+
+    /// Calls this after each solve.
+    #[must_use]
+    pub fn with_progress(mut self, on_progress: impl FnMut(&Progress) + 'a) -> Self {
+        self.on_progress = Box::new(on_progress);
+        self
+    }
+
+    /// The ring.
+    pub fn ring(&self) -> Ring {
+        self.ring
+    }
+
+    /// Beams of a plan.
+    pub fn beams(&self) -> usize {
+        self.beams
+    }
+
+    /// Solves until now.
+    pub fn solves(&self) -> usize {
+        self.history.len()
+    }
+
+    /// Solves that are left.
+    pub fn solves_left(&self) -> usize {
+        self.budget.solves.saturating_sub(self.solves())
+    }
+
+    /// Beams priced by a gradient until now.
+    pub fn prices(&self) -> usize {
+        self.prices
+    }
+
+    /// The best set of as many beams as a plan has.
+    pub fn best(&self) -> Option<&Arc<Evaluated>> {
+        self.best.as_ref()
+    }
+
+    /// Every solve, in order.
+    pub fn history(&self) -> &[Progress] {
+        &self.history
+    }
+
+    /// Whether a set was solved before: evaluating it again costs nothing.
+    pub fn knows(&self, set: &BeamSet) -> bool {
+        self.cache.contains_key(set)
+    }
+
+    /// The set with its best fluence, found from that of a neighbouring set where one is given.
+    pub fn evaluate(&mut self, set: &BeamSet, near: Option<&Evaluated>) -> Result<Arc<Evaluated>, Stop> {
+        self.evaluate_all(std::slice::from_ref(set), near)?.pop().ok_or(Stop::Spent)
+    }
+
+    /// As many of the sets, in their order, as the budget allows; at least one, or [`Stop::Spent`].
+    pub fn evaluate_all(
+        &mut self,
+        sets: &[BeamSet],
+        near: Option<&Evaluated>,
+    ) -> Result<Vec<Arc<Evaluated>>, Stop> {
+        let mut missing: Vec<&BeamSet> = Vec::new();
+        let mut within = 0;
+        for set in sets {
+            if !self.knows(set) && !missing.contains(&set) {
+                if missing.len() == self.solves_left() {
+                    break;
+                }
+                missing.push(set);
+            }
+            within += 1;
+        }
+        if within == 0 && !sets.is_empty() {
+            return Err(Stop::Spent);
+        }
+        let (influence, goals) = (self.influence, self.goals);
+        for solved in on_threads(&missing, self.threads, |set| solve(influence, goals, set, near))? {
+            self.take(solved);
+        }
+        Ok(sets[..within].iter().filter_map(|set| self.cache.get(set).cloned()).collect())
+    }
+
+    fn take(&mut self, solved: Evaluated) {
+        let solved = Arc::new(solved);
+        let better = self.best.as_ref().is_none_or(|best| solved.cost < best.cost);
+        if better && solved.beams.beams().len() == self.beams {
+            self.best = Some(Arc::clone(&solved));
+        }
+        let progress = Progress {
+            solves: self.solves() + 1,
+            prices: self.prices,
+            cost: solved.cost,
+            best: self.best.as_ref().map_or(f64::INFINITY, |best| best.cost),
+            beams: solved.beams.clone(),
+        };
+        (self.on_progress)(&progress);
+        self.history.push(progress);
+        self.cache.insert(solved.beams.clone(), solved);
+    }
+
+    /// How much each of `candidates` promises beside a solved set, or beside no beam at all. Counted, one for each.
+    pub fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+        self.prices += candidates.len();
+        let influence = self.influence;
+        let voxels = influence.beam(0).rows;
+        let slopes = match beside {
+            Some(beside) => Slopes::new(self.goals, &beside.plan, voxels),
+            None => {
+                let none = solve_plan(&self.goals.problem(&[])?, None, ACCURACY).map_err(GoalsError::from)?;
+                Slopes::new(self.goals, &none, voxels)
+            }
+        };
+        on_threads(candidates, self.threads, |beam| Ok(promise(influence.beam(*beam), &slopes)))
+    }
+}
+
+fn solve(
+    influence: &(impl Influence + ?Sized),
+    goals: &Goals,
+    set: &BeamSet,
+    near: Option<&Evaluated>,
+) -> Result<Evaluated, GoalsError> {
+    let matrices: Vec<CscRef<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
+    let mut starts = vec![0];
+    for matrix in &matrices {
+        starts.push(starts[starts.len() - 1] + matrix.columns());
+    }
+    // A beam that the neighbour lacks starts with the mean weight of those that it has.
+    let start = near.filter(|near| near.plan.weights.iter().any(|w| *w > 0.0)).map(|near| {
+        let mean = near.plan.weights.iter().sum::<f64>() / near.plan.weights.len() as f64;
+        let mut weights = vec![mean; starts[matrices.len()]];
+        for (i, beam) in set.beams().iter().enumerate() {
+            if let Some(known) = near.weights_of(*beam) {
+                weights[starts[i]..starts[i + 1]].copy_from_slice(known);
+            }
+        }
+        weights
+    });
+    let plan = solve_plan(&goals.problem(&matrices)?, start.as_deref(), ACCURACY)?;
+    Ok(Evaluated { beams: set.clone(), cost: plan.certificate.objective, starts, plan })
+}
+
+impl Evaluated {
+    /// Weights of one of its beams.
+    pub fn weights_of(&self, beam: u16) -> Option<&[f64]> {
+        let at = self.beams.beams().binary_search(&beam).ok()?;
+        Some(&self.plan.weights[self.starts[at]..self.starts[at + 1]])
+    }
+}

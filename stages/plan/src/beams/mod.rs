@@ -1,0 +1,42 @@
+//! Beam angles: the classical ways to choose them (ch. 5.1, SCIENCE G1), counted in solves.
+//!
+//! ```
+//! use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose};
+//! use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+//! use stillpoint_plan::Csc;
+//!
+//! // Two voxels, six beams of one bixel: those with even numbers reach the target, voxel 0.
+//! let matrix = |beam: u32| Csc::new(2, vec![0, 1], vec![beam % 2], vec![1.0 + beam as f32]);
+//! let beams: Vec<Csc> = (0..6).map(matrix).collect::<Result<_, _>>()?;
+//! let target = Wanted {
+//!     name: "target".into(),
+//!     voxels: vec![0],
+//!     objectives: vec![Objective::Underdose { dose: 60.0, weight: 1.0 }],
+//! };
+//! let goals = Goals::new(vec![target], 2)?;
+//! let mut evaluator = Evaluator::new(&beams[..], &goals, Ring::new(6, 2)?, 2, Budget { solves: 4 });
+//! let choice = choose(&Method::Greedy, &mut evaluator, 1)?;
+//! assert_eq!(choice.best.beams.beams().len(), 2);
+//! assert_eq!(evaluator.solves(), 2);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! - `ring`: angles, distances, legal sets
+//! - `evaluator`: what a set costs: solved once, cached, counted
+//! - `price`: what a beam promises beside a plan
+//! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
+
+mod annealing;
+mod columns;
+mod evaluator;
+mod exchange;
+mod greedy;
+mod method;
+mod price;
+mod random;
+mod ring;
+
+pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Progress, Stop};
+pub use method::{Choice, ChoiceError, Method, choose, class_solution, rotations};
+pub use random::set as random_set;
+pub use ring::{BeamSet, Ring, RingError};

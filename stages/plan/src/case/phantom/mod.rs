@@ -1,0 +1,164 @@
+//! The project's own male pelvis: a case for everyone, made from a seed.
+//!
+//! It has the six structures of the dissertation (5.2: body, bladder, rectum, both femoral heads, PTV) and the CTV within
+//! the PTV. It is no patient and no mean of patients: sizes are drawn from ranges of ordinary adult anatomy so that plans
+//! have the conflicts of the real ones (rectum and bladder beside the target, hips in the lateral beams).
+//!
+//! - `anatomy`: sizes drawn from the seed, and which tissue is where
+//! - `texture`: noise of tissue and scanner
+
+mod anatomy;
+mod texture;
+
+use anatomy::{Anatomy, Part};
+use texture::Texture;
+
+use super::mask::Mask;
+use super::patient::{Case, CaseError, CaseParts, Prescription};
+use super::structure::{Role, Structure};
+use crate::Grid;
+
+const SPACING_MM: f64 = 3.0;
+const SLICES: usize = 64;
+/// Air around the body.
+const AROUND_MM: f64 = 15.0;
+/// From CTV to PTV, and less towards the rectum.
+const MARGIN_MM: f64 = 8.0;
+const MARGIN_TO_RECTUM_MM: f64 = 5.0;
+
+/// The pelvis of this seed; every seed is another man, and the same one on every machine.
+pub fn phantom(seed: u64) -> Result<Case, CaseError> {
+    let anatomy = Anatomy::of_seed(seed);
+    let grid = grid(&anatomy);
+    let len = grid.len();
+    let parts: Vec<Part> = (0..len).map(|i| anatomy.part(grid.centre_mm(grid.voxel(i)))).collect();
+    let of = |part: Part| Mask::from_fn(len, |i| parts[i] == part);
+    let ctv = of(Part::Prostate);
+    let body = Mask::from_fn(len, |i| parts[i] != Part::Air);
+    let ptv = widened(&grid, &ctv);
+    let rectum = Mask::from_fn(len, |i| matches!(parts[i], Part::RectumWall | Part::Stool | Part::Gas));
+    let head = |side: f64| Mask::from_fn(len, |i| anatomy.femoral_head(side, grid.centre_mm(grid.voxel(i))));
+    let mut texture = Texture::of_seed(seed, &grid);
+    let hu = parts.iter().enumerate().map(|(i, part)| texture.hu(*part, grid.voxel(i))).collect();
+    let structure = |name: &str, role, mask| Structure { name: name.to_owned(), role, mask };
+    Case::new(CaseParts {
+        name: format!("pelvis-{seed}"),
+        grid,
+        hu,
+        structures: vec![
+            structure("Body", Role::External, body),
+            structure("PTV", Role::Target, ptv),
+            structure("Rectum", Role::Organ, rectum),
+            structure("Bladder", Role::Organ, of(Part::Bladder)),
+            structure("FemoralHeadL", Role::Organ, head(1.0)),
+            structure("FemoralHeadR", Role::Organ, head(-1.0)),
+            structure("CTV", Role::ClinicalTarget, ctv),
+        ],
+        isocentre_mm: None,
+        prescription: vec![Prescription { structure: "PTV".to_owned(), dose_gy: 78.0 }],
+        fractions: Some(39),
+        reference_dose_gy: None,
+        uids: None,
+        provenance: format!("stillpoint's own model of a male pelvis, seed {seed}; no patient"),
+    })
+}
+
+/// A grid with the body in its middle.
+fn grid(anatomy: &Anatomy) -> Grid {
+    let [width, depth] = anatomy.half_widths_mm();
+    let count = |half: f64| 2 * libm::ceil((half + AROUND_MM) / SPACING_MM) as usize;
+    let counts = [count(width), count(depth), SLICES];
+    Grid {
+        counts,
+        spacing_mm: [SPACING_MM; 3],
+        origin_mm: counts.map(|n| -0.5 * SPACING_MM * (n as f64 - 1.0)),
+    }
+}
+
+/// The voxels within the margin of a mask's.
+fn widened(grid: &Grid, mask: &Mask) -> Mask {
+    let reach = libm::floor(MARGIN_MM / SPACING_MM) as isize;
+    let mut offsets = Vec::new();
+    for dz in -reach..=reach {
+        for dy in -reach..=reach {
+            for dx in -reach..=reach {
+                let back = if dy > 0 { MARGIN_TO_RECTUM_MM } else { MARGIN_MM };
+                let part = |steps: isize, margin: f64| steps as f64 * SPACING_MM / margin;
+                let [x, y, z] = [part(dx, MARGIN_MM), part(dy, back), part(dz, MARGIN_MM)];
+                if x * x + y * y + z * z <= 1.0 {
+                    offsets.push([dx, dy, dz]);
+                }
+            }
+        }
+    }
+    let mut inside = vec![false; grid.len()];
+    for index in mask.indices() {
+        let voxel = grid.voxel(index);
+        for offset in &offsets {
+            let at = [0, 1, 2].map(|axis| voxel[axis].wrapping_add_signed(offset[axis]));
+            if (0..3).all(|axis| at[axis] < grid.counts[axis]) {
+                inside[grid.index(at)] = true;
+            }
+        }
+    }
+    Mask::from_fn(grid.len(), |i| inside[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_seed_is_a_man_with_ordinary_volumes_and_the_conflicts_of_a_plan() {
+        for seed in 0..12 {
+            let case = phantom(seed).unwrap();
+            let structure = |name| case.structure(name).unwrap();
+            for (name, low, high) in [
+                ("Body", 9_000.0, 22_000.0),
+                ("PTV", 70.0, 200.0),
+                ("CTV", 25.0, 90.0),
+                ("Rectum", 30.0, 140.0),
+                ("Bladder", 60.0, 350.0),
+                ("FemoralHeadL", 35.0, 85.0),
+                ("FemoralHeadR", 35.0, 85.0),
+            ] {
+                let volume = case.volume_cm3(structure(name));
+                assert!((low..high).contains(&volume), "seed {seed}: {name} has {volume} cm3");
+            }
+            let shared =
+                |a, b| structure(a).mask.indices().filter(|&i| structure(b).mask.contains(i)).count();
+            assert_eq!(shared("CTV", "PTV"), structure("CTV").mask.count(), "seed {seed}");
+            assert!(shared("PTV", "Rectum") > 0 && shared("PTV", "Bladder") > 0, "seed {seed}");
+            assert_eq!(
+                shared("CTV", "Rectum") + shared("CTV", "Bladder") + shared("Rectum", "Bladder"),
+                0,
+                "seed {seed}"
+            );
+            for name in ["PTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR"] {
+                assert_eq!(shared(name, "Body"), structure(name).mask.count(), "seed {seed}: {name}");
+            }
+            let mean = |name| {
+                let mask = &structure(name).mask;
+                mask.indices().map(|i| f64::from(case.hu()[i])).sum::<f64>() / mask.count() as f64
+            };
+            assert!((0.0..20.0).contains(&mean("Bladder")) && mean("FemoralHeadL") > 200.0, "seed {seed}");
+            let left = structure("FemoralHeadL")
+                .mask
+                .indices()
+                .all(|i| case.grid().centre_mm(case.grid().voxel(i))[0] > 0.0);
+            assert!(left, "seed {seed}: left is +x");
+        }
+    }
+
+    #[test]
+    fn a_seed_is_one_man_everywhere() {
+        let hash = |seed| crate::case::content_hash(&phantom(seed).unwrap()).unwrap().to_string();
+        assert_eq!(hash(0), hash(0));
+        assert_ne!(hash(0), hash(1));
+        assert_eq!(
+            hash(0),
+            "bb2cd07ccd8cd65aa3a67c6dc9a98b79a67dcf5406dea889b15c1b936571c85a",
+            "the phantom of seed 0 has changed: plans and caches made for it are void"
+        );
+    }
+}

@@ -1,0 +1,140 @@
+//! Doses kept on disk, so that the same beam is computed once.
+
+use super::engine::DoseEngine;
+use super::error::DoseError;
+use super::file::{self, BeamFile, BeamFileError, Key};
+use crate::threads::on_threads;
+use sha2::{Digest, Sha256};
+use std::io::ErrorKind;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A folder of doses by beam. A file's name is the hash of all that its dose depends on.
+#[derive(Clone, Debug)]
+pub struct DoseCache {
+    folder: PathBuf,
+}
+
+/// A beam from the cache.
+#[derive(Debug)]
+pub struct CachedBeam {
+    /// The beam's dose.
+    pub beam: BeamFile,
+    /// How it came there.
+    pub origin: Origin,
+}
+
+/// How a beam came to be in the cache.
+#[derive(Debug)]
+pub enum Origin {
+    /// It was there.
+    Found,
+    /// It was computed.
+    Computed,
+    /// A file was there that could not be used; the dose was computed again. Worth a word to the user.
+    Replaced(BeamFileError),
+}
+
+/// Why the cache gives no dose.
+#[derive(Debug, Error)]
+pub enum CacheError {
+    /// The dose cannot be computed.
+    #[error(transparent)]
+    Dose(#[from] DoseError),
+    /// The folder or a file cannot be written.
+    #[error("the dose cache cannot write {}: {source}; give another folder, or make room", path.display())]
+    Write {
+        /// Which file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// What was just written cannot be read.
+    #[error("the dose cache cannot use {}, which it has just written: {source}", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong.
+        source: BeamFileError,
+    },
+}
+
+impl DoseCache {
+    /// The cache in a folder, which is made if it is not there.
+    pub fn in_folder(folder: &Path) -> Result<Self, CacheError> {
+        match std::fs::create_dir_all(folder) {
+            Ok(()) => Ok(Self { folder: folder.to_owned() }),
+            Err(source) => Err(CacheError::Write { path: folder.to_owned(), source }),
+        }
+    }
+
+    /// The dose of one beam: from the folder, or computed and put there.
+    pub fn beam(&self, engine: &DoseEngine, gantry_deg: f64) -> Result<CachedBeam, CacheError> {
+        self.beam_of(engine, &engine_key(engine), gantry_deg)
+    }
+
+    /// The doses of several beams, those that are not there computed on several threads.
+    pub fn beams(
+        &self,
+        engine: &DoseEngine,
+        gantry_deg: &[f64],
+        threads: NonZeroUsize,
+    ) -> Result<Vec<CachedBeam>, CacheError> {
+        let key = engine_key(engine);
+        on_threads(gantry_deg, threads, |&deg| self.beam_of(engine, &key, deg))
+    }
+
+    fn beam_of(
+        &self,
+        engine: &DoseEngine,
+        engine_key: &Key,
+        gantry_deg: f64,
+    ) -> Result<CachedBeam, CacheError> {
+        let key = beam_key(engine_key, gantry_deg);
+        let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+        let path = self.folder.join(name + ".dose");
+        let origin = match BeamFile::open(&path, &key) {
+            Ok(beam) => return Ok(CachedBeam { beam, origin: Origin::Found }),
+            Err(BeamFileError::File(fault)) if fault.kind() == ErrorKind::NotFound => Origin::Computed,
+            Err(fault) => Origin::Replaced(fault),
+        };
+        let beam = engine.beam(gantry_deg)?;
+        match file::write(&path, &key, &beam) {
+            Ok(()) => {}
+            Err(source) => return Err(CacheError::Write { path, source }),
+        }
+        match BeamFile::open(&path, &key) {
+            Ok(beam) => Ok(CachedBeam { beam, origin }),
+            Err(source) => Err(CacheError::Read { path, source }),
+        }
+    }
+}
+
+/// Raised with every change that gives other doses for the same inputs.
+const METHOD: &[u8] = b"stillpoint pencil beam 1";
+
+/// Hash of everything that an engine's doses depend on.
+fn engine_key(engine: &DoseEngine) -> Key {
+    // Every field is named, so that a new one is thought of here.
+    let DoseEngine { machine, params, isocentre_mm, density, voxels, target_mm, image_spacing_mm } = engine;
+    let mut hash = Sha256::new();
+    let mut part = |bytes: &[u8]| {
+        hash.update((bytes.len() as u64).to_le_bytes());
+        hash.update(bytes);
+    };
+    part(METHOD);
+    // Debug output of numbers is exact: the shortest text that reads back as the same number.
+    part(format!("{:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?}", machine.file()).as_bytes());
+    part(zerocopy::IntoBytes::as_bytes(density.as_slice()));
+    part(zerocopy::IntoBytes::as_bytes(voxels.as_slice()));
+    part(zerocopy::IntoBytes::as_bytes(target_mm.as_slice()));
+    hash.finalize().into()
+}
+
+fn beam_key(engine_key: &Key, gantry_deg: f64) -> Key {
+    let mut hash = Sha256::new();
+    hash.update(engine_key);
+    hash.update(gantry_deg.to_bits().to_le_bytes());
+    hash.finalize().into()
+}

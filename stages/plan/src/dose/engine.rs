@@ -1,0 +1,199 @@
+//! The engine: a patient, a machine and params, made ready to give the dose of any beam.
+
+use super::beam::{self, BeamInfluence};
+use super::bixels::{self, BixelSpec};
+use super::density;
+use super::depth::corners;
+use super::error::DoseError;
+use super::machine::Machine;
+use crate::Grid;
+use crate::case::{Case, Mask};
+use crate::threads::on_threads;
+use std::num::NonZeroUsize;
+use std::ops::RangeInclusive;
+
+/// What the engine sees of a patient. Volumes have one entry for each voxel of `grid`.
+#[derive(Clone, Copy, Debug)]
+pub struct Anatomy<'a> {
+    /// Where the image's voxels are.
+    pub grid: Grid,
+    /// The image, Hounsfield units.
+    pub hu: &'a [i16],
+    /// The patient: what lies outside of it neither stops the beam nor gets dose.
+    pub external: &'a Mask,
+    /// All targets together.
+    pub target: &'a Mask,
+    /// Where the beams meet, mm in the patient frame.
+    pub isocentre_mm: [f64; 3],
+}
+
+/// How dose is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DoseParams {
+    /// Voxels that get dose.
+    pub grid: Grid,
+    /// Bixels of each beam.
+    pub bixels: BixelSpec,
+    /// Fluence that a bixel of weight 1 stands for.
+    pub fluence: Fluence,
+    /// Distance from a bixel's axis, on the isocentre plane, beyond which it gives no dose, mm.
+    pub cutoff_mm: f64,
+}
+
+impl DoseParams {
+    /// 10 mm bixels and a cutoff of 50 mm on a dose grid of this spacing over an image.
+    pub fn over(image: &Grid, spacing_mm: f64) -> Self {
+        Self {
+            grid: covering(image, spacing_mm),
+            bixels: BixelSpec::of_width(10.0),
+            fluence: Fluence::Uniform,
+            cutoff_mm: 50.0,
+        }
+    }
+}
+
+/// Fluence that a bixel of weight 1 stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fluence {
+    /// The same everywhere.
+    Uniform,
+    /// That of the open field at the bixel's centre, relative to the axis.
+    OpenField,
+}
+
+/// Dose of any beam to one patient.
+#[derive(Clone, Debug)]
+pub struct DoseEngine {
+    pub(super) machine: Machine,
+    pub(super) params: DoseParams,
+    pub(super) isocentre_mm: [f64; 3],
+    /// Relative electron density on the dose grid.
+    pub(super) density: Vec<f32>,
+    /// Voxels of the dose grid inside the patient, rising.
+    pub(super) voxels: Vec<u32>,
+    /// The target with its margin, as points of the patient frame, mm.
+    pub(super) target_mm: Vec<[f64; 3]>,
+    /// Greatest spacing of the image, mm.
+    pub(super) image_spacing_mm: f64,
+}
+
+/// Voxels that a grid may have.
+const MOST_VOXELS: usize = 1 << 28;
+/// Least distance from the source to the dose grid, mm.
+const SOURCE_CLEARANCE_MM: f64 = 100.0;
+
+impl DoseEngine {
+    /// Makes a case ready: its outline is the patient, its targets together are aimed at.
+    pub fn of_case(case: &Case, machine: Machine, params: DoseParams) -> Result<Self, DoseError> {
+        let target = Mask::from_fn(case.grid().len(), |voxel| case.targets().any(|t| t.mask.contains(voxel)));
+        let anatomy = Anatomy {
+            grid: *case.grid(),
+            hu: case.hu(),
+            external: &case.external().ok_or(DoseError::NoOutline)?.mask,
+            target: &target,
+            isocentre_mm: case.isocentre_mm(),
+        };
+        Self::new(&anatomy, machine, params)
+    }
+
+    /// Makes a patient ready.
+    pub fn new(anatomy: &Anatomy<'_>, machine: Machine, params: DoseParams) -> Result<Self, DoseError> {
+        let (image, grid) = (&anatomy.grid, &params.grid);
+        check_grid("the image", image)?;
+        check_grid("the dose grid", grid)?;
+        let length = |volume, found| match found == image.len() {
+            true => Ok(()),
+            false => Err(DoseError::Length { volume, expected: image.len(), found }),
+        };
+        length("the image", anatomy.hu.len())?;
+        length("the external contour's mask", anatomy.external.len())?;
+        length("the target's mask", anatomy.target.len())?;
+        in_range("width of a bixel", params.bixels.width_mm, 1.0..=100.0)?;
+        in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
+        in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
+        for place in anatomy.isocentre_mm {
+            in_range("place of the isocentre", place, -1e5..=1e5)?;
+        }
+        let sad_mm = machine.file().sad_mm;
+        let reach_mm = corners(grid)
+            .map(|[x, y, _]| libm::hypot(x - anatomy.isocentre_mm[0], y - anatomy.isocentre_mm[1]))
+            .fold(0.0, f64::max);
+        if reach_mm > sad_mm - SOURCE_CLEARANCE_MM {
+            return Err(DoseError::Far { reach_mm, most_mm: sad_mm - SOURCE_CLEARANCE_MM });
+        }
+
+        let target_mm = bixels::with_margin(image, anatomy.target, params.bixels.margin_mm);
+        if target_mm.is_empty() {
+            return Err(DoseError::NoTarget);
+        }
+        let voxels = density::voxels_inside(image, anatomy.external, grid);
+        if voxels.is_empty() {
+            return Err(DoseError::NoPatient);
+        }
+        Ok(Self {
+            density: density::on_grid(image, anatomy.hu, anatomy.external, &machine, grid),
+            voxels,
+            target_mm,
+            image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
+            isocentre_mm: anatomy.isocentre_mm,
+            machine,
+            params,
+        })
+    }
+
+    /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).
+    pub fn beam(&self, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
+        in_range("gantry angle", gantry_deg, 0.0..=360.0)?;
+        beam::influence(self, gantry_deg)
+    }
+
+    /// Dose of several beams, on several threads. Any number of threads gives the same bytes.
+    pub fn beams(&self, gantry_deg: &[f64], threads: NonZeroUsize) -> Result<Vec<BeamInfluence>, DoseError> {
+        on_threads(gantry_deg, threads, |&deg| self.beam(deg))
+    }
+}
+
+/// The grid of this spacing around the middle of an image that covers it.
+fn covering(image: &Grid, spacing_mm: f64) -> Grid {
+    let extent = |axis: usize| image.counts[axis] as f64 * image.spacing_mm[axis];
+    let counts: [usize; 3] = std::array::from_fn(|axis| (extent(axis) / spacing_mm).ceil() as usize);
+    let origin = |axis: usize| {
+        let middle = image.origin_mm[axis] + 0.5 * (extent(axis) - image.spacing_mm[axis]);
+        middle - 0.5 * (counts[axis] as f64 - 1.0) * spacing_mm
+    };
+    Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm: std::array::from_fn(origin) }
+}
+
+fn check_grid(what: &'static str, grid: &Grid) -> Result<(), DoseError> {
+    let voxels = grid.counts.iter().try_fold(1, |product: usize, &count| product.checked_mul(count));
+    if !voxels.is_some_and(|voxels| (1..=MOST_VOXELS).contains(&voxels)) {
+        return Err(DoseError::Voxels { what, counts: grid.counts, most: MOST_VOXELS });
+    }
+    for axis in 0..3 {
+        in_range("spacing of voxels", grid.spacing_mm[axis], 0.1..=100.0)?;
+        in_range("place of a grid", grid.origin_mm[axis], -1e5..=1e5)?;
+    }
+    Ok(())
+}
+
+fn in_range(what: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), DoseError> {
+    match range.contains(&value) {
+        true => Ok(()),
+        false => Err(DoseError::Number { what, value, least: *range.start(), most: *range.end() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dose_grid_covers_the_image_around_the_same_middle() {
+        let image = Grid { counts: [136, 80, 64], spacing_mm: [3.0; 3], origin_mm: [-202.5, -118.5, -94.5] };
+        let grid = covering(&image, 5.0);
+        assert_eq!(
+            grid,
+            Grid { counts: [82, 48, 39], spacing_mm: [5.0; 3], origin_mm: [-202.5, -117.5, -95.0] }
+        );
+    }
+}

@@ -1,0 +1,82 @@
+//! What can be wrong with what the engine is given.
+
+use crate::CscError;
+use thiserror::Error;
+
+/// Why dose cannot be computed.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum DoseError {
+    /// A volume does not belong to the image's grid.
+    #[error("{volume} has {found} values, but the image's grid has {expected} voxels")]
+    Length {
+        /// Which volume.
+        volume: &'static str,
+        /// Voxels of the grid.
+        expected: usize,
+        /// Values of the volume.
+        found: usize,
+    },
+    /// A grid has no voxels, or more than can be numbered.
+    #[error(
+        "{what} has {counts:?} voxels along x, y, z; it must have at least one and at most {most} in all"
+    )]
+    Voxels {
+        /// Which grid.
+        what: &'static str,
+        /// Voxels along its axes.
+        counts: [usize; 3],
+        /// The most in all.
+        most: usize,
+    },
+    /// A number is out of its range.
+    #[error("the {what} is {value}; it must be from {least} to {most} (lengths in mm, angles in degrees)")]
+    Number {
+        /// Which number.
+        what: &'static str,
+        /// What it is.
+        value: f64,
+        /// The least that it may be.
+        least: f64,
+        /// The most that it may be.
+        most: f64,
+    },
+    /// The source would be in the dose grid, or too near to it.
+    #[error(
+        "the dose grid reaches {reach_mm:.0} mm from the isocentre, too near to the source; it may reach {most_mm:.0} mm: check the isocentre, or take a smaller grid"
+    )]
+    Far {
+        /// Farthest voxel from the isocentre's axis, mm.
+        reach_mm: f64,
+        /// The most that it may be, mm.
+        most_mm: f64,
+    },
+    /// A case does not say where the patient is.
+    #[error("the case has no outline of the patient: name it in a names table, or contour it")]
+    NoOutline,
+    /// There is nothing to aim at.
+    #[error("the target has no voxel; there is nothing to place bixels on")]
+    NoTarget,
+    /// There is nobody to give dose to.
+    #[error("the external contour holds no voxel of the dose grid; check that both are in the same place")]
+    NoPatient,
+    /// A beam has too many bixels.
+    #[error("the beam at {gantry_deg} degrees has {found} bixels; it may have {most}: take wider ones")]
+    Bixels {
+        /// Gantry angle.
+        gantry_deg: f64,
+        /// Its bixels.
+        found: usize,
+        /// The most that there may be.
+        most: usize,
+    },
+    /// What was computed is no matrix.
+    #[error(
+        "the dose of the beam at {gantry_deg} degrees is no matrix: {fault}; check the machine's kernels"
+    )]
+    Matrix {
+        /// Gantry angle.
+        gantry_deg: f64,
+        /// What is wrong with it.
+        fault: CscError,
+    },
+}

@@ -1,0 +1,283 @@
+//! The file of one beam's dose, read where it lies.
+//!
+//! | bytes | what, all little endian |
+//! | --- | --- |
+//! | 0..8 | `SPDOSE01` |
+//! | 8..40 | the key: SHA-256 of all that the dose depends on |
+//! | 40..44 | CRC-32 of the bytes from 48 on |
+//! | 44..48 | 0 |
+//! | 48..56 | gantry angle, degrees, f64 |
+//! | 56..80 | rows, columns, entries, u64 each |
+//! | columns | bixel centres, two f64 each |
+//! | columns + 1 | column starts, u64 |
+//! | entries | rows, u32 |
+//! | entries | values, f32 |
+
+use super::beam::BeamInfluence;
+use crate::{CscError, CscRef};
+use std::io::{self, Write};
+use std::ops::Range;
+use std::path::Path;
+use stillpoint_map::{MappedFile, publish};
+use thiserror::Error;
+use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
+
+const MAGIC: &[u8; 8] = b"SPDOSE01";
+const HEADER: usize = 80;
+const _: () = assert!(cfg!(target_endian = "little"), "dose files are read where they lie");
+
+/// SHA-256 of all that a beam's dose depends on.
+pub(super) type Key = [u8; 32];
+
+/// Why a file is not the dose that is looked for.
+#[derive(Debug, Error)]
+pub enum BeamFileError {
+    /// It cannot be read.
+    #[error("{0}")]
+    File(#[from] io::Error),
+    /// It is another kind of file.
+    #[error("it is no dose file of version 1")]
+    Magic,
+    /// It belongs to other inputs.
+    #[error("it is the dose of another patient, machine or beam")]
+    Key,
+    /// Its header does not fit its size.
+    #[error("it has {found} bytes, but {rows} rows, {columns} columns and {entries} entries do not fit that")]
+    Size {
+        /// Bytes of the file.
+        found: usize,
+        /// Rows, as the header says.
+        rows: u64,
+        /// Columns, as the header says.
+        columns: u64,
+        /// Entries, as the header says.
+        entries: u64,
+    },
+    /// Its bytes have changed since it was written.
+    #[error("its checksum is {found:08x}, but {stored:08x} was written")]
+    Checksum {
+        /// Of the bytes that are there.
+        found: u32,
+        /// Of the bytes that were written.
+        stored: u32,
+    },
+    /// A bixel or the angle is not finite.
+    #[error("a bixel's place or the gantry angle is no number")]
+    Place,
+    /// Its entries are no matrix.
+    #[error("{0}")]
+    Matrix(#[from] CscError),
+}
+
+/// A beam's dose in a mapped file.
+#[derive(Debug)]
+pub struct BeamFile {
+    file: MappedFile,
+    layout: Layout,
+}
+
+impl BeamFile {
+    /// Maps and checks the file of this key.
+    pub(super) fn open(path: &Path, key: &Key) -> Result<Self, BeamFileError> {
+        let file = MappedFile::open(path)?;
+        let layout = Layout::of(file.bytes(), key)?;
+        Ok(Self { file, layout })
+    }
+
+    /// Gantry angle, degrees.
+    pub fn gantry_deg(&self) -> f64 {
+        self.layout.gantry_deg
+    }
+
+    /// Centres of the bixels on the isocentre plane, x and z in the beam's frame, mm.
+    pub fn bixels_mm(&self) -> &[[f64; 2]] {
+        self.layout.bixels(self.file.bytes())
+    }
+
+    /// Dose by voxel of the dose grid and bixel, gray per unit weight. All entries are positive.
+    pub fn dose(&self) -> CscRef<'_> {
+        self.layout.dose(self.file.bytes())
+    }
+
+    /// Size of the file, bytes.
+    pub fn size(&self) -> usize {
+        self.file.bytes().len()
+    }
+}
+
+/// Where the parts of a file are.
+#[derive(Clone, Debug)]
+struct Layout {
+    gantry_deg: f64,
+    rows: usize,
+    bixels: Range<usize>,
+    starts: Range<usize>,
+    row: Range<usize>,
+    value: Range<usize>,
+}
+
+impl Layout {
+    fn of(bytes: &[u8], key: &Key) -> Result<Self, BeamFileError> {
+        let header: &[u8; HEADER] = bytes.first_chunk().ok_or(BeamFileError::Magic)?;
+        let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| header[at + i]));
+        if header[..8] != *MAGIC {
+            return Err(BeamFileError::Magic);
+        }
+        if header[8..40] != *key {
+            return Err(BeamFileError::Key);
+        }
+        let (rows, columns, entries) = (word(56), word(64), word(72));
+        let size = || {
+            let mut end = HEADER;
+            let mut part = |count: usize, each: usize| {
+                let start = end;
+                end = end.checked_add(count.checked_mul(each)?)?;
+                Some(start..end)
+            };
+            let (columns, entries) = (usize::try_from(columns).ok()?, usize::try_from(entries).ok()?);
+            let layout = Self {
+                gantry_deg: f64::from_bits(word(48)),
+                rows: usize::try_from(rows).ok().filter(|&rows| u32::try_from(rows).is_ok())?,
+                bixels: part(columns, 16)?,
+                starts: part(columns.checked_add(1)?, 8)?,
+                row: part(entries, 4)?,
+                value: part(entries, 4)?,
+            };
+            (layout.value.end == bytes.len()).then_some(layout)
+        };
+        let layout = size().ok_or(BeamFileError::Size { found: bytes.len(), rows, columns, entries })?;
+
+        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(40));
+        if u64::from(found) != stored {
+            return Err(BeamFileError::Checksum { found, stored: stored as u32 });
+        }
+        if !layout.gantry_deg.is_finite()
+            || !layout.bixels(bytes).as_flattened().iter().all(|mm| mm.is_finite())
+        {
+            return Err(BeamFileError::Place);
+        }
+        layout.dose(bytes).check()?;
+        Ok(layout)
+    }
+
+    fn bixels<'a>(&self, bytes: &'a [u8]) -> &'a [[f64; 2]] {
+        numbers(&bytes[self.bixels.clone()])
+    }
+
+    fn dose<'a>(&self, bytes: &'a [u8]) -> CscRef<'a> {
+        CscRef {
+            rows: self.rows,
+            starts: numbers(&bytes[self.starts.clone()]),
+            row: numbers(&bytes[self.row.clone()]),
+            value: numbers(&bytes[self.value.clone()]),
+        }
+    }
+}
+
+/// The numbers that these bytes are. They are aligned, since a map starts at a page and each part where its numbers may.
+fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
+    <[T]>::ref_from_bytes(bytes).unwrap_or_default()
+}
+
+/// Writes a beam's dose.
+pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence) -> io::Result<()> {
+    let dose = beam.dose.view();
+    let sizes = [dose.rows as u64, dose.columns() as u64, dose.value.len() as u64];
+    let angle = beam.gantry_deg.to_bits();
+    let parts: [&[u8]; 6] = [
+        angle.as_bytes(),
+        sizes.as_bytes(),
+        beam.bixels_mm.as_bytes(),
+        dose.starts.as_bytes(),
+        dose.row.as_bytes(),
+        dose.value.as_bytes(),
+    ];
+    let mut checksum = crc32fast::Hasher::new();
+    parts.iter().for_each(|part| checksum.update(part));
+    publish(path, |file| {
+        file.write_all(MAGIC)?;
+        file.write_all(key)?;
+        file.write_all(&u64::from(checksum.finalize()).to_le_bytes())?;
+        parts.iter().try_for_each(|part| file.write_all(part))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Csc;
+    use proptest::prelude::*;
+    use proptest::sample::Index;
+    use proptest::test_runner::TestRunner;
+    use std::cell::Cell;
+
+    const KEY: Key = [7; 32];
+
+    fn beam() -> BeamInfluence {
+        let dose =
+            Csc::new(9, vec![0, 2, 2, 5], vec![1, 8, 0, 1, 2], vec![1.0, 0.5, 0.25, 2.0, 3.0]).unwrap();
+        BeamInfluence { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
+    }
+
+    #[test]
+    fn a_file_gives_back_the_beam_and_only_for_its_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("beam");
+        write(&path, &KEY, &beam()).unwrap();
+        let read = BeamFile::open(&path, &KEY).unwrap();
+        assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
+        assert_eq!(read.dose(), beam().dose.view());
+        assert!(matches!(BeamFile::open(&path, &[8; 32]), Err(BeamFileError::Key)));
+    }
+
+    #[test]
+    fn ten_thousand_broken_files_are_refused_or_hold_a_matrix() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("beam");
+        write(&path, &KEY, &beam()).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+
+        let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());
+        let (refused, used) = (Cell::new(0), Cell::new(0));
+        let config = ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() };
+        let outcome = TestRunner::new(config).run(&prop::collection::vec(harm, 1..3), |harms| {
+            let mut broken = whole.clone();
+            for (kind, at, word, sign) in harms {
+                match kind {
+                    0 => broken.truncate(at.index(broken.len() + 1)),
+                    1 => broken.extend(word.to_le_bytes()),
+                    // The numbers of the header: any, and those that nearly fit.
+                    2 if broken.len() >= HEADER => {
+                        broken[48 + 8 * at.index(4)..][..8].copy_from_slice(&word.to_le_bytes());
+                    }
+                    3 if broken.len() >= HEADER => broken[48 + 8 * at.index(4)] ^= word as u8 % 8,
+                    _ if !broken.is_empty() => {
+                        let at = at.index(broken.len());
+                        broken[at] = word as u8;
+                    }
+                    _ => {}
+                }
+                // Signed again, so that what lies behind the checksum is reached.
+                if sign && broken.len() >= 48 {
+                    let checksum = crc32fast::hash(&broken[48..]);
+                    broken[40..44].copy_from_slice(&checksum.to_le_bytes());
+                }
+            }
+            std::fs::write(&path, &broken)?;
+            match BeamFile::open(&path, &KEY) {
+                Err(fault) => {
+                    prop_assert!(!fault.to_string().is_empty());
+                    refused.set(refused.get() + 1);
+                }
+                Ok(read) => {
+                    prop_assert_eq!(read.dose().check(), Ok(()));
+                    prop_assert_eq!(read.bixels_mm().len(), read.dose().columns());
+                    used.set(used.get() + 1);
+                }
+            }
+            Ok(())
+        });
+        outcome.unwrap();
+        assert!(refused.get() > 5000 && used.get() > 100, "{} refused, {} used", refused.get(), used.get());
+    }
+}

@@ -1,0 +1,37 @@
+//! The dose of photon beams, by pencil beams.
+//!
+//! The method is that of Bortfeld, Schlegel and Rhein, Med. Phys. 20 (1993) 311: the fluence of each bixel is folded with
+//! three kernels, each with a depth dose of its own, over the water that lies between the source and the voxel.
+//!
+//! - `machine`: the machine file; `generic`: the machine that comes with the project
+//! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
+//! - `beam`: one beam, bixel by bixel
+//! - `bixels`: where the bixels of a beam stand
+//! - `kernel`: the lateral dose of a bixel
+//! - `depth`: radiological depth, by `siddon`'s segments of a line
+//! - `density`: the patient on the dose grid
+//! - `frame`: the beam's frame
+//! - `cache`: doses kept on disk, each in a `file`
+//! - `error`: what can be wrong
+
+mod beam;
+mod bixels;
+mod cache;
+mod density;
+mod depth;
+mod engine;
+mod error;
+mod file;
+pub(crate) mod frame;
+mod generic;
+mod kernel;
+mod machine;
+mod siddon;
+
+pub use beam::BeamInfluence;
+pub use bixels::{BixelCentre, BixelSpec};
+pub use cache::{CacheError, CachedBeam, DoseCache, Origin};
+pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
+pub use error::DoseError;
+pub use file::{BeamFile, BeamFileError};
+pub use machine::{Machine, MachineError, MachineFile};

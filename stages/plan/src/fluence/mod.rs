@@ -1,0 +1,32 @@
+//! Fluence: the weights of the bixels that come nearest to what is wanted (ch. 5.1.4, app. D; SCIENCE F).
+//!
+//! - `goals`: what is wanted of each structure, and the problem it makes of dose matrices
+//! - `plan`: its solution, DVH points included
+//! - `problem`: the one form that every objective comes to, with its errors
+//! - `voxels`: structures on the dose grid
+//! - `rows`: the dose matrix by rows
+//! - `newton`: the solver; `bounded`, `curvature`, `gram`, `cholesky`, `line` are its parts
+//! - `admm`: the source's solver, corrected
+//! - `certificate`: how far from the optimum a point is
+
+pub mod admm;
+mod bounded;
+mod certificate;
+mod cholesky;
+mod curvature;
+mod goals;
+mod gram;
+mod line;
+mod newton;
+mod plan;
+mod problem;
+mod rows;
+mod voxels;
+
+pub use certificate::Certificate;
+pub use goals::{Goals, GoalsError, Objective, PlanProblem, Wanted};
+pub use newton::{Options, Solution, solve};
+pub use plan::{Plan, solve as solve_plan};
+pub use problem::{Problem, ProblemError, Side, Term};
+pub use rows::{Csr, LEFT_OUT};
+pub use voxels::voxels_on;

@@ -1,0 +1,84 @@
+//! Solving the goals on some beams, DVH points included.
+
+use super::certificate::Certificate;
+use super::goals::{DvhPoint, PlanProblem};
+use super::newton::{self, Options};
+use super::problem::{Problem, ProblemError, Side, Term};
+
+/// Most times that the voxels of DVH points are chosen anew.
+const MAX_ROUNDS: usize = 30;
+
+/// A fluence with what it gives.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Weight of each bixel, in the order of the beams.
+    pub weights: Vec<f64>,
+    /// Dose of the voxels that an objective needs, Gy, in the order of [`super::Goals::voxels`].
+    pub dose: Vec<f64>,
+    /// How good it is. With DVH points it is that of the convex problem in which the voxels that cost are those chosen
+    /// by the last doses: then it proves a stationary point, not the best plan.
+    pub certificate: Certificate,
+    /// Slope of the objective in the dose of each voxel row, by which beams outside the plan are priced.
+    pub pull: Vec<f64>,
+    /// Curvature of the objective in the dose of each voxel row.
+    pub curvature: Vec<f64>,
+    /// Newton steps, over all rounds.
+    pub steps: usize,
+    /// Rounds of choosing the voxels of DVH points: 1 without any.
+    pub rounds: usize,
+}
+
+/// Solves it, from weights of the bixels where there are some.
+///
+/// A DVH point lets the `k` voxels go that would cost most: its cost is the least over the choice of the others. So
+/// choosing by dose and solving with that choice both lessen the objective; it ends where the choice stays.
+pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Result<Plan, ProblemError> {
+    let mut problem = goals.convex.clone();
+    let mut found = newton::solve(&problem, start, options);
+    let (mut steps, mut rounds) = (found.steps, 1);
+    let mut chosen: Vec<Vec<u32>> = Vec::new();
+    while !goals.dvh.is_empty() && rounds < MAX_ROUNDS {
+        let choice: Vec<Vec<u32>> = goals.dvh.iter().map(|point| point.costing(&found.dose)).collect();
+        if choice == chosen {
+            break;
+        }
+        let points = goals.dvh.iter().zip(&choice).flat_map(|(point, rows)| point.terms(rows));
+        let terms: Vec<Term> = goals.convex.terms().iter().copied().chain(points).collect();
+        problem = Problem::new(goals.convex.shared_matrix(), terms)?;
+        found = newton::solve(&problem, Some(&found.x), options);
+        steps += found.steps;
+        rounds += 1;
+        chosen = choice;
+    }
+    let mut pull = vec![0.0; found.dose.len()];
+    problem.dose_gradient(&found.dose, &mut pull);
+    let curvature = (0..goals.voxel_rows).map(|row| problem.curvature(row, found.dose[row])).collect();
+    // Rows that average voxels hand their slope on to them.
+    for (i, averaged) in goals.averages.iter().enumerate() {
+        let part = pull[goals.voxel_rows + i] / averaged.len() as f64;
+        averaged.iter().for_each(|row| pull[*row as usize] += part);
+    }
+    pull.truncate(goals.voxel_rows);
+    found.x.truncate(goals.bixels);
+    found.dose.truncate(goals.voxel_rows);
+    let newton::Solution { x: weights, dose, certificate, .. } = found;
+    Ok(Plan { weights, dose, certificate, pull, curvature, steps, rounds })
+}
+
+impl DvhPoint {
+    /// The rows that cost at these doses, rising: those that would cost least.
+    fn costing(&self, dose: &[f64]) -> Vec<u32> {
+        let mut rows = self.rows.clone();
+        rows.sort_by(|a, b| {
+            let order = dose[*a as usize].total_cmp(&dose[*b as usize]);
+            if self.side == Side::Over { order } else { order.reverse() }
+        });
+        rows.truncate(self.costing);
+        rows.sort_unstable();
+        rows
+    }
+
+    fn terms<'a>(&'a self, rows: &'a [u32]) -> impl Iterator<Item = Term> + 'a {
+        rows.iter().map(|&row| Term { row, side: self.side, goal: self.dose, weight: self.weight })
+    }
+}

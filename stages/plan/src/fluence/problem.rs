@@ -1,0 +1,248 @@
+//! The fluence problem: a sum of one-sided squares of doses, over weights that are not negative.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::rows::Csr;
+
+/// On which side of its goal a term costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Dose above the goal costs.
+    Over,
+    /// Dose below the goal costs.
+    Under,
+}
+
+/// One cost of one row: `weight * max(0, d - goal)^2`, or `weight * max(0, goal - d)^2` for [`Side::Under`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Term {
+    /// Row whose dose it judges.
+    pub row: u32,
+    /// Side that costs.
+    pub side: Side,
+    /// Gray.
+    pub goal: f64,
+    /// Per square gray, already divided by the structure's number of voxels.
+    pub weight: f64,
+}
+
+/// `min F(x) = sum_t weight_t max(0, +-(d_row(t) - goal_t))^2`, `d = A x`, `x >= 0`: (5.1) corrected (SCIENCE F1) without
+/// its factor 1/2, as the objectives of a plan are summed. Convex, piecewise quadratic, once differentiable.
+///
+/// A row may have any number of terms, also none, and goals of an over-dose below those of an under-dose.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    matrix: Arc<Csr>,
+    /// Ordered by row.
+    terms: Vec<Term>,
+    /// Where each row's terms start; one more at the end.
+    starts: Vec<usize>,
+}
+
+/// Why numbers are no fluence problem.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ProblemError {
+    /// A term judges a row that is not there.
+    #[error("term {term} judges row {row}, but the matrix has {rows} rows")]
+    Row {
+        /// Number of the term.
+        term: usize,
+        /// Its row.
+        row: u32,
+        /// Rows of the matrix.
+        rows: usize,
+    },
+    /// A goal is not finite.
+    #[error("term {term} has the goal {goal} Gy; a goal is a finite number")]
+    Goal {
+        /// Number of the term.
+        term: usize,
+        /// Its goal.
+        goal: f64,
+    },
+    /// A weight is negative or not finite.
+    #[error("term {term} has the weight {weight}; a weight is finite and not negative")]
+    Weight {
+        /// Number of the term.
+        term: usize,
+        /// Its weight.
+        weight: f64,
+    },
+    /// The objective of zero fluence is beyond the numbers.
+    #[error(
+        "weights or goals are so large that the objective at zero fluence is not finite; scale them down"
+    )]
+    Overflow,
+    /// Arrays that belong together differ in length.
+    #[error("{what} has {found} numbers, {expected} are due")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length due.
+        expected: usize,
+    },
+}
+
+impl Problem {
+    /// The problem of these terms, in any order; terms of weight zero are dropped.
+    pub fn new(
+        matrix: impl Into<Arc<Csr>>,
+        terms: impl IntoIterator<Item = Term>,
+    ) -> Result<Self, ProblemError> {
+        let matrix = matrix.into();
+        let rows = matrix.rows();
+        let mut kept = Vec::new();
+        for (i, term) in terms.into_iter().enumerate() {
+            if term.row as usize >= rows {
+                return Err(ProblemError::Row { term: i, row: term.row, rows });
+            }
+            if !term.goal.is_finite() {
+                return Err(ProblemError::Goal { term: i, goal: term.goal });
+            }
+            if !(term.weight.is_finite() && term.weight >= 0.0) {
+                return Err(ProblemError::Weight { term: i, weight: term.weight });
+            }
+            if term.weight > 0.0 {
+                kept.push(term);
+            }
+        }
+        kept.sort_by_key(|term| term.row);
+        let mut starts = vec![0; rows + 1];
+        for term in &kept {
+            starts[term.row as usize + 1] += 1;
+        }
+        for row in 0..rows {
+            starts[row + 1] += starts[row];
+        }
+        let problem = Self { matrix, terms: kept, starts };
+        if !problem.objective(&vec![0.0; rows]).is_finite() {
+            return Err(ProblemError::Overflow);
+        }
+        Ok(problem)
+    }
+
+    /// The problem with an over-dose and an under-dose term for each row.
+    pub fn from_bounds(
+        matrix: impl Into<Arc<Csr>>,
+        hi: &[f64],
+        lo: &[f64],
+        over: &[f64],
+        under: &[f64],
+    ) -> Result<Self, ProblemError> {
+        let matrix = matrix.into();
+        let expected = matrix.rows();
+        for (what, array) in [("hi", hi), ("lo", lo), ("over", over), ("under", under)] {
+            if array.len() != expected {
+                return Err(ProblemError::Length { what, found: array.len(), expected });
+            }
+        }
+        let of = |row: usize, side, goal, weight| Term { row: row as u32, side, goal, weight };
+        let terms = (0..expected)
+            .flat_map(|i| [of(i, Side::Over, hi[i], over[i]), of(i, Side::Under, lo[i], under[i])]);
+        Self::new(matrix, terms)
+    }
+
+    /// The matrix.
+    pub fn matrix(&self) -> &Csr {
+        &self.matrix
+    }
+
+    /// The same matrix, to be shared with another problem.
+    pub fn shared_matrix(&self) -> Arc<Csr> {
+        Arc::clone(&self.matrix)
+    }
+
+    /// The same problem with no weight larger than `cap`.
+    pub fn capped(&self, cap: f64) -> Self {
+        let mut capped = self.clone();
+        capped.terms.iter_mut().for_each(|term| term.weight = term.weight.min(cap));
+        capped
+    }
+
+    /// The terms that cost, ordered by row.
+    pub fn terms(&self) -> &[Term] {
+        &self.terms
+    }
+
+    /// Terms of a row.
+    #[inline]
+    pub fn terms_of(&self, row: usize) -> &[Term] {
+        &self.terms[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// `F` of these doses.
+    pub fn objective(&self, dose: &[f64]) -> f64 {
+        self.terms.iter().map(|term| term.cost(dose[term.row as usize])).sum()
+    }
+
+    /// `dF/dd` of these doses.
+    pub fn dose_gradient(&self, dose: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for term in &self.terms {
+            out[term.row as usize] += term.slope(dose[term.row as usize]);
+        }
+    }
+
+    /// `d^2F/dd^2` of a row at this dose.
+    pub fn curvature(&self, row: usize, dose: f64) -> f64 {
+        self.terms_of(row).iter().map(|term| term.curvature(dose)).sum()
+    }
+
+    /// Upper bound of the curvature of each row's cost: all its terms active.
+    pub fn largest_curvature(&self, row: usize) -> f64 {
+        self.terms_of(row).iter().map(|term| 2.0 * term.weight).sum()
+    }
+
+    /// For each column the curvature along it with all terms active: `sum_i c_i a_ij^2`.
+    pub fn largest_diagonal(&self) -> Vec<f64> {
+        let mut diagonal = vec![0.0; self.matrix.columns()];
+        for row in 0..self.matrix.rows() {
+            let curvature = self.largest_curvature(row);
+            if curvature > 0.0 {
+                let (columns, values) = self.matrix.row(row);
+                for (c, v) in columns.iter().zip(values) {
+                    diagonal[*c as usize] += curvature * f64::from(*v) * f64::from(*v);
+                }
+            }
+        }
+        diagonal
+    }
+}
+
+impl Term {
+    /// How far the dose is on the side that costs, Gy; not positive where it is not.
+    #[inline]
+    pub fn excess(&self, dose: f64) -> f64 {
+        match self.side {
+            Side::Over => dose - self.goal,
+            Side::Under => self.goal - dose,
+        }
+    }
+
+    /// Its part of the objective.
+    #[inline]
+    pub fn cost(&self, dose: f64) -> f64 {
+        let excess = self.excess(dose).max(0.0);
+        self.weight * excess * excess
+    }
+
+    /// Its part of `dF/dd`.
+    #[inline]
+    pub fn slope(&self, dose: f64) -> f64 {
+        let size = 2.0 * self.weight * self.excess(dose).max(0.0);
+        match self.side {
+            Side::Over => size,
+            Side::Under => -size,
+        }
+    }
+
+    /// Its part of `d^2F/dd^2`.
+    #[inline]
+    pub fn curvature(&self, dose: f64) -> f64 {
+        if self.excess(dose) > 0.0 { 2.0 * self.weight } else { 0.0 }
+    }
+}

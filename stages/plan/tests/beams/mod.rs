@@ -1,0 +1,219 @@
+//! The ways to choose beams, on a disc with a target and an organ beside it.
+
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+
+use chacha20::ChaCha8Rng;
+use chacha20::rand_core::SeedableRng;
+use stillpoint_plan::Csc;
+use stillpoint_plan::beams::{
+    Budget, Choice, Evaluator, Method, Progress, Ring, Stop, choose, class_solution, random_set, rotations,
+};
+use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+
+const SIDE: usize = 21;
+const BEAMS: usize = 5;
+
+fn centre(voxel: usize) -> [f64; 2] {
+    [voxel % SIDE, voxel / SIDE].map(|i| i as f64 - (SIDE / 2) as f64)
+}
+
+/// Parallel beams through a disc of radius 10, attenuated by depth, five bixels wide.
+fn disc() -> (Vec<Csc>, Goals) {
+    let inside =
+        |at: [f64; 2], middle: [f64; 2], radius: f64| (at[0] - middle[0]).hypot(at[1] - middle[1]) <= radius;
+    let voxels = |middle, radius| {
+        (0..(SIDE * SIDE) as u32).filter(|v| inside(centre(*v as usize), middle, radius)).collect::<Vec<_>>()
+    };
+    let beam = |b: u16| {
+        let (sin, cos) = f64::from(4 * b).to_radians().sin_cos();
+        let (mut starts, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
+        for bixel in -2..=2 {
+            for voxel in voxels([0.0, 0.0], 10.0) {
+                let [x, y] = centre(voxel as usize);
+                let (across, along) = (x * cos + y * sin, y * cos - x * sin);
+                let off = across - 1.5 * f64::from(bixel);
+                let dose = (-0.05 * (10.0 - along) - off * off).exp();
+                if dose > 1e-3 {
+                    row.push(voxel);
+                    value.push(dose as f32);
+                }
+            }
+            starts.push(row.len() as u64);
+        }
+        Csc::new(SIDE * SIDE, starts, row, value).unwrap()
+    };
+    let structure = |name: &str, voxels, objectives| Wanted { name: name.into(), voxels, objectives };
+    let target = vec![
+        Objective::Underdose { dose: 60.0, weight: 200.0 },
+        Objective::Overdose { dose: 60.0, weight: 100.0 },
+    ];
+    let goals = Goals::new(
+        vec![
+            structure("target", voxels([0.0, 0.0], 3.0), target),
+            structure(
+                "organ",
+                voxels([0.0, 5.5], 2.0),
+                vec![Objective::Overdose { dose: 5.0, weight: 40.0 }],
+            ),
+            structure(
+                "body",
+                voxels([0.0, 0.0], 10.0),
+                vec![Objective::Overdose { dose: 15.0, weight: 10.0 }],
+            ),
+        ],
+        SIDE * SIDE,
+    )
+    .unwrap();
+    ((0..90).map(beam).collect(), goals)
+}
+
+fn methods() -> Vec<Method> {
+    vec![
+        Method::Equidistant,
+        Method::Class(class_solution(BEAMS)),
+        Method::Random,
+        Method::Greedy,
+        Method::Exchange,
+        Method::Annealing,
+        Method::ColumnGeneration,
+    ]
+}
+
+fn ring() -> Ring {
+    Ring::new(90, 5).unwrap()
+}
+
+fn run(method: &Method, solves: usize, threads: usize) -> (Choice, Vec<Progress>, usize) {
+    let (matrices, goals) = disc();
+    let mut told = Vec::new();
+    let (choice, prices) = {
+        let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves });
+        let mut evaluator = evaluator
+            .with_threads(NonZeroUsize::new(threads).unwrap())
+            .with_progress(|progress| told.push(progress.clone()));
+        let choice = choose(method, &mut evaluator, 7).unwrap();
+        (choice, evaluator.prices())
+    };
+    (choice, told, prices)
+}
+
+#[test]
+fn every_method_keeps_to_the_budget_and_to_the_separation() {
+    for method in methods() {
+        let (choice, told, _) = run(&method, 30, 1);
+        assert!(
+            told.len() <= 30 && (choice.spent || told.len() < 30 || method == Method::Random),
+            "{method:?}"
+        );
+        assert_eq!(choice.best.beams.beams().len(), BEAMS);
+        let best = told.last().unwrap().best;
+        assert_eq!(best, choice.best.cost, "{method:?}");
+        for (i, progress) in told.iter().enumerate() {
+            assert_eq!(progress.solves, i + 1);
+            assert!(ring().set(progress.beams.beams()).is_ok());
+            assert!(i == 0 || progress.best <= told[i - 1].best);
+            assert!(
+                told[..i].iter().all(|earlier| earlier.beams != progress.beams),
+                "{method:?} solves a set twice"
+            );
+        }
+        assert!(choice.best.plan.certificate.relative_excess() < 1e-3, "{method:?} is no solve");
+    }
+}
+
+#[test]
+fn methods_that_go_on_end_exactly_at_the_budget() {
+    for method in [Method::Random, Method::Exchange, Method::Annealing] {
+        let (choice, told, _) = run(&method, 17, 2);
+        assert!(choice.spent && told.len() == 17, "{method:?}: {}", told.len());
+    }
+}
+
+#[test]
+fn every_method_gives_the_same_bytes_for_any_number_of_threads() {
+    for method in methods() {
+        let (one, told_one, prices_one) = run(&method, 12, 1);
+        let (three, told_three, prices_three) = run(&method, 12, 3);
+        assert_eq!((told_one, prices_one), (told_three, prices_three), "{method:?}");
+        let bits = |choice: &Choice| choice.best.plan.weights.iter().map(|w| w.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&one), bits(&three), "{method:?}");
+    }
+}
+
+#[test]
+fn search_pays_on_the_disc() {
+    let cost = |method| run(&method, 60, 2).0.best.cost;
+    let (random, greedy) = (cost(Method::Random), cost(Method::Greedy));
+    let (exchange, equidistant) = (cost(Method::Exchange), cost(Method::Equidistant));
+    assert!(
+        exchange <= greedy && exchange < random && exchange < equidistant,
+        "{exchange} {greedy} {random} {equidistant}"
+    );
+    assert!(cost(Method::ColumnGeneration) <= greedy && cost(Method::Annealing) <= greedy);
+}
+
+#[test]
+fn greedy_takes_a_solve_for_each_beam_and_counts_its_prices() {
+    let (choice, told, prices) = run(&Method::Greedy, 100, 1);
+    assert!(!choice.spent);
+    assert_eq!(told.len(), BEAMS);
+    // 90 beams, then those of the other rounds that keep their distance.
+    assert!((90 + 81..=90 * BEAMS).contains(&prices), "{prices}");
+}
+
+#[test]
+fn a_budget_too_small_for_a_plan_is_said() {
+    let (matrices, goals) = disc();
+    let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 3 });
+    let message = choose(&Method::Greedy, &mut evaluator, 1).err().unwrap().to_string();
+    assert!(message.contains("3 solves are too few for a plan of 5 beams"), "{message}");
+}
+
+#[test]
+fn warm_starts_end_at_the_cost_of_cold_ones() {
+    let (matrices, goals) = disc();
+    let evaluator = || Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 20 });
+    let (mut one, mut other) = (evaluator(), evaluator());
+    let near = one.evaluate(&ring().set(&[0, 18, 36, 54, 72]).unwrap(), None).unwrap();
+    for last in 73..80 {
+        let set = ring().set(&[0, 18, 36, 54, last]).unwrap();
+        let (warm, cold) = (one.evaluate(&set, Some(&near)).unwrap(), other.evaluate(&set, None).unwrap());
+        assert!((warm.cost / cold.cost - 1.0).abs() < 1e-6, "{} {}", warm.cost, cold.cost);
+    }
+}
+
+#[test]
+fn a_set_is_solved_once() {
+    let (matrices, goals) = disc();
+    let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 1 });
+    let set = ring().set(&[0, 18, 36, 54, 72]).unwrap();
+    let cost = evaluator.evaluate(&set, None).unwrap().cost;
+    assert_eq!(evaluator.evaluate(&set, None).unwrap().cost, cost);
+    assert_eq!((evaluator.solves(), evaluator.solves_left()), (1, 0));
+    assert_eq!(evaluator.evaluate(&ring().set(&[1]).unwrap(), None).err(), Some(Stop::Spent));
+}
+
+#[test]
+fn rotations_of_equal_beams_are_all_there_once() {
+    for (beams, turns) in [(5, 18), (9, 10), (7, 13)] {
+        let sets = rotations(ring(), beams).unwrap();
+        assert_eq!(sets.len(), turns);
+        assert!(sets.iter().enumerate().all(|(i, set)| !sets[..i].contains(set)));
+    }
+}
+
+#[test]
+fn random_sets_come_up_equally_often() {
+    let ring = Ring::new(12, 3).unwrap();
+    let all = ring.sets(3).unwrap() as usize;
+    let mut counts = BTreeMap::new();
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let draws = 2000 * all;
+    for _ in 0..draws {
+        *counts.entry(random_set(ring, 3, &mut rng).unwrap()).or_insert(0_usize) += 1;
+    }
+    assert_eq!(counts.len(), all);
+    // Five standard deviations of a binomial count.
+    assert!(counts.values().all(|n| n.abs_diff(2000) < 5 * 45), "{counts:?}");
+}

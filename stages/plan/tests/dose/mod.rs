@@ -1,0 +1,8 @@
+//! Dose: properties in water, the cache, broken files, and a reference.
+
+mod broken;
+mod cache;
+mod generic;
+mod phantom;
+mod reference;
+mod water;

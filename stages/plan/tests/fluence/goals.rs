@@ -1,0 +1,179 @@
+//! Objectives against their formulas, written down once more.
+
+use proptest::prelude::*;
+use stillpoint_plan::Csc;
+use stillpoint_plan::fluence::{Goals, GoalsError, Objective, Options, Plan, Wanted, solve_plan};
+
+const VOXELS: usize = 12;
+
+/// A matrix of random entries; voxel 11 is in no structure.
+fn matrix(values: &[f32]) -> Csc {
+    let columns = values.len() / VOXELS;
+    let starts = (0..=columns).map(|j| (j * VOXELS) as u64).collect();
+    let row = (0..columns).flat_map(|_| 0..VOXELS as u32).collect();
+    Csc::new(VOXELS, starts, row, values[..columns * VOXELS].to_vec()).unwrap()
+}
+
+fn solve(wanted: &[Wanted], matrix: &Csc) -> (Plan, Vec<f64>) {
+    let goals = Goals::new(wanted.to_vec(), VOXELS).unwrap();
+    let problem = goals.problem(&[matrix.view()]).unwrap();
+    let plan = solve_plan(&problem, None, Options::default()).unwrap();
+    let dose = dose(matrix, &plan.weights);
+    for (row, voxel) in goals.voxels().iter().enumerate() {
+        assert!((plan.dose[row] - dose[*voxel as usize]).abs() < 1e-9 * (1.0 + dose[*voxel as usize]));
+    }
+    (plan, dose)
+}
+
+fn dose(matrix: &Csc, weights: &[f64]) -> Vec<f64> {
+    let mut dose = vec![0.0; VOXELS];
+    for (j, weight) in weights.iter().enumerate() {
+        let (rows, values) = matrix.view().column(j);
+        for (row, value) in rows.iter().zip(values) {
+            dose[*row as usize] += f64::from(*value) * weight;
+        }
+    }
+    dose
+}
+
+/// What the objectives cost, from their formulas.
+fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
+    let square = |x: f64| x.max(0.0).powi(2);
+    let mut cost = 0.0;
+    for structure in wanted {
+        let mut d: Vec<f64> = structure.voxels.iter().map(|v| dose[*v as usize]).collect();
+        d.sort_by(f64::total_cmp);
+        let v = d.len() as f64;
+        let mean = d.iter().sum::<f64>() / v;
+        let sum = |f: &dyn Fn(f64) -> f64| d.iter().map(|d| f(*d)).sum::<f64>() / v;
+        for objective in &structure.objectives {
+            cost += match *objective {
+                Objective::Overdose { dose, weight } => weight * sum(&|d| square(d - dose)),
+                Objective::Underdose { dose, weight } => weight * sum(&|d| square(dose - d)),
+                Objective::MeanDose { dose, weight } => weight * square(mean - dose),
+                Objective::Homogeneity { weight } => weight * sum(&|d| (d - mean).powi(2)),
+                Objective::DvhAtMost { dose, volume, weight } => {
+                    let free = (volume * v) as usize;
+                    d[..d.len() - free].iter().map(|d| weight / v * square(d - dose)).sum()
+                }
+                Objective::DvhAtLeast { dose, volume, weight } => {
+                    let costing = (volume * v).ceil() as usize;
+                    d[d.len() - costing..].iter().map(|d| weight / v * square(dose - d)).sum()
+                }
+            };
+        }
+    }
+    cost
+}
+
+fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<Wanted> {
+    let [target, organ] = objectives;
+    vec![
+        Wanted { name: "target".into(), voxels: vec![0, 1, 2, 3, 4, 5], objectives: target },
+        Wanted { name: "organ".into(), voxels: vec![4, 5, 6, 7, 8, 9, 10], objectives: organ },
+    ]
+}
+
+fn prescribed() -> Vec<Objective> {
+    vec![Objective::Underdose { dose: 60.0, weight: 2.0 }, Objective::Overdose { dose: 60.0, weight: 1.0 }]
+}
+
+fn values() -> impl Strategy<Value = Vec<f32>> {
+    prop::collection::vec(0.05_f32..1.0, VOXELS * 5)
+}
+
+proptest! {
+    #[test]
+    fn convex_objectives_cost_what_their_formulas_say_and_no_neighbour_costs_less(values in values()) {
+        let matrix = matrix(&values);
+        let organ = vec![
+            Objective::MeanDose { dose: 20.0, weight: 3.0 },
+            Objective::Overdose { dose: 30.0, weight: 1.0 },
+        ];
+        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity { weight: 4.0 }]].concat(), organ]);
+        let (plan, found) = solve(&wanted, &matrix);
+        let best = cost(&wanted, &found);
+        prop_assert!((plan.certificate.objective - best).abs() < 1e-5 * best + 1e-6, "{} {best}", plan.certificate.objective);
+        prop_assert!(plan.certificate.relative_excess() < 1e-4, "{:?}", plan.certificate);
+        for j in 0..plan.weights.len() {
+            for step in [-0.3, 0.3] {
+                let mut weights = plan.weights.clone();
+                weights[j] = (weights[j] + step).max(0.0);
+                prop_assert!(cost(&wanted, &dose(&matrix, &weights)) >= best * (1.0 - 1e-6));
+            }
+        }
+    }
+
+    #[test]
+    fn pull_is_the_slope_of_the_cost_in_the_dose_of_each_voxel(values in values()) {
+        let matrix = matrix(&values);
+        let organ = vec![Objective::MeanDose { dose: 20.0, weight: 3.0 }];
+        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity { weight: 4.0 }]].concat(), organ]);
+        let (plan, found) = solve(&wanted, &matrix);
+        for voxel in 0..11 {
+            let at = |by: f64| {
+                let mut dose = found.clone();
+                dose[voxel] += by;
+                cost(&wanted, &dose)
+            };
+            let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
+            prop_assert!((plan.pull[voxel] - slope).abs() < 1e-2 * (1.0 + slope.abs()), "{} {slope}", plan.pull[voxel]);
+        }
+    }
+
+    #[test]
+    fn dvh_points_cost_what_their_formulas_say_and_never_more_than_before_them(values in values()) {
+        let matrix = matrix(&values);
+        let plain = wanted([prescribed(), vec![]]);
+        let target = [prescribed(), vec![Objective::DvhAtLeast { dose: 57.0, volume: 0.8, weight: 50.0 }]].concat();
+        let organ = vec![Objective::DvhAtMost { dose: 25.0, volume: 0.3, weight: 30.0 }];
+        let with = wanted([target, organ]);
+        let (_, before) = solve(&plain, &matrix);
+        let (plan, found) = solve(&with, &matrix);
+        let (before, after) = (cost(&with, &before), cost(&with, &found));
+        prop_assert!(after <= before * (1.0 + 1e-9), "{after} {before}");
+        prop_assert!(after <= plan.certificate.objective * (1.0 + 1e-9));
+        prop_assert!(plan.rounds >= 2);
+    }
+}
+
+#[test]
+fn a_dvh_point_lets_the_hottest_part_go() {
+    // Two voxels a bixel each: the organ may keep half its volume hot, so one bixel stays at full dose.
+    let matrix = Csc::new(2, vec![0, 1, 2], vec![0, 1], vec![1.0, 1.0]).unwrap();
+    let both = vec![Wanted {
+        name: "both".into(),
+        voxels: vec![0, 1],
+        objectives: vec![
+            Objective::Underdose { dose: 60.0, weight: 1.0 },
+            Objective::DvhAtMost { dose: 10.0, volume: 0.5, weight: 1000.0 },
+        ],
+    }];
+    let goals = Goals::new(both, 2).unwrap();
+    let plan = solve_plan(&goals.problem(&[matrix.view()]).unwrap(), None, Options::default()).unwrap();
+    let mut dose = plan.dose;
+    dose.sort_by(f64::total_cmp);
+    assert!(dose[0] < 10.1 && (dose[1] - 60.0).abs() < 1e-6, "{dose:?}");
+}
+
+#[test]
+fn wishes_that_cannot_be_used_are_refused_by_name() {
+    let one = |voxels: Vec<u32>, objective| {
+        let wanted = Wanted { name: "rectum".into(), voxels, objectives: vec![objective] };
+        Goals::new(vec![wanted], 3).err()
+    };
+    let fine = Objective::Overdose { dose: 1.0, weight: 1.0 };
+    assert_eq!(one(vec![0, 2], fine), None);
+    assert_eq!(one(vec![], fine), Some(GoalsError::Empty { name: "rectum".into() }));
+    assert!(matches!(one(vec![2, 1], fine), Some(GoalsError::Voxel { at: 1, .. })));
+    assert!(matches!(one(vec![3], fine), Some(GoalsError::Voxel { at: 0, voxels: 3, .. })));
+    let nan = Objective::MeanDose { dose: f64::NAN, weight: 1.0 };
+    assert!(matches!(one(vec![0], nan), Some(GoalsError::Number { what: "a dose", .. })));
+    let volume = Objective::DvhAtMost { dose: 1.0, volume: 30.0, weight: 1.0 };
+    assert!(matches!(one(vec![0], volume), Some(GoalsError::Number { what: "a volume", .. })));
+    let weight = Objective::Homogeneity { weight: -1.0 };
+    assert!(matches!(one(vec![0], weight), Some(GoalsError::Number { what: "a weight", .. })));
+    let goals = Goals::new(vec![], 3).unwrap();
+    let other = Csc::new(4, vec![0], vec![], vec![]).unwrap();
+    assert_eq!(goals.problem(&[other.view()]).err(), Some(GoalsError::Grid { found: 4, expected: 3 }));
+}

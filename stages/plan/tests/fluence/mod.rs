@@ -1,0 +1,6 @@
+//! Fluence problems: vectors, complete problems, problems made to be hard.
+
+mod data;
+mod goals;
+mod problems;
+mod vectors;

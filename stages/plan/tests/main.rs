@@ -1,0 +1,8 @@
+//! The planner's parts together, and on data.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod beams;
+mod case;
+mod dose;
+mod fluence;
