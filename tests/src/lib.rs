@@ -3,15 +3,21 @@
 //! - `counter`: sends numbers, and some of them wrong on purpose
 //! - `mixer`: takes several inputs and sends what they add up to
 //! - `fragile`: cannot be made
+//! - `lapping`: has its stages measured
+//! - `printing`: prints
+//! - `wide`: has many outputs
 //! - `bulk`: samples of any size, for loads
 
 // Faults are what this crate is for.
-#![allow(clippy::panic)]
+#![allow(clippy::panic, clippy::print_stdout)]
 
 mod bulk;
 mod counter;
 mod fragile;
+mod lapping;
 mod mixer;
+mod printing;
+mod wide;
 
 use stillpoint_pipeline::Stage;
 
@@ -24,6 +30,9 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<mixer::Echoing>(),
     Stage::of::<mixer::Splitting>(),
     Stage::of::<fragile::Fragile>(),
+    Stage::of::<lapping::Lapping>(),
+    Stage::of::<printing::Printing>(),
+    Stage::of::<wide::Wide>(),
     Stage::of::<bulk::Bulk>(),
     Stage::of::<bulk::Drain>(),
 ];

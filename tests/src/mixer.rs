@@ -167,7 +167,7 @@ impl Operator for Splitting {
 }
 
 /// Keeps the core busy for so long.
-fn busy(nanoseconds: u64) {
+pub fn busy(nanoseconds: u64) {
     let begun = std::time::Instant::now();
     while (begun.elapsed().as_nanos() as u64) < nanoseconds {
         std::hint::spin_loop();

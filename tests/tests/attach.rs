@@ -75,3 +75,58 @@ fn those_who_look_in_come_and_go_without_a_trace() {
     let wrong = bench.call(&["echo", "middle.sun", "--session", text(&bench.path("s/chain-0001"))]);
     assert!(wrong.err.contains("did you mean middle.sum"), "{}", wrong.err);
 }
+
+#[test]
+fn an_output_beyond_the_sixty_fourth_wakes_its_consumer() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("wide.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    run.stop().good();
+}
+
+#[test]
+fn a_tap_too_many_is_told_what_to_do() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 1);
+    let taps: Vec<_> = (0..8).map(|_| bench.start(&["echo", "sink.sum"])).collect();
+    let refused =
+        crate::bench::wait_for("a refusal", || taps.iter().map(|t| t.errors()).find(|e| !e.is_empty()));
+    assert!(refused.contains("end an `echo`"), "{refused}");
+    run.stop().good();
+    for tap in taps {
+        tap.finish();
+    }
+}
+
+#[test]
+fn two_runs_that_start_together_do_not_both_take_the_last_room() {
+    // Five samples of 600,000 points: 36 MB for each run, in 64 MB.
+    const PIPELINE: &str = "stillpoint: 1\nname: bulk\noperators:\n  \
+                            bulk: { use: kit.bulk, every: 100 s, params: { points: 600000 } }\n";
+    // A mount namespace has a /dev/shm of its own. 77: there can be none here.
+    const SCRIPT: &str = r#"
+        mount -t tmpfs -o size=64m none /dev/shm || exit 77
+        for n in 1 2; do "$KIT" run bulk.yaml --no-record --json --for '60 s' 2> "$n.err" > "$n.out" & done
+        wait -n; first=$?
+        kill -INT $(jobs -p) 2> /dev/null
+        wait -n
+        echo "$first $?"
+    "#;
+    let bench = Bench::new();
+    std::fs::write(bench.path("bulk.yaml"), PIPELINE).unwrap();
+    let mut command = std::process::Command::new("unshare");
+    command.args(["-m", "bash", "-c", SCRIPT]).current_dir(bench.path(""));
+    command.env("STILLPOINT_RUNS", bench.runs()).env("KIT", env!("CARGO_BIN_EXE_stillpoint-kit"));
+    let done = bench.begin(command).finish();
+    // Without the right to a namespace nothing is printed.
+    if done.out.is_empty() {
+        println!("skipped: a small /dev/shm cannot be mounted here: {}", done.err);
+        return;
+    }
+    let said = ["1.err", "2.err"].map(|name| std::fs::read_to_string(bench.path(name)).unwrap());
+    assert!(done.out.starts_with("1 "), "one of the two is refused: {} {said:?}", done.out);
+    let refused: Vec<_> = said.iter().filter(|s| s.contains("may still take")).collect();
+    assert_eq!(refused.len(), 1, "{said:?}");
+    assert!(refused[0].contains("end another run, make /dev/shm larger"), "{said:?}");
+}

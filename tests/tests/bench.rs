@@ -1,6 +1,7 @@
 //! A bench: a folder of its own, in which the kit's command is run as people run it.
 
 use std::fs::File;
+use std::os::unix::fs::DirBuilderExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -63,7 +64,7 @@ impl Bench {
     pub fn new() -> Self {
         // Short: the paths of sockets below it may have 108 bytes.
         let folder = tempfile::Builder::new().prefix("sp").tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("r")).unwrap();
+        std::fs::DirBuilder::new().mode(0o700).create(folder.path().join("r")).unwrap();
         Self { folder }
     }
 
@@ -79,7 +80,8 @@ impl Bench {
     /// Identifiers of the runs that have a folder.
     pub fn run_ids(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.runs()).unwrap().flatten();
-        entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect()
+        let names = entries.map(|e| e.file_name().to_string_lossy().into_owned());
+        names.filter(|name| !name.starts_with('.')).collect()
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use serde_json::json;
 
-use crate::bench::{Bench, Running, line, lives, pipeline, shared_objects, text, wait_for};
+use crate::bench::{Bench, Running, figures, line, lives, pipeline, shared_objects, text, wait_for};
 
 /// A signal to the whole group ends a run in order.
 fn ends_in_order(signal: Signal) {
@@ -147,4 +147,74 @@ fn a_sweep_leaves_runs_that_go_on_alone() {
     assert_eq!(other.good()["swept"], json!([]));
     bench.wait_for_samples("sink.sum", 5);
     run.stop().good();
+}
+
+#[test]
+fn what_an_operator_prints_harms_neither_the_run_nor_its_report() {
+    let bench = Bench::new();
+    let file = pipeline("printing.yaml");
+    for placement in [&[][..], &["--clock", "simulated"], &["--lock-step=processes"]] {
+        let arguments =
+            [&["run", text(&file), "--for", "500 ms", "--json", "--record", "s"], placement].concat();
+        let done = bench.call(&arguments);
+        assert!(done.err.contains("here I am: made") && done.err.contains("here I am: 20"), "{}", done.err);
+        let report = done.good();
+        assert_eq!(report["faults"], serde_json::json!([]));
+        assert!(figures(&report, "sink")["activations"].as_u64().unwrap() > 20);
+        let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]);
+        assert!(replay.err.contains("here I am: 20"));
+        assert_eq!(replay.good()["identical_all"], true);
+    }
+}
+
+#[test]
+fn a_simulated_run_reports_what_failed_and_says_so_where_it_ended_by_it() {
+    let bench = Bench::new();
+    let crash = pipeline("crash.yaml");
+    let simulated = ["--clock", "simulated", "--for", "500 ms"];
+    let report = bench.call(&[&["run", text(&crash), "--json"], &simulated[..]].concat()).good();
+    let faults = report["faults"].as_array().unwrap();
+    let panics = faults.iter().filter(|f| f["operator"] == "first").count() as u64;
+    assert_eq!(panics, figures(&report, "first")["panics"].as_u64().unwrap());
+    assert!(faults.iter().any(|f| f["reason"] == "the kit fails at activation 5"));
+    let said = bench.call(&[&["run", text(&crash)], &simulated[..]].concat());
+    assert!(said.out.contains("failed: first: the mixer panics at activation 7"), "{}", said.out);
+
+    let done = bench.call(&[&["run", text(&pipeline("never.yaml")), "--json"], &simulated[..]].concat());
+    assert_eq!(done.code(), 1);
+    let session = done.json()["session"].as_str().unwrap().to_owned();
+    let info = bench.call(&["info", &session, "--json"]).good();
+    let end = &info["metadata"]["stillpoint.end"];
+    assert_eq!(end["fact.in_order"], "false");
+    assert!(end["fact.ended_early"].as_str().unwrap().contains("the mixer panics at activation 20"), "{end}");
+}
+
+#[test]
+fn a_folder_of_runs_that_others_could_use_is_refused() {
+    use std::os::unix::fs::PermissionsExt;
+    let bench = Bench::new();
+    let open = bench.runs();
+    std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o770)).unwrap();
+    let file = pipeline("chain.yaml");
+    for arguments in [&["run", text(&file), "--for", "1 s"][..], &["echo", "sink.sum"]] {
+        let done = bench.call(arguments);
+        assert_eq!(done.code(), 1);
+        assert!(done.err.contains("other users have rights in it (mode 770)"), "{}", done.err);
+        assert!(done.err.contains(&format!("chmod 700 {}", open.display())), "{}", done.err);
+    }
+    // A link is not followed: who made it chooses where it leads.
+    let real = bench.path("real");
+    std::fs::rename(&open, &real).unwrap();
+    std::os::unix::fs::symlink(&real, &open).unwrap();
+    let done = bench.call(&["run", text(&file), "--for", "1 s"]);
+    assert!(done.err.contains("it is no folder; remove it"), "{}", done.err);
+    std::fs::remove_file(&open).unwrap();
+    std::fs::rename(&real, &open).unwrap();
+    if rustix::process::getuid().is_root() {
+        std::fs::set_permissions(&open, std::fs::Permissions::from_mode(0o700)).unwrap();
+        std::os::unix::fs::chown(&open, Some(65534), Some(65534)).unwrap();
+        let done = bench.call(&["run", text(&file), "--for", "1 s"]);
+        assert!(done.err.contains("it belongs to user 65534, not to you (user 0)"), "{}", done.err);
+        assert!(done.err.contains("STILLPOINT_RUNS"), "{}", done.err);
+    }
 }

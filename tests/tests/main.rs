@@ -4,9 +4,11 @@
 //! - `tampered`: a session written anew, with something in it changed
 //! - `conformance`: the two equalities, for every pipeline
 //! - `live`: failures in a live run
+//! - `laps`: what a live run measures, and nothing depends on
 //! - `ending`: how runs end
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
+//! - `seat`: cores and priorities
 //! - `ledger`: sent = received + accounted loss
 //! - `attach`: people at a running pipeline
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
@@ -18,9 +20,11 @@ mod attach;
 mod bench;
 mod conformance;
 mod ending;
+mod laps;
 mod ledger;
 mod live;
 mod recording;
 mod replaying;
+mod seat;
 mod tampered;
 mod traps;

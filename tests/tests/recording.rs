@@ -37,6 +37,18 @@ fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
     let session = report["session"].as_str().unwrap();
     let info = bench.call(&["info", session, "--json"]).good();
     assert_eq!(info["complete"], false);
+    // What was sent while no recorder was there is listed, and neither part holds it.
+    let listed = info["lost"].as_array().unwrap();
+    let whole = Session::open(&bench.path(session)).unwrap();
+    for topic in ["source.journal", "source.value"] {
+        let of_topic: Vec<_> = listed.iter().filter(|l| l["topic"] == topic).collect();
+        let [range] = of_topic[..] else { panic!("one hole in {topic}: {listed:?}") };
+        let (first, count) = (range["first"].as_u64().unwrap(), range["count"].as_u64().unwrap());
+        let number = whole.topic_number(topic).unwrap();
+        let kept: Vec<u64> = whole.numbers(number).map(|(_, sequence)| sequence).collect();
+        assert!(first > 0 && count > 0 && kept.contains(&(first + count)), "{range}");
+        assert!(kept.iter().all(|n| !(first..first + count).contains(n)), "{range}");
+    }
     let replay = bench.call(&["replay", session, "--json"]);
     assert_eq!(replay.code(), 4, "{}\n{}", replay.out, replay.err);
     let replay = replay.json();

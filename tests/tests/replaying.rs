@@ -226,3 +226,21 @@ fn one_operator_is_compared_alone_or_with_all_downstream() {
     let unknown = bench.call(&["replay", &session, "--only", "nobody"]);
     assert!(unknown.err.contains("no operator `nobody`"), "{}", unknown.err);
 }
+
+#[test]
+fn a_session_is_never_written_over_and_the_message_says_what_to_do() {
+    let bench = Bench::new();
+    let file = pipeline("chain.yaml");
+    let arguments = ["run", text(&file), "--clock", "simulated", "--for", "200 ms", "--json"];
+    let report = bench.call(&arguments).good();
+    let session = report["session"].as_str().unwrap();
+    let before = std::fs::read(bench.path(session).join("part-000.mcap")).unwrap();
+    let done = bench.call(&["replay", session, "--record", session]);
+    assert_eq!(done.code(), 1);
+    assert!(done.err.contains(&format!("{session}: it is there already")), "{}", done.err);
+    assert!(done.err.contains("name a folder that is not there"), "{}", done.err);
+    assert_eq!(std::fs::read(bench.path(session).join("part-000.mcap")).unwrap(), before);
+    std::fs::write(bench.path("file"), "").unwrap();
+    let done = bench.call(&["replay", session, "--record", "file/again"]);
+    assert!(done.err.contains("file/again") && done.err.contains("choose another folder"), "{}", done.err);
+}

@@ -24,6 +24,7 @@ pub struct Bench {
     cell: Cell,
     kinds: Vec<&'static SampleKind>,
     time: u64,
+    next: Option<u64>,
     sequence: u64,
     padding: usize,
 }
@@ -39,8 +40,8 @@ pub struct Left {
 }
 
 impl Bench {
-    /// Puts the operator `name` of a pipeline on the bench. The pipeline may use `feed.image`, `feed.cloud` and
-    /// `feed.pose` (output `out`) besides the kinds of `stages`.
+    /// Puts the operator `name` of a pipeline on the bench. The pipeline may use `feed.image`, `feed.cloud`,
+    /// `feed.pose` and `feed.track` (output `out`) besides the kinds of `stages`.
     ///
     /// # Errors
     /// The faults of the text, or why the operator cannot be made.
@@ -51,7 +52,7 @@ impl Bench {
         let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
         let cell = Cell::build(&graph, operator, 0, files, Inbox::default()).map_err(|e| e.0)?;
         let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
-        Ok(Self { cell, kinds, time: START, sequence: 0, padding: 0 })
+        Ok(Self { cell, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }
 
     /// Lends buffers that have this many bytes more than needed, of another content each time: what lies beyond a
@@ -61,7 +62,7 @@ impl Bench {
         self
     }
 
-    /// Feeds a sample to an input, 10 ms after the last activation, acquired `age` ns before.
+    /// Feeds a sample to an input, 10 ms after the last activation where [`at`](Self::at) does not say else, acquired `age` ns before.
     pub fn feed<S: Sample>(
         &mut self,
         port: usize,
@@ -69,7 +70,7 @@ impl Bench {
         elements: &[S::Element],
         age: u64,
     ) -> Left {
-        self.time += 10_000_000;
+        self.advance();
         let head = Head {
             stamp: self.time,
             origin: self.time.saturating_sub(age),
@@ -99,10 +100,20 @@ impl Bench {
         self.activate(Cause::Input, port, vec![reference], Some(&parcel))
     }
 
+    /// Says when the next activation is: so many ns after the first one could have been.
+    pub fn at(&mut self, ns: u64) -> &mut Self {
+        self.next = Some(START + ns);
+        self
+    }
+
     /// Lets the timer tick, 10 ms after the last activation.
     pub fn tick(&mut self) -> Left {
-        self.time += 10_000_000;
+        self.advance();
         self.activate(Cause::Timer, 0, Vec::new(), None)
+    }
+
+    fn advance(&mut self) {
+        self.time = self.next.take().unwrap_or(self.time + 10_000_000);
     }
 
     fn activate(

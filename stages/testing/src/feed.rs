@@ -2,7 +2,7 @@
 
 use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample};
+use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample, Track};
 
 macro_rules! feed {
     ($name:ident, $kind:literal, $sample:ty, $about:literal) => {
@@ -39,6 +39,8 @@ macro_rules! feed {
 feed!(FeedImage, "feed.image", DepthImage, "Depth images that a bench feeds.");
 feed!(FeedCloud, "feed.cloud", PointCloud, "Clouds that a bench feeds.");
 feed!(FeedPose, "feed.pose", Pose, "Poses that a bench feeds.");
+feed!(FeedTrack, "feed.track", Track, "Tracks that a bench feeds.");
 
 /// The kinds of this file.
-pub const STAGES: &[Stage] = &[Stage::of::<FeedImage>(), Stage::of::<FeedCloud>(), Stage::of::<FeedPose>()];
+pub const STAGES: &[Stage] =
+    &[Stage::of::<FeedImage>(), Stage::of::<FeedCloud>(), Stage::of::<FeedPose>(), Stage::of::<FeedTrack>()];

@@ -1,7 +1,7 @@
 //! `examples/`: each one checks and runs on the data beside it.
 
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Pose, Track};
+use stillpoint_samples::{Health, Pose, Standing, Track};
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
@@ -39,6 +39,57 @@ fn a_folder_of_depth_images_becomes_a_track() {
 }
 
 #[test]
+fn two_cameras_of_different_rates_become_one_height() {
+    let run = example("one-dof-tracking.yaml", 10_000);
+    // The head's origin lies below its highest place: motion is compared, each about its mean from the third second on.
+    let truths: std::collections::BTreeMap<u64, f64> = run
+        .samples::<Pose>("xbox.truth")
+        .iter()
+        .map(|p| (p.head.origin, p.first().unwrap().position[2]))
+        .collect();
+    let begin = truths.keys().next().unwrap() + 3_000_000_000;
+    let truth = |time: u64| {
+        let (t0, z0) = truths.range(..=time).next_back()?;
+        let (t1, z1) = truths.range(time..).next()?;
+        let part = if t1 > t0 { (time - t0) as f64 / (t1 - t0) as f64 } else { 0.0 };
+        Some(z0 + (z1 - z0) * part)
+    };
+    let rms = |samples: Vec<(u64, f64)>| {
+        let errors: Vec<f64> =
+            samples.iter().filter(|(t, _)| *t > begin).filter_map(|(t, z)| Some(z - truth(*t)?)).collect();
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        assert!(errors.len() > 80);
+        1e3 * (errors.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / errors.len() as f64).sqrt()
+    };
+    let raw = |topic: &str| {
+        rms(run
+            .samples::<Pose>(topic)
+            .iter()
+            .map(|p| (p.head.origin, p.first().unwrap().position[2]))
+            .collect())
+    };
+    let track = |topic: &str| {
+        let tracks = run.samples::<Track>(topic);
+        let standing =
+            |t: &&stillpoint_samples::View<'_, Track>| t.first().unwrap().standing() != Standing::None;
+        rms(tracks.iter().filter(standing).map(|t| (t.head.origin, t.first().unwrap().position[2])).collect())
+    };
+    let raws = ["xbox_height.position", "v2_height.position"].map(raw);
+    let locals = ["xbox_filter.state", "v2_filter.state"].map(track);
+    let fused = track("fused.state");
+    let (first, last) = (truths.values().next().unwrap(), truths.values().last().unwrap());
+    eprintln!(
+        "moved {:.1} mm; rms mm: raw {raws:.3?}, filtered {locals:.3?}, fused {fused:.3}",
+        (last - first) * 1e3
+    );
+    assert!(locals[0] < raws[0] && locals[1] < raws[1], "{raws:?} {locals:?}");
+    assert!(fused < locals[0].min(locals[1]), "{fused} {locals:?} mm");
+    let health = run.samples::<Health>("fused.health");
+    let used = health.iter().filter(|h| h.elements.iter().all(|s| s.reason() == "used")).count();
+    assert!(used * 10 > health.len() * 9, "{used} of {}", health.len());
+}
+
+#[test]
 fn the_same_clouds_from_files_and_from_a_recording_have_the_same_positions() {
     let run = example("own-cloud.yaml", 3000);
     let positions = |topic: &str| -> Vec<[f64; 3]> {
@@ -60,4 +111,20 @@ fn the_data_of_the_examples_stays_small() {
     }
     let bytes = size(&from_root("examples/data"));
     assert!(bytes < 2_000_000, "{bytes} bytes");
+}
+
+#[test]
+fn whatever_an_operator_sends_can_be_read_from_a_recording() {
+    for stage in registry().iter() {
+        for output in stage.kind.outputs {
+            let known = stillpoint_samples::by_name(output.sample.name);
+            assert!(
+                known.is_some(),
+                "{}.{}: {} is in no list",
+                stage.kind.name,
+                output.name,
+                output.sample.name
+            );
+        }
+    }
 }

@@ -160,7 +160,7 @@ name: measured
 frames: {{ camera: {{ parent: world, at: [0 m, 0 m, 1 m] }} }}
 operators:
   cloud: {{ use: ingest.pcd, every: 100 ms, frame: camera, params: {{ files: {file}, at_end: repeat }} }}
-  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ range_max: 2.5 m, iterations: 1000, height_min: 20 mm, min_voxels: 30 }} }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ range_max: 2.5 m, iterations: 1000, min_voxels: 30 }} }}
 ",
             file = root.join(&input).display()
         );
@@ -176,7 +176,7 @@ operators:
                 (if d > degrees || d.is_nan() { d } else { degrees }, millimetres.max(m));
         }
         eprintln!("{name:33} worst of 5: {degrees:.3} deg {millimetres:.2} mm");
-        let close = degrees <= 1.0 && millimetres <= 5.0;
+        let close = degrees <= 0.5 && millimetres <= 3.0;
         if !close {
             failures.push(name);
         }

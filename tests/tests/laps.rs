@@ -1,0 +1,80 @@
+//! Laps: a live run measures stages, everyone can look, and nothing depends on it.
+
+use serde_json::Value;
+
+use crate::bench::{Bench, figures, pipeline, text};
+
+fn metric(sample: &Value, name: &str) -> f64 {
+    let all = sample["elements"].as_array().unwrap();
+    all.iter().find(|m| m["name"] == name).unwrap()["value"].as_f64().unwrap()
+}
+
+fn topics(bench: &Bench, session: &str) -> Vec<(String, u64)> {
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!(info["complete"], true, "{}", info["gaps"]);
+    let all = info["topics"].as_array().unwrap();
+    all.iter().map(|t| (t["name"].as_str().unwrap().to_owned(), t["samples"].as_u64().unwrap())).collect()
+}
+
+#[test]
+fn every_live_activation_says_how_long_its_stages_took_and_replay_leaves_that_out() {
+    let bench = Bench::new();
+    let report =
+        bench.call(&["run", text(&pipeline("laps.yaml")), "--for", "1 s", "--json", "--record", "s"]).good();
+    assert_eq!(report["balanced"], true, "{}", report["ledger"]);
+    let session = report["session"].as_str().unwrap();
+    let kept = topics(&bench, session);
+    for operator in ["alone", "first"] {
+        let done = figures(&report, operator)["activations"].as_u64().unwrap();
+        assert!(done > 20);
+        assert!(kept.contains(&(format!("{operator}.timing"), done)), "{kept:?}");
+    }
+    let echo = bench.call(&["echo", "alone.timing", "--session", session]);
+    for (index, line) in echo.out.lines().enumerate() {
+        let sample: Value = serde_json::from_str(line).unwrap();
+        assert_eq!(sample["sequence"], index);
+        // Two turns of 300 us at least: a stage that is entered twice sums.
+        assert!(metric(&sample, "long_s") >= 600e-6, "{sample}");
+        assert!(metric(&sample, "short_s") > 0.0);
+        assert_eq!(metric(&sample, "never_s"), 0.0);
+    }
+    let replay = bench.call(&["replay", session, "--json"]).good();
+    assert_eq!(replay["identical_all"], true);
+    let measured: Vec<_> = replay["measured"].as_object().unwrap().keys().collect();
+    assert_eq!(measured, ["alone.timing", "first.timing"]);
+    assert!(replay["identical"].get("alone.timing").is_none());
+    let said = bench.call(&["replay", session]).out;
+    assert!(said.contains("measured when it was recorded, not compared"), "{said}");
+}
+
+#[test]
+fn a_lap_that_is_not_named_fails_the_activation_wherever_it_runs() {
+    let file = pipeline("laps.yaml");
+    let fault = |bench: &Bench, placement: &[&str]| {
+        let arguments =
+            [&["run", text(&file), "--for", "500 ms", "--json", "--record", "s"], placement].concat();
+        let report = bench.call(&arguments).good();
+        assert_eq!(figures(&report, "first")["errors"], 1, "{placement:?}");
+        report["session"].as_str().unwrap().to_owned()
+    };
+    let live = Bench::new();
+    fault(&live, &[]);
+    let simulated = Bench::new();
+    let session = fault(&simulated, &["--clock", "simulated"]);
+    let kept = topics(&simulated, &session);
+    assert!(
+        !kept.iter().any(|(name, _)| name.ends_with(".timing")),
+        "a simulation measures nothing: {kept:?}"
+    );
+}
+
+#[test]
+fn laps_of_a_running_pipeline_are_shown() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("laps.yaml"));
+    let out = bench.wait_for_samples("first.timing", 3);
+    assert_eq!(out.lines().count(), 3);
+    let unknown = bench.call(&["echo", "first.timinf", "--count", "1"]);
+    assert!(unknown.err.contains("did you mean first.timing?"), "{}", unknown.err);
+    run.stop().good();
+}
