@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 use stillpoint_recorder::Session;
-use stillpoint_samples::{Pieces, Pose, Sample, Track};
+use stillpoint_samples::{Pieces, Pose, Sample, Standing, Track};
 
 /// Motion of the filtered position against the truth, each about its own mean: a centroid of what the camera sees is not
 /// the head's origin, so only motion can be compared.
@@ -15,8 +15,8 @@ pub struct Accuracy {
     pub topic: String,
     /// Pairs compared.
     pub samples: usize,
-    /// Root mean square per axis of the frame, mm.
-    pub rms_mm: [f64; 3],
+    /// Root mean square per axis of the frame, mm; none where the track does not follow the axis.
+    pub rms_mm: [Option<f64>; 3],
     /// Largest distance, mm.
     pub worst_mm: f64,
     /// How far the truth moved from its first place, mm.
@@ -25,10 +25,14 @@ pub struct Accuracy {
 
 impl std::fmt::Display for Accuracy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [x, y, z] = self.rms_mm;
+        let named = ["x", "y", "z"].into_iter().zip(self.rms_mm);
+        let axes = named
+            .filter_map(|(axis, rms)| Some(format!("{axis} {:.2}", rms?)))
+            .collect::<Vec<_>>()
+            .join(", ");
         write!(
             f,
-            "accuracy of {} against the rig's truth, motion only: rms {x:.2} {y:.2} {z:.2} mm in x y z, worst {:.2} mm, \
+            "accuracy of {} against the rig's truth, motion only: rms {axes} mm, worst {:.2} mm, \
              while the head moved up to {:.1} mm ({} samples)",
             self.topic, self.worst_mm, self.moved_mm, self.samples
         )
@@ -52,7 +56,10 @@ pub fn of_session(path: &Path) -> Option<Accuracy> {
             true_at.insert(view.head.origin, view.first()?.position);
         } else {
             let view = Pieces::split(Track::KIND, &recorded.sample).ok()?.view::<Track>().ok()?;
-            tracked.push((view.head.origin, view.first()?.position));
+            let track = view.first()?;
+            if track.standing() != Standing::None {
+                tracked.push((view.head.origin, track.position));
+            }
         }
     }
     let pairs: Vec<_> = tracked.into_iter().filter_map(|(t, p)| Some((*true_at.get(&t)?, p))).collect();
@@ -65,14 +72,17 @@ pub fn of_session(path: &Path) -> Option<Accuracy> {
     for (truth, estimate) in &pairs {
         let motion = minus(*truth, true_mean);
         let error = minus(*estimate, mean);
-        let error: [f64; 3] = std::array::from_fn(|i| error[i] - motion[i]);
+        // An axis that the track does not follow has no error.
+        let error = [0, 1, 2].map(|i| error[i] - motion[i]);
+        let error = error.map(|e| if e.is_nan() { 0.0 } else { e });
         moved = moved.max(norm(minus(*truth, truths[0])));
         worst = worst.max(norm(error));
         for i in 0..3 {
             squares[i] += error[i] * error[i];
         }
     }
-    let rms_mm = squares.map(|s| (s / pairs.len() as f64).sqrt());
+    let followed = mean.map(f64::is_finite);
+    let rms_mm = [0, 1, 2].map(|i| followed[i].then(|| (squares[i] / pairs.len() as f64).sqrt()));
     Some(Accuracy { topic: track_name, samples: pairs.len(), rms_mm, worst_mm: worst, moved_mm: moved })
 }
 

@@ -37,7 +37,7 @@ impl Which {
 
     /// Joins the run.
     pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
-        let cards = going_on();
+        let cards = going_on().map_err(Failure::failed)?;
         let fits =
             |c: &RunCard| self.run.as_ref().is_none_or(|r| *r == c.pid.to_string() || *r == c.pipeline);
         let found: Vec<&RunCard> = cards.iter().filter(|c| fits(c)).collect();

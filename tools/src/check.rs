@@ -2,11 +2,12 @@
 
 use clap::Args;
 use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::Machine;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::PipelineFile;
 
-/// Check a pipeline and show every fault of it.
+/// Check a pipeline for this machine and show every fault of it.
 #[derive(Args)]
 pub struct Check {
     #[command(flatten)]
@@ -20,7 +21,7 @@ impl Check {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let (source, file) = self.pipeline.read()?;
-        match self.pipeline.check_text(&source, &file, registry) {
+        match self.pipeline.check_text(&source, &file, registry, &Machine::here()) {
             Ok(graph) => {
                 if self.json {
                     let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();

@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::near::nearest;
 use stillpoint_recorder::Session;
-use stillpoint_samples::{Journal, Pieces, Sample, SampleKind};
+use stillpoint_samples::{Diagnostics, Journal, Pieces, Sample, SampleKind};
 use stillpoint_shm::{Contract, Topic};
 
 use crate::attach::{Attached, Which};
@@ -20,7 +21,7 @@ use crate::show;
 /// Show the samples of a topic of a running pipeline or of a session, one JSON line each.
 #[derive(Args)]
 pub struct Echo {
-    /// The topic, `operator.port`; `operator.journal` for a journal.
+    /// The topic, `operator.port`; `operator.journal` for a journal, `operator.timing` for laps.
     topic: String,
     /// End after so many samples.
     #[arg(long, value_name = "N")]
@@ -64,20 +65,7 @@ impl Echo {
 
     fn live(&self, registry: &Registry) -> Ended {
         let Attached { graph, domain, root } = self.which.attach(registry)?;
-        let (contract, kind): (Contract, &'static SampleKind) = match graph.topic(&self.topic) {
-            Some((operator, port)) => {
-                let kind = graph.operators[operator].stage.kind.outputs[port].sample;
-                (contracts::output(&graph, operator, port), kind)
-            }
-            None => {
-                let journal =
-                    graph.operators.iter().position(|o| contracts::journal_topic(&o.name) == self.topic);
-                let all: Vec<_> =
-                    graph.operators.iter().flat_map(|o| o.outputs.iter().map(|p| p.topic.as_str())).collect();
-                let operator = journal.ok_or_else(|| no_topic(&self.topic, all.into_iter()))?;
-                (contracts::journal(&graph, operator), Journal::KIND)
-            }
-        };
+        let (contract, kind) = find(&graph, &self.topic)?;
         let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
         let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
         subscriber.connect().map_err(Failure::failed)?;
@@ -104,6 +92,25 @@ impl Echo {
         }
         Ok(Exit::Done)
     }
+}
+
+/// The contract of a topic of a graph, and what its samples are.
+fn find(graph: &Graph, topic: &str) -> Result<(Contract, &'static SampleKind), Failure> {
+    if let Some((operator, port)) = graph.topic(topic) {
+        let kind = graph.operators[operator].stage.kind.outputs[port].sample;
+        return Ok((contracts::output(graph, operator, port), kind));
+    }
+    let numbers = || 0..graph.operators.len();
+    if let Some(timing) = numbers().filter_map(|o| contracts::timing(graph, o)).find(|c| c.topic == topic) {
+        return Ok((timing, Diagnostics::KIND));
+    }
+    if let Some(journal) = numbers().map(|o| contracts::journal(graph, o)).find(|c| c.topic == topic) {
+        return Ok((journal, Journal::KIND));
+    }
+    let outputs = graph.operators.iter().flat_map(|o| o.outputs.iter().map(|p| p.topic.clone()));
+    let measured = numbers().filter_map(|o| Some(contracts::timing(graph, o)?.topic));
+    let all: Vec<String> = outputs.chain(measured).collect();
+    Err(no_topic(topic, all.iter().map(String::as_str)))
 }
 
 fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {

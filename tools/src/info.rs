@@ -39,6 +39,11 @@ impl Info {
                 .iter()
                 .map(|t| json!({ "name": t.name, "type": t.type_name, "frame": t.frame, "samples": t.samples, "bytes": t.bytes }))
                 .collect();
+            let lost: Vec<_> = session
+                .lost()
+                .iter()
+                .map(|l| json!({ "topic": l.topic, "incarnation": l.incarnation, "first": l.first, "count": l.count }))
+                .collect();
             let ledger = session
                 .attachments()
                 .get(LEDGER_ATTACHMENT)
@@ -47,6 +52,7 @@ impl Info {
                 "session": self.session.display().to_string(),
                 "complete": gaps.is_empty(),
                 "gaps": gaps,
+                "lost": lost,
                 "ended": ended,
                 "topics": topics,
                 "metadata": session.metadata(),

@@ -18,9 +18,11 @@
 mod accuracy;
 mod attach;
 mod bench;
+mod case;
 mod check;
 mod echo;
 mod exit;
+mod identify;
 mod info;
 mod operators;
 mod pipeline_file;
@@ -29,6 +31,7 @@ mod replay;
 mod run;
 mod schema;
 mod send;
+mod series;
 mod show;
 mod simulate;
 mod status_line;
@@ -72,8 +75,12 @@ enum Command {
     Schema(schema::Schema),
     /// Send a person's command into a running pipeline.
     Send(send::Send),
+    /// Fit a model to what went into a system and came out, from a session.
+    Identify(identify::Identify),
     /// Show the samples of a topic of a running pipeline or of a session.
     Echo(echo::Echo),
+    /// Import, make and show patients to plan.
+    Case(case::Case),
     /// Measure how fast and how exact this build is on this machine.
     Bench(bench::Bench),
 }
@@ -115,7 +122,9 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Operators(c) => c.execute(&registry),
         Command::Schema(c) => c.execute(&registry),
         Command::Send(c) => c.execute(&registry),
+        Command::Identify(c) => c.execute(),
         Command::Echo(c) => c.execute(&registry),
+        Command::Case(c) => c.execute(),
         Command::Bench(c) => c.execute(extra),
     };
     match done {

@@ -7,7 +7,7 @@ use clap::Args;
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_pipeline::spec::{self, Faults};
+use stillpoint_pipeline::spec::{self, Faults, Machine};
 
 use crate::exit::Failure;
 
@@ -48,18 +48,24 @@ impl PipelineFile {
     }
 
     /// Reads and checks. Faults name the file as the user did.
-    pub fn check(&self, registry: &Registry) -> Result<Checked, Failure> {
+    pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Failure> {
         let (source, file) = self.read()?;
-        match self.check_text(&source, &file, registry) {
+        match self.check_text(&source, &file, registry, machine) {
             Ok(graph) => Ok(Checked { source, file, graph: Arc::new(graph) }),
             Err(faults) => Err(Failure::wrong(faults)),
         }
     }
 
     /// Checks a text that was read.
-    pub fn check_text(&self, source: &str, file: &Path, registry: &Registry) -> Result<Graph, Faults> {
+    pub fn check_text(
+        &self,
+        source: &str,
+        file: &Path,
+        registry: &Registry,
+        machine: &Machine,
+    ) -> Result<Graph, Faults> {
         let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
         let files = DiskFiles::beside(file);
-        spec::check(source, &shown.display().to_string(), &self.sets, registry, &files)
+        spec::check_for(machine, source, &shown.display().to_string(), &self.sets, registry, &files)
     }
 }

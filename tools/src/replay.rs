@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use stillpoint_pipeline::files::KeptFiles;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::keep::Keeper;
@@ -13,7 +13,8 @@ use stillpoint_pipeline::schedule::Witness;
 use stillpoint_pipeline::session::{FILES, IDENTITY, PIPELINE, RUN, SETS, identity};
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec;
-use stillpoint_recorder::{Opening, Session};
+use stillpoint_pipeline::stdout::Aside;
+use stillpoint_recorder::{Compression, Opening, Session};
 use stillpoint_samples::Entry;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -32,9 +33,30 @@ pub struct Replay {
     /// Write what was made again, every topic of it, as a session into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
+    /// How what is written is compressed. It can be made again at any time, so speed comes before size.
+    #[arg(long, value_enum, default_value_t = Compress::None, requires = "record")]
+    compression: Compress,
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// How the output of a replay is compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Compress {
+    None,
+    Lz4,
+    Zstd,
+}
+
+impl From<Compress> for Compression {
+    fn from(compress: Compress) -> Self {
+        match compress {
+            Compress::None => Self::None,
+            Compress::Lz4 => Self::Lz4,
+            Compress::Zstd => Self::Zstd,
+        }
+    }
 }
 
 /// Gaps that are shown.
@@ -88,19 +110,22 @@ impl Replay {
             _ => Selection::All,
         };
         let graph = Arc::new(graph);
+        let aside = Aside::begin();
         let begun = std::time::Instant::now();
         let report = match &self.record {
             None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(Failure::failed)?,
             Some(folder) => {
                 let all = Graph { record: Record::All, ..(*graph).clone() };
                 let opening = opening_of(&session);
-                let mut keeper = Keeper::create(folder, &all, &opening).map_err(Failure::failed)?;
+                let mut keeper = Keeper::create_with(folder, &all, &opening, self.compression.into())
+                    .map_err(Failure::failed)?;
                 let report =
                     replay(&session, &graph, &files, &selection, &mut keeper).map_err(Failure::failed)?;
                 keeper.finish(None).map_err(Failure::failed)?;
                 report
             }
         };
+        drop(aside);
         self.say(&report, begun.elapsed().as_secs_f64())
     }
 
@@ -134,6 +159,9 @@ impl Replay {
         }
         for (topic, count) in &report.recomputed {
             println!("{topic:<24} {count:>9} made again, not in the recording");
+        }
+        for (topic, count) in &report.measured {
+            println!("{topic:<24} {count:>9} measured when it was recorded, not compared");
         }
         for open in &report.open {
             println!(

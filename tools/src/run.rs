@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
+use stillpoint_pipeline::keep::create_folder;
 use stillpoint_pipeline::live::{Launch, RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
-use stillpoint_pipeline::spec::quantity;
+use stillpoint_pipeline::spec::{Machine, quantity};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::{Checked, PipelineFile};
@@ -69,7 +70,11 @@ enum LockStep {
 impl Run {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let checked = self.pipeline.check(registry)?;
+        // In one process no core is asked for.
+        let in_processes = self.lock_step != Some(LockStep::Threads)
+            && (self.clock == Clock::Live || self.lock_step.is_some());
+        let machine = if in_processes { Machine::here() } else { Machine::default() };
+        let checked = self.pipeline.check(registry, &machine)?;
         let length = match (&self.length, &self.pipeline.file) {
             (Some(text), _) => Some(time(text)?),
             (None, None) => Some(time(DEFAULT_LENGTH)?),
@@ -116,8 +121,7 @@ impl Run {
             signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
         }
         if let Some(session) = session {
-            stillpoint_recorder::create_session(session)
-                .map_err(|e| Failure::failed(format!("{}: {e}", session.display())))?;
+            create_folder(session).map_err(Failure::failed)?;
         }
         let options = RunOptions {
             source: checked.source.clone(),
@@ -168,10 +172,17 @@ fn time(text: &str) -> Result<u64, Failure> {
 
 /// The folder of the next session: the pipeline's name with the next free number.
 fn next_session(folder: &Path, checked: &Checked) -> Result<PathBuf, Failure> {
-    std::fs::create_dir_all(folder).map_err(|e| Failure::failed(format!("{}: {e}", folder.display())))?;
+    std::fs::create_dir_all(folder).map_err(|e| {
+        let place = folder.display();
+        Failure::failed(format!("{place}: {e}; choose another folder with --record, or --no-record"))
+    })?;
     let name = &checked.graph.name;
-    (1..1_000_000u32)
-        .map(|n| folder.join(format!("{name}-{n:04}")))
-        .find(|path| !path.exists())
-        .ok_or_else(|| Failure::failed(format!("{}: no free number for a session", folder.display())))
+    (1..1_000_000u32).map(|n| folder.join(format!("{name}-{n:04}"))).find(|path| !path.exists()).ok_or_else(
+        || {
+            Failure::failed(format!(
+                "{}: no free number for a session; choose another folder with --record",
+                folder.display()
+            ))
+        },
+    )
 }

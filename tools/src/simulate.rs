@@ -5,16 +5,18 @@ use std::sync::Arc;
 
 use stillpoint_pipeline::clock::SessionClock;
 use stillpoint_pipeline::files::{DiskFiles, Snapshot};
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::ledger::{Ledger, Line};
 use stillpoint_pipeline::live::control::Hello;
 use stillpoint_pipeline::live::status::Status;
-use stillpoint_pipeline::live::{Processes, Recorded, RunReport};
+use stillpoint_pipeline::live::{Fault, Processes, Recorded, RunReport};
 use stillpoint_pipeline::placement::{Local, Placement, Threads};
 use stillpoint_pipeline::schedule::{Events, Witness};
 use stillpoint_pipeline::session::{identity, opening};
 use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::stdout::Aside;
 use stillpoint_samples::Entry;
 
 use crate::exit::Failure;
@@ -40,6 +42,7 @@ pub fn simulate(
     length: u64,
     session: Option<&Path>,
 ) -> Result<RunReport, Failure> {
+    let _aside = Aside::begin();
     let graph = &checked.graph;
     let file = checked.file.display().to_string();
     let snapshot = Snapshot::of(graph, &DiskFiles::beside(&checked.file)).map_err(Failure::failed)?;
@@ -63,8 +66,15 @@ pub fn simulate(
             Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
         }
     };
-    let mut witness =
-        Witnesses { keeper, ledger: Ledger::default(), status: Status::new(graph), samples: 0, bytes: 0 };
+    let mut witness = Witnesses {
+        graph: graph.clone(),
+        keeper,
+        ledger: Ledger::default(),
+        status: Status::new(graph),
+        faults: Vec::new(),
+        samples: 0,
+        bytes: 0,
+    };
     let mut local;
     let mut threads;
     let mut processes;
@@ -84,11 +94,16 @@ pub fn simulate(
         }
     };
     let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
+    let ended_early = ended.err().map(|e| e.to_string());
     let ledger = witness.ledger.lines(graph);
     let mut recorded = Vec::new();
     if let Some(keeper) = witness.keeper {
         let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
-        let part = keeper.finish(Some(text)).map_err(Failure::failed)?;
+        let part = match &ended_early {
+            None => keeper.finish(Some(text)),
+            Some(reason) => keeper.finish_early(Some(text), reason),
+        };
+        let part = part.map_err(Failure::failed)?;
         let lost = std::collections::BTreeMap::new();
         recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, cpu_ns: 0, lost });
     }
@@ -99,8 +114,8 @@ pub fn simulate(
         balanced: ledger.iter().all(Line::balances),
         ledger,
         unseen_entries: witness.ledger.missing_entries(),
-        faults: Vec::new(),
-        ended_early: ended.err().map(|e| e.to_string()),
+        faults: witness.faults,
+        ended_early,
         recorded,
         swept: Vec::new(),
     })
@@ -108,9 +123,11 @@ pub fn simulate(
 
 /// What is kept of a run as it goes on.
 struct Witnesses {
+    graph: Arc<Graph>,
     keeper: Option<Keeper>,
     ledger: Ledger,
     status: Status,
+    faults: Vec<Fault>,
     samples: u64,
     bytes: u64,
 }
@@ -125,5 +142,10 @@ impl Witness for Witnesses {
             Some(keeper) => keeper.saw(operator, entry, outputs),
             None => Ok(()),
         }
+    }
+
+    fn failed(&mut self, operator: usize, reason: &str) {
+        let operator = self.graph.operators[operator].name.clone();
+        self.faults.push(Fault { operator, reason: reason.to_string(), fatal: false });
     }
 }

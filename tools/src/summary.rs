@@ -3,10 +3,13 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
-use stillpoint_pipeline::live::RunReport;
+use stillpoint_pipeline::live::{Fault, RunReport};
 
 use crate::accuracy;
 use crate::exit::Failure;
+
+/// Failures that are shown.
+const MOST_FAULTS: usize = 10;
 
 /// The report as JSON, with the session's path and the accuracy.
 pub fn to_json(report: &RunReport, session: Option<&Path>) -> Result<Value, Failure> {
@@ -55,6 +58,7 @@ pub fn print(report: &RunReport, session: Option<&Path>) {
             failures.join(", ")
         );
     }
+    print_faults(report);
     print_ledger(report);
     if let Some(session) = session {
         if let Some(a) = accuracy::of_session(session) {
@@ -62,6 +66,27 @@ pub fn print(report: &RunReport, session: Option<&Path>) {
             println!("{a}");
         }
         print_session(report, session);
+    }
+}
+
+/// What failed, each once with how often.
+fn print_faults(report: &RunReport) {
+    let mut counts: Vec<(&Fault, u64)> = Vec::new();
+    for fault in &report.faults {
+        match counts.iter_mut().find(|(seen, _)| *seen == fault) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((fault, 1)),
+        }
+    }
+    if !counts.is_empty() {
+        println!();
+    }
+    for (fault, count) in counts.iter().take(MOST_FAULTS) {
+        let often = if *count > 1 { format!(" ({count} times)") } else { String::new() };
+        println!("failed: {}: {}{often}", fault.operator, fault.reason);
+    }
+    if counts.len() > MOST_FAULTS {
+        println!("and {} other failures: --json lists all", counts.len() - MOST_FAULTS);
     }
 }
 

@@ -24,7 +24,8 @@ const BATCHES_PER_SECOND: u64 = 20;
 ///
 /// A time runs from just before the sender writes its payload into the loan to just after the receiver has it: in
 /// stillpoint to the first line of the receiver's step, bare to the line behind `receive`. `handed` runs from just after
-/// the payload is written. Both sides read the machine's monotonic clock. Every window starts its processes anew. The
+/// the payload is written. In a group the payload is also left as it lies in the loan, but for its two times: what is left
+/// then is the hop without what writing a large payload does to the caches. Both sides read the machine's monotonic clock. Every window starts its processes anew. The
 /// journal is on; nothing is recorded.
 #[derive(Args)]
 pub struct Hop {
@@ -37,6 +38,9 @@ pub struct Hop {
     /// Length of a window, ms.
     #[arg(long, default_value_t = 500)]
     length: u64,
+    /// Windows of this kind alone; a ratio needs both of its kinds.
+    #[arg(long, value_enum, value_name = "KIND")]
+    kind: Vec<Kind>,
     /// Payloads of this many bytes alone: 64, 4096, 1200000 or 3700000.
     #[arg(long, value_name = "BYTES")]
     payload: Vec<usize>,
@@ -56,7 +60,7 @@ enum Which {
 }
 
 /// What runs in a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 enum Kind {
     BareOne,
@@ -66,10 +70,21 @@ enum Kind {
     Three,
     Grouped,
     Busy,
+    Untouched,
+    UntouchedBusy,
 }
 
-const KINDS: [Kind; 7] =
-    [Kind::BareOne, Kind::One, Kind::Tapped, Kind::BareThree, Kind::Three, Kind::Grouped, Kind::Busy];
+const KINDS: [Kind; 9] = [
+    Kind::BareOne,
+    Kind::One,
+    Kind::Tapped,
+    Kind::BareThree,
+    Kind::Three,
+    Kind::Grouped,
+    Kind::Busy,
+    Kind::Untouched,
+    Kind::UntouchedBusy,
+];
 
 impl Kind {
     fn name(self) -> &'static str {
@@ -81,11 +96,18 @@ impl Kind {
             Self::Three => "three hops",
             Self::Grouped => "one hop in a group",
             Self::Busy => "the same, busy",
+            Self::Untouched => "payload untouched",
+            Self::UntouchedBusy => "the same, busy",
         }
     }
 
     fn grouped(self) -> bool {
-        matches!(self, Self::Grouped | Self::Busy)
+        matches!(self, Self::Grouped | Self::Busy | Self::Untouched | Self::UntouchedBusy)
+    }
+
+    /// No pause between two payloads, so that caches and clock rate stay as they are.
+    fn busy(self) -> bool {
+        matches!(self, Self::Busy | Self::UntouchedBusy)
     }
 
     fn hops(self) -> usize {
@@ -165,11 +187,12 @@ impl Hop {
         for _ in 0..windows {
             for kind in KINDS {
                 // A group has one core.
-                if kind.grouped() && layout == Layout::Two {
+                if kind.grouped() && layout == Layout::Two
+                    || !self.kind.is_empty() && !self.kind.contains(&kind)
+                {
                     continue;
                 }
-                // Busy: no pause between two payloads, so that caches and clock rate stay as they are.
-                let period = Duration::from_micros(if kind == Kind::Busy { 1 } else { period_us });
+                let period = Duration::from_micros(if kind.busy() { 1 } else { period_us });
                 let words = size / size_of::<Word>();
                 let window = match kind {
                     Kind::BareOne | Kind::BareThree => {
@@ -205,13 +228,17 @@ fn pipeline(kind: Kind, words: usize, cores: &[usize], period: Duration) -> Stri
     names.push("sink".to_string());
     let per_batch = 1_000_000 / (period.as_micros() as u64 * BATCHES_PER_SECOND);
     // A group without pauses is as fast as its payload allows, whatever its period says.
-    let batch = if kind == Kind::Busy { 64 } else { per_batch.max(1) };
+    let batch = if kind.busy() { 64 } else { per_batch.max(1) };
+    // Of an untouched payload only the two times are written, so that it does not drive all else out of the caches.
+    let untouched = matches!(kind, Kind::Untouched | Kind::UntouchedBusy);
+    let written = if untouched { ", written: 2" } else { "" };
     let mut text = String::from("stillpoint: 1\nname: bench-hop\noperators:\n");
     for (place, name) in names.iter().enumerate() {
         let from = place.checked_sub(1).map(|before| format!("inputs: {{ load: {}.load }}", names[before]));
         let rest = match (from, place + 1 == names.len()) {
             (None, _) => {
-                format!("use: bench.source, every: {} us, params: {{ words: {words} }}", period.as_micros())
+                let every = period.as_micros();
+                format!("use: bench.source, every: {every} us, params: {{ words: {words}{written} }}")
             }
             (Some(from), false) => format!("use: bench.relay, {from}, params: {{ words: {words} }}"),
             (Some(from), true) => format!("use: bench.sink, {from}, params: {{ batch: {batch} }}"),
@@ -236,14 +263,15 @@ fn line(layout: Layout, size: usize, kind: Kind, ages: &BTreeMap<Kind, Vec<Ages>
     let of = |kind: Kind, pick: fn(&Ages) -> &Vec<u64>| -> Vec<Vec<u64>> {
         ages.get(&kind).into_iter().flatten().map(|w| pick(w).clone()).collect()
     };
-    let to = |pick| kind.against().map(|other| ratio(&of(kind, pick), &of(other, pick)));
+    let against = kind.against().filter(|other| ages.contains_key(other));
+    let to = |pick| against.map(|other| ratio(&of(kind, pick), &of(other, pick)));
     Some(Line {
         cores: layout,
         bytes: size,
         kind,
         whole: Quantiles::of(&all.whole),
         handed: Quantiles::of(&all.handed),
-        against: kind.against(),
+        against,
         whole_ratio: to(|a| &a.whole),
         handed_ratio: to(|a| &a.handed),
     })

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
@@ -28,8 +28,11 @@ const PERIOD_US: u64 = 6000;
 /// compression, the median of the edge that is tapped against the same edge unrecorded, and the ticks that a loop of
 /// 100 Hz misses meanwhile.
 ///
-/// The recorder's CPU time is all of its process, from its start. The bare writer writes as many messages of the same
-/// bytes from ordinary memory, to the same disk. Windows are interleaved.
+/// The recorder's CPU time is all of its process, both threads, from when its topics and its part are open to when the
+/// file is on the disk: polling, the copy out of shared memory, journals, the writer. The bare writer's is from when its
+/// file is there: it writes as many messages of the same bytes, which lie ready in ordinary memory, once as fast as it
+/// goes and once at the pace of the source, so that it finds caches and file pages as cold as the recorder does. Same
+/// chunks, checksums and disk; windows are interleaved.
 #[derive(Args)]
 pub struct Record {
     /// Windows of each kind.
@@ -56,8 +59,11 @@ struct Line {
     recorder: f64,
     /// Bytes of messages per CPU-second of the bare writer.
     bare: f64,
-    /// Median over the windows.
+    /// The same, paced.
+    paced: f64,
+    /// Medians over the windows.
     ratio: f64,
+    paced_ratio: f64,
     /// Samples that the recorder could not keep.
     lost: u64,
     /// Age of the edge's samples where they are recorded, us.
@@ -105,7 +111,7 @@ impl Record {
             Window { pipeline: &pipeline, registry, length, session, taps: &["sink.ages"] }.run()
         };
         let (mut plain, mut taped) = (Vec::new(), Vec::new());
-        let (mut ours, mut theirs) = (Vec::new(), Vec::new());
+        let (mut ours, mut theirs, mut paced) = (Vec::new(), Vec::new(), Vec::new());
         let (mut lost, mut ticks, mut missed) = (0, 0, 0);
         for _ in 0..windows {
             plain.push(run(None)?.ages_of("sink.ages").whole);
@@ -123,14 +129,18 @@ impl Record {
             let (seen, gone) = loop_ticks(&session);
             ticks += seen;
             missed += gone;
-            theirs.push(bare(&folder.free("bare")?, compression, bytes)?);
+            theirs.push(bare(&folder.free("bare")?, compression, bytes, Duration::ZERO)?);
+            let period = Duration::from_micros(PERIOD_US);
+            paced.push(bare(&folder.free("bare")?, compression, bytes, period)?);
         }
-        let ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(a, b)| a / b).collect();
+        let to = |theirs: &[f64]| median(&ours.iter().zip(theirs).map(|(a, b)| a / b).collect::<Vec<_>>());
         Ok(Line {
             compression,
             recorder: median(&ours),
             bare: median(&theirs),
-            ratio: median(&ratios),
+            paced: median(&paced),
+            ratio: to(&theirs),
+            paced_ratio: to(&paced),
             lost,
             edge: Quantiles::of(&taped.concat()),
             edge_ratio: ratio(&taped, &plain),
@@ -169,8 +179,8 @@ fn loop_ticks(session: &Session) -> (u64, u64) {
     }
 }
 
-/// Bytes per CPU-second of the bare writer for so many bytes.
-fn bare(folder: &Path, compression: &str, bytes: u64) -> Result<f64, Failure> {
+/// Bytes per CPU-second of the bare writer for so many bytes, a message each `period`.
+fn bare(folder: &Path, compression: &str, bytes: u64, period: Duration) -> Result<f64, Failure> {
     let compression = match compression {
         "none" => None,
         _ => Some(mcap::Compression::Lz4),
@@ -192,7 +202,12 @@ fn bare(folder: &Path, compression: &str, bytes: u64) -> Result<f64, Failure> {
         .add_channel(0, "source.load", "cdr", &std::collections::BTreeMap::new())
         .map_err(Failure::failed)?;
     let count = bytes / message.len() as u64;
+    let begun = Instant::now();
     for i in 0..count {
+        let wait = period.saturating_mul(i as u32).saturating_sub(begun.elapsed());
+        if !wait.is_zero() {
+            std::thread::sleep(wait);
+        }
         let header =
             mcap::records::MessageHeader { channel_id, sequence: i as u32, log_time: i, publish_time: i };
         writer
@@ -206,17 +221,30 @@ fn bare(folder: &Path, compression: &str, bytes: u64) -> Result<f64, Failure> {
 
 fn table(lines: &[Line]) -> String {
     let mut text = format!(
-        "{:<12} {:>9} {:>9} {:>6} {:>6}   {:>9} {:>9} {:>6}   {:>6} {:>7}\n",
-        "compression", "GB/CPU-s", "bare", "ratio", "lost", "edge p50", "p99 us", "ratio", "ticks", "missed"
+        "{:<12} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6}   {:>9} {:>9} {:>6}   {:>6} {:>7}\n",
+        "compression",
+        "GB/CPU-s",
+        "bare",
+        "ratio",
+        "paced",
+        "ratio",
+        "lost",
+        "edge p50",
+        "p99 us",
+        "ratio",
+        "ticks",
+        "missed"
     );
     for l in lines {
         let _ = writeln!(
             text,
-            "{:<12} {:>9.2} {:>9.2} {:>6.2} {:>6}   {:>9.1} {:>9.1} {:>6.2}   {:>6} {:>7}",
+            "{:<12} {:>9.2} {:>6.2} {:>6.2} {:>6.2} {:>6.2} {:>6}   {:>9.1} {:>9.1} {:>6.2}   {:>6} {:>7}",
             l.compression,
             l.recorder / 1e9,
             l.bare / 1e9,
             l.ratio,
+            l.paced / 1e9,
+            l.paced_ratio,
             l.lost,
             l.edge.p50,
             l.edge.p99,

@@ -43,10 +43,12 @@ pub fn payload(words: usize) -> Vec<Word> {
     (0..words).map(|i| Word { word: half(i) << 32 | half(i) }).collect()
 }
 
-/// Writes a payload between two readings of the clock, and notes them in its first two words.
+/// Writes a payload between two readings of the clock, and notes them in its first two words. A buffer that is longer
+/// keeps behind it what it held.
 pub fn write_load(to: &mut [Word], payload: &[Word], clock: &SessionClock) {
     let before = clock.now();
-    to.copy_from_slice(payload);
+    let written = payload.len().min(to.len());
+    to[..written].copy_from_slice(&payload[..written]);
     if let [first, second, ..] = to {
         first.word = before;
         second.word = clock.now();
@@ -77,10 +79,14 @@ pub struct SourceParams {
     /// Samples per activation.
     #[param(default = 1, min = 1, max = 1000)]
     burst: u32,
+    /// Words that are written into each sample; the others keep what the buffer held.
+    #[param(default = 1000000, min = 2, max = 1000000)]
+    written: usize,
 }
 
 /// Sends payloads. It reads the clock, so it is a source.
 pub struct Source {
+    words: usize,
     payload: Vec<Word>,
     burst: u32,
     clock: SessionClock,
@@ -98,7 +104,12 @@ impl Operator for Source {
     };
 
     fn new(params: SourceParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        Ok(Self { payload: payload(params.words), burst: params.burst, clock: machine_clock() })
+        Ok(Self {
+            words: params.words,
+            payload: payload(params.words.min(params.written)),
+            burst: params.burst,
+            clock: machine_clock(),
+        })
     }
 
     fn capacities(params: &SourceParams) -> Vec<usize> {
@@ -107,9 +118,9 @@ impl Operator for Source {
 
     fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         for _ in 0..self.burst {
-            let mut writer = outputs.open::<Load>(0, self.payload.len())?;
+            let mut writer = outputs.open::<Load>(0, self.words)?;
             write_load(writer.elements(), &self.payload, &self.clock);
-            writer.finish(self.payload.len())?;
+            writer.finish(self.words)?;
         }
         Ok(())
     }

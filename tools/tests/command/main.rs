@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod case;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -106,4 +108,67 @@ fn what_is_not_there_is_named_and_nothing_panics() {
         assert!(said.contains(word), "{command:?}: {said}");
         assert!(!said.contains("panicked") && !said.contains("RUST_BACKTRACE"), "{command:?}: {said}");
     }
+}
+
+#[test]
+fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipeline = root().join("pipeline.yaml").canonicalize().unwrap().display().to_string();
+    let small =
+        ["--set", "rig.width='160 px'", "--set", "rig.height='120 px'", "--set", "rig.focal_length='141 px'"];
+    let run = [
+        "run",
+        &pipeline,
+        "--clock",
+        "simulated",
+        "--for",
+        "20s",
+        "--record",
+        "s",
+        "--set",
+        "rig.motion=steps",
+    ];
+    let out = stillpoint(folder.path(), &[&run[..], &small[..]].concat());
+    assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+    let fit = |output: &str| {
+        let from =
+            ["identify", "s/head-tracking-0001", "--input", "rig.truth:position.2", "--output", output];
+        stillpoint(folder.path(), &[&from[..], &["--order", "1", "--json", "--model", "m.json"]].concat())
+    };
+    // How the filtered height follows the true one: by about as much, and settled within seconds.
+    let out = fit("filter.state:position.2");
+    assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+    let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(said["record"]["grid"]["count"], 200);
+    let gain = said["found"]["dc_gain"]["value"].as_f64().unwrap();
+    assert!((0.5..1.5).contains(&gain), "{gain}");
+    let model = stillpoint_identify::InnovationModel::from_json(
+        &std::fs::read(folder.path().join("m.json")).unwrap(),
+    )
+    .unwrap();
+    assert_eq!((model.order(), model.output().unit.as_str(), model.provenance().sha256.len()), (1, "m", 64));
+    // What is misspelled is named.
+    let out = fit("filter.state:positon.2");
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("position.0 to .2"), "{}", text(&out.stderr));
+}
+
+#[test]
+fn a_model_is_fitted_to_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut y, mut table) = (0.0, "u,y\n".to_string());
+    for k in 0..400 {
+        let u = if (k / 23) % 2 == 0 { 1.0 } else { -1.0 };
+        let e = 0.01 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
+        table.push_str(&format!("{u},{}\n", y + e));
+        y = 0.9 * y + 0.3 * u;
+    }
+    std::fs::write(folder.path().join("t.csv"), table).unwrap();
+    let arguments =
+        ["identify", "t.csv", "--input", "u", "--output", "y", "--order", "1", "--offset", "none"];
+    let refused = stillpoint(folder.path(), &arguments);
+    assert!(text(&refused.stderr).contains("give --sample-time"));
+    let out = stillpoint(folder.path(), &[&arguments[..], &["--sample-time", "10 ms"]].concat());
+    let said = text(&out.stdout);
+    assert!(out.status.success() && said.contains("DC gain 3.0") && said.contains("10.000 ms"), "{said}");
 }

@@ -1,0 +1,160 @@
+//! `stillpoint case import`
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use stillpoint_dicom::{Request, import_folder};
+use stillpoint_plan::case::{Imported, NameTable, Prescription, Uid, import_described, write};
+
+use crate::exit::{Ended, Exit, Failure};
+
+/// Make a case file of a DICOM folder (CT and RTSTRUCT), or of NRRD volumes with their JSON.
+///
+/// No patient's name, ID or birth date is kept; UIDs are.
+#[derive(Args)]
+pub struct Import {
+    /// A folder with a CT series and its RTSTRUCT, or the JSON beside NRRD volumes, or a folder with one such JSON.
+    from: PathBuf,
+    /// The case file to write.
+    #[arg(long)]
+    out: PathBuf,
+    /// A JSON table of structure names that goes before the one that comes with stillpoint.
+    #[arg(long)]
+    names: Option<PathBuf>,
+    /// DICOM: name of the case. Give none that tells who it is.
+    #[arg(long)]
+    name: Option<String>,
+    /// DICOM: the UID of the CT series to take, where the folder holds several.
+    #[arg(long)]
+    series: Option<String>,
+    /// DICOM: the dose of a target over all fractions, like `PTV=78Gy`; give it once for each target.
+    #[arg(long)]
+    prescribe: Vec<String>,
+    /// DICOM: number of fractions.
+    #[arg(long)]
+    fractions: Option<u32>,
+    /// DICOM: isocentre in the patient's frame, like `1.5mm,0mm,-20mm`; otherwise the centroid of all targets.
+    #[arg(long, allow_hyphen_values = true)]
+    isocentre: Option<String>,
+}
+
+impl Import {
+    /// Does it.
+    pub fn execute(&self) -> Ended {
+        let names = self.name_table()?;
+        let Imported { case, notes } = match described(&self.from)? {
+            Some(json) => {
+                self.refuse_for_json(&json)?;
+                import_described(&json, &names).map_err(Failure::failed)?
+            }
+            None => import_folder(&self.from, &self.request(&names)?).map_err(Failure::failed)?,
+        };
+        for note in notes {
+            println!("note: {note}");
+        }
+        let hash = write(&case, &self.out).map_err(Failure::failed)?;
+        let targets: Vec<_> = case.targets().map(|t| t.name.as_str()).collect();
+        println!(
+            "{}: {}, {} structures, targets {}",
+            self.out.display(),
+            case.name(),
+            case.structures().len(),
+            targets.join(", ")
+        );
+        println!("hash {hash}");
+        if case.prescription().is_empty() {
+            println!("note: the case has no prescription; a plan needs one (`--prescribe PTV=78Gy`)");
+        }
+        Ok(Exit::Done)
+    }
+
+    fn name_table(&self) -> Result<NameTable, Failure> {
+        let shipped = NameTable::shipped().map_err(Failure::failed)?;
+        let Some(path) = &self.names else { return Ok(shipped) };
+        let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
+        Ok(NameTable::parse(&text).map_err(|e| fault(&e))?.before(shipped))
+    }
+
+    fn refuse_for_json(&self, json: &Path) -> Result<(), Failure> {
+        let given = [
+            ("--name", self.name.is_some()),
+            ("--series", self.series.is_some()),
+            ("--prescribe", !self.prescribe.is_empty()),
+            ("--fractions", self.fractions.is_some()),
+            ("--isocentre", self.isocentre.is_some()),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            Some((option, _)) => {
+                Err(Failure::wrong(format!("{option} is for DICOM: change it in {}", json.display())))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn request<'a>(&self, names: &'a NameTable) -> Result<Request<'a>, Failure> {
+        let prescription = self.prescribe.iter().map(|text| prescription(text)).collect::<Result<_, _>>()?;
+        let isocentre_mm = match &self.isocentre {
+            None => None,
+            Some(text) => {
+                let parts: Vec<f64> =
+                    text.split(',').map(|part| quantity(part, "mm", text)).collect::<Result<_, _>>()?;
+                let three = <[f64; 3]>::try_from(parts);
+                Some(three.map_err(|_| {
+                    Failure::wrong(format!("{text:?}: give three lengths, like 1.5mm,0mm,-20mm"))
+                })?)
+            }
+        };
+        let series = match &self.series {
+            None => None,
+            Some(text) => Some(Uid::parse(text).map_err(Failure::wrong)?),
+        };
+        Ok(Request {
+            names,
+            name: self.name.clone(),
+            series,
+            prescription,
+            fractions: self.fractions,
+            isocentre_mm,
+        })
+    }
+}
+
+/// `NAME=DOSE Gy`.
+fn prescription(text: &str) -> Result<Prescription, Failure> {
+    let Some((name, dose)) = text.rsplit_once('=') else {
+        return Err(Failure::wrong(format!("{text:?}: give a target and its dose, like PTV=78Gy")));
+    };
+    Ok(Prescription { structure: name.trim().to_owned(), dose_gy: quantity(dose, "Gy", text)? })
+}
+
+/// A number with this unit.
+fn quantity(part: &str, unit: &str, whole: &str) -> Result<f64, Failure> {
+    let number = part.trim().strip_suffix(unit).and_then(|n| n.trim().parse::<f64>().ok());
+    number
+        .filter(|n| n.is_finite())
+        .ok_or_else(|| Failure::wrong(format!("{whole:?}: {part:?} must be a number with its unit, {unit}")))
+}
+
+/// The JSON of NRRD volumes, if that is what is meant.
+fn described(from: &Path) -> Result<Option<PathBuf>, Failure> {
+    if !from.is_dir() {
+        return Ok(Some(from.to_owned()));
+    }
+    let fault = |e| Failure::failed(format!("{}: {e}", from.display()));
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(from).map_err(fault)? {
+        let path = entry.map_err(fault)?.path();
+        if path.extension().is_some_and(|e| e == "json") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    match found.len() {
+        0 | 1 => Ok(found.pop()),
+        n => {
+            let first = found[0].display();
+            Err(Failure::wrong(format!("{} holds {n} JSON files: name one, like {first}", from.display())))
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! `stillpoint case show`
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+use stillpoint_plan::case::{Case, Structure, content_hash, read};
+
+use super::picture::{COLOURS, Plane, draw};
+use crate::exit::{Ended, Exit, Failure, print_json};
+
+/// Show the structures of a case, and draw its central slices.
+#[derive(Args)]
+pub struct Show {
+    /// The case file.
+    case: PathBuf,
+    /// A folder for pictures of the slices through the isocentre, in three planes.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Show {
+    /// Does it.
+    pub fn execute(&self) -> Ended {
+        let case = read(&self.case).map_err(Failure::failed)?;
+        let hash = content_hash(&case).map_err(Failure::failed)?.to_string();
+        match self.json {
+            true => print_json(&told(&case, &hash))?,
+            false => print(&case, &hash),
+        }
+        if let Some(folder) = &self.out {
+            let fault = |path: &PathBuf, e: &dyn std::fmt::Display| {
+                Failure::failed(format!("{}: {e}", path.display()))
+            };
+            std::fs::create_dir_all(folder).map_err(|e| fault(folder, &e))?;
+            for plane in Plane::ALL {
+                let path = folder.join(format!("{}.png", plane.name()));
+                let file = std::fs::File::create(&path).map_err(|e| fault(&path, &e))?;
+                draw(&case, plane).write(std::io::BufWriter::new(file)).map_err(|e| fault(&path, &e))?;
+                if !self.json {
+                    println!("{}", path.display());
+                }
+            }
+        }
+        Ok(Exit::Done)
+    }
+}
+
+/// The least and greatest positions of voxel centres, mm.
+fn extent_mm(case: &Case, structure: &Structure) -> Option<[[f64; 2]; 3]> {
+    let mut extent = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+    for index in structure.mask.indices() {
+        let centre = case.grid().centre_mm(case.grid().voxel(index));
+        for (range, c) in extent.iter_mut().zip(centre) {
+            *range = [range[0].min(c), range[1].max(c)];
+        }
+    }
+    (!structure.mask.is_empty()).then_some(extent)
+}
+
+fn told(case: &Case, hash: &str) -> serde_json::Value {
+    let structure = |s: &Structure| json!({ "name": s.name, "role": s.role, "voxels": s.mask.count(), "volume_cm3": case.volume_cm3(s), "extent_mm": extent_mm(case, s) });
+    json!({
+        "name": case.name(),
+        "hash": hash,
+        "counts": case.grid().counts,
+        "spacing_mm": case.grid().spacing_mm,
+        "origin_mm": case.grid().origin_mm,
+        "isocentre_mm": case.isocentre_mm(),
+        "structures": case.structures().iter().map(structure).collect::<Vec<_>>(),
+        "prescription": case.prescription(),
+        "fractions": case.fractions(),
+        "reference_dose": case.reference_dose_gy().is_some(),
+        "uids": case.uids(),
+        "provenance": case.provenance(),
+    })
+}
+
+fn print(case: &Case, hash: &str) {
+    let grid = case.grid();
+    let three = |values: [f64; 3]| values.map(|v| format!("{v:.1}")).join(", ");
+    println!("{}: {}", case.name(), case.provenance());
+    println!("hash {hash}");
+    let [x, y, z] = grid.counts;
+    println!(
+        "{x} x {y} x {z} voxels of {} mm, the first at {} mm",
+        three(grid.spacing_mm),
+        three(grid.origin_mm)
+    );
+    println!("isocentre {} mm", three(case.isocentre_mm()));
+    for p in case.prescription() {
+        let fractions = case.fractions().map_or_else(String::new, |n| format!(" in {n} fractions"));
+        println!("prescribed {} Gy to {}{fractions}", p.dose_gy, p.structure);
+    }
+    if case.reference_dose_gy().is_some() {
+        println!("a dose came with it");
+    }
+    if let Some(uids) = case.uids() {
+        println!(
+            "study {}\nseries {}\nframe of reference {}",
+            uids.study, uids.series, uids.frame_of_reference
+        );
+        println!("structure set {}", uids.structure_set);
+    }
+    println!();
+    println!(
+        "{:<24} {:<16} {:>10} {:>18} {:>18} {:>18}  colour",
+        "structure", "role", "cm3", "left mm", "back mm", "head mm"
+    );
+    for (place, structure) in case.structures().iter().enumerate() {
+        let ranges = match extent_mm(case, structure) {
+            Some(extent) => extent.map(|[low, high]| format!("{low:.1} to {high:.1}")),
+            None => ["-"; 3].map(str::to_owned),
+        };
+        println!(
+            "{:<24} {:<16} {:>10.3} {:>18} {:>18} {:>18}  {}",
+            structure.name,
+            structure.role.word(),
+            case.volume_cm3(structure),
+            ranges[0],
+            ranges[1],
+            ranges[2],
+            COLOURS[place % COLOURS.len()].0
+        );
+    }
+}

@@ -1,0 +1,191 @@
+//! `stillpoint identify`
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde_json::json;
+use stillpoint_identify::{
+    Estimate, Found, InnovationModel, Provenance, Record, Resampled, Signal, fit, resample,
+};
+use stillpoint_pipeline::spec::quantity;
+use stillpoint_recorder::Session;
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::series::{self, Clock, Series};
+
+/// Fit a model to what went into a system and came out, from a session.
+///
+/// The model is x(k+1) = A x + B u + K e, y = C x + e, fitted by the prediction-error method. Samples are brought to one
+/// sample time first: the output is interpolated, the input holds its last value, and the longest stretch of the output
+/// without a gap is used.
+#[derive(Args)]
+pub struct Identify {
+    /// The session: a folder of parts, or one file. A file `*.csv` is a table with named columns.
+    recording: PathBuf,
+    /// What went in: `operator.port:field`, such as `valves.command:duty.0`; of a table a column.
+    #[arg(long, value_name = "SIGNAL")]
+    input: String,
+    /// What came out: `operator.port:field`, such as `filter.state:position.2`; of a table a column.
+    #[arg(long, value_name = "SIGNAL")]
+    output: String,
+    /// Number of states.
+    #[arg(long, value_name = "N")]
+    order: usize,
+    /// Sample time, such as `33 ms`. Without it, the median interval of the output; a table needs it.
+    #[arg(long, value_name = "TIME")]
+    sample_time: Option<String>,
+    /// What the signals are counted from.
+    #[arg(long, value_enum, default_value_t)]
+    offset: Offset,
+    /// Write the model here, as JSON for a controller.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Offset {
+    /// Their means.
+    #[default]
+    Mean,
+    /// Their first values: a system that rests when the recording begins.
+    First,
+    /// Zero.
+    None,
+}
+
+impl Offset {
+    fn of(self, values: &[f64]) -> f64 {
+        match self {
+            Self::Mean => values.iter().sum::<f64>() / values.len().max(1) as f64,
+            Self::First => values.first().copied().unwrap_or(0.0),
+            Self::None => 0.0,
+        }
+    }
+}
+
+impl Identify {
+    /// Does it.
+    pub fn execute(&self) -> Ended {
+        let step = self.sample_time.as_deref().map(time).transpose()?;
+        let [input, output] = self.read(step)?;
+        let failed =
+            |e: &dyn std::fmt::Display| Failure::failed(format!("{}: {e}", self.recording.display()));
+        let mut record = resample(&input.samples, &output.samples, step).map_err(|e| failed(&e))?;
+        let signal = |series: &Series, values: &mut [f64]| {
+            let offset = self.offset.of(values);
+            values.iter_mut().for_each(|v| *v -= offset);
+            let scale = (values.iter().map(|v| v * v).sum::<f64>() / values.len().max(1) as f64).sqrt();
+            Signal { name: series.name.clone(), unit: series.unit.clone(), offset, scale }
+        };
+        let signals = [signal(&input, &mut record.input), signal(&output, &mut record.output)];
+        let found = fit(&Record { input: &record.input, output: &record.output }, self.order)
+            .map_err(|e| failed(&e))?;
+        let provenance = Provenance {
+            sha256: series::sha256(&self.recording)?,
+            samples: found.samples,
+            fit_percent: found.fit_percent,
+            program: format!("stillpoint {}", env!("CARGO_PKG_VERSION")),
+        };
+        let sample_time = record.grid.step as f64 * 1e-9;
+        let model =
+            InnovationModel::new(&found.model, sample_time, found.noise_variance, signals, provenance)
+                .map_err(|e| failed(&e))?;
+        let without_number = [input.without_number, output.without_number];
+        if self.json {
+            print_json(&json!({
+                "model": model, "found": found, "record": record, "without_number": without_number,
+            }))?;
+        } else {
+            print(&model, &found, &record, without_number);
+        }
+        if let Some(path) = &self.model {
+            let text = model.to_json().map_err(Failure::failed)?;
+            std::fs::write(path, text).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        }
+        Ok(Exit::Done)
+    }
+
+    fn read(&self, step: Option<u64>) -> Result<[Series; 2], Failure> {
+        if self.recording.extension().is_some_and(|e| e == "csv") {
+            let step =
+                step.ok_or_else(|| Failure::wrong("stillpoint: a table has no times: give --sample-time"))?;
+            let text = std::fs::read_to_string(&self.recording)
+                .map_err(|e| Failure::failed(format!("{}: {e}", self.recording.display())))?;
+            return series::of_table(&text, [&self.input, &self.output], step);
+        }
+        let session = Session::open_any(&self.recording).map_err(Failure::failed)?;
+        Ok([
+            series::of_session(&session, &self.input, Clock::Stamp)?,
+            series::of_session(&session, &self.output, Clock::Origin)?,
+        ])
+    }
+}
+
+fn time(text: &str) -> Result<u64, Failure> {
+    quantity::nanoseconds(text)
+        .map_err(|e| Failure::wrong(format!("--sample-time {text}: {}; {}", e.message, e.help)))
+}
+
+/// A number with the bounds of 95 %.
+fn within(e: &Estimate) -> String {
+    format!("{:.6e} +- {:.1e}", e.value, 1.96 * e.sd)
+}
+
+fn print(model: &InnovationModel, found: &Found, record: &Resampled, without_number: [usize; 2]) {
+    let row = |values: &[f64]| values.iter().map(|v| format!("{v:>14.6e}")).collect::<Vec<_>>().join(" ");
+    println!(
+        "{} -> {}: {} samples of {:.3} ms, {:.1} s",
+        model.input().name,
+        model.output().name,
+        found.samples,
+        model.sample_time_s() * 1e3,
+        found.samples as f64 * model.sample_time_s()
+    );
+    println!(
+        "resampled: output interpolated over at most {:.3} ms, input held; {} gaps, {:.1} s left out; without a number {} of the \
+         input, {} of the output",
+        record.farthest as f64 * 1e-6,
+        record.gaps,
+        record.left_out_s,
+        without_number[0],
+        without_number[1]
+    );
+    for (what, signal) in [("input", model.input()), ("output", model.output())] {
+        println!("{what} counted from {} {}, rms {:.6e}", signal.offset, signal.unit, signal.scale);
+    }
+    println!();
+    for i in 0..model.order() {
+        let a: Vec<f64> = model.a().row(i).iter().copied().collect();
+        println!(
+            "{} {}   B {:>14.6e}   K {:>14.6e}",
+            if i == 0 { "A" } else { " " },
+            row(&a),
+            model.b()[i],
+            model.k()[i]
+        );
+    }
+    println!();
+    println!(
+        "fit {:.2} % one step ahead, {:.2} % from the input alone",
+        found.fit_percent, found.simulation_fit_percent
+    );
+    println!("loss {:.6e}, standard deviation of e {:.6e}", found.loss, found.noise_variance.sqrt());
+    println!("DC gain {}   (95 %)", within(&found.dc_gain));
+    for pole in &found.poles {
+        println!("pole {}, {} i, modulus {}", within(&pole.re), within(&pole.im), within(&pole.modulus));
+    }
+    for test in &found.residuals {
+        println!(
+            "{} of the residuals: {} ({:.1}, 99 % are below {:.1}; {} of {} lags beyond their own 99 %)",
+            test.name,
+            if test.passes() { "passes" } else { "FAILS" },
+            test.statistic,
+            test.limit,
+            test.beyond,
+            test.lags
+        );
+    }
+}

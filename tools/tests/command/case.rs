@@ -1,0 +1,78 @@
+//! Patients: made, imported, shown.
+
+use super::{stillpoint, text};
+
+#[test]
+fn a_made_case_is_shown_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = stillpoint(folder.path(), &["case", "phantom", "--out", "cases", "--seed", "2"]);
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let shown =
+        stillpoint(folder.path(), &["case", "show", "cases/pelvis-2.case", "--out", "pictures", "--json"]);
+    assert!(shown.status.success(), "{}", text(&shown.stderr));
+    let told: serde_json::Value = serde_json::from_slice(&shown.stdout).unwrap();
+    assert!(text(&made.stdout).contains(told["hash"].as_str().unwrap()), "both say one hash");
+    let names: Vec<_> =
+        told["structures"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["Body", "PTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR", "CTV"]);
+    for plane in ["axial", "coronal", "sagittal"] {
+        let file = std::fs::File::open(folder.path().join(format!("pictures/{plane}.png"))).unwrap();
+        let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let size = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(size.width.max(size.height), 720);
+        // The outline of the PTV, structure 1, goes round the cross at the isocentre.
+        let red = pixels.chunks(3).filter(|p| *p == [255, 70, 60]).count();
+        assert!(red > 100, "{plane}: {red} red pixels");
+    }
+}
+
+#[test]
+fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let grid = "\"shape_xyz\": [3, 2, 2], \"spacing_mm\": [2, 2, 2], \"origin_mm\": [0, 0, 0]";
+    let json = format!(
+        "{{\"name\": \"tiny\", \"units\": \"mm\", \"axes\": \"LPS\", {grid}, \"ct\": \"ct.nrrd\", \"labels\": \"labels.nrrd\", \
+         \"structures\": [{{\"name\": \"Target\", \"bit\": 0, \"type\": \"TARGET\"}}]}}"
+    );
+    let volume = |kind: &str, value: u8| {
+        let header = format!(
+            "NRRD0004\ntype: {kind}\ndimension: 3\nspace: left-posterior-superior\nsizes: 3 2 2\n\
+             space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (0,0,0)\nendian: little\nencoding: raw\n\n"
+        );
+        [header.into_bytes(), [value, 0].repeat(12)].concat()
+    };
+    std::fs::write(folder.path().join("tiny.json"), json).unwrap();
+    std::fs::write(folder.path().join("ct.nrrd"), volume("int16", 40)).unwrap();
+    std::fs::write(folder.path().join("labels.nrrd"), volume("uint16", 1)).unwrap();
+    std::fs::write(
+        folder.path().join("names.json"),
+        r#"{"structures": [{"name": "PTV", "match": ["target"]}]}"#,
+    )
+    .unwrap();
+    let run = |arguments: &[&str]| {
+        let out = stillpoint(
+            folder.path(),
+            &[&["case", "import", "tiny.json", "--out", "tiny.case"], arguments].concat(),
+        );
+        (out.status.code(), text(&out.stdout) + &text(&out.stderr))
+    };
+    let (code, said) = run(&["--names", "names.json"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("note: \"Target\" is called \"PTV\"") && said.contains("targets PTV"), "{said}");
+    let (code, said) = run(&["--fractions", "30"]);
+    assert!(code == Some(2) && said.contains("--fractions is for DICOM: change it in tiny.json"), "{said}");
+    let whole = volume("uint16", 1);
+    std::fs::write(folder.path().join("labels.nrrd"), &whole[..whole.len() - 20]).unwrap();
+    let (code, said) = run(&[]);
+    assert!(
+        code == Some(1) && said.contains("labels.nrrd") && said.contains("copy the file again"),
+        "{said}"
+    );
+    let out = stillpoint(folder.path(), &["case", "show", "tiny.json"]);
+    assert!(
+        out.status.code() == Some(1) && text(&out.stderr).contains("stillpoint case import"),
+        "{}",
+        text(&out.stderr)
+    );
+}
