@@ -15,8 +15,7 @@ use std::process::Command;
 use fixture::{START, cloud, depth, entry, head, opening, pieces, sample, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{
-    Cause, ConsoleCommand, DepthImage, Diagnostics, Head, Health, Journal, PointCloud, Pose, RefKind, Sample,
-    Track,
+    Cause, DepthImage, Field, HEAD_SIZE, Head, PointCloud, Pose, Primitive, RefKind, Sample, Shape,
 };
 
 const PROBE: &str = "import mcap_ros2, rosbags";
@@ -106,16 +105,40 @@ fn f64s(bytes: &[u8]) -> Vec<String> {
     bytes.chunks_exact(8).map(|c| hex(f64::from_le_bytes(c.try_into().unwrap()))).collect()
 }
 
-fn u32s(bytes: &[u8]) -> Vec<String> {
-    bytes.chunks_exact(4).map(|c| u32::from_le_bytes(c.try_into().unwrap()).to_string()).collect()
-}
-
-fn u64s(bytes: &[u8]) -> Vec<String> {
-    bytes.chunks_exact(8).map(|c| u64::from_le_bytes(c.try_into().unwrap()).to_string()).collect()
-}
-
 fn u8s(bytes: &[u8]) -> Vec<String> {
     bytes.iter().map(u8::to_string).collect()
+}
+
+/// The number as a reader in Python prints it.
+fn number(primitive: Primitive, b: &[u8]) -> String {
+    macro_rules! read {
+        ($t:ty) => {
+            <$t>::from_le_bytes(b.try_into().unwrap())
+        };
+    }
+    match primitive {
+        Primitive::U8 => read!(u8).to_string(),
+        Primitive::I8 => read!(i8).to_string(),
+        Primitive::U16 => read!(u16).to_string(),
+        Primitive::I16 => read!(i16).to_string(),
+        Primitive::U32 => read!(u32).to_string(),
+        Primitive::I32 => read!(i32).to_string(),
+        Primitive::U64 => read!(u64).to_string(),
+        Primitive::I64 => read!(i64).to_string(),
+        Primitive::F32 => hex(read!(f32).into()),
+        Primitive::F64 => hex(read!(f64)),
+    }
+}
+
+/// The fields' numbers, one after the other.
+fn numbers(fields: &[Field], mut bytes: &[u8]) -> Vec<String> {
+    let mut out = Vec::new();
+    for field in fields {
+        let (own, rest) = bytes.split_at(field.size());
+        out.extend(own.chunks_exact(field.primitive.size()).map(|b| number(field.primitive, b)));
+        bytes = rest;
+    }
+    out
 }
 
 fn own_head(h: &Head) -> Vec<String> {
@@ -130,7 +153,7 @@ type Expected = Vec<(String, Vec<Vec<String>>)>;
 
 /// Bytes of finite numbers other than zero, whatever they are read as.
 fn noise(i: u64) -> Vec<u8> {
-    (0..512_u64).map(|k| if k % 8 == 7 { 0x3f } else { (k * 31 + i * 7 + 1) as u8 }).collect()
+    (0..1024_u64).map(|k| if k % 8 == 7 { 0x3f } else { (k * 31 + i * 7 + 1) as u8 }).collect()
 }
 
 /// Writes two samples of every kind; what both readers are to print of them.
@@ -201,52 +224,22 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
             out.extend([4, 5, 6, 3].map(|i| v[i].clone()));
             out.extend_from_slice(&v[7..]);
         }
-        "Journal" => {
-            let p = of(Journal::KIND);
+        _ => {
+            let kind = stillpoint_samples::by_name(kind).unwrap();
+            let p = of(kind);
             out.extend(own_head(&p.head()));
-            out.push(p.head().count.to_string());
-            out.extend(u64s(&p.meta[32..64]));
-            out.extend(u32s(&p.meta[64..84]));
-            for r in p.payload.chunks_exact(48) {
-                out.extend(u64s(&r[..32]));
-                out.extend(u32s(&r[32..]));
+            if kind.shape == Shape::Fixed || !kind.body.is_empty() {
+                out.push(p.head().count.to_string());
+            }
+            let said = kind.body.split_last().map_or(&[][..], |(_, rest)| rest);
+            out.extend(numbers(said, &p.meta[HEAD_SIZE..]));
+            for element in p.payload.chunks_exact(kind.element_size) {
+                match kind.bare {
+                    Some(primitive) => out.push(number(primitive, element)),
+                    None => out.extend(numbers(kind.element, element)),
+                }
             }
         }
-        "Track" => {
-            let p = of(Track::KIND);
-            out.extend(own_head(&p.head()));
-            out.push("1".to_owned());
-            let (floats, rest) = p.payload.split_at(p.payload.len() - 40);
-            out.extend(f64s(floats));
-            out.extend(u64s(&rest[..32]));
-            out.extend(u32s(&rest[32..]));
-        }
-        "ConsoleCommand" => {
-            let p = of(ConsoleCommand::KIND);
-            out.extend(own_head(&p.head()));
-            out.push("1".to_owned());
-            out.extend(f64s(&p.payload[..48]));
-            out.extend(u32s(&p.payload[48..56]));
-            out.extend(u8s(&p.payload[56..]));
-        }
-        "Health" => {
-            let p = of(Health::KIND);
-            out.extend(own_head(&p.head()));
-            for h in p.payload.chunks_exact(72) {
-                out.extend(f64s(&h[..24]));
-                out.extend(u64s(&h[24..40]));
-                out.extend(u8s(&h[40..]));
-            }
-        }
-        "Diagnostics" => {
-            let p = of(Diagnostics::KIND);
-            out.extend(own_head(&p.head()));
-            for m in p.payload.chunks_exact(40) {
-                out.extend(f64s(&m[..8]));
-                out.extend(u8s(&m[8..]));
-            }
-        }
-        other => panic!("no values for {other}: add the kind here"),
     }
     out
 }

@@ -19,6 +19,7 @@ mod accuracy;
 mod attach;
 mod bench;
 mod case;
+mod chart;
 mod check;
 mod echo;
 mod exit;

@@ -23,6 +23,7 @@ mod clusters;
 mod console;
 mod depth;
 mod diagnostics;
+mod duties;
 mod health;
 mod hull;
 mod journal;
@@ -32,6 +33,7 @@ mod plane;
 mod pose;
 mod pose_report;
 mod rejection;
+mod target;
 mod track;
 
 pub use bytes::{AlignedBytes, BytesError, Pieces, View};
@@ -40,6 +42,7 @@ pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
 pub use console::{Command, ConsoleCommand, Verb};
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
+pub use duties::{Duties, DutiesElement};
 pub use health::{Health, SensorHealth};
 pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
@@ -50,6 +53,7 @@ pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
 pub use stillpoint_derive::Layout;
+pub use target::{Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
@@ -89,6 +93,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         ConsoleCommand::KIND,
         DepthImage::KIND,
         Diagnostics::KIND,
+        Duties::KIND,
         Health::KIND,
         Hull::KIND,
         Journal::KIND,
@@ -97,6 +102,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         Pose::KIND,
         PoseReport::KIND,
         Rejection::KIND,
+        Target::KIND,
         Track::KIND,
     ]
 }

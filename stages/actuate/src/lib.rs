@@ -1,0 +1,3 @@
+//! Valves and beam: what leaves the program, and what forbids it.
+
+#![forbid(unsafe_code)]

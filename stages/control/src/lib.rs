@@ -1,0 +1,3 @@
+//! Controllers: targets, a baseline, linear-quadratic and adaptive neural control.
+
+#![forbid(unsafe_code)]

@@ -1,0 +1,196 @@
+//! Charts as SVG text, for reports and plans.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Style {
+    /// A line from point to point.
+    Line,
+    /// A thin line of dashes: a target, a truth, a limit.
+    Dashed,
+    /// A dot for each point.
+    Dots,
+    /// A value that stands until the next one.
+    Steps,
+}
+
+/// Numbers of one thing over x. A point with a NaN breaks the line.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// What the legend says.
+    pub name: String,
+    /// (x, y), x rising.
+    pub points: Vec<(f64, f64)>,
+    /// How it is drawn.
+    pub style: Style,
+}
+
+/// A chart of series over one pair of axes.
+#[derive(Clone, Debug, Default)]
+pub struct Chart {
+    /// What is shown.
+    pub title: String,
+    /// What x is, with its unit.
+    pub x: String,
+    /// What y is, with its unit.
+    pub y: String,
+    /// What is drawn, the first below.
+    pub series: Vec<Series>,
+}
+
+/// Colours that people with weak red-green sight can tell apart (Okabe and Ito).
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+];
+
+impl Chart {
+    /// The chart as an SVG document of this size in pixels, or what is wrong with its numbers.
+    pub fn svg(&self, width: u32, height: u32) -> Result<String, String> {
+        let mut text = String::new();
+        self.draw(&SVGBackend::with_string(&mut text, (width, height)).into_drawing_area())
+            .map_err(|e| format!("the chart \"{}\" cannot be drawn: {e}", self.title))?;
+        Ok(text)
+    }
+
+    fn draw(
+        &self,
+        area: &DrawingArea<SVGBackend, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+        area.fill(&WHITE)?;
+        let (x, y) = (self.range(|p| p.0), self.range(|p| p.1));
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, ("sans-serif", 16))
+            .margin(8)
+            .x_label_area_size(34)
+            .y_label_area_size(58)
+            .build_cartesian_2d(x.0..x.1, y.0..y.1)?;
+        let label = |v: &f64| number(*v);
+        chart
+            .configure_mesh()
+            .x_desc(&self.x)
+            .y_desc(&self.y)
+            .light_line_style(WHITE)
+            .x_label_formatter(&label)
+            .y_label_formatter(&label)
+            .draw()?;
+        for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
+            let style = colour.stroke_width(if series.style == Style::Dashed { 1 } else { 2 });
+            match series.style {
+                Style::Dots => {
+                    let dots = series.points.iter().filter(|p| finite(p));
+                    chart
+                        .draw_series(dots.map(|p| Circle::new(*p, 2, colour.filled())))?
+                        .label(&series.name)
+                        .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled()));
+                    continue;
+                }
+                Style::Dashed => {
+                    for part in unbroken(&series.points) {
+                        chart.draw_series(DashedLineSeries::new(part.iter().copied(), 6, 4, style))?;
+                    }
+                }
+                Style::Line | Style::Steps => {
+                    for part in unbroken(&series.points) {
+                        let part = if series.style == Style::Steps { steps(part) } else { part.to_vec() };
+                        chart.draw_series(LineSeries::new(part, style))?;
+                    }
+                }
+            }
+            chart
+                .draw_series(std::iter::empty::<Circle<(f64, f64), i32>>())?
+                .label(&series.name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        }
+        if self.series.iter().any(|s| !s.name.is_empty()) {
+            chart
+                .configure_series_labels()
+                .border_style(BLACK.mix(0.3))
+                .background_style(WHITE.mix(0.85))
+                .draw()?;
+        }
+        area.present()
+    }
+
+    /// Smallest and largest finite value, with a margin; 0 to 1 where there is none.
+    fn range(&self, of: impl Fn(&(f64, f64)) -> f64) -> (f64, f64) {
+        let points = self.series.iter().flat_map(|s| &s.points).filter(|p| finite(p));
+        let (low, high) =
+            points.map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+        if low > high {
+            return (0.0, 1.0);
+        }
+        let margin = match high - low {
+            0.0 => low.abs().max(1.0) * 0.05,
+            width => width * 0.04,
+        };
+        (low - margin, high + margin)
+    }
+}
+
+fn finite(p: &(f64, f64)) -> bool {
+    p.0.is_finite() && p.1.is_finite()
+}
+
+/// The runs of finite points.
+fn unbroken(points: &[(f64, f64)]) -> impl Iterator<Item = &[(f64, f64)]> {
+    points.split(|p| !finite(p)).filter(|part| !part.is_empty())
+}
+
+/// The corners of a line that stays at each value until the next one.
+fn steps(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let held = points.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]);
+    held.chain(points.last().copied()).collect()
+}
+
+/// A number of an axis, as short as it can be.
+fn number(v: f64) -> String {
+    if v == 0.0 || v.abs() < 1e-12 {
+        return "0".to_owned();
+    }
+    if v.abs() >= 1e5 || v.abs() < 1e-3 {
+        return format!("{v:.1e}");
+    }
+    let text = format!("{v:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chart_is_an_svg_with_its_words_and_without_what_is_not_finite() {
+        let chart = Chart {
+            title: "Height".into(),
+            x: "time, s".into(),
+            y: "z, mm".into(),
+            series: [Style::Line, Style::Dashed, Style::Dots, Style::Steps]
+                .map(|style| Series {
+                    name: format!("{style:?}"),
+                    points: vec![(0.0, 1.0), (1.0, f64::NAN), (2.0, 3.0), (3.0, 2.0)],
+                    style,
+                })
+                .to_vec(),
+        };
+        let svg = chart.svg(640, 320).unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        for word in ["Height", "time, s", "z, mm", "Line", "Dashed", "Dots", "Steps"] {
+            assert!(svg.contains(word), "{word}");
+        }
+        assert!(!svg.contains("NaN"));
+        assert_eq!(svg.matches("<circle").count(), 4, "three dots and one in the legend");
+    }
+
+    #[test]
+    fn a_chart_of_nothing_is_drawn_too() {
+        assert!(Chart::default().svg(200, 100).unwrap().contains("<svg"));
+    }
+}
