@@ -1,3 +1,9 @@
 //! The mechanics of air bladders and of a head that rests on them: plain mathematics, no pipeline.
+//!
+//! SI units and radians throughout; pressures are gauge unless a name says `absolute`.
+//!
+//! - [`dormand_prince`]: ordinary differential equations, without allocation
 
 #![forbid(unsafe_code)]
+
+pub mod dormand_prince;
