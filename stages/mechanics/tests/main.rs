@@ -1,0 +1,5 @@
+//! The reference vectors of the mechanics.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod vectors;
