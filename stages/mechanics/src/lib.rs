@@ -4,9 +4,12 @@
 //!
 //! - [`dormand_prince`]: ordinary differential equations, without allocation
 //! - [`shell`]: a bladder by itself (chapter 2)
+//! - [`plant`]: heads on bladders, as the virtual rigs have them (SCIENCE C3 to C6)
 
 #![forbid(unsafe_code)]
 
 pub mod dormand_prince;
+mod linear;
+pub mod plant;
 mod root;
 pub mod shell;

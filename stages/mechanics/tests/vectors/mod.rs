@@ -1,2 +1,3 @@
 mod file;
+mod plant;
 mod shell;

@@ -1,0 +1,221 @@
+//! A rigid head on bladders with valves: the equations of motion (SCIENCE C5, C6).
+//!
+//! `M q'' = J^T F - w - K q - D q'`, `gap = d0 + J q`; each bladder's air comes through its inlet from the supply and
+//! leaves through its outlet to the exhaust; each opening follows its duty with a lag.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::plate::Pressed;
+use super::valve::{Orifice, Valves};
+use crate::dormand_prince;
+use crate::shell::Shell;
+use crate::shell::air::Air;
+
+/// What a bladder lies on when it is flat: a pad that pushes back where its gap is below `gap`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    /// Where it begins, m.
+    pub gap: f64,
+    /// N/m.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+}
+
+/// A head with `D` degrees of freedom on `B` bladders. `N` is the length of its packed state, `2 D + 3 B`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plant<const D: usize, const B: usize, const N: usize> {
+    /// What each bladder is made of.
+    pub shell: Shell,
+    /// What is in it.
+    pub air: Air,
+    /// How air gets in and out.
+    pub valves: Valves,
+    /// Masses and moments of inertia, kg and kg m^2.
+    pub inertia: SVector<f64, D>,
+    /// What pulls against the bladders at all times: weight, N and N m.
+    pub weight: SVector<f64, D>,
+    /// Of the neck.
+    pub stiffness: SMatrix<f64, D, D>,
+    /// Of the neck.
+    pub damping: SMatrix<f64, D, D>,
+    /// Gaps at `q = 0`, m.
+    pub gap_at_zero: SVector<f64, B>,
+    /// How gaps change with `q`; its transpose turns the bladders' forces into generalised ones.
+    pub jacobian: SMatrix<f64, B, D>,
+    /// What the bladders lie on.
+    pub stop: Option<Stop>,
+    orifice: Orifice,
+}
+
+/// Where a plant is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct State<const D: usize, const B: usize> {
+    /// Coordinates, m and rad.
+    pub position: SVector<f64, D>,
+    /// Their rates.
+    pub rate: SVector<f64, D>,
+    /// Air in each bladder, kg.
+    pub air: SVector<f64, B>,
+    /// Opening of each bladder's inlet and outlet, 0 to 1.
+    pub opening: [[f64; 2]; B],
+}
+
+/// What drives a plant, constant over a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive<const D: usize, const B: usize> {
+    /// Duty of each bladder's inlet and outlet, 0 to 1.
+    pub duty: [[f64; 2]; B],
+    /// What else acts on the head, N and N m: breath, muscles, a hand.
+    pub force: SVector<f64, D>,
+    /// Effective area of a hole in each bladder, m^2.
+    pub leak: [f64; B],
+    /// Absolute pressure before the inlets, Pa.
+    pub supply: f64,
+    /// Absolute pressure behind the outlets, Pa.
+    pub exhaust: f64,
+}
+
+/// What a plant is built of, besides bladders, air and valves: see the fields of [`Plant`].
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub struct Frame<const D: usize, const B: usize> {
+    pub inertia: SVector<f64, D>,
+    pub weight: SVector<f64, D>,
+    pub stiffness: SMatrix<f64, D, D>,
+    pub damping: SMatrix<f64, D, D>,
+    pub gap_at_zero: SVector<f64, B>,
+    pub jacobian: SMatrix<f64, B, D>,
+}
+
+impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
+    const PACKED: () = assert!(N == 2 * D + 3 * B, "a plant's state has 2 D + 3 B numbers");
+
+    /// A head of this frame on bladders of `shell`.
+    pub fn new(shell: Shell, air: Air, valves: Valves, frame: Frame<D, B>) -> Self {
+        let () = Self::PACKED;
+        let Frame { inertia, weight, stiffness, damping, gap_at_zero, jacobian } = frame;
+        let orifice = Orifice::new(&air);
+        Self {
+            shell,
+            air,
+            valves,
+            inertia,
+            weight,
+            stiffness,
+            damping,
+            gap_at_zero,
+            jacobian,
+            stop: None,
+            orifice,
+        }
+    }
+
+    /// The same with something to lie on.
+    pub fn with_stop(self, stop: Stop) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    /// Shut valves, and supply and exhaust as the rig has them.
+    pub fn idle(&self) -> Drive<D, B> {
+        Drive {
+            duty: [[0.0; 2]; B],
+            force: SVector::zeros(),
+            leak: [0.0; B],
+            supply: self.valves.supply,
+            exhaust: self.valves.exhaust,
+        }
+    }
+
+    /// The gap of each bladder, m.
+    pub fn gaps(&self, position: &SVector<f64, D>) -> SVector<f64, B> {
+        self.gap_at_zero + self.jacobian * position
+    }
+
+    /// Each bladder with this much air (kg) at a position of the head.
+    pub fn bladders(&self, position: &SVector<f64, D>, air: &SVector<f64, B>) -> [Pressed; B] {
+        let gaps = self.gaps(position);
+        core::array::from_fn(|j| self.shell.pressed_with(air[j], &self.air, gaps[j]))
+    }
+
+    /// Air that flows into a bladder through its inlet at full opening, at a gauge pressure (Pa) inside, kg/s.
+    pub fn inlet_flow(&self, gauge: f64) -> f64 {
+        let inside = self.air.atmosphere + gauge;
+        self.orifice.flow(self.valves.effective_area(1.0), self.valves.supply, inside)
+    }
+
+    /// Air that flows out of a bladder through its outlet at full opening, at a gauge pressure (Pa) inside, kg/s.
+    pub fn outlet_flow(&self, gauge: f64) -> f64 {
+        let inside = self.air.atmosphere + gauge;
+        self.orifice.flow(self.valves.effective_area(1.0), inside, self.valves.exhaust)
+    }
+
+    /// Rate of each component of the packed state.
+    pub fn slope(&self, packed: &SVector<f64, N>, drive: &Drive<D, B>) -> SVector<f64, N> {
+        let state = State::<D, B>::unpack(packed);
+        let gaps = self.gaps(&state.position);
+        let gap_rates = self.jacobian * state.rate;
+        let mut push = SVector::<f64, B>::zeros();
+        let mut air_rate = SVector::<f64, B>::zeros();
+        for j in 0..B {
+            let pressed = self.shell.pressed_with(state.air[j], &self.air, gaps[j]);
+            push[j] = pressed.force() + self.stop.map_or(0.0, |stop| stop.force(gaps[j], gap_rates[j]));
+            let inside = self.air.atmosphere + pressed.pressure;
+            let [inlet, outlet] = state.opening[j].map(|opening| self.valves.effective_area(opening));
+            air_rate[j] = self.orifice.flow(inlet, drive.supply, inside)
+                - self.orifice.flow(outlet, inside, drive.exhaust)
+                - self.orifice.flow(drive.leak[j], inside, self.air.atmosphere);
+        }
+        let force = self.jacobian.transpose() * push + drive.force
+            - self.weight
+            - self.stiffness * state.position
+            - self.damping * state.rate;
+        let opening = core::array::from_fn(|j| {
+            core::array::from_fn(|v| (drive.duty[j][v] - state.opening[j][v]) / self.valves.lag)
+        });
+        let rate = force.component_div(&self.inertia);
+        State { position: state.rate, rate, air: air_rate, opening }.pack()
+    }
+
+    /// The state `h` seconds later, by one step of Dormand and Prince's method. A step of 1 ms is exact to well below
+    /// what a camera sees.
+    pub fn advance(&self, state: &State<D, B>, drive: &Drive<D, B>, h: f64) -> State<D, B> {
+        let step = dormand_prince::step(|_, y| self.slope(y, drive), 0.0, &state.pack(), h);
+        State::unpack(&step.state)
+    }
+}
+
+impl Stop {
+    fn force(&self, gap: f64, rate: f64) -> f64 {
+        if gap < self.gap { (self.stiffness * (self.gap - gap) - self.damping * rate).max(0.0) } else { 0.0 }
+    }
+}
+
+impl<const D: usize, const B: usize> State<D, B> {
+    /// At rest at a position with this much air (kg) in the bladders, all valves shut.
+    pub fn at_rest(position: SVector<f64, D>, air: SVector<f64, B>) -> Self {
+        Self { position, rate: SVector::zeros(), air, opening: [[0.0; 2]; B] }
+    }
+
+    /// Position, rates, air, and the openings of inlet and outlet bladder by bladder. `N` is `2 D + 3 B`.
+    pub fn pack<const N: usize>(&self) -> SVector<f64, N> {
+        let mut packed = SVector::<f64, N>::zeros();
+        packed.rows_mut(0, D).copy_from(&self.position);
+        packed.rows_mut(D, D).copy_from(&self.rate);
+        packed.rows_mut(2 * D, B).copy_from(&self.air);
+        for (i, opening) in self.opening.iter().flatten().enumerate() {
+            packed[2 * D + B + i] = *opening;
+        }
+        packed
+    }
+
+    /// The inverse of [`pack`](Self::pack).
+    pub fn unpack<const N: usize>(packed: &SVector<f64, N>) -> Self {
+        Self {
+            position: packed.fixed_rows::<D>(0).into_owned(),
+            rate: packed.fixed_rows::<D>(D).into_owned(),
+            air: packed.fixed_rows::<B>(2 * D).into_owned(),
+            opening: core::array::from_fn(|j| core::array::from_fn(|v| packed[2 * D + B + 2 * j + v])),
+        }
+    }
+}

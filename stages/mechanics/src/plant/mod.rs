@@ -1,0 +1,16 @@
+//! Heads on bladders: what the virtual rigs obey (SCIENCE C3 to C6).
+//!
+//! - [`valve`]: how much air an orifice lets through
+//! - [`plate`]: a bladder pressed between two plates
+//! - [`body`]: a rigid head on bladders, with valves: the equations of motion
+//! - [`layouts`]: the head with one, three and six degrees of freedom
+//! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
+
+pub mod body;
+pub mod equilibrium;
+pub mod layouts;
+pub mod plate;
+pub mod valve;
+
+pub use body::{Drive, Plant, State, Stop};
+pub use layouts::{OneDof, ThreeDof};
