@@ -35,7 +35,7 @@ pub trait Sample: 'static {
 }
 
 /// The run-time form of a sample type: all that transport, recorder and replay need to know.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Debug, Eq)]
 pub struct SampleKind {
     /// Name in configs, recordings and errors.
     pub name: &'static str,
@@ -57,6 +57,15 @@ pub struct SampleKind {
     pub element_align: usize,
     /// Hash of layout and units.
     pub hash: u64,
+}
+
+/// The hash stands for names, types, arrays and units, so that two kinds are compared without looking at each field: the
+/// recorder asks for every sample.
+impl PartialEq for SampleKind {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self, other)
+            || (self.hash == other.hash && self.name == other.name && self.shape == other.shape)
+    }
 }
 
 impl SampleKind {

@@ -21,6 +21,7 @@ mod bytes;
 mod cloud;
 mod clusters;
 mod console;
+mod datagram;
 mod depth;
 mod diagnostics;
 mod duties;
@@ -40,6 +41,7 @@ pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
 pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
 pub use console::{Command, ConsoleCommand, Verb};
+pub use datagram::Datagram;
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
 pub use duties::{Duties, DutiesElement};
@@ -91,6 +93,7 @@ pub fn all() -> &'static [&'static SampleKind] {
     &[
         ClusterTable::KIND,
         ConsoleCommand::KIND,
+        Datagram::KIND,
         DepthImage::KIND,
         Diagnostics::KIND,
         Duties::KIND,

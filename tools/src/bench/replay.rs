@@ -214,7 +214,6 @@ fn again(
 }
 
 /// Replays with output: each kind of session into what `replay --record` writes unless told, and once compressed.
-/// Replays with output: each kind of session into what `replay --record` writes unless told, and once compressed.
 fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Result<Vec<Bulk>, Failure> {
     let mut found = Vec::new();
     for (session, outputs) in [("lz4", &["none", "lz4"][..]), ("none", &["none"])] {
