@@ -1,0 +1,89 @@
+//! Valves and beam at the far end, locked to each other: the beam is off before anything vents.
+
+use crate::datagram::receiving;
+use crate::key::Key;
+use crate::message::Receiving;
+use crate::receiver::{Act, Receiver, Receives};
+use crate::refusal::{Counts, Refusal};
+
+/// What valves and beam are to do now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Doing {
+    /// The valves.
+    pub valves: Act,
+    /// Whether the beam may be on.
+    pub beam: bool,
+}
+
+/// Takes datagrams for valves and beam. The beam is on only while its lease lives **and** the valves follow live orders;
+/// where they are to vent, they hold in the first step and vent from the next one on, after the beam is off. So a sender
+/// that dies ends the beam at the valves' deadline, though its lease would last longer.
+#[derive(Clone, Debug)]
+pub struct FarEnd {
+    valves: Receiver,
+    beam: Receiver,
+    was_on: bool,
+}
+
+impl FarEnd {
+    /// A far end with this many valves, and clocks as `receives` says.
+    #[must_use]
+    pub fn new(key: &Key, receives: Receives) -> Self {
+        let beam = Receives { clock: receives.clock, ..Receives::beam() };
+        Self {
+            valves: Receiver::new(key.clone(), receives),
+            beam: Receiver::new(key.clone(), beam),
+            was_on: false,
+        }
+    }
+
+    /// Takes bytes that arrived at `arrival`, ns.
+    ///
+    /// # Errors
+    /// Why they are refused; it is counted.
+    pub fn receive(&mut self, bytes: &[u8], arrival: u64) -> Result<Receiving, Refusal> {
+        let receiver = match receiving(bytes) {
+            Some(Receiving::Beam) => &mut self.beam,
+            // What is for nobody is the valves' to count.
+            _ => &mut self.valves,
+        };
+        receiver.receive(bytes, arrival).map(|message| message.receiving)
+    }
+
+    /// What is to be done from `now`, ns, to the next step. Steps are of the far end's own period.
+    pub fn step(&mut self, now: u64) -> Doing {
+        let valves = self.valves.act(now);
+        let follows = matches!(valves, Act::Follow(_));
+        let beam = follows && matches!(self.beam.act(now), Act::Follow(_));
+        let valves = match valves {
+            Act::Vent if self.was_on => Act::Hold,
+            act => act,
+        };
+        self.was_on = beam;
+        Doing { valves, beam }
+    }
+
+    /// What became of the valves' datagrams, and of those that are for nobody.
+    #[must_use]
+    pub fn valves(&self) -> &Counts {
+        self.valves.counts()
+    }
+
+    /// What became of the beam's datagrams.
+    #[must_use]
+    pub fn beam(&self) -> &Counts {
+        self.beam.counts()
+    }
+
+    /// The receiver of the valves' datagrams.
+    #[must_use]
+    pub fn valves_receiver(&self) -> &Receiver {
+        &self.valves
+    }
+
+    /// The receiver of the beam's datagrams.
+    #[must_use]
+    pub fn beam_receiver(&self) -> &Receiver {
+        &self.beam
+    }
+}

@@ -1,0 +1,5 @@
+mod broken;
+mod codec;
+mod keys;
+mod lives;
+mod sent;
