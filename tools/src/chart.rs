@@ -2,9 +2,11 @@
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use serde::Serialize;
 
 /// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Style {
     /// A line from point to point.
     Line,
@@ -17,7 +19,7 @@ pub enum Style {
 }
 
 /// Numbers of one thing over x. A point with a NaN breaks the line.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Series {
     /// What the legend says.
     pub name: String,
@@ -28,7 +30,7 @@ pub struct Series {
 }
 
 /// A chart of series over one pair of axes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Chart {
     /// What is shown.
     pub title: String,
@@ -51,6 +53,12 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
 ];
 
+/// Red, green, blue of the series of this number, for whoever draws its name elsewhere.
+pub fn colour(number: usize) -> [u8; 3] {
+    let RGBColor(r, g, b) = COLOURS[number % COLOURS.len()];
+    [r, g, b]
+}
+
 impl Chart {
     /// The chart as an SVG document of this size in pixels, or what is wrong with its numbers.
     pub fn svg(&self, width: u32, height: u32) -> Result<String, String> {
@@ -66,8 +74,11 @@ impl Chart {
     ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
         area.fill(&WHITE)?;
         let (x, y) = (self.range(|p| p.0), self.range(|p| p.1));
-        let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, ("sans-serif", 16))
+        let mut builder = ChartBuilder::on(area);
+        if !self.title.is_empty() {
+            builder.caption(&self.title, ("sans-serif", 16));
+        }
+        let mut chart = builder
             .margin(8)
             .x_label_area_size(34)
             .y_label_area_size(58)
@@ -127,16 +138,21 @@ impl Chart {
         if low > high {
             return (0.0, 1.0);
         }
+        // Ticks closer than numbers of this size can be apart would never come to an end.
+        let largest = low.abs().max(high.abs());
         let margin = match high - low {
-            0.0 => low.abs().max(1.0) * 0.05,
+            width if width <= 1e-9 * largest => largest.max(1.0) * 0.05,
             width => width * 0.04,
         };
         (low - margin, high + margin)
     }
 }
 
+/// Beyond this no number is one that anybody measured, and axes lose their digits.
+const LARGEST: f64 = 1e15;
+
 fn finite(p: &(f64, f64)) -> bool {
-    p.0.is_finite() && p.1.is_finite()
+    p.0.abs() < LARGEST && p.1.abs() < LARGEST
 }
 
 /// The runs of finite points.
@@ -187,6 +203,18 @@ mod tests {
         }
         assert!(!svg.contains("NaN"));
         assert_eq!(svg.matches("<circle").count(), 4, "three dots and one in the legend");
+    }
+
+    #[test]
+    fn numbers_at_the_end_of_their_digits_are_drawn_and_come_to_an_end() {
+        for values in [[1e9, 1e9 + 2e-7], [0.1 + 0.2, 0.3], [1e300, -1e300], [5e-324, 0.0], [1e-20, 2e-20]] {
+            let series = Series {
+                name: String::new(),
+                points: vec![(0.0, values[0]), (1.0, values[1])],
+                style: Style::Line,
+            };
+            assert!(Chart { series: vec![series], ..Chart::default() }.svg(200, 100).is_ok(), "{values:?}");
+        }
     }
 
     #[test]

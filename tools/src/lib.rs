@@ -29,6 +29,7 @@ mod operators;
 mod pipeline_file;
 mod recover;
 mod replay;
+mod report;
 mod run;
 mod schema;
 mod send;
@@ -68,6 +69,8 @@ enum Command {
     Replay(replay::Replay),
     /// Show what a session holds, and whether it is complete.
     Info(info::Info),
+    /// Make a page of a session: tracks, pictures, rates, latencies, the ledger, faults, what was run.
+    Report(report::Report),
     /// Mend a session whose recorder was cut off.
     Recover(recover::Recover),
     /// Show the kinds of operators, or one of them.
@@ -119,6 +122,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Check(c) => c.execute(&registry),
         Command::Replay(c) => c.execute(&registry),
         Command::Info(c) => c.execute(),
+        Command::Report(c) => c.execute(&registry),
         Command::Recover(c) => c.execute(),
         Command::Operators(c) => c.execute(&registry),
         Command::Schema(c) => c.execute(&registry),

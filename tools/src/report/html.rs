@@ -1,0 +1,300 @@
+//! Sections as one HTML page that needs nothing else: style, drawings and pictures stand in it.
+
+use std::fmt::Write;
+
+use super::page::{Block, Cell, Mood, Picture, Section, Table, Tile};
+use super::picture::base64;
+use crate::chart::{Chart, Series, Style, colour};
+
+const STYLE: &str = include_str!("page.css");
+/// Size of a chart, in units that the page scales.
+const CHART: (u32, u32) = (580, 240);
+
+/// Text as it stands in HTML and SVG.
+pub fn escape(text: &str) -> String {
+    let mut safe = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => safe.push_str("&amp;"),
+            '<' => safe.push_str("&lt;"),
+            '>' => safe.push_str("&gt;"),
+            '"' => safe.push_str("&quot;"),
+            '\'' => safe.push_str("&#39;"),
+            c => safe.push(c),
+        }
+    }
+    printable(&safe)
+}
+
+/// Control characters have no place in a page.
+fn printable(text: &str) -> String {
+    text.replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}")
+}
+
+/// The page: a title, what it is about, the sections in their order.
+pub fn page(title: &str, about: &str, sections: &[Section]) -> String {
+    let (title, about) = (escape(title), escape(about));
+    let mut contents = String::new();
+    let mut body = String::new();
+    for section in sections {
+        let heading = escape(section.title);
+        let _ = writeln!(contents, "<li><a href=\"#{}\">{heading}</a></li>", section.id);
+        let _ = writeln!(body, "<section id=\"{}\">\n<h2>{heading}</h2>", section.id);
+        blocks(&section.blocks, &mut body);
+        body.push_str("</section>\n");
+    }
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n\
+         <body>\n<nav>\n<p>{title}</p>\n<ol>\n{contents}</ol>\n</nav>\n<main>\n\
+         <header>\n<h1>{title}</h1>\n<p>{about}</p>\n</header>\n{body}</main>\n</body>\n</html>\n"
+    )
+}
+
+fn blocks(blocks: &[Block], out: &mut String) {
+    let mut group = "";
+    for block in blocks {
+        // Charts and pictures that follow each other stand side by side where there is room.
+        let next = match block {
+            Block::Chart(..) => "charts",
+            Block::Picture(_) => "pictures",
+            _ => "",
+        };
+        if next != group {
+            out.push_str(if group.is_empty() { "" } else { "</div>\n" });
+            if !next.is_empty() {
+                let _ = writeln!(out, "<div class=\"{next}\">");
+            }
+            group = next;
+        }
+        block_to(block, out);
+    }
+    out.push_str(if group.is_empty() { "" } else { "</div>\n" });
+}
+
+fn block_to(block: &Block, out: &mut String) {
+    let _ = match block {
+        Block::Heading(text) => writeln!(out, "<h3>{}</h3>", escape(text)),
+        Block::Text(text) => writeln!(out, "<p>{}</p>", escape(text)),
+        Block::Warning(text) => writeln!(out, "<p class=\"warning\">{}</p>", escape(text)),
+        Block::Tiles(tiles) => {
+            writeln!(out, "<div class=\"tiles\">{}</div>", tiles.iter().map(tile).collect::<String>())
+        }
+        Block::Table(t) => writeln!(out, "{}", table(t)),
+        Block::Chart(c, caption) => writeln!(out, "{}", chart(c, caption)),
+        Block::Picture(p) => writeln!(out, "{}", picture(p)),
+        Block::Drawing(svg, caption) => {
+            writeln!(
+                out,
+                "<figure class=\"drawing\">{svg}<figcaption>{}</figcaption></figure>",
+                escape(caption)
+            )
+        }
+        Block::Listing { title, text } => {
+            writeln!(
+                out,
+                "<details><summary>{}</summary><pre>{}</pre></details>",
+                escape(title),
+                escape(text)
+            )
+        }
+    };
+}
+
+fn class(mood: Mood) -> &'static str {
+    match mood {
+        Mood::Plain => "plain",
+        Mood::Good => "good",
+        Mood::Bad => "bad",
+    }
+}
+
+fn tile(tile: &Tile) -> String {
+    let (class, name, value) = (class(tile.mood), escape(&tile.name), escape(&tile.value));
+    format!("<div class=\"tile {class}\"><span>{name}</span><strong>{value}</strong></div>")
+}
+
+fn table(table: &Table) -> String {
+    let is_number = |column: usize| {
+        table.rows.iter().all(|row| !matches!(row.get(column), Some(Cell::Text(_))))
+            && table.rows.iter().any(|row| matches!(row.get(column), Some(Cell::Number(_) | Cell::Bar(..))))
+    };
+    let mut head = String::new();
+    for (i, name) in table.columns.iter().enumerate() {
+        let class = if is_number(i) { " class=\"number\"" } else { "" };
+        let _ = write!(head, "<th scope=\"col\"{class}>{}</th>", escape(name));
+    }
+    let rows: String = table
+        .rows
+        .iter()
+        .map(|row| format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>()))
+        .collect();
+    let caption = match table.caption.as_str() {
+        "" => String::new(),
+        text => format!("<caption>{}</caption>", escape(text)),
+    };
+    format!(
+        "<div class=\"wide\"><table>{caption}<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}</tbody></table></div>"
+    )
+}
+
+fn cell(cell: &Cell) -> String {
+    match cell {
+        Cell::Text(text) => format!("<td>{}</td>", escape(text)),
+        Cell::Number(text) => format!("<td class=\"number\">{}</td>", escape(text)),
+        Cell::State(mood, text) => format!("<td class=\"{}\">{}</td>", class(*mood), escape(text)),
+        Cell::Bar(part, text) => {
+            let part = if part.is_finite() { part.clamp(0.0, 1.0) * 60.0 } else { 0.0 };
+            format!(
+                "<td class=\"number\">{} <svg class=\"bar\" width=\"60\" height=\"9\" viewBox=\"0 0 60 9\" \
+                 role=\"presentation\"><rect width=\"{part:.1}\" height=\"9\"/></svg></td>",
+                escape(text)
+            )
+        }
+    }
+}
+
+fn picture(picture: &Picture) -> String {
+    let [width, height] = picture.size;
+    format!(
+        "<figure><img width=\"{width}\" height=\"{height}\" alt=\"{}\" src=\"data:image/png;base64,{}\">\
+         <figcaption>{}</figcaption></figure>",
+        escape(&picture.alt),
+        base64(&picture.png),
+        escape(&picture.caption)
+    )
+}
+
+fn chart(chart: &Chart, caption: &str) -> String {
+    // Title and legend stand in the page, where they cannot lie over a line.
+    let series = chart.series.iter().map(|s| Series { name: String::new(), ..s.clone() });
+    let bare = Chart {
+        title: String::new(),
+        x: printable(&chart.x),
+        y: printable(&chart.y),
+        series: series.collect(),
+    };
+    let drawn = match bare.svg(CHART.0, CHART.1) {
+        Ok(svg) => themed(&svg),
+        Err(reason) => format!("<p class=\"warning\">{}</p>", escape(&reason)),
+    };
+    let names: String = chart.series.iter().enumerate().map(|(i, s)| legend(i, s)).collect();
+    let caption = match caption {
+        "" => String::new(),
+        text => format!("<p>{}</p>", escape(text)),
+    };
+    format!(
+        "<figure><figcaption><b>{}</b><span class=\"legend\">{names}</span></figcaption>{drawn}{caption}</figure>",
+        escape(&chart.title)
+    )
+}
+
+/// What a series looks like, and its name.
+fn legend(number: usize, series: &Series) -> String {
+    if series.name.is_empty() {
+        return String::new();
+    }
+    let colour = svg_colour(number);
+    let mark = match series.style {
+        Style::Dots => format!("<circle cx=\"11\" cy=\"5\" r=\"3\" fill=\"{colour}\"/>"),
+        Style::Dashed => {
+            format!("<path d=\"M0 5H22\" stroke=\"{colour}\" stroke-width=\"1.5\" stroke-dasharray=\"6 4\"/>")
+        }
+        Style::Line | Style::Steps => format!("<path d=\"M0 5H22\" stroke=\"{colour}\" stroke-width=\"2\"/>"),
+    };
+    format!(
+        "<span><svg width=\"22\" height=\"10\" viewBox=\"0 0 22 10\">{mark}</svg> {}</span> ",
+        escape(&series.name)
+    )
+}
+
+fn svg_colour(number: usize) -> String {
+    match colour(number) {
+        [0, 0, 0] => "var(--ink)".to_owned(),
+        [r, g, b] => format!("#{r:02X}{g:02X}{b:02X}"),
+    }
+}
+
+/// Black and white of a drawing become ink and paper of the page. A drawing within HTML needs no name space.
+fn themed(svg: &str) -> String {
+    svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")
+        .replace("\"#FFFFFF\"", "\"var(--paper)\"")
+        .replace("\"#000000\"", "\"var(--ink)\"")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_is_text_wherever_it_stands() {
+        let nasty = "<script>alert('x')</script> & \"q\" \u{7}";
+        let chart_of = Chart {
+            title: nasty.into(),
+            x: nasty.into(),
+            y: nasty.into(),
+            series: vec![Series {
+                name: nasty.into(),
+                points: vec![(0.0, 1.0), (1.0, 2.0)],
+                style: Style::Line,
+            }],
+        };
+        let mut t = Table::new(nasty, &[nasty]);
+        t.row([
+            Cell::text(nasty),
+            Cell::number(nasty),
+            Cell::Bar(0.5, nasty.into()),
+            Cell::State(Mood::Bad, nasty.into()),
+        ]);
+        let section = Section::new("id", "title", &())
+            .unwrap()
+            .with(Block::Heading(nasty.into()))
+            .with(Block::Text(nasty.into()))
+            .with(Block::Warning(nasty.into()))
+            .with(Block::Tiles(vec![Tile::plain(nasty, nasty)]))
+            .with(Block::Table(t))
+            .with(Block::Chart(chart_of, nasty.into()))
+            .with(Block::Picture(Picture {
+                png: vec![1, 2],
+                size: [1, 1],
+                alt: nasty.into(),
+                caption: nasty.into(),
+            }))
+            .with(Block::Listing { title: nasty.into(), text: nasty.into() });
+        let html = page(nasty, nasty, &[section]);
+        assert!(!html.contains("<script") && !html.contains("alert('x')") && !html.contains('\u{7}'));
+        assert!(html.matches("&lt;script&gt;").count() > 12);
+        assert!(!html.contains("http:") && !html.contains("https:") && !html.contains("url("));
+    }
+
+    #[test]
+    fn a_column_of_numbers_has_its_heading_over_them() {
+        let mut t = Table::new("", &["what", "how much"]);
+        t.row([Cell::text("a"), Cell::number("1")]);
+        let html = table(&t);
+        assert!(
+            html.contains("<th scope=\"col\">what")
+                && html.contains("<th scope=\"col\" class=\"number\">how much")
+        );
+    }
+
+    #[test]
+    fn a_chart_takes_the_colours_of_the_page_and_names_its_series_once() {
+        let line = |name: &str| Series {
+            name: name.into(),
+            points: vec![(0.0, 0.0), (1.0, 1.0)],
+            style: Style::Line,
+        };
+        let chart_of = Chart {
+            title: "t".into(),
+            x: "time, s".into(),
+            y: "z, mm".into(),
+            series: vec![line("alpha"), line("beta")],
+        };
+        let html = chart(&chart_of, "");
+        assert_eq!((html.matches("alpha").count(), html.matches("beta").count()), (1, 1));
+        assert!(html.contains("var(--ink)") && !html.contains("#000000") && !html.contains("xmlns"));
+        assert!(html.contains("time, s") && html.contains("z, mm"));
+    }
+}

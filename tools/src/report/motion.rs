@@ -1,0 +1,257 @@
+//! Estimates against the truth: what of the difference is a constant offset, and what is error.
+//!
+//! What a camera tracks is not the head's origin: a centroid, a highest place, a reference surface have one of their
+//! own. So the mean difference is told apart as an offset, and an estimate with all six channels is first given the
+//! truth's own origin on the head, at the first time that both have.
+
+use nalgebra::Isometry3;
+use serde::Serialize;
+use stillpoint_samples::Standing;
+use stillpoint_track::PoseNumbers;
+
+use super::recording::{Signal, State};
+use super::statistics::{Histogram, mean, quantile};
+
+/// Names of the channels.
+pub const CHANNELS: [&str; 6] = ["x", "y", "z", "pitch", "roll", "yaw"];
+/// A truth is not guessed over a gap of more than this many of its usual intervals.
+const LARGEST_GAP: f64 = 3.5;
+
+/// Unit in which a channel is shown, and how many of them make a metre or a radian.
+pub fn unit(channel: usize) -> (&'static str, f64) {
+    if channel < 3 { ("mm", 1e3) } else { ("°", 180.0 / core::f64::consts::PI) }
+}
+
+/// The truth at any time between its samples.
+pub struct Truth<'a> {
+    states: &'a [State],
+    /// Longest gap that is interpolated over, ns.
+    longest: f64,
+}
+
+impl<'a> Truth<'a> {
+    /// Of states in the order of their times.
+    pub fn of(signal: &'a Signal) -> Self {
+        let states = signal.states.items();
+        let mut gaps: Vec<f64> =
+            states.windows(2).map(|w| (w[1].origin - w[0].origin) as f64).filter(|g| *g > 0.0).collect();
+        gaps.sort_by(f64::total_cmp);
+        Self { states, longest: LARGEST_GAP * quantile(&gaps, 0.5).unwrap_or(0.0) }
+    }
+
+    /// The channels at a time, interpolated between the samples beside it.
+    pub fn at(&self, time: u64) -> Option<[f64; 6]> {
+        let next = self.states.partition_point(|s| s.origin < time);
+        let after = self.states.get(next)?;
+        if after.origin == time {
+            return Some(after.channels);
+        }
+        let before = self.states.get(next.checked_sub(1)?)?;
+        let gap = (after.origin - before.origin) as f64;
+        let part = (time - before.origin) as f64 / gap;
+        (gap <= self.longest).then(|| {
+            std::array::from_fn(|i| {
+                before.channels[i] + part * difference(i, after.channels[i], before.channels[i])
+            })
+        })
+    }
+}
+
+/// One channel minus another; angles the shorter way.
+fn difference(channel: usize, a: f64, b: f64) -> f64 {
+    let d = a - b;
+    if channel < 3 || !d.is_finite() {
+        return d;
+    }
+    let turn = 2.0 * core::f64::consts::PI;
+    d - turn * (d / turn).round()
+}
+
+/// An estimate beside the truth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair {
+    /// Time of acquisition, ns.
+    pub origin: u64,
+    /// The truth, m and rad.
+    pub truth: [f64; 6],
+    /// Estimate minus truth, m and rad; NaN where the channel is not known.
+    pub error: [f64; 6],
+    /// Standard deviations that the estimate claims.
+    pub sd: [f64; 6],
+}
+
+/// An estimate against the truth.
+#[derive(Clone, Debug, Default)]
+pub struct Comparison {
+    /// The estimates that have a truth, with the offset taken from their errors.
+    pub pairs: Vec<Pair>,
+    /// Mean of estimate minus truth, m and rad; none where the channel is not known.
+    pub offset: [Option<f64>; 6],
+}
+
+/// Compares the states of an estimate with the truth.
+pub fn compare(truth: &Truth<'_>, estimate: &[State]) -> Comparison {
+    let mut head_from_own: Option<Isometry3<f64>> = None;
+    let mut pairs: Vec<Pair> = Vec::new();
+    for state in estimate.iter().filter(|s| s.standing != Standing::None) {
+        let Some(at) = truth.at(state.origin) else { continue };
+        let mut channels = state.channels;
+        if channels.iter().chain(&at).all(|c| c.is_finite()) {
+            let pose = pose(channels);
+            let own = head_from_own.get_or_insert_with(|| pose.inverse() * self::pose(at));
+            channels = numbers(&(pose * *own));
+        }
+        let error = std::array::from_fn(|i| difference(i, channels[i], at[i]));
+        pairs.push(Pair { origin: state.origin, truth: at, error, sd: state.sd });
+    }
+    let offset: [Option<f64>; 6] = std::array::from_fn(|i| {
+        mean(&pairs.iter().map(|p| p.error[i]).filter(|e| e.is_finite()).collect::<Vec<_>>())
+    });
+    for pair in &mut pairs {
+        pair.error = std::array::from_fn(|i| pair.error[i] - offset[i].unwrap_or(0.0));
+    }
+    Comparison { pairs, offset }
+}
+
+fn pose(channels: [f64; 6]) -> Isometry3<f64> {
+    let [x, y, z, pitch, roll, yaw] = channels;
+    PoseNumbers { position: [x, y, z], pitch, roll, yaw }.pose()
+}
+
+fn numbers(pose: &Isometry3<f64>) -> [f64; 6] {
+    let n = PoseNumbers::of(pose);
+    let [x, y, z] = n.position;
+    [x, y, z, n.pitch, n.roll, n.yaw]
+}
+
+/// Figures of the errors of one channel about their mean, in mm or degrees.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ErrorFigures {
+    /// The estimate's topic.
+    pub topic: String,
+    /// The channel.
+    pub channel: &'static str,
+    /// Unit of all figures.
+    pub unit: &'static str,
+    /// Estimates that have a truth.
+    pub samples: usize,
+    /// Mean of estimate minus truth: another point of the head, and what a sensor makes of a surface.
+    pub offset: f64,
+    /// Root mean square of the error about the offset.
+    pub rms: f64,
+    /// Its square: the variance.
+    pub variance: f64,
+    /// 95 % of the errors are not larger, in size.
+    pub p95: f64,
+    /// The largest, in size.
+    pub worst: f64,
+    /// Root mean square of the standard deviations that the estimate claims.
+    pub claimed: f64,
+    /// Largest distance of the truth from its first place.
+    pub moved: f64,
+}
+
+impl Comparison {
+    /// The errors of a channel with their times, ns, in mm or degrees.
+    pub fn errors(&self, channel: usize) -> impl Iterator<Item = (u64, f64)> {
+        let scale = unit(channel).1;
+        self.pairs.iter().map(move |p| (p.origin, p.error[channel] * scale)).filter(|(_, e)| e.is_finite())
+    }
+
+    /// The figures of a channel, where it is known.
+    pub fn figures(&self, topic: &str, channel: usize) -> Option<ErrorFigures> {
+        let (unit, scale) = unit(channel);
+        let offset = self.offset[channel]? * scale;
+        let mut sizes: Vec<f64> = self.errors(channel).map(|(_, e)| e.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let known = || self.pairs.iter().filter(|p| p.error[channel].is_finite());
+        let claims: Vec<f64> = known().map(|p| (p.sd[channel] * scale).powi(2)).collect();
+        let first = known().next()?.truth[channel];
+        let moved = known().map(|p| difference(channel, p.truth[channel], first).abs() * scale);
+        let variance = mean(&sizes.iter().map(|e| e * e).collect::<Vec<_>>())?;
+        Some(ErrorFigures {
+            topic: topic.to_owned(),
+            channel: CHANNELS[channel],
+            unit,
+            samples: sizes.len(),
+            offset,
+            rms: variance.sqrt(),
+            variance,
+            p95: quantile(&sizes, 0.95)?,
+            worst: *sizes.last()?,
+            claimed: mean(&claims)?.sqrt(),
+            moved: moved.fold(0.0, f64::max),
+        })
+    }
+
+    /// How often errors of a channel are of which size, in bins up to `largest` on both sides.
+    pub fn histogram(&self, channel: usize, largest: f64, bins: usize) -> Histogram {
+        Histogram::of(self.errors(channel).map(|(_, e)| e), -largest, largest, bins)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::recording::Part;
+    use crate::report::thinned::Thinned;
+
+    fn state(origin: u64, channels: [f64; 6]) -> State {
+        State { origin, channels, sd: [1e-3; 6], nis: f64::NAN, standing: Standing::Measured }
+    }
+
+    fn signal(states: impl IntoIterator<Item = State>) -> Signal {
+        let mut kept = Thinned::default();
+        states.into_iter().for_each(|s| kept.push(s));
+        Signal { topic: "rig.truth".into(), frame: None, part: Part::Truth, states: kept, tracking: None }
+    }
+
+    #[test]
+    fn a_constant_offset_is_no_error_and_errors_are_as_they_were_put_in() {
+        let truth = signal((0..100).map(|k| state(k * 1000, [0.0, 0.0, 1e-4 * k as f64, 0.0, 0.0, 0.0])));
+        // 50 mm above, and 2 mm to and fro.
+        let estimate: Vec<State> = (0..99)
+            .map(|k| {
+                let z = 1e-4 * (k as f64 + 0.5) + 0.05 + if k % 2 == 0 { 2e-3 } else { -2e-3 };
+                state(k * 1000 + 500, [f64::NAN, f64::NAN, z, f64::NAN, f64::NAN, f64::NAN])
+            })
+            .collect();
+        let found = compare(&Truth::of(&truth), &estimate);
+        assert_eq!(found.pairs.len(), 99);
+        let z = found.figures("e", 2).unwrap();
+        // 50 of 99 are above: the mean is a little higher, and so the rest lower.
+        let mean = 2.0 / 99.0;
+        assert!((z.offset - 50.0 - mean).abs() < 1e-9, "{z:?}");
+        assert!(
+            (z.variance - (4.0 - mean * mean)).abs() < 1e-9 && (z.worst - 2.0 - mean).abs() < 1e-9,
+            "{z:?}"
+        );
+        assert!((z.claimed - 1.0).abs() < 1e-12 && z.unit == "mm" && z.samples == 99);
+        assert_eq!((found.figures("e", 0), found.offset[3]), (None, None));
+        let histogram = found.histogram(2, 3.0, 6);
+        assert_eq!((histogram.counts, histogram.outside), (vec![49, 0, 0, 0, 50, 0], 0));
+    }
+
+    #[test]
+    fn another_point_of_a_head_that_turns_makes_no_error() {
+        let true_pose =
+            |k: u64| [0.0, 0.0, 0.1, 0.2 * (k as f64 * 0.1).sin(), 0.0, 0.1 * (k as f64 * 0.07).sin()];
+        let truth = signal((0..200).map(|k| state(k, true_pose(k))));
+        let own = pose([0.03, -0.08, 0.05, 0.3, -0.2, 0.1]);
+        let estimate: Vec<State> = (0..200).map(|k| state(k, numbers(&(pose(true_pose(k)) * own)))).collect();
+        let found = compare(&Truth::of(&truth), &estimate);
+        for channel in 0..6 {
+            assert!(found.figures("e", channel).unwrap().worst < 1e-9, "{channel}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_guessed_over_a_gap_or_beyond_the_ends() {
+        let times = [0, 10, 20, 30, 100, 110];
+        let truth = signal(times.map(|t| state(t, [t as f64; 6])));
+        let truth = Truth::of(&truth);
+        assert_eq!(truth.at(15).unwrap()[0], 15.0);
+        assert_eq!(truth.at(30).unwrap()[0], 30.0);
+        assert!(truth.at(50).is_none() && truth.at(111).is_none());
+    }
+}

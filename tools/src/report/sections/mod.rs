@@ -1,0 +1,42 @@
+//! The sections of a report, in their order. To add one, add a file with a function from the source to a section, and
+//! a line in [`ALL`].
+
+mod consistency;
+mod errors;
+mod faults;
+mod filters;
+mod ledger;
+mod operators;
+mod provenance;
+mod segmentation;
+mod sensors;
+mod stages;
+mod summary;
+mod topics;
+mod tracks;
+
+pub use operators::is_activation;
+
+use super::page::Section;
+use super::source::Source;
+use crate::exit::Failure;
+
+/// A section out of what was read.
+type Make = fn(&Source<'_>) -> Result<Section, Failure>;
+
+/// All sections, from the top of the page to its end.
+pub const ALL: &[Make] = &[
+    summary::section,
+    tracks::section,
+    errors::section,
+    filters::section,
+    consistency::section,
+    sensors::section,
+    segmentation::section,
+    operators::section,
+    stages::section,
+    ledger::section,
+    faults::section,
+    topics::section,
+    provenance::section,
+];

@@ -1,0 +1,313 @@
+//! Images of a session with what was found in them. What the session does not hold of it is made again by a replay of
+//! the stages behind the images, up to the last image that is wanted.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::replay::{ReplayError, Selection, replay};
+use stillpoint_pipeline::schedule::Witness;
+use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::stdout::Aside;
+use stillpoint_samples::{
+    AlignedBytes, DepthImage, Entry, Hull, Pieces, Plane, PlaneElement, PointCloud, RefKind, Rejection,
+    Sample, SampleKind,
+};
+
+use super::overlay::Image;
+use super::recording::{Recording, is_any_of};
+use super::source::Source;
+
+/// Images of the begin of a session among which those that a replay makes again are chosen.
+const REPLAYED: usize = 300;
+/// What the witness says once it has seen everything.
+const ENOUGH: &str = "enough was made again";
+
+/// Where a face, a plane and a hull are sought, and in whose images.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// The operator that seeks.
+    pub stage: String,
+    /// The topic of its images, or of its clouds where there are none.
+    pub image: String,
+    /// Topics of the results, by name of their kind.
+    pub results: BTreeMap<&'static str, String>,
+    /// How many images it looked at.
+    pub looked_at: usize,
+    /// Of these, images that were refused.
+    pub refused: usize,
+    /// The chosen ones.
+    pub views: Vec<View>,
+    /// Whether the results were made again.
+    pub made_again: bool,
+    /// Why there are none, or fewer than there should be.
+    pub missing: Option<String>,
+}
+
+/// An image with what was found in it.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// When it was acquired, ns.
+    pub origin: u64,
+    /// The image.
+    pub image: Image,
+    /// Points of the face, m, in the image's frame.
+    pub face: Vec<[f32; 3]>,
+    /// The supporting plane.
+    pub plane: Option<PlaneElement>,
+    /// Corners of the hull, m, in the image's frame.
+    pub hull: Vec<[f32; 3]>,
+    /// Area within the hull, m2.
+    pub hull_area: Option<f64>,
+    /// Why there is no face.
+    pub rejection: Option<String>,
+}
+
+/// The results that are shown.
+const RESULTS: [&SampleKind; 4] = [PointCloud::KIND, Plane::KIND, Hull::KIND, Rejection::KIND];
+
+/// The cameras of a session with their chosen images.
+pub fn cameras(source: &Source<'_>) -> Vec<Camera> {
+    let mut cameras = found(source);
+    for camera in &mut cameras {
+        fill(source, camera);
+    }
+    cameras
+}
+
+/// The operators that make a plane or a hull, with the images upstream of them.
+fn found(source: &Source<'_>) -> Vec<Camera> {
+    let recording = &source.recording;
+    let mut cameras = Vec::new();
+    for stage in recording.wiring.stages() {
+        let mut results = BTreeMap::new();
+        for topic in &stage.outputs {
+            if let Some(kind) = kind_of(source, topic).filter(|k| RESULTS.contains(k)) {
+                results.entry(kind.name).or_insert_with(|| topic.clone());
+            }
+        }
+        if !results.contains_key(Plane::NAME) && !results.contains_key(Hull::NAME) {
+            continue;
+        }
+        let upstream: Vec<&str> = stage.inputs.iter().flat_map(|i| recording.wiring.upstream(i)).collect();
+        let first =
+            |kind| upstream.iter().find(|t| kind_of(source, t) == Some(kind)).map(ToString::to_string);
+        if let Some(image) = first(DepthImage::KIND).or_else(|| first(PointCloud::KIND)) {
+            cameras.push(Camera {
+                stage: stage.name.clone(),
+                image,
+                results,
+                looked_at: 0,
+                refused: 0,
+                views: Vec::new(),
+                made_again: false,
+                missing: None,
+            });
+        }
+    }
+    cameras
+}
+
+/// The kind of a topic, recorded or not.
+fn kind_of(source: &Source<'_>, topic: &str) -> Option<&'static SampleKind> {
+    let recorded = source.recording.session.topics().iter().find(|t| t.name == topic);
+    let recorded =
+        recorded.and_then(|t| RESULTS.into_iter().chain([DepthImage::KIND]).find(|k| is_any_of(t, &[k])));
+    let graph = source.pipeline.as_ref().ok().map(|(graph, _)| graph);
+    recorded.or_else(|| {
+        let graph = graph?;
+        let (operator, port) = graph.topic(topic)?;
+        Some(graph.operators[operator].stage.kind.outputs.get(port)?.sample)
+    })
+}
+
+/// What an operator sent on a port, by origin: incarnation and sequence, the last where it sent several.
+fn sent(recording: &Recording<'_>, topic: &str) -> BTreeMap<u64, (u32, u64)> {
+    let Some((stage, port)) = recording.wiring.producer(topic) else { return BTreeMap::new() };
+    let entries = recording.session.journals().get(&stage.name).into_iter().flatten();
+    let mut sent = BTreeMap::new();
+    for entry in entries {
+        for r in entry.refs_of(RefKind::Output).filter(|r| r.port as usize == port && r.count > 0) {
+            let last = r.first.saturating_add(u64::from(r.count) - 1);
+            sent.insert(entry.head.origin, (entry.head.incarnation, last));
+        }
+    }
+    sent
+}
+
+/// Samples by topic and origin.
+type Found = BTreeMap<(String, u64), AlignedBytes>;
+
+fn fill(source: &Source<'_>, camera: &mut Camera) {
+    let recording = &source.recording;
+    let images = sent(recording, &camera.image);
+    let results: BTreeMap<&str, _> = camera.results.iter().map(|(k, t)| (*k, sent(recording, t))).collect();
+    let origins: BTreeSet<u64> = results.values().flat_map(|r| r.keys().copied()).collect();
+    let looked_at: Vec<u64> = origins.into_iter().filter(|o| images.contains_key(o)).collect();
+    let is_refused = |origin: &u64| results.get(Rejection::NAME).is_some_and(|r| r.contains_key(origin));
+    camera.looked_at = looked_at.len();
+    camera.refused = looked_at.iter().filter(|o| is_refused(o)).count();
+    let is_kept = |topic: &String| recording.session.topic_number(topic).is_some();
+    let needed = [PointCloud::NAME, Plane::NAME, Hull::NAME];
+    let all_kept =
+        is_kept(&camera.image) && needed.iter().all(|kind| camera.results.get(kind).is_none_or(is_kept));
+    let choice = if all_kept { &looked_at[..] } else { &looked_at[..looked_at.len().min(REPLAYED)] };
+    let wanted = chosen(choice, source.pictures, is_refused);
+    let mut found = kept(recording, camera, &images, &results, &wanted);
+    if !all_kept && !wanted.is_empty() {
+        match made_again(source, camera, &wanted, &mut found) {
+            Ok(()) => camera.made_again = true,
+            Err(reason) => camera.missing = Some(reason),
+        }
+    }
+    for origin in &wanted {
+        match view(source, camera, *origin, &found) {
+            Ok(view) => camera.views.push(view),
+            Err(reason) => camera.missing = Some(reason),
+        }
+    }
+}
+
+/// Evenly spaced ones from the first to the last, and among them one that was refused where there is any.
+fn chosen(origins: &[u64], most: usize, is_refused: impl Fn(&u64) -> bool) -> Vec<u64> {
+    let count = most.min(origins.len());
+    let place = |i: usize| if count > 1 { i * (origins.len() - 1) / (count - 1) } else { 0 };
+    let mut chosen: Vec<u64> = (0..count).map(|i| origins[place(i)]).collect();
+    if count > 0
+        && !chosen.iter().any(&is_refused)
+        && let Some(refused) = origins.iter().find(|o| is_refused(o))
+    {
+        // In place of its nearest neighbour.
+        if let Some(nearest) = chosen.iter_mut().min_by_key(|o| o.abs_diff(*refused)) {
+            *nearest = *refused;
+        }
+        chosen.sort_unstable();
+    }
+    chosen
+}
+
+/// What the session holds of the wanted images and results.
+fn kept(
+    recording: &Recording<'_>,
+    camera: &Camera,
+    images: &BTreeMap<u64, (u32, u64)>,
+    results: &BTreeMap<&str, BTreeMap<u64, (u32, u64)>>,
+    wanted: &[u64],
+) -> Found {
+    let mut found = Found::new();
+    let topics = camera.results.iter().filter_map(|(kind, topic)| Some((topic, results.get(kind)?)));
+    for (topic, sent) in topics.chain([(&camera.image, images)]) {
+        let Some(number) = recording.session.topic_number(topic) else { continue };
+        for origin in wanted {
+            let Some((incarnation, sequence)) = sent.get(origin) else { continue };
+            if let Ok(Some(recorded)) = recording.session.sample(number, *incarnation, *sequence) {
+                found.insert((topic.clone(), *origin), recorded.sample);
+            }
+        }
+    }
+    found
+}
+
+/// Keeps what is wanted of a replay, and ends it behind the last of it.
+struct Collector<'a> {
+    graph: &'a Graph,
+    /// Operator and output of each topic that is wanted.
+    topics: BTreeMap<(usize, usize), String>,
+    stage: usize,
+    wanted: &'a [u64],
+    found: &'a mut Found,
+}
+
+impl Witness for Collector<'_> {
+    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+        let origin = entry.head.origin;
+        if self.wanted.contains(&origin) {
+            for (port, parcel) in outputs {
+                if let Some(topic) = self.topics.get(&(operator, *port)) {
+                    self.found.insert((topic.clone(), origin), (*parcel.bytes).clone());
+                }
+            }
+        }
+        let is_past = operator == self.stage && self.wanted.last().is_none_or(|last| origin >= *last);
+        let said = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
+        if is_past && super::sections::is_activation(entry) { Err(said()) } else { Ok(()) }
+    }
+}
+
+fn made_again(source: &Source<'_>, camera: &Camera, wanted: &[u64], found: &mut Found) -> Result<(), String> {
+    let (graph, files) = source.pipeline.as_ref().map_err(|reason| {
+        format!(
+            "the session does not hold what was found, and its pipeline is not one of this build: {reason}"
+        )
+    })?;
+    let session = source.recording.session;
+    session.check_layouts().map_err(|e| e.to_string())?;
+    let stage = graph.operator(&camera.stage).ok_or("the pipeline has no such operator")?;
+    let topics = camera.results.values().chain([&camera.image]);
+    let topics = topics.filter_map(|t| Some((graph.topic(t)?, t.clone()))).collect();
+    let mut collector = Collector { graph, topics, stage, wanted, found };
+    let _aside = Aside::begin();
+    match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
+        Err(ReplayError::Witness(said)) if said.starts_with(ENOUGH) => Ok(()),
+        Ok(_) => Ok(()),
+        Err(e) => Err(e.to_string()),
+    }
+}
+
+fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<View, String> {
+    let bytes = |topic: &String| found.get(&(topic.clone(), origin)).map(|b| &b[..]);
+    let of = |kind: &str| camera.results.get(kind).and_then(bytes);
+    let broken = |e: stillpoint_samples::BytesError| format!("{}: {e}", camera.stage);
+    let raw = bytes(&camera.image).ok_or_else(|| format!("{} does not hold all images", camera.image))?;
+    let image = match kind_of(source, &camera.image) {
+        Some(kind) if *kind == *DepthImage::KIND => Image::of_depth(raw),
+        _ => Image::of_cloud(raw),
+    };
+    let image = image.map_err(|reason| format!("{}: {reason}", camera.image))?;
+    let image_from = |kind: &str| {
+        let topic = camera.results.get(kind)?;
+        source.transform(&camera.image, topic)
+    };
+    let mut face = Vec::new();
+    if let Some(bytes) = of(PointCloud::NAME) {
+        let view =
+            Pieces::split(PointCloud::KIND, bytes).and_then(|p| p.view::<PointCloud>()).map_err(broken)?;
+        face.extend(view.elements.iter().map(|p| moved(p.xyz, image_from(PointCloud::NAME))));
+    }
+    let (mut hull, mut hull_area) = (Vec::new(), None);
+    if let Some(bytes) = of(Hull::NAME) {
+        let view = Pieces::split(Hull::KIND, bytes).and_then(|p| p.view::<Hull>()).map_err(broken)?;
+        hull.extend(view.elements.iter().map(|c| moved(c.xyz, image_from(Hull::NAME))));
+        hull_area = Some(view.body.area);
+    }
+    let mut plane = None;
+    if let Some(bytes) = of(Plane::NAME) {
+        let view = Pieces::split(Plane::KIND, bytes).and_then(|p| p.view::<Plane>()).map_err(broken)?;
+        plane = view.first().copied();
+    }
+    let mut rejection = None;
+    if let Some(bytes) = of(Rejection::NAME) {
+        let view =
+            Pieces::split(Rejection::KIND, bytes).and_then(|p| p.view::<Rejection>()).map_err(broken)?;
+        rejection = view.first().map(|r| r.reason().to_owned());
+    }
+    Ok(View { origin, image, face, plane, hull, hull_area, rejection })
+}
+
+fn moved(p: [f32; 3], transform: Option<stillpoint_pipeline::frames::Rigid>) -> [f32; 3] {
+    transform.map_or(p, |t| t.apply(p.map(f64::from)).map(|c| c as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_chosen_evenly_and_a_refused_one_is_among_them() {
+        let origins: Vec<u64> = (0..101).collect();
+        assert_eq!(chosen(&origins, 5, |_| false), [0, 25, 50, 75, 100]);
+        assert_eq!(chosen(&origins, 5, |o| *o == 53), [0, 25, 53, 75, 100]);
+        assert_eq!(chosen(&origins, 1, |_| false), [0]);
+        assert_eq!(chosen(&origins[..2], 5, |_| false), [0, 1]);
+        assert!(chosen(&origins, 0, |_| true).is_empty() && chosen(&[], 5, |_| true).is_empty());
+    }
+}

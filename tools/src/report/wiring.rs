@@ -1,0 +1,85 @@
+//! Who feeds whom, as the journals of a session say it. No kind of operator has to be known for that.
+
+use std::collections::BTreeSet;
+
+use stillpoint_recorder::{Role, Session};
+
+/// An operator with its topics.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Stage {
+    /// Name of the operator.
+    pub name: String,
+    /// Topic of each input; empty where none feeds it.
+    pub inputs: Vec<String>,
+    /// Topic of each output.
+    pub outputs: Vec<String>,
+}
+
+/// The operators of a session, upstream first.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Wiring {
+    stages: Vec<Stage>,
+}
+
+impl Wiring {
+    /// The wiring that a session states.
+    pub fn of(session: &Session) -> Self {
+        let stages = session.topics().iter().filter_map(|topic| match &topic.role {
+            Role::Journal { inputs, outputs } => {
+                Some(Stage { name: topic.operator.clone(), inputs: inputs.clone(), outputs: outputs.clone() })
+            }
+            _ => None,
+        });
+        Self { stages: stages.collect() }
+    }
+
+    /// The operators.
+    pub fn stages(&self) -> &[Stage] {
+        &self.stages
+    }
+
+    /// Who sends a topic, and on which of its outputs.
+    pub fn producer(&self, topic: &str) -> Option<(&Stage, usize)> {
+        self.stages.iter().find_map(|s| Some((s, s.outputs.iter().position(|o| o == topic)?)))
+    }
+
+    /// The topics that a topic is made of, the nearest first; itself first of all.
+    pub fn upstream<'a>(&'a self, topic: &'a str) -> Vec<&'a str> {
+        let (mut found, mut seen) = (vec![topic], BTreeSet::from([topic]));
+        let mut at = 0;
+        while at < found.len() {
+            let inputs = self.producer(found[at]).map_or(&[][..], |(stage, _)| &stage.inputs);
+            for input in inputs.iter().filter(|i| !i.is_empty()) {
+                if seen.insert(input) {
+                    found.push(input);
+                }
+            }
+            at += 1;
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn upstream_goes_to_the_sources_and_comes_to_an_end_in_a_cycle() {
+        let stage = |name: &str, inputs: &[&str], outputs: &[&str]| Stage {
+            name: name.into(),
+            inputs: inputs.iter().map(|t| t.to_string()).collect(),
+            outputs: outputs.iter().map(|t| t.to_string()).collect(),
+        };
+        let wiring = Wiring {
+            stages: vec![
+                stage("rig", &["law.duty"], &["rig.depth", "rig.truth"]),
+                stage("cloud", &["rig.depth", ""], &["cloud.cloud"]),
+                stage("law", &["cloud.cloud"], &["law.duty"]),
+            ],
+        };
+        assert_eq!(wiring.upstream("law.duty"), ["law.duty", "cloud.cloud", "rig.depth"]);
+        assert_eq!(wiring.producer("rig.truth").map(|(s, port)| (s.name.as_str(), port)), Some(("rig", 1)));
+        assert_eq!(wiring.upstream("nobody.port"), ["nobody.port"]);
+    }
+}
