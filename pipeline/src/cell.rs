@@ -9,10 +9,10 @@ use stillpoint_samples::{
 use zerocopy::IntoBytes;
 
 use crate::activation::{Activation, Brought, Consumed, RandomKey};
-use crate::console::Inbox;
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::{SetupError, Step};
 use crate::outputs::{Draft, Lender, Outputs};
+use crate::outside::Outside;
 use crate::record::Record;
 use crate::setup::{Files, Setup};
 
@@ -53,11 +53,11 @@ impl Cell {
         operator: usize,
         incarnation: u32,
         files: &dyn Files,
-        inbox: Inbox,
+        outside: Outside,
     ) -> Result<Self, SetupError> {
         let node = &graph.operators[operator];
         Ok(Self {
-            step: build_step(graph, node, files, inbox)?,
+            step: build_step(graph, node, files, outside)?,
             kinds: node
                 .stage
                 .kind
@@ -262,7 +262,7 @@ fn build_step(
     graph: &Graph,
     node: &OperatorNode,
     files: &dyn Files,
-    inbox: Inbox,
+    outside: Outside,
 ) -> Result<Box<dyn Step>, SetupError> {
     let connected: Vec<_> = node.inputs.iter().map(|i| i.edge.is_some()).collect();
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
@@ -275,7 +275,7 @@ fn build_step(
         output_frames: &output_frames,
         frames: &graph.frames,
         files,
-        inbox,
+        outside,
     };
     // A panic in `new` is a fault of the operator, too.
     contained(|| (node.stage.build)(&node.params, &setup)).unwrap_or_else(|panic| {

@@ -1,33 +1,15 @@
 //! The console: commands of people as samples.
 
-use std::collections::VecDeque;
-use std::sync::{Arc, Mutex};
-
-use stillpoint_samples::{Command, ConsoleCommand, Sample, Verb};
+use stillpoint_samples::{ConsoleCommand, Sample, Verb};
 
 use crate::activation::Activation;
 use crate::operator::{FrameRule, Kind, Operator, Output, Role, SetupError, Stage, StepError, Timer};
 use crate::outputs::Outputs;
+use crate::outside::Inbox;
 use crate::setup::Setup;
 
 /// Name of the kind.
 pub const KIND_NAME: &str = "console";
-
-/// Commands that arrived from people and were not sent on yet. Executors fill it; only a console takes from it.
-#[derive(Clone, Default)]
-pub struct Inbox(Arc<Mutex<VecDeque<Command>>>);
-
-impl Inbox {
-    /// Adds a command.
-    pub fn put(&self, command: Command) {
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push_back(command);
-    }
-
-    /// The oldest command.
-    pub fn take(&self) -> Option<Command> {
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front()
-    }
-}
 
 /// Turns the commands of `stillpoint send` into samples, at each tick of its timer.
 pub struct Console {
@@ -57,7 +39,7 @@ impl Operator for Console {
     };
 
     fn new((): (), setup: &Setup<'_>) -> Result<Self, SetupError> {
-        Ok(Self { inbox: setup.inbox.clone() })
+        Ok(Self { inbox: setup.outside.inbox.clone() })
     }
 
     fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -72,4 +54,4 @@ impl Operator for Console {
 }
 
 /// The console's entry in the list of kinds.
-pub const STAGES: &[Stage] = &[Stage::of::<Console>()];
+pub const STAGE: Stage = Stage::of::<Console>();

@@ -1,5 +1,7 @@
 //! The checked pipeline. It can only be made by checking, and only it can run.
 
+use std::net::SocketAddr;
+
 use crate::frames::Frames;
 use crate::operator::{Policy, Stage};
 use crate::params::CheckedParams;
@@ -42,6 +44,8 @@ pub struct OperatorNode {
     pub outputs: Vec<OutputNode>,
     /// Number of its process.
     pub process: usize,
+    /// Where it listens for datagrams in a live run, if it is the far end of a link.
+    pub listens: Option<SocketAddr>,
     /// Files and folders that its params name, relative to the pipeline's file.
     pub files: Vec<String>,
 }
@@ -79,6 +83,8 @@ pub struct OutputNode {
     pub frame: Option<String>,
     /// The most elements in a sample.
     pub capacity: usize,
+    /// Where its samples go as datagrams. Only a live graph has any: see [`Graph::live`].
+    pub links: Vec<SocketAddr>,
 }
 
 /// What happens when a process ends without being asked.
@@ -117,6 +123,8 @@ pub struct ProcessNode {
     pub core: Option<usize>,
     /// Scheduling class.
     pub priority: Priority,
+    /// How long it goes on after its supervisor died, ns: what it drives can be brought to a safe end.
+    pub outlives: u64,
 }
 
 /// What a recording keeps besides the journal.
@@ -131,6 +139,24 @@ pub enum Record {
 }
 
 impl Graph {
+    /// The graph of a live run: the edges into the far ends of links are cut, and their producers send datagrams instead.
+    pub fn live(mut self) -> Self {
+        for far in 0..self.operators.len() {
+            let Some(address) = self.operators[far].listens else { continue };
+            let edges: Vec<Edge> =
+                self.operators[far].inputs.iter_mut().filter_map(|i| i.edge.take()).collect();
+            for edge in edges {
+                self.operators[edge.operator].outputs[edge.output].links.push(address);
+            }
+        }
+        self
+    }
+
+    /// How long something of this run may go on after its supervisor died, ns.
+    pub fn outlives(&self) -> u64 {
+        self.processes.iter().map(|p| p.outlives).max().unwrap_or(0)
+    }
+
     /// Number of the operator of this name.
     pub fn operator(&self, name: &str) -> Option<usize> {
         self.operators.iter().position(|o| o.name == name)

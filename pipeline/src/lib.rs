@@ -21,9 +21,11 @@ pub mod graph;
 pub mod intake;
 pub mod keep;
 pub mod ledger;
+pub mod link;
 pub mod live;
 pub mod operator;
 pub mod outputs;
+pub mod outside;
 pub mod params;
 pub mod placement;
 pub mod record;
@@ -41,3 +43,6 @@ pub use operator::{Operator, Registry, Stage};
 pub use outputs::Outputs;
 pub use params::{Choice, Params};
 pub use setup::Setup;
+
+/// The kinds of operators that come with every pipeline.
+pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE];

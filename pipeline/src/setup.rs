@@ -1,8 +1,8 @@
 //! What an operator is told once, when it is made.
 
-use crate::console::Inbox;
 use crate::frames::{Frames, Rigid};
 use crate::operator::SetupError;
+use crate::outside::Outside;
 
 /// What an operator is told once, when it is made.
 pub struct Setup<'a> {
@@ -20,8 +20,8 @@ pub struct Setup<'a> {
     pub frames: &'a Frames,
     /// Bytes of the files that parameters name.
     pub files: &'a dyn Files,
-    /// Commands of people, for a console.
-    pub inbox: Inbox,
+    /// What reaches the operator from outside, for a source.
+    pub outside: Outside,
 }
 
 impl Setup<'_> {

@@ -4,6 +4,7 @@
 //! - `mixer`: takes several inputs and sends what they add up to
 //! - `fragile`: cannot be made
 //! - `lapping`: has its stages measured
+//! - `post`: writes and reads datagrams
 //! - `printing`: prints
 //! - `wide`: has many outputs
 //! - `bulk`: samples of any size, for loads
@@ -16,6 +17,7 @@ mod counter;
 mod fragile;
 mod lapping;
 mod mixer;
+mod post;
 mod printing;
 mod wide;
 
@@ -31,6 +33,8 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<mixer::Splitting>(),
     Stage::of::<fragile::Fragile>(),
     Stage::of::<lapping::Lapping>(),
+    Stage::of::<post::Reading>(),
+    Stage::of::<post::Writing>(),
     Stage::of::<printing::Printing>(),
     Stage::of::<wide::Wide>(),
     Stage::of::<bulk::Bulk>(),

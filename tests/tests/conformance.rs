@@ -4,7 +4,7 @@
 use crate::bench::{Bench, pipeline, text};
 
 /// Runs a pipeline simulated, and in lock-step on both placements, and compares the recordings as files.
-fn placements_agree(name: &str) {
+pub fn placements_agree(name: &str) {
     let bench = Bench::new();
     let file = pipeline(name);
     let placements: [&[&str]; 3] =

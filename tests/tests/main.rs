@@ -9,6 +9,7 @@
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
 //! - `seat`: cores and priorities
+//! - `link`: edges that leave as datagrams
 //! - `ledger`: sent = received + accounted loss
 //! - `attach`: people at a running pipeline
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
@@ -22,6 +23,7 @@ mod conformance;
 mod ending;
 mod laps;
 mod ledger;
+mod link;
 mod live;
 mod recording;
 mod replaying;

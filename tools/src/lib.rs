@@ -92,7 +92,7 @@ enum Command {
 /// The kinds of operators that come with the command, and those of `extra`.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
-        stillpoint_pipeline::console::STAGES,
+        stillpoint_pipeline::STAGES,
         stillpoint_ingest::STAGES,
         stillpoint_segment::STAGES,
         stillpoint_track::STAGES,

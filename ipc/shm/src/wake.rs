@@ -61,6 +61,8 @@ impl Listener {
 pub struct Wake {
     /// The control pipe first, then a descriptor for each listener: made once, since a wait stands on the data path.
     fds: Vec<PollFd<'static>>,
+    /// How many of them are the control pipe's: one, until it is forgotten.
+    controls: usize,
     /// Dropped after the descriptors that name their sockets.
     listeners: Vec<Listener>,
     _control: OwnedFd,
@@ -79,7 +81,7 @@ impl Wake {
             // `_control` own it.
             PollFd::from_borrowed_fd(unsafe { BorrowedFd::borrow_raw(fd) }, PollFlags::IN)
         });
-        Self { fds: fds.collect(), listeners, _control: control }
+        Self { fds: fds.collect(), controls: 1, listeners, _control: control }
     }
 
     /// Waits until a listener is woken, the control pipe can be read or its other end is gone, or `timeout` ns have
@@ -89,17 +91,22 @@ impl Wake {
         let timeout = timeout
             .map(|ns| Timespec { tv_sec: (ns / 1_000_000_000) as i64, tv_nsec: (ns % 1_000_000_000) as _ });
         match poll(&mut self.fds, timeout.as_ref()) {
-            Ok(_) => Ok(self.fds.first().is_some_and(|control| !control.revents().is_empty())),
+            Ok(_) => Ok(self.fds[..self.controls].iter().any(|control| !control.revents().is_empty())),
             Err(Errno::INTR) => Ok(false),
             Err(e) => Err(ShmError::Port { topic: "*".into(), port: "listener", reason: e.to_string() }),
         }
+    }
+
+    /// Waits no longer on the control pipe: one whose other end is gone would end every wait at once.
+    pub fn forget_control(&mut self) {
+        self.fds.drain(..std::mem::take(&mut self.controls));
     }
 
     /// Takes the wake-ups that the last wait saw, and says whether there were any. Look once more before the next wait:
     /// what was sent between the last look and this has no wake-up of its own any more.
     pub fn drain(&mut self) -> Result<bool, ShmError> {
         let mut any = false;
-        for (fd, listener) in self.fds.iter_mut().skip(1).zip(&self.listeners) {
+        for (fd, listener) in self.fds.iter_mut().skip(self.controls).zip(&self.listeners) {
             if !fd.revents().is_empty() {
                 fd.clear_revents();
                 listener.drain()?;

@@ -6,12 +6,13 @@ use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, 
 use super::contracts;
 use super::directed::publish_entry;
 use super::stopwatch::Stopwatch;
+use super::wire::{Ear, Mouth};
 use crate::cell::Cell;
 use crate::clock::SessionClock;
-use crate::console::Inbox;
 use crate::graph::Graph;
 use crate::intake::Intake;
 use crate::outputs::{Buffer, Lender};
+use crate::outside::{Inbox, Outside};
 use crate::record::Record;
 use crate::schedule::depth_of;
 use crate::setup::Files;
@@ -27,12 +28,17 @@ pub struct Member {
     outlets: Outlets,
     journal: Publisher,
     inbox: Option<(Subscriber, Inbox)>,
+    ear: Option<Ear>,
     every: Option<u64>,
     tick: u64,
     epoch: u64,
     /// Time of the last activation: stamps of an operator rise.
     last: u64,
     sent_before: u64,
+    /// The datagram that is being sent.
+    wire: Vec<u8>,
+    /// Why a datagram could not be sent, until it is told.
+    pub unsent: Option<String>,
     /// It panicked, and a new incarnation begins later.
     pub down: Option<Down>,
     /// Keeps the services alive while this process has ports on them.
@@ -54,6 +60,8 @@ struct Outlet {
     notifier: Option<Notifier>,
     /// Something was sent that nobody was woken for yet.
     sent: bool,
+    /// The links of this output.
+    mouth: Option<Mouth>,
 }
 
 struct Outlets {
@@ -123,7 +131,8 @@ impl Member {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
-            ports.push(Outlet { publisher: topic.publisher().map_err(text)?, notifier, sent: false });
+            let mouth = Mouth::open(&node.outputs[port].links)?;
+            ports.push(Outlet { publisher: topic.publisher().map_err(text)?, notifier, sent: false, mouth });
             topics.push(topic);
         }
         let stopwatch = Stopwatch::open(graph, operator, domain).map_err(text)?;
@@ -136,7 +145,9 @@ impl Member {
             people = Some((topic.subscriber(16).map_err(text)?, inbox.clone()));
             topics.push(topic);
         }
-        let cell = Cell::build(graph, operator, incarnation, files, inbox)
+        let ear = Ear::open(node)?;
+        let outside = Outside { inbox, arrivals: ear.as_ref().map(Ear::arrivals) };
+        let cell = Cell::build(graph, operator, incarnation, files, outside)
             .map_err(|e| format!("{}: {}", node.name, e.0))?;
         Ok(Self {
             operator,
@@ -146,11 +157,14 @@ impl Member {
             outlets: Outlets { ports, stopwatch, fault: None },
             journal: journal_port,
             inbox: people,
+            ear,
             every: node.every,
             tick: 0,
             epoch: 0,
             last: 0,
             sent_before: 0,
+            wire: Vec::new(),
+            unsent: None,
             down: None,
             _topics: topics,
         })
@@ -190,7 +204,8 @@ impl Member {
         clock: &SessionClock,
     ) -> Result<(), String> {
         let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
-        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, inbox)
+        let outside = Outside { inbox, arrivals: self.ear.as_ref().map(Ear::arrivals) };
+        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, outside)
             .map_err(|e| format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0))?;
         self.intake.renew();
         self.down = None;
@@ -205,6 +220,9 @@ impl Member {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
+        if let Some(ear) = &self.ear {
+            ear.listen()?;
+        }
         let due = self
             .every
             .filter(|_| timers)
@@ -266,8 +284,19 @@ impl Member {
         for draft in self.cell.take_drafts() {
             if let Buffer::Shared(loan) = draft.buffer {
                 let outlet = &mut self.outlets.ports[draft.port];
+                if outlet.mouth.is_some() {
+                    self.wire.clear();
+                    let pieces = loan.pieces();
+                    let length = pieces.payload.len().min(pieces.head().count as usize);
+                    self.wire.extend_from_slice(&pieces.payload[..length]);
+                }
                 outlet.publisher.send(loan).map_err(|e| e.to_string())?;
                 outlet.sent = true;
+                if let Some(mouth) = &mut outlet.mouth
+                    && let Some(reason) = mouth.send(&self.wire)
+                {
+                    self.unsent = Some(reason);
+                }
             }
         }
         for outlet in &mut self.outlets.ports {

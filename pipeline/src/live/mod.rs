@@ -37,6 +37,7 @@ pub mod status;
 mod stopwatch;
 mod supervisor;
 mod watch;
+mod wire;
 mod worker;
 
 pub use children::Launch;

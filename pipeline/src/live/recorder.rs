@@ -31,6 +31,8 @@ const PERIOD: i64 = 5_000_000;
 const FLUSH_EVERY: u64 = 500_000_000;
 /// How often the clock's relation to realtime is noted, ns.
 const CLOCK_EVERY: u64 = 10_000_000_000;
+/// How long the recorder of a run whose supervisor died waits for the last process.
+const AFTER_THE_LAST: std::time::Duration = std::time::Duration::from_millis(100);
 /// Bytes that may wait for the disk.
 const MOST_WAITING: usize = 256 << 20;
 /// Buffers of a topic that are kept to be used again. They stay with their topic: a short sample must not hold the memory
@@ -93,6 +95,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
                     return tell(&FromWorker::Recorded(report));
                 }
                 Line::Ended => {
+                    recorder.outlive(graph.outlives())?;
                     recorder.finish(None, vec!["the supervisor died".to_string()], BTreeMap::new())?;
                     return Ok(());
                 }
@@ -244,6 +247,20 @@ impl Recorder {
             }
         }
         Ok(any)
+    }
+
+    /// Goes on for as long as some process of the run does, its supervisor being dead.
+    fn outlive(&mut self, time: u64) -> Result<(), String> {
+        if time == 0 {
+            return Ok(());
+        }
+        // A little longer than they: their last words are to be heard.
+        let end = std::time::Instant::now() + std::time::Duration::from_nanos(time) + AFTER_THE_LAST;
+        while std::time::Instant::now() < end {
+            self.drain()?;
+            std::thread::sleep(std::time::Duration::from_nanos(PERIOD.unsigned_abs()));
+        }
+        Ok(())
     }
 
     /// Lists what was sent while no recorder was there. Only at the end is it all known, and nobody waits.

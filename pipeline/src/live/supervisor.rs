@@ -84,6 +84,7 @@ impl Supervisor {
         stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> Result<Self, String> {
+        let graph = Arc::new(Graph::clone(&graph).live());
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;

@@ -38,7 +38,6 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
             let _ = tell(&FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true });
         }
     }));
-    std::thread::spawn(end_with_supervisor);
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {
@@ -57,14 +56,15 @@ pub(super) fn ignore_interrupts() {
     let _ = signal_hook::flag::register(signal_hook::consts::SIGTERM, nobody);
 }
 
-/// Ends this process after its supervisor, also where a step never comes back to read its orders.
-fn end_with_supervisor() {
+/// Ends this process after its supervisor and the time that it outlives it, also where a step never comes back to read
+/// its orders.
+fn end_with_supervisor(outlives: u64) {
     let stdin = std::io::stdin();
     // No event is asked for: the other end's closing is always told.
     let mut fd = [rustix::event::PollFd::new(&stdin, rustix::event::PollFlags::empty())];
     while let Ok(0) | Err(rustix::io::Errno::INTR) = rustix::event::poll(&mut fd, None) {}
     // Time to end in order, for one that can.
-    std::thread::sleep(std::time::Duration::from_secs(1));
+    std::thread::sleep(std::time::Duration::from_secs(1) + std::time::Duration::from_nanos(outlives));
     std::process::exit(71);
 }
 
@@ -96,7 +96,7 @@ pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Re
 pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
     let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &hello.files)
         .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
-    Ok(Arc::new(graph))
+    Ok(Arc::new(if hello.directed { graph } else { graph.live() }))
 }
 
 fn serve(registry: &Registry) -> Result<(), String> {
@@ -112,6 +112,8 @@ fn serve(registry: &Registry) -> Result<(), String> {
         .find(|p| p.name == hello.process)
         .ok_or_else(|| format!("the pipeline has no process {}", hello.process))?
         .clone();
+    let outlives = process.outlives;
+    std::thread::spawn(move || end_with_supervisor(outlives));
     place(process.core, process.priority)?;
     let files = hello.files.clone();
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
@@ -132,6 +134,8 @@ fn serve(registry: &Registry) -> Result<(), String> {
         members,
         wake: Wake::new(control, listeners),
         watch,
+        outlives,
+        last_at: None,
         running: false,
         stopping: false,
         stopped: false,
@@ -147,6 +151,10 @@ struct Worker {
     members: Vec<Member>,
     wake: Wake,
     watch: Option<Watch>,
+    /// How long it goes on after its supervisor died, ns.
+    outlives: u64,
+    /// When it ends, its supervisor being dead.
+    last_at: Option<u64>,
     running: bool,
     stopping: bool,
     stopped: bool,
@@ -158,10 +166,20 @@ impl Worker {
         let mut told = true;
         loop {
             // A look at the pipe is a call into the system: on the data path it is taken only now and then.
-            if told || self.clock.now() >= heard + HEAR_EVERY {
+            if self.last_at.is_some_and(|at| self.clock.now() >= at) {
+                return self.members.iter_mut().try_for_each(|m| m.finish(&self.clock));
+            }
+            if self.last_at.is_none() && (told || self.clock.now() >= heard + HEAR_EVERY) {
                 loop {
                     match orders.next()? {
-                        Line::Message(ToWorker::Exit) | Line::Ended => return Ok(()),
+                        Line::Message(ToWorker::Exit) => return Ok(()),
+                        Line::Ended if self.outlives == 0 || !self.running || self.stopped => return Ok(()),
+                        Line::Ended => {
+                            // Nobody gives orders any more; what is driven from here is brought to its end.
+                            self.last_at = Some(self.clock.now().saturating_add(self.outlives));
+                            self.wake.forget_control();
+                            break;
+                        }
                         Line::Message(order) => self.obey(&order)?,
                         Line::Nothing => break,
                     }
@@ -190,6 +208,7 @@ impl Worker {
                 tell(&FromWorker::Stopped)?;
                 continue;
             }
+            let next = [next, self.last_at].into_iter().flatten().min();
             let timeout = next.map(|at| at.saturating_sub(self.clock.now()));
             told = self.wake.wait(timeout).map_err(|e| e.to_string())?;
         }
@@ -252,7 +271,11 @@ impl Worker {
             match looked? {
                 Looked::Activated(outcome) => {
                     worked = true;
-                    report(member, outcome, &self.graph)?;
+                    let told = report(member, outcome, &self.graph);
+                    // Once the supervisor is dead nobody hears it.
+                    if self.last_at.is_none() {
+                        told?;
+                    }
                 }
                 Looked::Idle(at) => next = [next, at].into_iter().flatten().min(),
             }
@@ -263,11 +286,15 @@ impl Worker {
 
 /// Tells of an activation that failed. One that panicked leaves its operator down until the supervisor has answered.
 fn report(member: &mut Member, outcome: Outcome, graph: &Graph) -> Result<(), String> {
+    let operator = || graph.operators[member.operator].name.clone();
+    let incarnation = member.cell.incarnation();
+    if let Some(reason) = member.unsent.take() {
+        tell(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
+    }
     if outcome == Outcome::Done {
         return Ok(());
     }
-    let operator = graph.operators[member.operator].name.clone();
-    let incarnation = member.cell.incarnation();
+    let operator = operator();
     let reason = member.cell.fault().unwrap_or_default().to_string();
     if outcome == Outcome::Panic {
         member.down = Some(Down::Unanswered);

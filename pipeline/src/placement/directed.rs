@@ -7,10 +7,10 @@ use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
 use super::{Committed, PlacementError};
 use crate::cell::Cell;
 use crate::clock::float_state_is_standard;
-use crate::console::Inbox;
 use crate::graph::Graph;
 use crate::operator::Policy;
 use crate::outputs::{Buffer, Lender};
+use crate::outside::Outside;
 use crate::record::Record;
 use crate::setup::Files;
 use crate::shelf::{Parcel, Shelf};
@@ -42,7 +42,7 @@ impl Directed {
                     .to_string(),
             });
         }
-        let built = Cell::build(&self.graph, self.operator, incarnation, files, Inbox::default())
+        let built = Cell::build(&self.graph, self.operator, incarnation, files, Outside::default())
             .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
         Ok(self.cell.insert(built).mark(Cause::Start, time, &[]))
     }

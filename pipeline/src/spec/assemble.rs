@@ -48,6 +48,7 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
             restart: parsed.restart,
             core: parsed.core.as_ref().map(|core| core.value),
             priority: parsed.priority,
+            outlives: parsed.outlives,
         });
     }
     for parsed in &document.processes {
@@ -83,6 +84,7 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
                 restart: RESTART,
                 core: None,
                 priority: Priority::Normal,
+                outlives: 0,
             });
         }
     }
@@ -188,6 +190,7 @@ pub fn graph(
             topic: format!("{}.{}", parsed.name.value, output.name),
             frame: frames.output(*old, port).map(str::to_owned),
             capacity: capacities.get(port).copied().unwrap_or(1),
+            links: Vec::new(),
         });
         operators.push(OperatorNode {
             name: parsed.name.value.clone(),
@@ -200,6 +203,7 @@ pub fn graph(
             inputs: inputs.collect(),
             outputs: outputs.collect(),
             process: process_of[new],
+            listens: parsed.link,
         });
     }
     Some(Graph {

@@ -6,13 +6,14 @@ use super::operators::{self, ParsedOperator};
 use super::processes::{self, ParsedProcess};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node};
-use super::{frames, quantity, record};
+use super::{frames, links, quantity, record};
 use crate::frames::Frames;
 
 /// The version of the format.
 pub const VERSION: i128 = 1;
 /// Keys of the file.
-pub const KEYS: &[&str] = &["stillpoint", "name", "seed", "frames", "operators", "processes", "record"];
+pub const KEYS: &[&str] =
+    &["stillpoint", "name", "seed", "frames", "operators", "links", "processes", "record"];
 
 /// A parsed pipeline. What had a fault is left out.
 pub struct Document<'t> {
@@ -39,13 +40,16 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
     let name = name(&keys, top, findings);
     let seed = keys.get("seed").and_then(|e| seed(&e.value, findings)).unwrap_or(1);
     let frames = keys.get("frames").map(|e| frames::read(&e.value, findings)).unwrap_or_default();
-    let operators = match keys.get("operators") {
+    let mut operators = match keys.get("operators") {
         Some(entry) => operators::read(entry, findings),
         None => {
             missing("a pipeline", "operators", "{ rig: { use: ... } }", top, findings);
             Vec::new()
         }
     };
+    if let Some(entry) = keys.get("links") {
+        links::read(&entry.value, &mut operators, findings);
+    }
     let processes = keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
     Some(Document { name, seed, frames, operators, processes, record })

@@ -157,7 +157,11 @@ fn partners(node: &Node, own: &str, findings: &Findings) -> Option<Vec<Marked<St
 /// Reads `operator.port`.
 pub fn topic(node: &Node, findings: &Findings) -> Option<Marked<Topic>> {
     let text = node.scalar("a topic", "`operator.port`", findings)?;
-    let span = node.span;
+    topic_at(text, node.span, findings)
+}
+
+/// Reads `operator.port` where the text stands at a place.
+pub fn topic_at(text: &str, span: Span, findings: &Findings) -> Option<Marked<Topic>> {
     match text.split_once('.') {
         Some((operator, port)) if !operator.is_empty() && !port.is_empty() => {
             // Quotes shift the text within its place.

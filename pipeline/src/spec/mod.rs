@@ -38,6 +38,7 @@ mod document;
 pub mod faults;
 mod frames;
 mod inputs;
+mod links;
 pub mod machine;
 pub mod near;
 mod operators;

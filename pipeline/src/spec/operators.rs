@@ -33,6 +33,8 @@ pub struct ParsedOperator<'t> {
     pub latency: u64,
     /// Longest step, ns.
     pub deadline: Option<u64>,
+    /// Where it listens, if it is the far end of a link.
+    pub link: Option<std::net::SocketAddr>,
 }
 
 /// Reads the section.
@@ -65,6 +67,7 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
         has_frame: None,
         latency: 0,
         deadline: None,
+        link: None,
     };
     let place = "an operator";
     let Some(entries) =

@@ -9,11 +9,14 @@ use super::tree::{Entry, Keys, Node, Value};
 use crate::graph::{Priority, Restart};
 
 /// Keys of a process.
-pub const KEYS: &[&str] = &["operators", "restart", "core", "priority"];
+pub const KEYS: &[&str] = &["operators", "restart", "core", "priority", "outlives"];
 /// What happens to a process that ends without being asked, where the config does not say.
 pub const RESTART: Restart = Restart::OnFault { limit: 5, backoff: 100_000_000 };
 /// Most cores that a machine is thought to have.
 pub const MOST_CORES: u32 = 4096;
+
+/// Longest time for which a process may go on without its supervisor, ns.
+const LONGEST_OUTLIVING: u64 = 10_000_000_000;
 
 /// A process as it was written.
 pub struct ParsedProcess {
@@ -27,6 +30,8 @@ pub struct ParsedProcess {
     pub core: Option<Marked<usize>>,
     /// Scheduling class.
     pub priority: Priority,
+    /// How long it goes on after its supervisor died, ns.
+    pub outlives: u64,
 }
 
 /// Reads the section.
@@ -45,6 +50,7 @@ fn process(entry: &Entry, findings: &Findings) -> ParsedProcess {
         restart: RESTART,
         core: None,
         priority: Priority::Normal,
+        outlives: 0,
     };
     let what = shown(&parsed.name.value);
     let Value::Map(entries) = &entry.value.value else {
@@ -62,7 +68,22 @@ fn process(entry: &Entry, findings: &Findings) -> ParsedProcess {
         .and_then(|e| Some(Marked::new(count(e, 0, MOST_CORES - 1, findings)? as usize, e.value.span)));
     parsed.priority =
         keys.get("priority").and_then(|e| priority(&e.value, findings)).unwrap_or(Priority::Normal);
+    parsed.outlives = keys.get("outlives").and_then(|e| outlives(e, findings)).unwrap_or(0);
     parsed
+}
+
+fn outlives(entry: &Entry, findings: &Findings) -> Option<u64> {
+    let time = period(entry, findings)?;
+    if time.value <= LONGEST_OUTLIVING {
+        return Some(time.value);
+    }
+    findings.say(
+        time.span,
+        Code::OutOfRange,
+        "`outlives` must be at most 10 s: a process without its supervisor is there to end safely",
+        "the nearest allowed value is `10 s`",
+    );
+    None
 }
 
 fn members(node: &Node, what: &str, findings: &Findings) -> Vec<Marked<String>> {

@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::quantity::or;
 use super::units::find;
-use super::{document, frames, inputs, operators, processes, record};
+use super::{document, frames, inputs, links, operators, processes, record};
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
 use crate::params::{ParamField, ParamType, Presence};
 
@@ -39,6 +39,7 @@ pub fn schema(registry: &Registry) -> Value {
         }
         "frames" => named("Frames by their names.", frame()),
         "operators" => named("Operators by their names.", json!({ "$ref": "#/$defs/operator" })),
+        "links" => links(),
         "processes" => named("Which operators share a process; each of the rest has its own.", process()),
         _ => recorded(),
     });
@@ -119,6 +120,20 @@ fn input() -> Value {
     json!({ "oneOf": [topic, detailed] })
 }
 
+fn links() -> Value {
+    let link = closed(links::KEYS, &["udp"], |key| match key {
+        "udp" => json!({
+            "type": "string", "pattern": r"^\S+:[0-9]{1,5}$",
+            "description": "Address and port of the far end, which listens there in a live run.",
+        }),
+        _ => quantity("ns", "How long a datagram is on its way where the run is not live."),
+    });
+    json!({
+        "type": "object", "description": "Topics that leave as datagrams, and where to.",
+        "propertyNames": { "pattern": TOPIC }, "additionalProperties": link,
+    })
+}
+
 fn process() -> Value {
     let members = json!({ "type": "array", "items": { "type": "string" }, "minItems": 1 });
     let restart = closed(&["limit", "backoff"], &[], |key| match key {
@@ -135,6 +150,7 @@ fn process() -> Value {
             "type": "integer", "minimum": 0, "maximum": processes::MOST_CORES - 1,
             "description": "Core that it is bound to.",
         }),
+        "outlives" => quantity("ns", "How long it goes on after its supervisor died, at most 10 s."),
         _ => json!({
             "type": "string", "pattern": "^(normal|fifo [1-9][0-9]?)$",
             "description": "`normal`, or `fifo N` with N from 1 to 99.",

@@ -130,7 +130,7 @@ pub struct Keys<'t> {
 }
 
 /// Keys that DESIGN.md describes and this version does not have.
-const LATER: &[&str] = &["links", "hosts", "host"];
+const LATER: &[&str] = &["hosts", "host"];
 
 impl<'t> Keys<'t> {
     /// Sorts entries by known keys. An unknown key is a fault; where a known one is near and free, its value is

@@ -183,6 +183,8 @@ kind!(
 pub(crate) use kind;
 
 const ALL: &[Stage] = &[
+    Stage::of::<others::Valves>(),
+    Stage::of::<others::Controller>(),
     Stage::of::<Rig>(),
     Stage::of::<Depth>(),
     Stage::of::<Face>(),
@@ -198,5 +200,5 @@ const ALL: &[Stage] = &[
 
 /// All of them.
 pub fn registry() -> Registry {
-    Registry::new(&[ALL])
+    Registry::new(&[ALL, &[stillpoint_pipeline::link::STAGE]])
 }

@@ -2,7 +2,7 @@
 
 use stillpoint_pipeline::operator::{FrameRule, Kind, Operator, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Outputs, Params, Setup};
-use stillpoint_samples::{ConsoleCommand, DepthImage, Diagnostics, Pose, Sample, Track};
+use stillpoint_samples::{ConsoleCommand, Datagram, DepthImage, Diagnostics, Pose, Sample, Track};
 
 use crate::kinds::{kind, needs, sends, takes};
 
@@ -38,6 +38,32 @@ kind!(
         inputs: &[],
         outputs: &[sends("reference", Track::KIND, FrameRule::Key)],
         timer: Timer::Required,
+    }
+);
+
+kind!(
+    Valves,
+    (),
+    Kind {
+        name: "actuate.valves",
+        about: "Duties of valves as datagrams.",
+        role: Role::Operator,
+        inputs: &[],
+        outputs: &[sends("datagram", Datagram::KIND, FrameRule::None)],
+        timer: Timer::Required,
+    }
+);
+
+kind!(
+    Controller,
+    (),
+    Kind {
+        name: "rig.controller",
+        about: "Takes datagrams.",
+        role: Role::Operator,
+        inputs: &[needs("datagram", Datagram::KIND, Policy::Queue(16))],
+        outputs: &[],
+        timer: Timer::No,
     }
 );
 

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use stillpoint_pipeline::cell::Cell;
-use stillpoint_pipeline::console::Inbox;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::{Registry, Stage};
 use stillpoint_pipeline::outputs::{Buffer, Lender};
+use stillpoint_pipeline::outside::Outside;
 use stillpoint_pipeline::record::Record;
 use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::shelf::Parcel;
@@ -50,7 +50,7 @@ impl Bench {
         let graph: Graph = check(text, "bench.yaml", &[], &registry, files).map_err(|f| f.to_string())?;
         let graph = Arc::new(graph);
         let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
-        let cell = Cell::build(&graph, operator, 0, files, Inbox::default()).map_err(|e| e.0)?;
+        let cell = Cell::build(&graph, operator, 0, files, Outside::default()).map_err(|e| e.0)?;
         let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
         Ok(Self { cell, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }

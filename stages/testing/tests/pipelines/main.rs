@@ -15,7 +15,7 @@ use stillpoint_pipeline::operator::{Registry, Stage};
 
 /// Every kind that the project has.
 pub const FAMILIES: &[&[Stage]] = &[
-    stillpoint_pipeline::console::STAGES,
+    stillpoint_pipeline::STAGES,
     stillpoint_rig::STAGES,
     stillpoint_ingest::STAGES,
     stillpoint_segment::STAGES,

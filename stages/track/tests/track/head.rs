@@ -23,7 +23,7 @@ operators:
 ";
 
 fn stages() -> Vec<Stage> {
-    [stillpoint_track::STAGES, stillpoint_pipeline::console::STAGES].concat()
+    [stillpoint_track::STAGES, stillpoint_pipeline::STAGES].concat()
 }
 
 fn bench_with(text: &str, files: &KeptFiles) -> Result<Bench, String> {

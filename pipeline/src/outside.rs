@@ -1,0 +1,93 @@
+//! What reaches sources from outside the pipeline while a live run goes on.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use stillpoint_samples::Command;
+
+/// Datagrams that may wait for their operator; a burst beyond them costs the oldest.
+const MOST_ARRIVALS: usize = 256;
+
+/// What reaches an operator from outside.
+#[derive(Clone, Default)]
+pub struct Outside {
+    /// Commands of people, for a console.
+    pub inbox: Inbox,
+    /// Datagrams from other processes and machines, for the far end of a link; `None` where nothing comes over a wire.
+    pub arrivals: Option<Arrivals>,
+}
+
+/// Commands that arrived from people and were not sent on yet. Executors fill it; only a console takes from it.
+#[derive(Clone, Default)]
+pub struct Inbox(Arc<Mutex<VecDeque<Command>>>);
+
+impl Inbox {
+    /// Adds a command.
+    pub fn put(&self, command: Command) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push_back(command);
+    }
+
+    /// The oldest command.
+    pub fn take(&self) -> Option<Command> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop_front()
+    }
+}
+
+/// Datagrams that arrived and were not taken yet.
+#[derive(Clone, Default)]
+pub struct Arrivals(Arc<Mutex<Waiting>>);
+
+#[derive(Default)]
+struct Waiting {
+    datagrams: VecDeque<Vec<u8>>,
+    /// Buffers to be used again.
+    spare: Vec<Vec<u8>>,
+    dropped: u64,
+}
+
+impl Arrivals {
+    /// Adds a datagram.
+    pub fn put(&self, bytes: &[u8]) {
+        let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut buffer = if waiting.datagrams.len() >= MOST_ARRIVALS {
+            waiting.dropped += 1;
+            waiting.datagrams.pop_front().unwrap_or_default()
+        } else {
+            waiting.spare.pop().unwrap_or_default()
+        };
+        buffer.clear();
+        buffer.extend_from_slice(bytes);
+        waiting.datagrams.push_back(buffer);
+    }
+
+    /// The oldest datagram.
+    pub fn take(&self) -> Option<Vec<u8>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).datagrams.pop_front()
+    }
+
+    /// Gives the buffer of a datagram back.
+    pub fn give_back(&self, buffer: Vec<u8>) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).spare.push(buffer);
+    }
+
+    /// Datagrams that went because too many waited, since the last call.
+    pub fn dropped(&self) -> u64 {
+        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner).dropped)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_burst_costs_the_oldest_and_says_how_many() {
+        let arrivals = Arrivals::default();
+        for i in 0..MOST_ARRIVALS as u32 + 3 {
+            arrivals.put(&i.to_le_bytes());
+        }
+        assert_eq!(arrivals.dropped(), 3);
+        assert_eq!(arrivals.dropped(), 0);
+        assert_eq!(arrivals.take().unwrap(), 3_u32.to_le_bytes());
+    }
+}

@@ -1,0 +1,110 @@
+//! The section `links`: edges whose samples leave the machine's memory as datagrams.
+//!
+//! A link stands for an operator of its own at the far end, named after the topic (`valves_datagram`), and everybody who
+//! takes the topic takes it from there. In a live run the producer's process sends each sample as a UDP datagram, and
+//! the far end listens; anywhere else the link is an edge with a delay.
+
+use std::net::SocketAddr;
+
+use super::document::{missing, time};
+use super::faults::{Code, Findings};
+use super::inputs::{ParsedInput, ParsedPolicy, Topic, topic_at};
+use super::near::shown;
+use super::operators::ParsedOperator;
+use super::source::Marked;
+use super::tree::{Entry, Keys, Node};
+use crate::link;
+
+/// Keys of a link.
+pub const KEYS: &[&str] = &["udp", "delay"];
+
+/// Reads the section, adds the far ends to the operators and connects those who take the topics to them.
+pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, findings: &Findings) {
+    let due = "a mapping from topics to { udp: address:port }";
+    for entry in node.map("`links`", due, findings).unwrap_or_default() {
+        if let Some(far) = far_end(entry, operators, findings) {
+            operators.push(far);
+        }
+    }
+}
+
+fn far_end<'t>(
+    entry: &'t Entry,
+    operators: &mut [ParsedOperator<'t>],
+    findings: &Findings,
+) -> Option<ParsedOperator<'t>> {
+    let topic = topic_at(&entry.key.value, entry.key.span, findings)?;
+    let what = shown(&entry.key.value);
+    let entries = entry.value.map(&what, "{ udp: 127.0.0.1:5005, delay: 2 ms }", findings)?;
+    let keys = Keys::of(entries, KEYS, "a link", findings);
+    let address = match keys.get("udp") {
+        Some(e) => address(&e.value, findings),
+        None => {
+            missing("a link", "udp", "127.0.0.1:5005", entry.key.span, findings);
+            None
+        }
+    };
+    let delay = keys.get("delay").and_then(|e| time(e, findings)).map_or(0, |t| t.value);
+    let name = format!("{}_{}", topic.value.operator.value, topic.value.port.value);
+    if let Some(other) = operators.iter().find(|o| o.name.value == name) {
+        findings.say(
+            other.name.span,
+            Code::DuplicateName,
+            format!("`{name}` is also the name of the far end of the link {what}"),
+            "give the operator another name",
+        );
+    }
+    let same =
+        |t: &Topic| t.operator.value == topic.value.operator.value && t.port.value == topic.value.port.value;
+    let mut taken = false;
+    for input in operators.iter_mut().flat_map(|o| &mut o.inputs) {
+        if let Some(from) = input.from.as_mut().filter(|from| same(&from.value)) {
+            taken = true;
+            from.value.operator.value.clone_from(&name);
+            from.value.port.value = "datagram".to_owned();
+        }
+    }
+    if !taken {
+        findings.say(
+            entry.key.span,
+            Code::UnknownTopic,
+            format!("nobody takes {what}, so the link leads nowhere"),
+            "connect an input to it, or remove the link",
+        );
+    }
+    let span = entry.key.span;
+    let input = ParsedInput {
+        name: Marked::new("datagram".to_owned(), span),
+        from: Some(topic),
+        policy: Some(Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
+        delay,
+    };
+    Some(ParsedOperator {
+        name: Marked::new(name, span),
+        kind: Some(Marked::new(link::KIND_NAME.to_owned(), span)),
+        params: None,
+        has_unreadable_inputs: false,
+        inputs: vec![input],
+        every: Some(Marked::new(link::EVERY, span)),
+        has_every: Some(span),
+        frame: None,
+        has_frame: None,
+        latency: 0,
+        deadline: None,
+        link: address,
+    })
+}
+
+fn address(node: &Node, findings: &Findings) -> Option<SocketAddr> {
+    let text = node.scalar("`udp`", "an address and a port", findings)?;
+    let address = text.parse::<SocketAddr>().ok().filter(|a| a.port() != 0);
+    if address.is_none() {
+        findings.say(
+            node.span,
+            Code::WrongShape,
+            format!("{} is no address with a port", shown(text)),
+            "write the numbers of both, for example `127.0.0.1:5005`",
+        );
+    }
+    address
+}
