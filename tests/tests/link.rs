@@ -41,7 +41,10 @@ fn datagrams_cross_the_wire_strangers_are_recorded_and_the_session_replays() {
     let read = bench.call(&["echo", "reader.read", "--session", session]).out;
     assert_eq!(last(&read, "strangers"), 1.0);
     // What was on the wire when the far end stopped is not read any more.
-    assert!(last(&read, "letters") > written - 20.0 && last(&read, "letters") <= written, "{written}: {read}");
+    assert!(
+        last(&read, "letters") > written - 20.0 && last(&read, "letters") <= written,
+        "{written}: {read}"
+    );
     let refused = bench.call(&["echo", "writer_letter.diagnostics", "--session", session]).out;
     assert_eq!(last(&refused, "too_long"), 1.0);
     let replay = bench.call(&["replay", session, "--json"]).good();
