@@ -14,19 +14,74 @@ pub struct DutiesElement {
     /// Parts of full opening, 0 to 1: inlet and outlet of the first bladder, of the second, and so on. Zero beyond
     /// `valves`.
     pub duty: [f64; 16],
+    /// The same for each bladder: duty of its inlet less duty of its outlet, -1 to 1. A model of the plant is identified
+    /// from it.
+    pub net: [f64; 8],
     /// How many of `duty` count: two for each bladder.
     pub valves: u32,
     /// Bit i is set where the law asked for more of valve i than there is.
     pub saturated: u32,
     /// 1 where the controller has nothing to act on and asks that all valves be shut, else 0.
     pub idle: u32,
-    /// Why, as bits that the controller's reference names; zero where nothing is out of order.
+    /// What is out of order, as the bits of [`DutyReason`]; zero where nothing is.
     pub reasons: u32,
+}
+
+/// What is out of order behind duties. The first five make a controller idle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum DutyReason {
+    /// No estimate came yet, or the estimator says that it has none.
+    NoEstimate = 1,
+    /// The newest measurement behind the estimate is too old.
+    Stale = 2,
+    /// There is no target.
+    NoTarget = 4,
+    /// Estimate or target lacks a channel that is to be held.
+    MissingChannel = 8,
+    /// A number of the estimate, of the target or of the law is not finite.
+    NotFinite = 16,
+    /// A valve is asked for more than full opening.
+    Saturated = 32,
+    /// The law does not adapt.
+    Frozen = 64,
+    /// The target that was asked for last was refused; the one before stands.
+    TargetRefused = 128,
+}
+
+impl DutyReason {
+    /// All reasons with the words for them.
+    pub const ALL: &'static [(&'static str, DutyReason)] = &[
+        ("no estimate", DutyReason::NoEstimate),
+        ("stale estimate", DutyReason::Stale),
+        ("no target", DutyReason::NoTarget),
+        ("missing channel", DutyReason::MissingChannel),
+        ("not finite", DutyReason::NotFinite),
+        ("saturated", DutyReason::Saturated),
+        ("not adapting", DutyReason::Frozen),
+        ("target refused", DutyReason::TargetRefused),
+    ];
+
+    /// Its bit.
+    pub const fn bit(self) -> u32 {
+        self as u32
+    }
 }
 
 impl DutiesElement {
     /// Valves that a sample has room for.
     pub const ROOM: usize = 16;
+
+    /// All valves of this many shut, for these reasons.
+    pub fn shut(valves: u32, reasons: u32) -> Self {
+        Self { valves, idle: 1, reasons, ..Self::default() }
+    }
+
+    /// The reasons in words.
+    pub fn reasons(&self) -> impl Iterator<Item = &'static str> {
+        let bits = self.reasons;
+        DutyReason::ALL.iter().filter(move |(_, reason)| bits & reason.bit() != 0).map(|(word, _)| *word)
+    }
 }
 
 impl Sample for Duties {

@@ -44,7 +44,7 @@ pub use console::{Command, ConsoleCommand, Verb};
 pub use datagram::Datagram;
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
-pub use duties::{Duties, DutiesElement};
+pub use duties::{Duties, DutiesElement, DutyReason};
 pub use health::{Health, SensorHealth};
 pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
@@ -55,7 +55,7 @@ pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
 pub use stillpoint_derive::Layout;
-pub use target::{Target, TargetElement, TargetStatus};
+pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};

@@ -45,6 +45,77 @@ pub struct TargetElement {
     pub unreachable: u32,
     /// How many targets were asked for so far.
     pub asked: u32,
+    /// Why the target that was asked for last was refused, as a [`Refusal`]; zero where it was not.
+    pub refusal: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// Why a target is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Refusal {
+    /// It was not.
+    None = 0,
+    /// It cannot be reached; `unreachable` says in which channels.
+    Unreachable = 1,
+    /// It has another number of values than there are channels to hold.
+    WrongNumber = 2,
+    /// A value is not finite.
+    NotFinite = 3,
+    /// It is not known yet where the head is, which targets are counted from.
+    NoStart = 4,
+}
+
+impl Refusal {
+    /// The reason in words.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::None => "not refused",
+            Self::Unreachable => "it cannot be reached",
+            Self::WrongNumber => "it needs one value for each channel that is held",
+            Self::NotFinite => "a value is not finite",
+            Self::NoStart => "there is no estimate yet that it could be counted from",
+        }
+    }
+
+    /// The reason of this number.
+    pub const fn of(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::None),
+            1 => Some(Self::Unreachable),
+            2 => Some(Self::WrongNumber),
+            3 => Some(Self::NotFinite),
+            4 => Some(Self::NoStart),
+            _ => None,
+        }
+    }
+}
+
+impl TargetElement {
+    /// No target.
+    pub const NONE: Self = Self {
+        position: [f64::NAN; 3],
+        angles: [f64::NAN; 3],
+        velocity: [f64::NAN; 3],
+        angle_rates: [f64::NAN; 3],
+        channels: 0,
+        status: TargetStatus::None as u32,
+        unreachable: 0,
+        asked: 0,
+        refusal: Refusal::None as u32,
+        reserved: 0,
+    };
+
+    /// What the target is. A number that no build of this version wrote counts as none.
+    pub fn status(&self) -> TargetStatus {
+        match self.status {
+            1 => TargetStatus::Held,
+            2 => TargetStatus::Moving,
+            3 => TargetStatus::Refused,
+            _ => TargetStatus::None,
+        }
+    }
 }
 
 impl Sample for Target {
