@@ -1,3 +1,43 @@
 //! Controllers: targets, a baseline, linear-quadratic and adaptive neural control.
+//!
+//! - [`riccati`], [`lyapunov`]: the matrix equations behind the gains
+//! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
+//! - [`reference`]: how a target is approached
+//! - [`pi`]: proportional and integral control
+//! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
+//! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
+//! - [`features`], [`lstm`], [`predictor`]: what the adaptive law learns over; a recurrent network, and its file
+//! - [`moves`], [`goal`]: where the head is to be
+//! - [`channels`]: which channels of a pose are controlled, and how they stand in samples
+//! - [`mod@operators`], `control.target`, `control.pi`, `control.lqg` and `control.mrac`
 
 #![forbid(unsafe_code)]
+
+pub mod adaptive;
+pub mod channels;
+pub mod effect;
+pub mod features;
+pub mod goal;
+pub mod identified;
+pub mod lqi;
+pub mod lstm;
+pub mod lyapunov;
+pub mod moves;
+pub mod mrac;
+pub mod operators;
+pub mod pi;
+pub mod predictor;
+pub mod projection;
+pub mod reference;
+pub mod riccati;
+pub mod valves;
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[
+    Stage::of::<operators::ControlTarget>(),
+    Stage::of::<operators::ControlPi>(),
+    Stage::of::<operators::ControlLqg>(),
+    Stage::of::<operators::ControlMrac>(),
+];

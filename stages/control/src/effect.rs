@@ -1,0 +1,119 @@
+//! How bladders move a head: B of (4.23) in one column per bladder, and its inverse.
+
+use nalgebra::DMatrix;
+
+/// The rate of each channel at full duty of each bladder's inlet, in parts of the channel's scale per second, and what
+/// undoes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effect {
+    b: DMatrix<f64>,
+    inverse: DMatrix<f64>,
+}
+
+/// Why bladders cannot control channels.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EffectError {
+    /// Fewer bladders than channels.
+    #[error("{bladders} bladders cannot hold {channels} channels: give at least one for each")]
+    TooFew {
+        /// Bladders.
+        bladders: usize,
+        /// Channels.
+        channels: usize,
+    },
+    /// Some way to move the channels is not there.
+    #[error(
+        "the bladders do not move all channels independently (smallest to largest singular value {ratio:.1e}): check the rates, \
+         or hold fewer channels"
+    )]
+    Dependent {
+        /// Smallest to largest singular value of B.
+        ratio: f64,
+    },
+    /// A number that is none.
+    #[error("a rate is not finite")]
+    NotFinite,
+}
+
+/// Singular values less than this part of the largest count as none.
+const LEAST: f64 = 1e-6;
+
+impl Effect {
+    /// From B, channels by bladders.
+    ///
+    /// # Errors
+    /// [`EffectError`].
+    pub fn new(b: DMatrix<f64>) -> Result<Self, EffectError> {
+        let (channels, bladders) = b.shape();
+        if bladders < channels || channels == 0 {
+            return Err(EffectError::TooFew { bladders, channels });
+        }
+        if b.iter().any(|v| !v.is_finite()) {
+            return Err(EffectError::NotFinite);
+        }
+        let values = b.singular_values();
+        let ratio = if values.max() > 0.0 { values.min() / values.max() } else { 0.0 };
+        // B^T (B B^T)^-1: of all duties that do the same, those of least effort.
+        let square = (&b * b.transpose()).cholesky().filter(|_| ratio > LEAST);
+        let Some(square) = square else { return Err(EffectError::Dependent { ratio }) };
+        let inverse = b.transpose() * square.inverse();
+        Ok(Self { b, inverse })
+    }
+
+    /// Channels.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.b.nrows()
+    }
+
+    /// Bladders.
+    #[must_use]
+    pub fn bladders(&self) -> usize {
+        self.b.ncols()
+    }
+
+    /// B, channels by bladders.
+    #[must_use]
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.b
+    }
+
+    /// B^-1, or the pseudo-inverse where there are more bladders than channels, bladders by channels.
+    #[must_use]
+    pub fn inverse(&self) -> &DMatrix<f64> {
+        &self.inverse
+    }
+
+    /// The net duties that move the channels at these rates.
+    pub fn duties(&self, rates: &[f64], net: &mut [f64]) {
+        for (j, v) in net.iter_mut().enumerate().take(self.bladders()) {
+            *v = rates.iter().enumerate().map(|(i, rate)| self.inverse[(j, i)] * rate).sum();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_inverse_undoes_it_with_any_number_of_bladders() {
+        for b in [
+            DMatrix::from_row_slice(1, 1, &[0.5]),
+            DMatrix::from_row_slice(2, 3, &[1.0, 0.5, 0.5, 0.0, 1.0, -1.0]),
+            DMatrix::from_row_slice(3, 3, &[1.15, 0.79, 0.79, 4.6, -6.9, -6.9, 0.0, 1.1, -1.1]),
+        ] {
+            let n = b.nrows();
+            let effect = Effect::new(b.clone()).unwrap();
+            assert!((b * effect.inverse() - DMatrix::identity(n, n)).norm() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn channels_that_move_together_are_refused() {
+        let both = DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 4.0]);
+        assert!(matches!(Effect::new(both), Err(EffectError::Dependent { .. })));
+        let few = DMatrix::from_row_slice(2, 1, &[1.0, 2.0]);
+        assert_eq!(Effect::new(few), Err(EffectError::TooFew { bladders: 1, channels: 2 }));
+    }
+}

@@ -1,0 +1,200 @@
+//! `control.lqg`: linear-quadratic control with an integrator.
+
+use nalgebra::DMatrix;
+use stillpoint_identify::InnovationModel;
+use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+
+use crate::identified::Identified;
+use crate::lqi::{Lqi, Plant, Weights};
+use crate::operators::params::{CheckedPlant, PlantParams};
+use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
+use crate::reference::{ReferenceModel, pole_of_rise};
+use crate::riccati::observer_gain;
+
+/// Parameters of `control.lqg`.
+#[derive(Clone, Debug, Params)]
+pub struct LqgParams {
+    /// What is controlled, and by what.
+    pub plant: PlantParams,
+    /// A model of `stillpoint identify`, from the net duty of one bladder (`lqg.duties:net.0`) to one channel of the
+    /// state; its sample time must be the timer's period. Without it the channels integrate what the bladders do.
+    #[param(file)]
+    pub model: Option<String>,
+    /// What an error of one scale costs, for a second.
+    #[param(default = 1, above = 0, max = 1000000)]
+    pub error_weight: f64,
+    /// What an integrated error of one scale times one second costs, for a second.
+    #[param(default = 0.1, above = 0, max = 1000000)]
+    pub integral_weight: f64,
+    /// What a valve that is wide open costs, for a second.
+    #[param(default = 10, above = 0, max = 1000000000)]
+    pub effort_weight: f64,
+    /// Without `model`: variance of the drift of a channel from tick to tick, over that of its estimate. Large: the
+    /// observer believes the estimate.
+    #[param(default = 1, above = 0, max = 1000000)]
+    pub drift: f64,
+    /// Time in which a step of the target is approached, from 10 % to 90 % of its way; 0 s for the step itself.
+    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
+    pub rise: f64,
+    /// An estimate is used for so long after the measurement behind it.
+    #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
+    pub stale: u64,
+}
+
+/// Linear-quadratic control with an integrator, an observer and a limit to what is integrated (SCIENCE D5-D7).
+///
+/// The gain is that of the discrete Riccati equation for the plant with its integrators. The target is approached as the
+/// reference model of (4.24) does. Idle, with all valves shut, where estimate or target are missing, old or not finite;
+/// afterwards it begins from where the head is.
+pub struct ControlLqg {
+    seat: Seat,
+    law: Lqi,
+    identified: Option<Identified>,
+    model: ReferenceModel,
+    resting: bool,
+    net: Vec<f64>,
+    /// Pose, set-point, and a state of the plant at rest, as the law counts them.
+    y: Vec<f64>,
+    r: Vec<f64>,
+    x: Vec<f64>,
+}
+
+impl Operator for ControlLqg {
+    type Params = LqgParams;
+    const KIND: Kind = Kind {
+        name: "control.lqg",
+        about: "Linear-quadratic control with an integrator and an observer, of an identified model or of the bladders' effect.",
+        role: Role::Operator,
+        inputs: INPUTS,
+        outputs: OUTPUTS,
+        timer: Timer::Required,
+    };
+
+    fn new(params: LqgParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let plant = params.plant.checked()?;
+        let period = setup.every.map_or(0.1, |ns| ns as f64 * 1e-9);
+        let identified = match &params.model {
+            Some(name) => Some(identified(name, &setup.file(name)?, &plant, period)?),
+            None => None,
+        };
+        let known = match &identified {
+            Some(identified) => identified.plant().clone(),
+            None => integrating(&plant, params.drift, period)?,
+        };
+        let (n, p, m) = (known.a.nrows(), known.c.nrows(), known.b.ncols());
+        let weights = Weights {
+            // The costs are those of a second, whatever the sample time; the integrators count samples.
+            state: known.c.transpose() * &known.c * (params.error_weight * period),
+            integral: DMatrix::from_diagonal_element(p, p, params.integral_weight * period * period * period),
+            effort: DMatrix::from_diagonal_element(m, m, params.effort_weight * period),
+        };
+        let mut law =
+            Lqi::design(known, &weights).map_err(|e| SetupError(format!("there is no gain: {e}")))?;
+        law.limit(identified.as_ref().map_or([-1.0, 1.0], Identified::limits));
+        let names: Vec<String> = plant
+            .channels
+            .iter()
+            .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
+            .collect();
+        Ok(Self {
+            model: ReferenceModel::new(pole_of_rise(params.rise), p),
+            law,
+            identified,
+            resting: true,
+            net: vec![0.0; m],
+            y: vec![0.0; p],
+            r: vec![0.0; p],
+            x: vec![0.0; n],
+            seat: Seat::new(plant, params.stale, setup, names)?,
+        })
+    }
+
+    fn capacities(params: &LqgParams) -> Vec<usize> {
+        vec![1, Seat::metrics(3 * params.plant.channels.len())]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (dt, reasons) = match self.seat.look(activation) {
+            Look::Ready { dt, reasons } => (dt, reasons),
+            Look::Idle(reasons) => {
+                self.resting = true;
+                return self.seat.idle(outputs, reasons);
+            }
+        };
+        let restarts = std::mem::take(&mut self.resting);
+        if restarts {
+            self.model.start_at(self.seat.pose());
+        }
+        self.model.advance(self.seat.target(), dt);
+        self.y.copy_from_slice(self.seat.pose());
+        self.r.copy_from_slice(self.model.at());
+        if let (Some(identified), Some(start)) = (&self.identified, self.seat.start()) {
+            // The model counts from its own offset, the seat from where control began.
+            let start = identified.counted(start[0]);
+            self.y[0] += start;
+            self.r[0] += start;
+        }
+        if restarts {
+            self.rest_at(Side::Pose);
+            self.law.restart(&self.x);
+        }
+        self.rest_at(Side::SetPoint);
+        self.law.aim(&self.x);
+        self.law.step(&self.y, &self.r, &mut self.net);
+        if let Some(identified) = &self.identified {
+            self.net[0] = identified.duty(self.net[0]);
+        }
+        for i in 0..self.y.len() {
+            let scale = self.seat.plant().scale[i];
+            self.seat.say(3 * i, (self.r[i] - self.y[i]) * scale);
+            self.seat.say(3 * i + 1, self.model.at()[i] * scale);
+            self.seat.say(3 * i + 2, self.law.integral()[i]);
+        }
+        self.resting = !self.seat.act(outputs, &self.net, reasons)?;
+        Ok(())
+    }
+}
+
+/// What the plant is to rest at.
+enum Side {
+    Pose,
+    SetPoint,
+}
+
+impl ControlLqg {
+    /// Leaves in `x` the state in which the plant rests where it is, or at the set-point.
+    fn rest_at(&mut self, side: Side) {
+        let y = match side {
+            Side::Pose => &self.y,
+            Side::SetPoint => &self.r,
+        };
+        match &self.identified {
+            Some(identified) => identified.at_rest(y[0], &mut self.x),
+            None => self.x.copy_from_slice(y),
+        }
+    }
+}
+
+/// Channels that integrate what the bladders do: `y(k+1) = y(k) + T B u`.
+fn integrating(plant: &CheckedPlant, drift: f64, period: f64) -> Result<Plant, SetupError> {
+    let n = plant.channels.count();
+    let one = DMatrix::<f64>::identity(n, n);
+    let k =
+        observer_gain(&one, &one, &(&one * drift), &one).map_err(|e| SetupError(format!("`drift`: {e}")))?;
+    Ok(Plant { a: one.clone(), b: plant.effect.matrix() * period, c: one, k })
+}
+
+fn identified(name: &str, bytes: &[u8], plant: &CheckedPlant, period: f64) -> Result<Identified, SetupError> {
+    let said = |e: String| SetupError(format!("`model`: {name}: {e}"));
+    let model = InnovationModel::from_json(bytes).map_err(|e| said(e.to_string()))?;
+    let (Some(channel), 1, 1) =
+        (plant.channels.iter().next(), plant.channels.count(), plant.effect.bladders())
+    else {
+        let (n, m) = (plant.channels.count(), plant.effect.bladders());
+        return Err(said(format!(
+            "a model has one input and one output, and `plant` has {m} bladders and {n} channels: hold one channel with one bladder, or take `model` out"
+        )));
+    };
+    Identified::new(&model, channel.unit(), plant.scale[0], period).map_err(|e| said(e.to_string()))
+}

@@ -1,0 +1,21 @@
+//! The operators of this family, a file each.
+//!
+//! - `target`: `control.target`, where the head is to be
+//! - `pi`, `lqg`, `mrac`: the controllers `control.pi`, `control.lqg` and `control.mrac`
+//! - `params`: parameters that controllers share
+//! - `seat`: what every controller does around its law
+//! - `freshness`: how old the newest measurement behind a track is
+
+mod freshness;
+mod lqg;
+mod mrac;
+mod params;
+mod pi;
+mod seat;
+mod target;
+
+pub use lqg::{ControlLqg, LqgParams};
+pub use mrac::{ControlMrac, FeatureMap, MracParams};
+pub use params::{BladderRates, PerChannel, PlantParams};
+pub use pi::{ControlPi, PiParams};
+pub use target::{ControlTarget, CountedFrom, MoveParams, ReachParams, TargetParams};

@@ -1,0 +1,198 @@
+//! `control.mrac`: the adaptive controller.
+
+use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_samples::DutyReason;
+
+use crate::channels::Channel;
+use crate::features::{Features, Learned};
+use crate::mrac::{Learning, Mrac, MracDesign};
+use crate::operators::params::{CheckedPlant, PerChannel, PlantParams};
+use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
+use crate::predictor::Predictor;
+use crate::projection::Ball;
+use crate::reference::pole_of_rise;
+
+/// What Theta learns its weights over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum FeatureMap {
+    /// 1 and the hyperbolic tangent of each channel.
+    Tanh,
+    /// The last hidden state of the trained network in `model`, and 1.
+    Lstm,
+}
+
+/// Parameters of `control.mrac`.
+#[derive(Clone, Debug, Params)]
+pub struct MracParams {
+    /// What is controlled, and by what.
+    pub plant: PlantParams,
+    /// Time in which a step of the target is approached, from 10 % to 90 % of its way.
+    #[param(unit = "s", default = "20 s", min = "0.1 s", max = "10 min")]
+    pub rise: f64,
+    /// How many times faster than the reference model an error from it is to die out.
+    #[param(default = 3, min = 0, max = 1000)]
+    pub feedback: f64,
+    /// Q of the Lyapunov equation, this times the identity.
+    #[param(default = 100, above = 0, max = 1000000)]
+    pub weight: f64,
+    /// Learning rate of the gains over the pose, K_y.
+    #[param(default = 0.0001, min = 0, max = 1000)]
+    pub learning_pose: f64,
+    /// Learning rate of the gains over the target, K_r.
+    #[param(default = 0.0001, min = 0, max = 1000)]
+    pub learning_target: f64,
+    /// Learning rate of the weights of the features, Theta.
+    #[param(default = 0.0001, min = 0, max = 1000)]
+    pub learning_features: f64,
+    /// Rate at which gains decay without a reason to stay (sigma-modification).
+    #[param(unit = "Hz", default = "0.02 1/s", min = "0 1/s", max = "100 1/s")]
+    pub leak: f64,
+    /// Norm that the gains of a bladder over one regressor never exceed (projection), in full duties per scale.
+    #[param(default = 1, above = 0, max = 1000)]
+    pub greatest_gain: f64,
+    /// Errors below which nothing is learned.
+    #[param(
+        default = "{ x: 0.05 mm, y: 0.05 mm, z: 0.05 mm, pitch: 0.02 deg, roll: 0.02 deg, yaw: 0.02 deg }"
+    )]
+    pub dead_zone: PerChannel,
+    /// What the weights Theta are over.
+    #[param(default = "tanh")]
+    pub features: FeatureMap,
+    /// The network of `features: lstm`, a file of `stillpoint train controller`.
+    #[param(file)]
+    pub model: Option<String>,
+    /// An estimate is used for so long after the measurement behind it.
+    #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
+    pub stale: u64,
+}
+
+/// Model-reference adaptive control (4.23)-(4.38) as corrected in SCIENCE E2-E11.
+///
+/// The nominal effect of the bladders makes the pose follow the reference model; gains over the pose, the target and
+/// features of the motion learn what is missing. Nothing is learned while a valve is wide open, while the estimate is
+/// old, or inside the dead zone. Idle, with all valves shut, where estimate or target are missing, old or not finite;
+/// afterwards the reference model begins from where the head is, and what was learned stays.
+pub struct ControlMrac {
+    seat: Seat,
+    law: Mrac,
+    /// The law as it began, should its numbers be lost.
+    initial: Mrac,
+    net: Vec<f64>,
+}
+
+/// Numbers of the diagnostics that do not belong to a channel.
+const NAMES: [&str; 4] = ["learning", "gain_pose", "gain_target", "gain_features"];
+
+impl Operator for ControlMrac {
+    type Params = MracParams;
+    const KIND: Kind = Kind {
+        name: "control.mrac",
+        about: "Model-reference adaptive control of the bladders, over features of the pose or of a trained network.",
+        role: Role::Operator,
+        inputs: INPUTS,
+        outputs: OUTPUTS,
+        timer: Timer::Required,
+    };
+
+    fn new(params: MracParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let plant = params.plant.checked()?;
+        let mut dead_zone = params.dead_zone.of(&plant.channels, "dead_zone")?;
+        dead_zone.iter_mut().zip(&plant.scale).for_each(|(zone, scale)| *zone /= scale);
+        let features = features(&params, &plant, setup)?;
+        let design = MracDesign {
+            pole: pole_of_rise(params.rise),
+            feedback: params.feedback,
+            weight: params.weight,
+            learning: [params.learning_pose, params.learning_target, params.learning_features],
+            leak: params.leak,
+            ball: Ball { radius: params.greatest_gain, shell: 0.1 },
+            dead_zone,
+        };
+        let law =
+            Mrac::design(design, plant.effect.clone(), features).map_err(|e| SetupError(e.to_string()))?;
+        let net = vec![0.0; plant.effect.bladders()];
+        let of_channels = plant.channels.iter().flat_map(|c| [named("error", c), named("model", c)]);
+        let predicted = plant.channels.iter().map(|c| named("predicted_change", c));
+        let names: Vec<String> =
+            NAMES.into_iter().map(str::to_owned).chain(of_channels).chain(predicted).collect();
+        Ok(Self { seat: Seat::new(plant, params.stale, setup, names)?, initial: law.clone(), law, net })
+    }
+
+    fn capacities(params: &MracParams) -> Vec<usize> {
+        vec![1, Seat::metrics(NAMES.len() + 3 * params.plant.channels.len())]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (dt, mut reasons) = match self.seat.look(activation) {
+            Look::Ready { dt, reasons } => (dt, reasons),
+            Look::Idle(reasons) => {
+                self.law.restart();
+                return self.seat.idle(outputs, reasons | DutyReason::Frozen.bit());
+            }
+        };
+        let learning = self.law.step(self.seat.pose(), self.seat.target(), dt, &mut self.net);
+        if learning != Learning::On {
+            reasons |= DutyReason::Frozen.bit();
+        }
+        self.seat.say(0, if learning == Learning::On { 1.0 } else { 0.0 });
+        for (place, gains) in self.law.gains().into_iter().enumerate() {
+            self.seat.say(1 + place, gains.norm());
+        }
+        let count = self.law.error().len();
+        for i in 0..count {
+            let scale = self.seat.plant().scale[i];
+            let (error, pose) = (self.law.error()[i], self.seat.pose()[i]);
+            self.seat.say(NAMES.len() + 2 * i, error * scale);
+            self.seat.say(NAMES.len() + 2 * i + 1, (pose - error) * scale);
+            if let Features::Learned(learned) = self.law.features() {
+                let change = learned.predicted_change(i).unwrap_or(f64::NAN);
+                self.seat.say(NAMES.len() + 2 * count + i, change);
+            }
+        }
+        if !self.seat.act(outputs, &self.net, reasons)? {
+            self.law = self.initial.clone();
+        }
+        Ok(())
+    }
+}
+
+fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Result<Features, SetupError> {
+    let name = match (params.features, &params.model) {
+        (FeatureMap::Tanh, None) => return Ok(Features::Tanh),
+        (FeatureMap::Lstm, Some(name)) => name,
+        (FeatureMap::Tanh, Some(name)) => {
+            return Err(SetupError(format!(
+                "`model` is {name}, and `features: tanh` needs none: say `features: lstm`, or take it out"
+            )));
+        }
+        (FeatureMap::Lstm, None) => {
+            return Err(SetupError(
+                "`features: lstm` needs a network: add `model: ...`, a file of `stillpoint train controller`"
+                    .into(),
+            ));
+        }
+    };
+    let said = |e: String| SetupError(format!("`model`: {name}: {e}"));
+    let predictor = Predictor::from_safetensors(&setup.file(name)?).map_err(|e| said(e.to_string()))?;
+    let names = |channels: &mut dyn Iterator<Item = Channel>| {
+        channels.map(Channel::name).collect::<Vec<_>>().join(", ")
+    };
+    if predictor.channels() != &plant.channels || predictor.bladders() != plant.effect.bladders() {
+        return Err(said(format!(
+            "it was trained for {} with {} bladders, and `plant` is {} with {}",
+            names(&mut predictor.channels().iter()),
+            predictor.bladders(),
+            names(&mut plant.channels.iter()),
+            plant.effect.bladders()
+        )));
+    }
+    let every = setup.every.map_or(0.0, |ns| ns as f64 * 1e-9);
+    if every > predictor.sample_time() * 1.001 {
+        return Err(said(format!(
+            "its sample time is {} ms: the timer must tick at least as often",
+            predictor.sample_time() * 1e3
+        )));
+    }
+    Ok(Features::Learned(Box::new(Learned::new(predictor, &plant.scale))))
+}

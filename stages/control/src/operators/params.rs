@@ -1,0 +1,134 @@
+//! Parameters that controllers share.
+
+use nalgebra::DMatrix;
+use stillpoint_pipeline::Params;
+use stillpoint_pipeline::operator::SetupError;
+
+use crate::channels::{Channel, Channels};
+use crate::effect::Effect;
+
+/// A number for each channel that it is given for, in the channel's unit.
+#[derive(Clone, Copy, Debug, PartialEq, Params)]
+pub struct PerChannel {
+    /// Along x.
+    #[param(unit = "m")]
+    pub x: Option<f64>,
+    /// Along y.
+    #[param(unit = "m")]
+    pub y: Option<f64>,
+    /// Along z.
+    #[param(unit = "m")]
+    pub z: Option<f64>,
+    /// About x.
+    #[param(unit = "rad")]
+    pub pitch: Option<f64>,
+    /// About y.
+    #[param(unit = "rad")]
+    pub roll: Option<f64>,
+    /// About z.
+    #[param(unit = "rad")]
+    pub yaw: Option<f64>,
+}
+
+impl PerChannel {
+    /// In the order of the six channels.
+    pub fn all(&self) -> [Option<f64>; 6] {
+        [self.x, self.y, self.z, self.pitch, self.roll, self.yaw]
+    }
+
+    /// One number for each of these channels, all of which must be given and above 0.
+    pub fn of(&self, channels: &Channels, param: &str) -> Result<Vec<f64>, SetupError> {
+        let all = self.all();
+        let due = |channel: Channel| match all[channel.place()] {
+            Some(value) if value > 0.0 => Ok(value),
+            Some(value) => {
+                Err(SetupError(format!("`{param}.{}` is {value}: it must be above 0", channel.name())))
+            }
+            None => Err(SetupError(format!(
+                "`{param}` lacks {}, which is controlled: add `{}: ... {}`",
+                channel.name(),
+                channel.name(),
+                channel.unit()
+            ))),
+        };
+        channels.iter().map(due).collect()
+    }
+}
+
+/// How fast a bladder moves each channel.
+#[derive(Clone, Copy, Debug, PartialEq, Params)]
+pub struct BladderRates {
+    /// Along x.
+    #[param(unit = "m/s", default = "0 m/s")]
+    pub x: f64,
+    /// Along y.
+    #[param(unit = "m/s", default = "0 m/s")]
+    pub y: f64,
+    /// Along z.
+    #[param(unit = "m/s", default = "0 m/s")]
+    pub z: f64,
+    /// About x.
+    #[param(unit = "rad/s", default = "0 rad/s")]
+    pub pitch: f64,
+    /// About y.
+    #[param(unit = "rad/s", default = "0 rad/s")]
+    pub roll: f64,
+    /// About z.
+    #[param(unit = "rad/s", default = "0 rad/s")]
+    pub yaw: f64,
+}
+
+/// What is controlled, and by what.
+#[derive(Clone, Debug, PartialEq, Params)]
+pub struct PlantParams {
+    /// The channels that are held.
+    #[param(default = "[z, pitch, roll]")]
+    pub channels: Vec<Channel>,
+    /// How fast each channel moves when the inlet of a bladder is wide open: an entry for each bladder, in the order of
+    /// the valves. The default is the simulated rig of three bladders.
+    #[param(
+        default = "[{ z: 13.23 mm/s, pitch: 6.225 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: 11.1 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: -11.1 deg/s }]"
+    )]
+    pub bladders: Vec<BladderRates>,
+    /// What counts as one in each channel: errors of these sizes weigh the same.
+    #[param(default = "{ x: 10 mm, y: 10 mm, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg, yaw: 5 deg }")]
+    pub scale: PerChannel,
+}
+
+/// Most bladders that duties have room for.
+const MOST_BLADDERS: usize = 8;
+
+/// [`PlantParams`], checked.
+#[derive(Clone, Debug)]
+pub struct CheckedPlant {
+    /// The channels.
+    pub channels: Channels,
+    /// Scale of each, m or rad.
+    pub scale: Vec<f64>,
+    /// What the bladders do, in scales.
+    pub effect: Effect,
+}
+
+impl PlantParams {
+    /// Checks what no single parameter can.
+    ///
+    /// # Errors
+    /// What to change.
+    pub fn checked(&self) -> Result<CheckedPlant, SetupError> {
+        let said = |what: &str, e: &dyn std::fmt::Display| SetupError(format!("`plant.{what}`: {e}"));
+        let channels = Channels::new(&self.channels).map_err(|e| said("channels", &e))?;
+        let scale = self.scale.of(&channels, "plant.scale")?;
+        if self.bladders.len() > MOST_BLADDERS {
+            let (found, most) = (self.bladders.len(), MOST_BLADDERS);
+            return Err(SetupError(format!(
+                "`plant.bladders` names {found} bladders: there is room for {most}"
+            )));
+        }
+        let rates: Vec<[f64; 6]> =
+            self.bladders.iter().map(|b| [b.x, b.y, b.z, b.pitch, b.roll, b.yaw]).collect();
+        let places: Vec<usize> = channels.iter().map(Channel::place).collect();
+        let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
+        let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;
+        Ok(CheckedPlant { channels, scale, effect })
+    }
+}

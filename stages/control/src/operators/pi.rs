@@ -1,0 +1,97 @@
+//! `control.pi`: the baseline.
+
+use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+
+use crate::operators::params::PlantParams;
+use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
+use crate::pi::{Pi, PiGains};
+use crate::reference::{ReferenceModel, pole_of_rise};
+
+/// Parameters of `control.pi`.
+#[derive(Clone, Debug, Params)]
+pub struct PiParams {
+    /// What is controlled, and by what.
+    pub plant: PlantParams,
+    /// Rate of a channel for an error of it.
+    #[param(unit = "Hz", default = "1 1/s", min = "0 1/s", max = "100 1/s")]
+    pub proportional: f64,
+    /// Growth of that rate, each second, for an error that stays; in 1/s2.
+    #[param(default = 0.15, min = 0, max = 1000)]
+    pub integral: f64,
+    /// Time in which a step of the target is approached, from 10 % to 90 % of its way; 0 s for the step itself.
+    #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
+    pub rise: f64,
+    /// An estimate is used for so long after the measurement behind it.
+    #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
+    pub stale: u64,
+}
+
+/// Proportional and integral control of each channel through the inverse of the bladders' effect (SCIENCE E11).
+///
+/// The target is approached as the reference model of (4.24) does. Where a valve is wide open the integrals stand still.
+/// Idle, with all valves shut, where estimate or target are missing, old or not finite; afterwards it begins from where
+/// the head is, with integrals of zero.
+pub struct ControlPi {
+    seat: Seat,
+    law: Pi,
+    model: ReferenceModel,
+    resting: bool,
+    net: Vec<f64>,
+}
+
+impl Operator for ControlPi {
+    type Params = PiParams;
+    const KIND: Kind = Kind {
+        name: "control.pi",
+        about: "Proportional and integral control of the channels through the inverse of the bladders' effect.",
+        role: Role::Operator,
+        inputs: INPUTS,
+        outputs: OUTPUTS,
+        timer: Timer::Required,
+    };
+
+    fn new(params: PiParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let plant = params.plant.checked()?;
+        let gains = PiGains { proportional: params.proportional, integral: params.integral };
+        let law = Pi::new(gains, plant.effect.clone());
+        let model = ReferenceModel::new(pole_of_rise(params.rise), plant.channels.count());
+        let net = vec![0.0; plant.effect.bladders()];
+        let names: Vec<String> = plant
+            .channels
+            .iter()
+            .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
+            .collect();
+        Ok(Self { seat: Seat::new(plant, params.stale, setup, names)?, law, model, resting: true, net })
+    }
+
+    fn capacities(params: &PiParams) -> Vec<usize> {
+        vec![1, Seat::metrics(3 * params.plant.channels.len())]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (dt, reasons) = match self.seat.look(activation) {
+            Look::Ready { dt, reasons } => (dt, reasons),
+            Look::Idle(reasons) => {
+                self.resting = true;
+                return self.seat.idle(outputs, reasons);
+            }
+        };
+        if std::mem::take(&mut self.resting) {
+            self.law.restart();
+            self.model.start_at(self.seat.pose());
+        }
+        self.model.advance(self.seat.target(), dt);
+        self.law.step(self.seat.pose(), self.model.at(), dt, &mut self.net);
+        for i in 0..self.model.at().len() {
+            let scale = self.seat.plant().scale[i];
+            let (model, error) =
+                (self.model.at()[i] * scale, (self.model.at()[i] - self.seat.pose()[i]) * scale);
+            self.seat.say(3 * i, error);
+            self.seat.say(3 * i + 1, model);
+            self.seat.say(3 * i + 2, self.law.integral()[i]);
+        }
+        self.resting = !self.seat.act(outputs, &self.net, reasons)?;
+        Ok(())
+    }
+}

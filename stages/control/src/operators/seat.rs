@@ -1,0 +1,242 @@
+//! What every controller does around its law: it looks at estimate and target, is idle where there is nothing to act on,
+//! and sends duties.
+
+use stillpoint_pipeline::operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
+use stillpoint_pipeline::{Activation, Outputs, Setup};
+use stillpoint_samples::{
+    Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing, Target, TargetStatus, Track,
+};
+
+use crate::channels::{Channel, difference};
+use crate::operators::freshness::Freshness;
+use crate::operators::params::CheckedPlant;
+use crate::valves::split;
+
+const STATE: usize = 0;
+const TARGET: usize = 1;
+const DUTIES: usize = 0;
+const DIAGNOSTICS: usize = 1;
+
+/// Inputs of every controller.
+pub const INPUTS: &[Input] = &[
+    Input {
+        name: "state",
+        sample: Track::KIND,
+        policy: Policy::Latest,
+        required: true,
+        about: "Where the head is.",
+    },
+    Input {
+        name: "target",
+        sample: Target::KIND,
+        policy: Policy::Latest,
+        required: true,
+        about: "Where it is to be, in the frame of the state.",
+    },
+];
+
+/// Outputs of every controller.
+pub const OUTPUTS: &[Output] = &[
+    Output {
+        name: "duties",
+        sample: Duties::KIND,
+        frame: FrameRule::None,
+        about: "How far the valves are to be open; all shut, with the reason, where there is nothing to act on.",
+    },
+    Output {
+        name: "diagnostics",
+        sample: Diagnostics::KIND,
+        frame: FrameRule::None,
+        about: "Age of the estimate, errors, and what the law holds.",
+    },
+];
+
+/// A longer pause than this many periods counts as this many: a law is not told to make up for it.
+const LONGEST: u64 = 4;
+
+/// What an activation brings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Look {
+    /// Nothing to act on, for these reasons.
+    Idle(u32),
+    /// Pose and target are there.
+    Ready {
+        /// Seconds since the law last acted; the timer's period where it did not.
+        dt: f64,
+        /// What is out of order nonetheless.
+        reasons: u32,
+    },
+}
+
+/// Between samples and a law.
+pub struct Seat {
+    plant: CheckedPlant,
+    every: u64,
+    stale: u64,
+    freshness: Freshness,
+    /// Where control began, m and rad: what laws count from.
+    start: Option<[f64; 6]>,
+    acted_at: Option<u64>,
+    pose: [f64; 6],
+    target: [f64; 6],
+    age: f64,
+    metrics: Vec<Metric>,
+}
+
+/// Numbers of the diagnostics that every controller sends first.
+const OWN: usize = 2;
+
+impl Seat {
+    /// A controller's seat, with these names of numbers behind those that every controller sends.
+    ///
+    /// # Errors
+    /// There is no timer, or its period is not below `stale`.
+    pub fn new(
+        plant: CheckedPlant,
+        stale: u64,
+        setup: &Setup<'_>,
+        names: impl IntoIterator<Item = String>,
+    ) -> Result<Self, SetupError> {
+        let every =
+            setup.every.ok_or_else(|| SetupError("a controller needs a timer: add `every: 10 ms`".into()))?;
+        if every >= stale {
+            return Err(SetupError(format!(
+                "`stale` is {} ms and the timer ticks every {} ms: an estimate would be old before it is used",
+                stale as f64 * 1e-6,
+                every as f64 * 1e-6
+            )));
+        }
+        let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
+        metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
+        Ok(Self {
+            plant,
+            every,
+            stale,
+            freshness: Freshness::default(),
+            start: None,
+            acted_at: None,
+            pose: [0.0; 6],
+            target: [0.0; 6],
+            age: f64::NAN,
+            metrics,
+        })
+    }
+
+    /// How many numbers its diagnostics have, with so many of the law's own.
+    pub const fn metrics(own: usize) -> usize {
+        OWN + own
+    }
+
+    /// The plant.
+    pub fn plant(&self) -> &CheckedPlant {
+        &self.plant
+    }
+
+    /// Looks at the samples of an activation.
+    pub fn look(&mut self, activation: &Activation<'_>) -> Look {
+        let look = self.read(activation);
+        match look {
+            Look::Idle(_) => self.acted_at = None,
+            Look::Ready { .. } => self.acted_at = Some(activation.nominal),
+        }
+        look
+    }
+
+    fn read(&mut self, activation: &Activation<'_>) -> Look {
+        let idle = |reason: DutyReason| Look::Idle(reason.bit());
+        self.age = f64::NAN;
+        let Some(state) = activation.input::<Track>(STATE) else { return idle(DutyReason::NoEstimate) };
+        let Some(track) = state.first() else { return idle(DutyReason::NoEstimate) };
+        self.freshness.see(track, state.head.origin);
+        let age = self.freshness.age(activation.time);
+        self.age = age.map_or(f64::NAN, |age| age as f64 * 1e-9);
+        if track.standing() == Standing::None {
+            return idle(DutyReason::NoEstimate);
+        }
+        if age.is_none_or(|age| age > self.stale) {
+            return idle(DutyReason::Stale);
+        }
+        let Some(pose) = self.plant.channels.of_track(track) else { return idle(DutyReason::MissingChannel) };
+        let target = activation.input::<Target>(TARGET);
+        let Some(target) = target.as_ref().and_then(|t| t.first()) else { return idle(DutyReason::NoTarget) };
+        if target.status() == TargetStatus::None {
+            return idle(DutyReason::NoTarget);
+        }
+        let Some(wanted) = self.plant.channels.of_target(target) else {
+            return idle(DutyReason::MissingChannel);
+        };
+        if pose.iter().chain(&wanted).any(|v| !v.is_finite()) {
+            return idle(DutyReason::NotFinite);
+        }
+        let start = *self.start.get_or_insert(pose);
+        for (i, (channel, scale)) in self.plant.channels.iter().zip(&self.plant.scale).enumerate() {
+            self.pose[i] = difference(channel, pose[i], start[i]) / scale;
+            self.target[i] = difference(channel, wanted[i], start[i]) / scale;
+        }
+        let gone = self.acted_at.map_or(self.every, |at| activation.nominal.saturating_sub(at));
+        let refused = target.status() == TargetStatus::Refused;
+        Look::Ready {
+            dt: gone.min(LONGEST * self.every) as f64 * 1e-9,
+            reasons: if refused { DutyReason::TargetRefused.bit() } else { 0 },
+        }
+    }
+
+    /// The pose, counted from where control began, in scales.
+    pub fn pose(&self) -> &[f64] {
+        &self.pose[..self.plant.channels.count()]
+    }
+
+    /// The target, counted from where control began, in scales.
+    pub fn target(&self) -> &[f64] {
+        &self.target[..self.plant.channels.count()]
+    }
+
+    /// Where control began, m and rad, once it is known.
+    pub fn start(&self) -> Option<&[f64; 6]> {
+        self.start.as_ref()
+    }
+
+    /// Says the law's number `place`.
+    pub fn say(&mut self, place: usize, value: f64) {
+        if let Some(metric) = self.metrics.get_mut(OWN + place) {
+            metric.value = value;
+        }
+    }
+
+    /// Sends that all valves are to be shut.
+    pub fn idle(&mut self, outputs: &mut Outputs<'_>, reasons: u32) -> Result<(), StepError> {
+        let valves = 2 * self.plant.effect.bladders() as u32;
+        self.metrics[OWN..].iter_mut().for_each(|metric| metric.value = f64::NAN);
+        self.send(outputs, &DutiesElement::shut(valves, reasons))
+    }
+
+    /// Sends net duties of the bladders, each within -1 to 1. Returns false, and has all valves shut, where one of them
+    /// is no number: the law is lost then.
+    pub fn act(&mut self, outputs: &mut Outputs<'_>, net: &[f64], reasons: u32) -> Result<bool, StepError> {
+        if net.iter().any(|v| !v.is_finite()) {
+            self.acted_at = None;
+            self.idle(outputs, reasons | DutyReason::NotFinite.bit())?;
+            return Ok(false);
+        }
+        let mut duties = DutiesElement { valves: 2 * net.len() as u32, reasons, ..DutiesElement::default() };
+        duties.net[..net.len()].copy_from_slice(net);
+        duties.saturated = split(net, &mut duties.duty);
+        if duties.saturated != 0 {
+            duties.reasons |= DutyReason::Saturated.bit();
+        }
+        self.send(outputs, &duties)?;
+        Ok(true)
+    }
+
+    fn send(&mut self, outputs: &mut Outputs<'_>, duties: &DutiesElement) -> Result<(), StepError> {
+        self.metrics[0].value = self.age;
+        self.metrics[1].value = f64::from(duties.idle);
+        outputs.send::<Duties>(DUTIES, duties)?;
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
+    }
+}
+
+/// The name of a number about a channel, with the channel's unit.
+pub fn named(what: &str, channel: Channel) -> String {
+    format!("{what}_{}_{}", channel.name(), channel.unit())
+}

@@ -1,0 +1,308 @@
+//! The trained predictor (4.39) as a file: a network, and what its numbers mean.
+//!
+//! The file is in the safetensors format, so that Python and other programs read it too: eight bytes with the length of a
+//! JSON header, the header, the numbers. What the numbers mean stands in the header's `__metadata__`.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Map, Value, json};
+
+use crate::channels::{Channel, Channels};
+use crate::lstm::{Layer, Lstm, NetworkError};
+
+/// Version of the metadata.
+const VERSION: &str = "1";
+/// Greatest file that is read: a network of a thousand times as many numbers as the source's.
+const GREATEST_FILE: usize = 16 << 20;
+/// Most layers.
+const MOST_LAYERS: usize = 16;
+
+/// A network that predicts how a pose changes within one sample time.
+///
+/// A sample that goes in has the pose, counted from where control began, in parts of `scale`, then for each bladder the
+/// duties of its inlet and outlet, in parts of `duty_scale`. What comes out is the change of the pose, in parts of
+/// `scale * change`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Predictor {
+    network: Lstm,
+    meaning: Meaning,
+}
+
+/// What a network's numbers mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Meaning {
+    /// The channels of the pose.
+    pub channels: Channels,
+    /// Scale of each channel, m or rad.
+    pub scale: Vec<f64>,
+    /// Root mean square of the change of each channel in the training data, in parts of its scale.
+    pub change: Vec<f64>,
+    /// Scale of the duties.
+    pub duty_scale: f64,
+    /// Bladders.
+    pub bladders: usize,
+    /// From sample to sample, ns.
+    pub sample_time: u64,
+    /// Samples that the network goes over from an empty memory.
+    pub window: usize,
+}
+
+/// Why a file is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum PredictorError {
+    /// It is no file of this format.
+    #[error("it is no safetensors file: {0}")]
+    Form(String),
+    /// A tensor is not there, or of another form.
+    #[error("the tensor `{name}` {reason}")]
+    Tensor {
+        /// Which.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// An entry of the metadata is not there, or says nothing.
+    #[error("the metadata's `{name}` {reason}; train the model with `stillpoint train controller`")]
+    Metadata {
+        /// Which.
+        name: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The numbers do not make a network.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+}
+
+impl Predictor {
+    /// A network with what its numbers mean.
+    ///
+    /// # Errors
+    /// They do not fit each other, or a scale is not above zero.
+    pub fn new(network: Lstm, meaning: Meaning) -> Result<Self, PredictorError> {
+        let metadata = |name, reason: String| PredictorError::Metadata { name, reason };
+        let n = meaning.channels.count();
+        for (name, scale) in [("scale", &meaning.scale), ("change", &meaning.change)] {
+            if scale.len() != n || scale.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(metadata(name, format!("must have {n} numbers above 0")));
+            }
+        }
+        if !(meaning.duty_scale.is_finite() && meaning.duty_scale > 0.0) {
+            return Err(metadata("duty_scale", "must be a number above 0".into()));
+        }
+        if !(1..=3_600_000_000_000).contains(&meaning.sample_time) {
+            return Err(metadata("sample_time_ns", "must be from 1 ns to 1 h".into()));
+        }
+        if !(1..=1000).contains(&meaning.window) {
+            return Err(metadata("window", "must be from 1 to 1000".into()));
+        }
+        if !(1..=8).contains(&meaning.bladders) {
+            return Err(metadata("bladders", "must be from 1 to 8".into()));
+        }
+        for (name, found, due) in [
+            ("the network's inputs", network.inputs(), n + 2 * meaning.bladders),
+            ("the network's outputs", network.outputs(), n),
+        ] {
+            if found != due {
+                return Err(NetworkError::Size { what: name.into(), found, due }.into());
+            }
+        }
+        Ok(Self { network, meaning })
+    }
+
+    /// The network.
+    #[must_use]
+    pub fn network(&self) -> &Lstm {
+        &self.network
+    }
+
+    /// The channels of the pose.
+    #[must_use]
+    pub fn channels(&self) -> &Channels {
+        &self.meaning.channels
+    }
+
+    /// Scale of each channel, m or rad.
+    #[must_use]
+    pub fn scale(&self) -> &[f64] {
+        &self.meaning.scale
+    }
+
+    /// What an output of 1 is, in parts of each channel's scale.
+    #[must_use]
+    pub fn change(&self) -> &[f64] {
+        &self.meaning.change
+    }
+
+    /// Scale of the duties.
+    #[must_use]
+    pub fn duty_scale(&self) -> f64 {
+        self.meaning.duty_scale
+    }
+
+    /// Bladders.
+    #[must_use]
+    pub fn bladders(&self) -> usize {
+        self.meaning.bladders
+    }
+
+    /// From sample to sample, s.
+    #[must_use]
+    pub fn sample_time(&self) -> f64 {
+        self.meaning.sample_time as f64 * 1e-9
+    }
+
+    /// Samples that the network goes over from an empty memory.
+    #[must_use]
+    pub fn window(&self) -> usize {
+        self.meaning.window
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// [`PredictorError`].
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Self, PredictorError> {
+        let file = File::open(bytes)?;
+        let mut layers = Vec::new();
+        while layers.len() < MOST_LAYERS && file.has(&format!("lstm.{}.bias", layers.len())) {
+            let name = |part: &str| format!("lstm.{}.{part}", layers.len());
+            let (w_ih, shape) = file.tensor(&name("weight_ih"))?;
+            let inputs = shape.get(1).copied().unwrap_or(0);
+            layers.push(Layer::new(
+                inputs,
+                w_ih,
+                file.tensor(&name("weight_hh"))?.0,
+                file.tensor(&name("bias"))?.0,
+            )?);
+        }
+        let network = Lstm::new(layers, file.tensor("output.weight")?.0, file.tensor("output.bias")?.0)?;
+        Self::new(network, file.meaning()?)
+    }
+
+    /// The file, with numbers of four bytes, and `more` beside the metadata.
+    #[must_use]
+    pub fn to_safetensors(&self, more: &BTreeMap<String, String>) -> Vec<u8> {
+        let mut header = Map::new();
+        let listed = |v: &[f64]| v.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
+        let names: Vec<&str> = self.meaning.channels.iter().map(Channel::name).collect();
+        let mut metadata: BTreeMap<&str, String> =
+            more.iter().map(|(k, v)| (k.as_str(), v.clone())).collect();
+        metadata.extend([
+            ("stillpoint_predictor", VERSION.to_owned()),
+            ("channels", names.join(",")),
+            ("scale", listed(&self.meaning.scale)),
+            ("change", listed(&self.meaning.change)),
+            ("duty_scale", self.meaning.duty_scale.to_string()),
+            ("bladders", self.meaning.bladders.to_string()),
+            ("sample_time_ns", self.meaning.sample_time.to_string()),
+            ("window", self.meaning.window.to_string()),
+        ]);
+        header.insert("__metadata__".into(), json!(metadata));
+        let mut numbers = Vec::new();
+        for (name, shape, values) in self.network.tensors() {
+            let begin = numbers.len();
+            numbers.extend(values.iter().flat_map(|v| (*v as f32).to_le_bytes()));
+            let entry = json!({ "dtype": "F32", "shape": shape, "data_offsets": [begin, numbers.len()] });
+            header.insert(name, entry);
+        }
+        let mut header = Value::Object(header).to_string().into_bytes();
+        // The format wants the numbers to begin at a multiple of eight.
+        header.resize(header.len().next_multiple_of(8), b' ');
+        let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+        bytes.extend(header);
+        bytes.extend(numbers);
+        bytes
+    }
+}
+
+/// A file that is being read.
+struct File<'a> {
+    header: Map<String, Value>,
+    numbers: &'a [u8],
+}
+
+impl<'a> File<'a> {
+    fn open(bytes: &'a [u8]) -> Result<Self, PredictorError> {
+        let form = |reason: &str| PredictorError::Form(reason.to_owned());
+        if bytes.len() > GREATEST_FILE {
+            return Err(form("it is larger than 16 MiB"));
+        }
+        let (length, rest) =
+            bytes.split_first_chunk::<8>().ok_or_else(|| form("it ends before its header"))?;
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (header, numbers) = rest.split_at_checked(length).ok_or_else(|| form("its header is cut off"))?;
+        let header = serde_json::from_slice(header).map_err(|e| form(&e.to_string()))?;
+        let Value::Object(header) = header else { return Err(form("its header is no JSON object")) };
+        Ok(Self { header, numbers })
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.header.contains_key(name)
+    }
+
+    /// The numbers of a tensor, and its shape.
+    fn tensor(&self, name: &str) -> Result<(Vec<f64>, Vec<usize>), PredictorError> {
+        let wrong =
+            |reason: &str| PredictorError::Tensor { name: name.to_owned(), reason: reason.to_owned() };
+        let entry = self.header.get(name).ok_or_else(|| wrong("is missing"))?;
+        let whole = |v: &Value| v.as_u64().and_then(|v| usize::try_from(v).ok());
+        let list =
+            |key: &str| -> Option<Vec<usize>> { entry.get(key)?.as_array()?.iter().map(whole).collect() };
+        let shape = list("shape").ok_or_else(|| wrong("has no shape"))?;
+        let offsets = list("data_offsets").ok_or_else(|| wrong("has no offsets"))?;
+        let [begin, end] = offsets[..] else { return Err(wrong("has no two offsets")) };
+        let bytes = self.numbers.get(begin..end).ok_or_else(|| wrong("lies outside the file"))?;
+        let values: Vec<f64> = match entry.get("dtype").and_then(Value::as_str) {
+            Some("F32") => {
+                bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
+            }
+            Some("F64") => bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+            _ => return Err(wrong("is neither F32 nor F64")),
+        };
+        let due = shape.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
+        if due != Some(values.len()) {
+            return Err(wrong("has another number of numbers than its shape says"));
+        }
+        Ok((values, shape))
+    }
+
+    fn meaning(&self) -> Result<Meaning, PredictorError> {
+        let version = self.text("stillpoint_predictor")?;
+        if version != VERSION {
+            let reason = format!("is {version}; this build reads version {VERSION}");
+            return Err(PredictorError::Metadata { name: "stillpoint_predictor", reason });
+        }
+        let wrong = |name, reason: String| PredictorError::Metadata { name, reason };
+        let names = self.text("channels")?.split(',');
+        let channels: Option<Vec<Channel>> = names.map(Channel::named).collect();
+        let channels =
+            channels.ok_or_else(|| wrong("channels", "names a channel that does not exist".into()))?;
+        Ok(Meaning {
+            channels: Channels::new(&channels)
+                .map_err(|e| wrong("channels", format!("cannot be used: {e}")))?,
+            scale: self.numbers("scale")?,
+            change: self.numbers("change")?,
+            duty_scale: self.number("duty_scale")?,
+            bladders: self.number("bladders")?,
+            sample_time: self.number("sample_time_ns")?,
+            window: self.number("window")?,
+        })
+    }
+
+    fn text(&self, name: &'static str) -> Result<&str, PredictorError> {
+        let entry = self.header.get("__metadata__").and_then(|m| m.get(name)).and_then(Value::as_str);
+        entry.ok_or_else(|| PredictorError::Metadata { name, reason: "is missing".into() })
+    }
+
+    fn number<T: std::str::FromStr>(&self, name: &'static str) -> Result<T, PredictorError> {
+        let text = self.text(name)?;
+        text.parse().map_err(|_| PredictorError::Metadata { name, reason: format!("is no number: {text}") })
+    }
+
+    fn numbers(&self, name: &'static str) -> Result<Vec<f64>, PredictorError> {
+        let text = self.text(name)?;
+        let wrong = |_| PredictorError::Metadata { name, reason: format!("is no list of numbers: {text}") };
+        text.split(',').map(|v| v.parse().map_err(wrong)).collect()
+    }
+}

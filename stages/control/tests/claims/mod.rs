@@ -1,0 +1,21 @@
+//! - `vectors`: vector files
+//! - `gains`: Riccati and Lyapunov equations, linear-quadratic control
+//! - `printed_gains`: the gains that the source prints do nothing
+//! - `adaptive`: adaptive laws along the reference trajectories
+//! - `rig_loop`: the adaptive loop on the rig of three bladders
+//! - `network`: the recurrent network, its file and its features
+//! - `random`: normal random numbers
+//! - `plants`: heads on bladders that answer to duties
+//! - `goals`: `control.target` on a bench
+//! - `loops`: target, controller and head in a loop
+
+mod adaptive;
+mod gains;
+mod goals;
+mod loops;
+mod network;
+mod plants;
+mod printed_gains;
+mod random;
+mod rig_loop;
+mod vectors;
