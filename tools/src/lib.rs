@@ -97,6 +97,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_segment::STAGES,
         stillpoint_track::STAGES,
         stillpoint_estimate::STAGES,
+        stillpoint_control::STAGES,
         stillpoint_rig::STAGES,
         stillpoint_sink::STAGES,
     ];
