@@ -34,6 +34,7 @@ mod plane;
 mod pose;
 mod pose_report;
 mod rejection;
+mod rig_state;
 mod target;
 mod track;
 
@@ -54,6 +55,7 @@ pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
+pub use rig_state::{RigMode, RigState, RigStateElement};
 pub use stillpoint_derive::Layout;
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
@@ -105,6 +107,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         Pose::KIND,
         PoseReport::KIND,
         Rejection::KIND,
+        RigState::KIND,
         Target::KIND,
         Track::KIND,
     ]
