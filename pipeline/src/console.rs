@@ -1,19 +1,78 @@
 //! The console: commands of people as samples.
 
-use stillpoint_samples::{ConsoleCommand, Sample, Verb};
+use stillpoint_samples::{Command, ConsoleCommand, Sample, Verb};
 
 use crate::activation::Activation;
 use crate::operator::{FrameRule, Kind, Operator, Output, Role, SetupError, Stage, StepError, Timer};
 use crate::outputs::Outputs;
 use crate::outside::Inbox;
+use crate::params::{Choice, Params};
 use crate::setup::Setup;
 
 /// Name of the kind.
 pub const KIND_NAME: &str = "console";
+/// Values that a command has room for.
+const VALUES: usize = 6;
 
-/// Turns the commands of `stillpoint send` into samples, at each tick of its timer.
+/// What a person says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Said {
+    /// Allow actuation.
+    Arm,
+    /// Forbid actuation.
+    Disarm,
+    /// Take a reference of what the camera sees.
+    Capture,
+    /// Move to a target.
+    Target,
+    /// Go on after a fault.
+    Resume,
+    /// Let all pressure out.
+    Vent,
+}
+
+impl Said {
+    fn verb(self) -> Verb {
+        match self {
+            Self::Arm => Verb::Arm,
+            Self::Disarm => Verb::Disarm,
+            Self::Capture => Verb::Capture,
+            Self::Target => Verb::Target,
+            Self::Resume => Verb::Resume,
+            Self::Vent => Verb::Vent,
+        }
+    }
+}
+
+/// A command that comes by itself.
+#[derive(Clone, Debug, Params)]
+pub struct Line {
+    /// When it is said, after the beginning of the run.
+    #[param(unit = "ns")]
+    pub at: u64,
+    /// What is said.
+    pub say: Said,
+    /// Values of it, SI units.
+    #[param(default = "[]")]
+    pub values: Vec<f64>,
+}
+
+/// Parameters of `console`.
+#[derive(Clone, Debug, Params)]
+pub struct ConsoleParams {
+    /// What is said without a person, for runs that nobody attends: simulations, demonstrations, tests.
+    #[param(default = "[]")]
+    pub script: Vec<Line>,
+}
+
+/// Turns the commands of `stillpoint send`, and those of its script, into samples, at each tick of its timer.
 pub struct Console {
     inbox: Inbox,
+    /// By time, the earliest first.
+    script: Vec<(u64, Command)>,
+    every: u64,
+    /// Session time up to which the script was said, ns; `None` before the first activation.
+    said: Option<u64>,
 }
 
 const fn verb(name: &'static str, about: &'static str) -> Output {
@@ -21,7 +80,7 @@ const fn verb(name: &'static str, about: &'static str) -> Output {
 }
 
 impl Operator for Console {
-    type Params = ();
+    type Params = ConsoleParams;
     const KIND: Kind = Kind {
         name: KIND_NAME,
         about: "Commands of people (`stillpoint send`) as samples, one output per verb.",
@@ -38,19 +97,51 @@ impl Operator for Console {
         timer: Timer::Required,
     };
 
-    fn new((): (), setup: &Setup<'_>) -> Result<Self, SetupError> {
-        Ok(Self { inbox: setup.outside.inbox.clone() })
+    fn new(params: ConsoleParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let mut script = params.script.iter().map(command).collect::<Result<Vec<_>, _>>()?;
+        script.sort_by_key(|(at, _)| *at);
+        Ok(Self { inbox: setup.outside.inbox.clone(), script, every: setup.every.unwrap_or(0), said: None })
     }
 
-    fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let now = activation.tick.saturating_mul(self.every);
+        // A console that was restarted does not say again what its earlier life has said.
+        let from = match (self.said, activation.key.incarnation) {
+            (Some(said), _) => said + 1,
+            (None, 0) => 0,
+            (None, _) => now,
+        };
+        self.said = Some(now);
+        for (_, command) in self.script.iter().filter(|(at, _)| (from..=now).contains(at)) {
+            send(command, outputs)?;
+        }
         while let Some(command) = self.inbox.take() {
-            let Some(port) = Verb::ALL.iter().position(|(_, verb)| *verb as u32 == command.verb) else {
-                return Err(StepError(format!("there is no verb {}", command.verb)));
-            };
-            outputs.send::<ConsoleCommand>(port, &command)?;
+            send(&command, outputs)?;
         }
         Ok(())
     }
+}
+
+fn command(line: &Line) -> Result<(u64, Command), SetupError> {
+    if line.values.len() > VALUES || line.values.iter().any(|v| !v.is_finite()) {
+        return Err(SetupError(format!(
+            "the script's command at {} ms has {} values: a command has up to {VALUES} finite ones",
+            line.at / 1_000_000,
+            line.values.len()
+        )));
+    }
+    let mut command =
+        Command { verb: line.say.verb() as u32, given: line.values.len() as u32, ..Command::default() };
+    command.values[..line.values.len()].copy_from_slice(&line.values);
+    command.by[..6].copy_from_slice(b"script");
+    Ok((line.at, command))
+}
+
+fn send(command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    let Some(port) = Verb::ALL.iter().position(|(_, verb)| *verb as u32 == command.verb) else {
+        return Err(StepError(format!("there is no verb {}", command.verb)));
+    };
+    outputs.send::<ConsoleCommand>(port, command)
 }
 
 /// The console's entry in the list of kinds.

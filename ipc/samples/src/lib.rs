@@ -25,6 +25,7 @@ mod datagram;
 mod depth;
 mod diagnostics;
 mod duties;
+mod far_end;
 mod health;
 mod hull;
 mod journal;
@@ -34,7 +35,6 @@ mod plane;
 mod pose;
 mod pose_report;
 mod rejection;
-mod rig_state;
 mod target;
 mod track;
 
@@ -46,6 +46,7 @@ pub use datagram::Datagram;
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
 pub use duties::{Duties, DutiesElement, DutyReason};
+pub use far_end::{FarEnd, FarEndDoing, FarEndElement};
 pub use health::{Health, SensorHealth};
 pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
@@ -55,7 +56,6 @@ pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
-pub use rig_state::{RigMode, RigState, RigStateElement};
 pub use stillpoint_derive::Layout;
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
@@ -99,6 +99,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         DepthImage::KIND,
         Diagnostics::KIND,
         Duties::KIND,
+        FarEnd::KIND,
         Health::KIND,
         Hull::KIND,
         Journal::KIND,
@@ -107,7 +108,6 @@ pub fn all() -> &'static [&'static SampleKind] {
         Pose::KIND,
         PoseReport::KIND,
         Rejection::KIND,
-        RigState::KIND,
         Target::KIND,
         Track::KIND,
     ]

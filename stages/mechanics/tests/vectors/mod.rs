@@ -1,5 +1,3 @@
-mod contact;
-mod dynamics;
 mod file;
 mod plant;
 mod shell;

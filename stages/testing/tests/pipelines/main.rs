@@ -8,6 +8,7 @@ mod guide;
 #[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
 mod real_data;
+mod script;
 
 use std::path::PathBuf;
 
@@ -21,6 +22,7 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_segment::STAGES,
     stillpoint_track::STAGES,
     stillpoint_estimate::STAGES,
+    stillpoint_control::STAGES,
     stillpoint_sink::STAGES,
 ];
 
