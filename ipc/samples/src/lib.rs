@@ -35,6 +35,7 @@ mod plane;
 mod pose;
 mod pose_report;
 mod rejection;
+mod rig_state;
 mod target;
 mod track;
 
@@ -56,6 +57,7 @@ pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
+pub use rig_state::{RigMode, RigState, RigStateElement};
 pub use stillpoint_derive::Layout;
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
@@ -108,6 +110,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         Pose::KIND,
         PoseReport::KIND,
         Rejection::KIND,
+        RigState::KIND,
         Target::KIND,
         Track::KIND,
     ]

@@ -1,4 +1,4 @@
-//! A linear system of a size fixed at compile time. (nalgebra's own factors ask every generic caller for its bounds.)
+//! Linear systems of a size fixed at compile time. (nalgebra's own factors ask every generic caller for its bounds.)
 
 use nalgebra::{SMatrix, SVector};
 
@@ -34,6 +34,43 @@ pub(crate) fn solve<const D: usize>(
     Some(b)
 }
 
+/// An `x` of `a x = b` for a symmetric `a` without negative eigenvalues, by Cholesky's factor with the largest pivot
+/// first. Rows that depend on those before get 0: of all answers, one with few parts.
+pub(crate) fn solve_semidefinite<const D: usize>(
+    mut a: SMatrix<f64, D, D>,
+    mut b: SVector<f64, D>,
+) -> SVector<f64, D> {
+    let least = 1e-12 * (0..D).fold(0.0_f64, |most, i| most.max(a[(i, i)]));
+    let mut order = [0; D];
+    let mut used = [false; D];
+    let mut rank = 0;
+    while rank < D {
+        let open = (0..D).filter(|i| !used[*i]);
+        let Some(pivot) = open.max_by(|i, j| a[(*i, *i)].total_cmp(&a[(*j, *j)])) else { break };
+        let head = a[(pivot, pivot)];
+        if head.is_nan() || head <= least {
+            break;
+        }
+        (order[rank], used[pivot]) = (pivot, true);
+        rank += 1;
+        for row in (0..D).filter(|i| !used[*i]) {
+            let factor = a[(row, pivot)] / head;
+            for column in 0..D {
+                a[(row, column)] -= factor * a[(pivot, column)];
+            }
+            b[row] -= factor * b[pivot];
+        }
+    }
+    let mut x = SVector::zeros();
+    for step in (0..rank).rev() {
+        let row = order[step];
+        let later = order[step + 1..rank].iter();
+        let known: f64 = later.map(|column| a[(row, *column)] * x[*column]).sum();
+        x[row] = (b[row] - known) / a[(row, row)];
+    }
+    x
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,6 +84,22 @@ mod tests {
             prop_assume!(a.determinant().abs() > 1e-2);
             let x = solve(a, b).unwrap();
             prop_assert!((a * x - b).amax() < 1e-9, "{}", a * x - b);
+        }
+
+        #[test]
+        fn a_semidefinite_system_is_solved_where_it_can_be(
+            entries in prop::array::uniform12(-5.0..5.0f64),
+            wanted in prop::array::uniform4(-5.0..5.0f64),
+            rank in 1..4usize,
+        ) {
+            let mut root = SMatrix::<f64, 4, 3>::from_column_slice(&entries);
+            for column in rank..3 {
+                root.column_mut(column).fill(0.0);
+            }
+            let a = root * root.transpose();
+            let b = a * SVector::from(wanted);
+            let x = solve_semidefinite(a, b);
+            prop_assert!((a * x - b).amax() < 1e-8 * a.amax().max(1.0), "{}", a * x - b);
         }
     }
 

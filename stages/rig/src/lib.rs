@@ -1,6 +1,7 @@
 //! The virtual rig: a head on a couch, as a depth camera sees it.
 //!
-//! SI units and radians throughout. All but `operator` is plain mathematics that knows nothing of pipelines.
+//! SI units and radians throughout. All but the operators and `sight` is plain mathematics that knows nothing of
+//! pipelines.
 //!
 //! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
 //! - [`head`]: the parametric head
@@ -15,11 +16,16 @@
 //! - [`noise`]: the model of a depth camera's errors, with presets
 //! - [`shadow`]: what a projector beside the camera cannot light
 //! - [`sensor`]: from a view to the depth image that a camera would give
+//! - [`involuntary`]: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
+//! - [`sight`]: all that makes an image, as one
 //! - [`mod@operator`], `rig.camera`
+//! - [`bladders`]: the head on air bladders, `rig.one_bladder` and its kin
 
+pub mod bladders;
 pub mod camera;
 pub mod head;
+pub mod involuntary;
 pub mod noise;
 pub mod normal;
 pub mod operator;
@@ -31,10 +37,17 @@ pub mod sensor;
 pub mod setting;
 pub mod shadow;
 pub mod shape;
+pub mod sight;
 pub mod trajectory;
 pub mod view;
 
+use bladders::operator::{BladderRig, Eight, One, Three};
 use stillpoint_pipeline::Stage;
 
 /// The operators of this family.
-pub const STAGES: &[Stage] = &[Stage::of::<operator::Camera>()];
+pub const STAGES: &[Stage] = &[
+    Stage::of::<operator::Camera>(),
+    Stage::of::<BladderRig<One>>(),
+    Stage::of::<BladderRig<Three>>(),
+    Stage::of::<BladderRig<Eight>>(),
+];

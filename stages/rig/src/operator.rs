@@ -1,23 +1,15 @@
 //! `rig.camera`: the virtual rig as an operator. A depth image of the head at each tick, and where the head truly is.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
-use stillpoint_pipeline::frames::Rigid;
 use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
-use stillpoint_samples::{DepthImage, Intrinsics, Pose, PoseElement, Sample};
+use stillpoint_samples::{DepthImage, Pose, Sample};
 
-use crate::camera::Pinhole;
-use crate::head::Head;
-use crate::noise::{DEPTH_UNIT_M, NoiseModel, NoiseParams};
-use crate::render::Renderer;
-use crate::sensor::DepthSensor;
 use crate::setting;
+use crate::sight::{COUCH, ImageParams, Noise, Setting, Sight, exact_pose};
 use crate::trajectory::{self, Trajectory};
 
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
-/// The frame in which the head's true pose is given.
-const COUCH: &str = "couch";
 
 /// What the head does.
 #[derive(Clone, Copy, Debug, Choice)]
@@ -32,34 +24,6 @@ pub enum Motion {
     Sweep,
     /// The height alone rises by 15 mm and falls again, every 30 s.
     Raise,
-}
-
-/// What the head rests on and touches.
-#[derive(Clone, Copy, Debug, Choice)]
-pub enum Setting {
-    /// A flat pad under the head and one at each side, which do not touch it.
-    Pads,
-    /// The pads at the sides are pressed against the head.
-    TightPads,
-    /// The head lies sunk into a soft pillow.
-    Pillow,
-    /// Shoulders and chest join the neck; the head lies on the flat pad.
-    Shoulders,
-    /// Shoulders, chest and pillow.
-    Patient,
-}
-
-/// Whose errors the camera has.
-#[derive(Clone, Copy, Debug, Choice)]
-pub enum Noise {
-    /// None but the 0.1 mm of a count.
-    Exact,
-    /// An industrial camera with projected texture.
-    StructuredLight,
-    /// A Kinect of the first kind.
-    KinectV1,
-    /// A Kinect of the second kind.
-    KinectV2,
 }
 
 /// Parameters of `rig.camera`.
@@ -91,12 +55,17 @@ pub struct CameraParams {
     pub head_scale: f64,
 }
 
+impl CameraParams {
+    fn image(&self) -> ImageParams {
+        let Self { noise, width, height, focal_length, .. } = *self;
+        ImageParams { noise, width, height, focal_length }
+    }
+}
+
 /// The rig's camera. Its `frame:` places it over the couch.
 pub struct Camera {
-    renderer: Renderer,
-    sensor: DepthSensor,
+    sight: Sight,
     script: Trajectory,
-    intrinsics: Intrinsics,
     /// Time of the first activation, ns: the script's zero.
     begin: Option<u64>,
 }
@@ -126,80 +95,24 @@ impl Operator for Camera {
     };
 
     fn new(params: CameraParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let frame = setup.output_frames.first().and_then(Option::as_deref).unwrap_or_default();
-        let couch_from_camera = setup.transform(COUCH, frame).ok_or_else(|| {
-            SetupError(format!("place the frame `{frame}` in `frames` so that it hangs on `{COUCH}`"))
-        })?;
-        let (width, height) = (params.width, params.height);
-        let (cx, cy) = ((f64::from(width) - 1.0) / 2.0, (f64::from(height) - 1.0) / 2.0);
-        let focal = params.focal_length;
-        let pinhole = Pinhole::new(focal, focal, cx, cy, width as usize, height as usize).map_err(refusal)?;
-        let setting = setting::Setting::from(params.setting);
-        let scene = setting.scene(params.head_scale).map_err(refusal)?;
-        let head = Head::new(params.head_scale).map_err(refusal)?;
-        let noise = NoiseModel::new(params.noise.into()).map_err(refusal)?;
+        let rest = setting::Setting::from(params.setting).rest(params.head_scale);
         Ok(Self {
-            renderer: Renderer::new(pinhole, &isometry(&couch_from_camera), &scene, head).map_err(refusal)?,
-            sensor: DepthSensor::new(&pinhole, noise),
-            script: Trajectory::new(params.motion.into(), params.seed, setting.rest(params.head_scale)),
-            intrinsics: Intrinsics {
-                fx: focal,
-                fy: focal,
-                cx,
-                cy,
-                depth_unit: DEPTH_UNIT_M,
-                width,
-                height,
-                reserved: 0,
-                length: width * height,
-            },
+            sight: Sight::new(&params.image(), params.setting, params.head_scale, setup)?,
+            script: Trajectory::new(params.motion.into(), params.seed, rest),
             begin: None,
         })
     }
 
     fn capacities(params: &CameraParams) -> Vec<usize> {
-        vec![params.width as usize * params.height as usize, 1]
+        vec![params.image().pixels(), 1]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let begin = *self.begin.get_or_insert(activation.time);
         let seconds = activation.time.saturating_sub(begin) as f64 * 1e-9;
         let couch_from_head = self.script.couch_from_head(seconds);
-        let view = self.renderer.render(&couch_from_head).map_err(failure)?;
-        let pixels = self.intrinsics.length as usize;
-        let mut image = outputs.open::<DepthImage>(DEPTH, pixels)?;
-        *image.body() = self.intrinsics;
-        self.sensor.sense(view, &mut activation.random(), image.elements()).map_err(failure)?;
-        image.finish(pixels)?;
+        self.sight.send(&couch_from_head, activation, outputs, DEPTH)?;
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))
-    }
-}
-
-fn refusal(error: impl std::fmt::Display) -> SetupError {
-    SetupError(error.to_string())
-}
-
-fn failure(error: impl std::fmt::Display) -> StepError {
-    StepError(error.to_string())
-}
-
-fn isometry(rigid: &Rigid) -> Isometry3<f64> {
-    let [w, x, y, z] = rigid.quaternion();
-    Isometry3::from_parts(
-        Translation3::from(rigid.translation),
-        Unit::new_normalize(Quaternion::new(w, x, y, z)),
-    )
-}
-
-/// A pose that is known without error.
-fn exact_pose(pose: &Isometry3<f64>) -> PoseElement {
-    let q = pose.rotation.quaternion();
-    // Both signs are the same rotation; a sample has one of them.
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-    PoseElement {
-        position: pose.translation.vector.into(),
-        orientation: [q.w, q.i, q.j, q.k].map(|c| sign * c),
-        covariance: [0.0; 36],
     }
 }
 
@@ -211,29 +124,6 @@ impl From<Motion> for trajectory::Motion {
             Motion::Nods => Self::Nods,
             Motion::Sweep => Self::Sweep,
             Motion::Raise => Self::Raise,
-        }
-    }
-}
-
-impl From<Setting> for setting::Setting {
-    fn from(setting: Setting) -> Self {
-        match setting {
-            Setting::Pads => Self::Pads,
-            Setting::TightPads => Self::TightPads,
-            Setting::Pillow => Self::Pillow,
-            Setting::Shoulders => Self::Shoulders,
-            Setting::Patient => Self::Patient,
-        }
-    }
-}
-
-impl From<Noise> for NoiseParams {
-    fn from(noise: Noise) -> Self {
-        match noise {
-            Noise::Exact => Self::exact(),
-            Noise::StructuredLight => Self::structured_light(),
-            Noise::KinectV1 => Self::kinect_v1(),
-            Noise::KinectV2 => Self::kinect_v2(),
         }
     }
 }

@@ -5,10 +5,9 @@
 //! Angles: pitch about the couch's x (nodding), roll about its y (turning to a side on the pillow),
 //! yaw about its z (tilting to a shoulder), `dR = Rz(yaw) Ry(roll) Rx(pitch)`, all right-handed.
 
-use core::f64::consts::TAU;
-
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
+use crate::involuntary::{Habit, Involuntary, uniform};
 use crate::scene::PAD_HEIGHT;
 
 /// Which script the head follows.
@@ -107,44 +106,9 @@ impl Trajectory {
     }
 
     fn nods(&self, t: f64) -> Offset {
-        let breath = libm::sin(TAU * 0.25 * t);
-        let cough = self.cough(t);
-        let pitch_degrees = 1.5 * libm::sin(TAU * 0.1 * t) + 0.1 * breath + 0.6 * cough;
-        Offset {
-            translation: self.drift(t) + Vector3::new(0.0, 1e-3 * cough, 0.3e-3 * breath + 2e-3 * cough),
-            angles: Vector3::new(pitch_degrees.to_radians(), 0.0, 0.0),
-        }
-    }
-
-    /// Slow wandering from zero at the start: two sines of 60 to 180 s and 0.5 mm on each axis.
-    fn drift(&self, t: f64) -> Vector3<f64> {
-        Vector3::from_fn(|axis, _| {
-            let sine = |number: u64| {
-                let draw = 4 * axis as u64 + 2 * number;
-                let period_secs = 60.0 + 120.0 * uniform(self.seed, DRIFT, draw);
-                let phase = TAU * uniform(self.seed, DRIFT, draw + 1);
-                0.5e-3 * (libm::sin(TAU * t / period_secs + phase) - libm::sin(phase))
-            };
-            sine(0) + sine(1)
-        })
-    }
-
-    /// From -1 to 1: a burst of 0.8 s somewhere in about every second window of 20 s.
-    fn cough(&self, t: f64) -> f64 {
-        const WINDOW_SECS: f64 = 20.0;
-        const BURST_SECS: f64 = 0.8;
-        let window = (t / WINDOW_SECS).floor();
-        let draw = |number| uniform(self.seed ^ COUGH, window as u64, number);
-        if draw(0) < 0.5 {
-            return 0.0;
-        }
-        let start = 1.0 + draw(1) * (WINDOW_SECS - BURST_SECS - 2.0);
-        let since = t - window * WINDOW_SECS - start;
-        if !(0.0..BURST_SECS).contains(&since) {
-            return 0.0;
-        }
-        let envelope = libm::sin(0.5 * TAU * since / BURST_SECS);
-        envelope * envelope * libm::sin(TAU * 2.5 * since)
+        let involuntary = Involuntary { habit: Habit::Nods, seed: self.seed, strength: 1.0 };
+        let (translation, angles) = involuntary.offset(t);
+        Offset { translation, angles }
     }
 }
 
@@ -170,23 +134,6 @@ fn raise(t: f64) -> Offset {
 fn smooth_step(part: f64) -> f64 {
     let p = part.clamp(0.0, 1.0);
     p * p * (3.0 - 2.0 * p)
-}
-
-const DRIFT: u64 = u64::MAX;
-const COUGH: u64 = 0x636f_7567_6821;
-
-/// A number from 0 up to 1 for each (seed, index, draw), by the finaliser of splitmix64
-/// (Steele, Lea and Flood 2014): any time can be asked for without those before it.
-fn uniform(seed: u64, index: u64, draw: u64) -> f64 {
-    let mut hash = seed;
-    for word in [index, draw] {
-        hash =
-            hash.wrapping_add(word.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        hash = (hash ^ (hash >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        hash = (hash ^ (hash >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        hash ^= hash >> 31;
-    }
-    (hash >> 11) as f64 / (1u64 << 53) as f64
 }
 
 #[cfg(test)]
@@ -268,16 +215,6 @@ mod tests {
         assert_ne!(at(1, 15.0), at(2, 15.0));
         assert_eq!(at(1, 15.0), at(1, 19.9));
         assert_ne!(at(1, 15.0), at(1, 25.0));
-    }
-
-    #[test]
-    fn about_every_second_window_has_a_cough() {
-        let script = Trajectory::new(Motion::Nods, 7, rest_on_pad());
-        let coughs = |window: u32| {
-            (0..400).any(|step| script.cough(f64::from(window) * 20.0 + f64::from(step) * 0.05) != 0.0)
-        };
-        let count = (0..200).filter(|&window| coughs(window)).count();
-        assert!((70..130).contains(&count), "{count}");
     }
 
     proptest! {

@@ -1,9 +1,9 @@
-//! The head of the rigs: with one degree of freedom (SCIENCE C5) and with three (C6).
+//! The head of the rigs: with one degree of freedom (SCIENCE C5), with three (C6) and with all six.
 //!
 //! Masses and moments of inertia are those of adult heads (Beier et al., 1979); stiffness, damping and lever arms are
 //! round numbers of ours (SCIENCE C6).
 
-use nalgebra::{Matrix1, Matrix3, SMatrix, Vector1, Vector3, vector};
+use nalgebra::{Matrix1, Matrix3, Matrix6, SMatrix, SVector, Vector1, Vector3, Vector6, vector};
 
 use super::body::{Frame, Plant, Stop};
 use super::valve::Valves;
@@ -16,8 +16,15 @@ pub type OneDof = Plant<1, 1, 5>;
 /// Height, pitch and roll on three bladders: base, left and right. Left is what a camera at the feet sees at the left.
 pub type ThreeDof = Plant<3, 3, 15>;
 
+/// x, y, z, pitch, roll and yaw on eight bladders around the head: four near the crown and four near the neck, of each
+/// four two from below and two from above.
+pub type SixDof = Plant<6, 8, 36>;
+
 /// Standard gravity as the reference trajectories have it, m/s^2.
 pub const GRAVITY: f64 = 9.81;
+
+/// Gap of each bladder before its rig starts, m.
+pub const START_GAP: f64 = 0.085;
 
 /// Mass of the head of the reference trajectories, kg.
 pub const HEAD_MASS: f64 = 5.0;
@@ -38,6 +45,12 @@ impl OneDof {
         };
         Self::new(Shell::rig(), Air::ROOM, Valves::rig(), frame)
     }
+
+    /// The air, kg, on which the head rests at a gap of 85 mm.
+    pub fn start_air(&self) -> Vector1<f64> {
+        let pressed = self.shell.pressed_under(self.weight[0], START_GAP);
+        Vector1::new(pressed.map_or(0.0, |p| self.air.mass(p.pressure, p.volume)))
+    }
 }
 
 impl ThreeDof {
@@ -49,7 +62,7 @@ impl ThreeDof {
             weight: Vector3::new(mass * GRAVITY, 0.0, 0.0),
             stiffness: neck(500.0, 5.0, 3.0),
             damping: neck(60.0, 0.8, 0.6),
-            gap_at_zero: Vector3::repeat(0.085),
+            gap_at_zero: Vector3::repeat(START_GAP),
             jacobian: SMatrix::<f64, 3, 3>::from_rows(&[
                 vector![1.0, 0.05, 0.0].transpose(),
                 vector![0.30, -0.03, 0.07].transpose(),
@@ -58,6 +71,84 @@ impl ThreeDof {
         };
         Self::new(Shell::rig(), Air::ROOM, Valves::rig(), frame)
     }
+
+    /// The air, kg, that stretches the bladders by 1.10, 1.05 and 1.05 between plates 85 mm apart (SCIENCE E11).
+    pub fn start_air(&self) -> Vector3<f64> {
+        Vector3::new(1.10, 1.05, 1.05).map(|stretch| {
+            let pressed = self.shell.pressed(stretch, START_GAP);
+            self.air.mass(pressed.pressure, pressed.volume)
+        })
+    }
+}
+
+/// Places of the eight bladders as signs: x, y and z from the head's centre.
+const AROUND: [[f64; 3]; 8] = [
+    [-1.0, 1.0, -1.0],
+    [1.0, 1.0, -1.0],
+    [-1.0, -1.0, -1.0],
+    [1.0, -1.0, -1.0],
+    [-1.0, 1.0, 1.0],
+    [1.0, 1.0, 1.0],
+    [-1.0, -1.0, 1.0],
+    [1.0, -1.0, 1.0],
+];
+
+/// Distance of the eight bladders from the head's long axis, and from its centre along that axis, m.
+const RADIUS: f64 = 0.09;
+const ALONG: f64 = 0.07;
+/// How much the bladders' directions lean along the head's axis, and around it.
+const LEAN: f64 = 0.2;
+const TWIST: f64 = 0.3;
+/// Push of each bladder that makes no wrench, N.
+const SQUEEZE: f64 = 20.0;
+
+/// Where bladder `j` touches the head and which way it pushes, in the head's axes.
+///
+/// Straight towards the head's axis the eight could neither turn the head about it nor move it along it. They lean, with
+/// signs such that equal pushes cancel and each of the six motions has a pattern of pushes of its own.
+pub fn around(j: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let [x, y, z] = AROUND[j % AROUND.len()];
+    let radial = Vector3::new(x, 0.0, z) * core::f64::consts::FRAC_1_SQRT_2;
+    let tangent = Vector3::y().cross(&radial);
+    let push = -radial - Vector3::y() * (y * LEAN) + tangent * (x * z * TWIST);
+    (radial * RADIUS + Vector3::y() * (y * ALONG), push.normalize())
+}
+
+impl SixDof {
+    /// A head of `mass` kg, held by the neck, between eight of the rig's bladders.
+    pub fn rig(mass: f64) -> Self {
+        let share = mass / HEAD_MASS;
+        let mut jacobian = SMatrix::<f64, 8, 6>::zeros();
+        for j in 0..AROUND.len() {
+            let (arm, push) = around(j);
+            let turn = arm.cross(&push);
+            jacobian
+                .row_mut(j)
+                .copy_from(&Vector6::new(push.x, push.y, push.z, turn.x, turn.y, turn.z).transpose());
+        }
+        let neck = |along, across, angle: [f64; 3]| {
+            Matrix6::from_diagonal(&Vector6::new(across, along, across, angle[0], angle[1], angle[2]))
+        };
+        let frame = Frame {
+            inertia: Vector6::new(mass, mass, mass, 0.024 * share, 0.016 * share, 0.021 * share),
+            weight: Vector6::new(0.0, 0.0, mass * GRAVITY, 0.0, 0.0, 0.0),
+            stiffness: neck(2000.0, 500.0, [5.0, 3.0, 5.0]),
+            damping: neck(120.0, 60.0, [0.8, 0.6, 0.8]),
+            gap_at_zero: SVector::repeat(START_GAP),
+            jacobian,
+        };
+        Self::new(Shell::rig(), Air::ROOM, Valves::rig(), frame)
+    }
+
+    /// The air, kg, with which the bladders squeeze the head at `q = 0` and those below bear its weight.
+    pub fn start_air(&self) -> SVector<f64, 8> {
+        let lift = self.weight[2] / (8.0 * self.jacobian[(0, 2)].abs());
+        SVector::from_fn(|j, _| {
+            let force = if self.jacobian[(j, 2)] > 0.0 { SQUEEZE + lift } else { SQUEEZE - lift };
+            let pressed = self.shell.pressed_under(force.max(0.0), START_GAP);
+            pressed.map_or(0.0, |p| self.air.mass(p.pressure, p.volume))
+        })
+    }
 }
 
 /// A neck that pulls at the head 50 mm from its centre with `height`, and against pitch and roll.
@@ -65,4 +156,32 @@ fn neck(height: f64, pitch: f64, roll: f64) -> Matrix3<f64> {
     const ARM: f64 = 0.05;
     let arm = height * ARM;
     Matrix3::new(height, -arm, 0.0, -arm, arm * ARM + pitch, 0.0, 0.0, 0.0, roll)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eight_bladders_make_every_wrench_and_squeeze_without_one() {
+        let plant = SixDof::rig(5.0);
+        let across = plant.jacobian.transpose() * plant.jacobian;
+        let eigen = across.symmetric_eigenvalues();
+        // Torques are smaller than forces by the arm squared.
+        assert!(eigen.min() > 1e-3, "{eigen}");
+        let squeeze = plant.jacobian.transpose() * SVector::<f64, 8>::repeat(1.0);
+        assert!(squeeze.amax() < 1e-12, "{squeeze}");
+    }
+
+    #[test]
+    fn the_head_rests_between_the_eight_where_they_were_filled() {
+        for mass in [3.0, 5.0, 6.0] {
+            let plant = SixDof::rig(mass);
+            let air = plant.start_air();
+            let rest = plant.equilibrium(&air, SVector::zeros()).unwrap();
+            assert!(rest.amax() < 1e-9, "{rest}");
+            let forces = plant.bladders(&rest, &air).map(|p| p.force());
+            assert!(forces.iter().all(|f| *f > 2.0), "{forces:?}");
+        }
+    }
 }

@@ -5,12 +5,15 @@
 //! - [`body`]: a rigid head on bladders, with valves: the equations of motion
 //! - [`layouts`]: the head with one, three and six degrees of freedom
 //! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
+//! - [`reach`]: which poses bladders can hold
 
 pub mod body;
 pub mod equilibrium;
 pub mod layouts;
 pub mod plate;
+pub mod reach;
 pub mod valve;
 
 pub use body::{Drive, Plant, State, Stop};
-pub use layouts::{OneDof, ThreeDof};
+pub use layouts::{OneDof, SixDof, ThreeDof};
+pub use reach::{Hold, Limits, Unreachable};

@@ -80,6 +80,39 @@ impl Shell {
         self.pressed(root::newton(excess, LEAST_STRETCH, GREATEST_STRETCH, 1.1), gap)
     }
 
+    /// The bladder that pushes its plates, `gap` m apart, with a force of at least 0 N; `None` where no stretch up to 60
+    /// does. Of a shell without limit point: with one, the force may not grow with the stretch.
+    pub fn pressed_under(&self, force: f64, gap: f64) -> Option<Pressed> {
+        let reach = 0.5 * gap.max(LEAST_GAP) / self.outer;
+        // Where the free shell just touches both plates; a shell below rest does not push.
+        let touching = libm::cbrt(1.0 + (reach * reach * reach - 1.0) / self.hollow).max(1.0);
+        let excess = |stretch: f64| {
+            let (p, s) = self.pressed_with_slopes(stretch, gap);
+            (p.pressure * p.area - force, s.pressure_by_stretch * p.area + p.pressure * s.area_by_stretch)
+        };
+        let possible = force >= 0.0 && touching <= GREATEST_STRETCH && excess(GREATEST_STRETCH).0 >= 0.0;
+        let found = || root::newton(excess, touching, GREATEST_STRETCH, 1.02 * touching);
+        possible.then(|| self.pressed(found(), gap))
+    }
+
+    /// The force with which a bladder pushes its plates at a gauge pressure above 0 Pa, and at most that which clips half
+    /// of its radius; `None` where it does not reach them, or no stretch up to 60 has that pressure.
+    pub fn greatest_push(&self, pressure: f64, gap: f64) -> Option<f64> {
+        let excess = |stretch: f64| {
+            let (p, s) = self.pressed_with_slopes(stretch, gap);
+            (p.pressure - pressure, s.pressure_by_stretch)
+        };
+        if excess(GREATEST_STRETCH).0.is_nan() || excess(GREATEST_STRETCH).0 < 0.0 || pressure <= 0.0 {
+            return None;
+        }
+        // A clip of half the radius is a radius of the whole gap.
+        let full = gap / self.outer;
+        let half_clipped = libm::cbrt(1.0 + (full * full * full - 1.0) / self.hollow);
+        let stretch = root::newton(excess, 1.0, GREATEST_STRETCH, 1.1).min(half_clipped.max(1.0));
+        let pressed = self.pressed(stretch, gap);
+        (pressed.clip > 0.0).then(|| pressed.force())
+    }
+
     /// How the force on the plates changes with the gap while the air stays inside, N/m: never positive while it
     /// pushes, 0 where it does not touch.
     pub fn pressed_stiffness(&self, pressed: &Pressed, air: &Air, gap: f64) -> f64 {
@@ -172,6 +205,12 @@ mod tests {
         }
 
         #[test]
+        fn the_bladder_under_a_force_pushes_with_it(force in 0.0..300.0f64, gap in 0.06..0.14f64) {
+            let pressed = Shell::rig().pressed_under(force, gap).unwrap();
+            prop_assert!((pressed.force() - force).abs() < 1e-9 * force.max(1.0), "{pressed:?}");
+        }
+
+        #[test]
         fn the_stiffness_is_the_forces_slope_and_never_positive(
             mass in 6e-4..1.6e-3f64,
             gap in 0.06..0.13f64,
@@ -194,6 +233,14 @@ mod tests {
             let pressed = Shell::rig().pressed_with(mass, &Air::ROOM, gap);
             prop_assert!(pressed.force().is_finite() && pressed.force() >= 0.0, "{pressed:?}");
         }
+    }
+
+    #[test]
+    fn a_force_that_is_none_has_no_bladder() {
+        for bad in [-1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(Shell::rig().pressed_under(bad, 0.085), None);
+        }
+        assert_eq!(Shell::rig().pressed_under(1.0, f64::INFINITY), None);
     }
 
     #[test]

@@ -1,3 +1,5 @@
+mod contact;
+mod dynamics;
 mod file;
 mod plant;
 mod shell;

@@ -99,6 +99,8 @@ fn the_head_on_one_bladder_follows_the_reference() {
     let plant = OneDof::rig(number(&case.given["rig"]["m"]));
     hold_parts(case, &plant);
     hold_trajectory(case, &plant);
+    let air = number(&case.given["y0"][2]);
+    assert!((plant.start_air()[0] - air).abs() < 1e-9 * air, "{}", plant.start_air());
 }
 
 #[test]
@@ -116,6 +118,11 @@ fn the_head_on_three_bladders_follows_the_reference() {
         assert_eq!(plant.jacobian.row(j).iter().copied().collect::<Vec<_>>(), row);
     }
     hold_trajectory(case, &plant);
+    let start: [f64; 15] = array(&case.given["y0"]);
+    let air = plant.start_air();
+    assert!((0..3).all(|j| (air[j] - start[6 + j]).abs() < 1e-9 * air[j]), "{air}");
+    let rest = plant.equilibrium(&air, SVector::zeros()).unwrap();
+    assert!((0..3).all(|i| (rest[i] - start[i]).abs() < 1e-9), "{rest}");
 }
 
 #[test]
@@ -138,5 +145,22 @@ fn the_head_rests_where_the_reference_says() {
         let air: [f64; 3] = array(&case.given["air_mass"]);
         let q = plant.equilibrium(&air.into(), SVector::zeros()).unwrap();
         case.hold_all("q", q.as_slice());
+    }
+}
+
+#[test]
+fn the_heads_pose_follows_the_air_as_the_reference_says() {
+    let case = &cases("e_closed_loop_rig")[0];
+    let plant = ThreeDof::rig(5.0);
+    let air = plant.start_air();
+    case.hold("g_flow", plant.inlet_flow(10e3), number(&case.given["g_flow"]));
+    let slopes = plant.pose_by_air(&air, SVector::zeros()).unwrap();
+    for i in 0..3 {
+        let expected: [f64; 3] = array(&case.given["S_dq_dmair"][i]);
+        for (j, expected) in expected.iter().enumerate() {
+            // Differences over 0.1 %: what the reference's own equilibria leave over.
+            let found = slopes[(i, j)];
+            assert!((found - expected).abs() < 1e-6 * expected.abs() + 1e-6, "{i} {j}: {found} {expected}");
+        }
     }
 }

@@ -1,0 +1,197 @@
+//! `rig.one_bladder`, `rig.three_bladders` and `rig.eight_bladders`: the rig with its valves at one end and its camera at the other.
+
+use std::marker::PhantomData;
+
+use nalgebra::Isometry3;
+use rand::Rng;
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_samples::{DepthImage, Duties, Pose, RigState, Sample};
+
+use super::fault::Fault;
+use super::params::BladderParams;
+use super::rigs;
+use super::simulation::{Rig, StartError};
+use crate::setting;
+use crate::sight::{COUCH, Sight, exact_pose, refusal};
+
+const DUTIES: usize = 0;
+const DEPTH: usize = 0;
+const TRUTH: usize = 1;
+const STATE: usize = 2;
+
+const PLANT_LAP: usize = 0;
+const CAMERA_LAP: usize = 1;
+
+/// A rig with so many bladders.
+pub trait Bladders: Send + 'static {
+    /// Its kind's name.
+    const NAME: &'static str;
+    /// What it is.
+    const ABOUT: &'static str;
+    /// Builds it.
+    ///
+    /// # Errors
+    /// [`StartError`].
+    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError>;
+}
+
+/// One bladder under the head.
+pub struct One;
+
+impl Bladders for One {
+    const NAME: &'static str = "rig.one_bladder";
+    const ABOUT: &'static str = "A head on one bladder, which moves in height, as a depth camera sees it.";
+    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
+        rigs::one_bladder(setup)
+    }
+}
+
+/// One bladder under the head and one at each side.
+pub struct Three;
+
+impl Bladders for Three {
+    const NAME: &'static str = "rig.three_bladders";
+    const ABOUT: &'static str =
+        "A head on three bladders, which moves in height, pitch and roll, as a depth camera sees it.";
+    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
+        rigs::three_bladders(setup)
+    }
+}
+
+/// Four bladders near the crown and four near the neck.
+pub struct Eight;
+
+impl Bladders for Eight {
+    const NAME: &'static str = "rig.eight_bladders";
+    const ABOUT: &'static str =
+        "A head between eight bladders, which moves in all six directions, as a depth camera sees it.";
+    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
+        rigs::eight_bladders(setup)
+    }
+}
+
+/// A head on bladders. Its `frame:` places the camera over the couch.
+///
+/// Each activation goes on to its time with the duties that held before, and then takes the newest: they act from this
+/// tick on. When none came for `time_to_live` it goes to its safe state by itself.
+pub struct BladderRig<K: Bladders> {
+    rig: Box<dyn Rig>,
+    sight: Sight,
+    /// Where the head is seen at the start.
+    rest: Isometry3<f64>,
+    /// Ticks of the timer from one image to the next.
+    ticks_per_image: u64,
+    lost: f64,
+    /// Number of the next image.
+    next_image: u64,
+    /// Time of the first activation and its tick.
+    begin: Option<(u64, u64)>,
+    kind: PhantomData<fn() -> K>,
+}
+
+impl<K: Bladders> Operator for BladderRig<K> {
+    type Params = BladderParams;
+    const KIND: Kind = Kind {
+        name: K::NAME,
+        about: K::ABOUT,
+        role: Role::Operator,
+        inputs: &[Input {
+            name: "duties",
+            sample: Duties::KIND,
+            policy: Policy::Latest,
+            required: false,
+            about: "How far the valves are to be open. Without it they stay shut.",
+        }],
+        outputs: &[
+            Output {
+                name: "depth",
+                sample: DepthImage::KIND,
+                frame: FrameRule::Key,
+                about: "What the camera measures, in counts of 0.1 mm.",
+            },
+            Output {
+                name: "truth",
+                sample: Pose::KIND,
+                frame: FrameRule::Named(COUCH),
+                about: "The head's true pose, couch_from_head; its origin lies between the ear canals.",
+            },
+            Output {
+                name: "state",
+                sample: RigState::KIND,
+                frame: FrameRule::None,
+                about: "Pressures, air, valve openings and faults.",
+            },
+        ],
+        timer: Timer::Required,
+    };
+    const LAPS: &'static [&'static str] = &["plant", "camera"];
+
+    fn new(params: BladderParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let every = setup.every.unwrap_or(0);
+        let rig = K::build(params.setup(every)?).map_err(refusal)?;
+        Ok(Self {
+            rig,
+            sight: Sight::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
+            rest: setting::Setting::from(params.setting).rest(params.head_scale),
+            ticks_per_image: params.camera.every / every.max(1),
+            lost: params.camera.lost,
+            next_image: 0,
+            begin: None,
+            kind: PhantomData,
+        })
+    }
+
+    fn capacities(params: &BladderParams) -> Vec<usize> {
+        vec![params.camera.image().pixels(), 1, 1]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (begin, first_tick) = *self.begin.get_or_insert((activation.time, activation.tick));
+        let now = activation.time.saturating_sub(begin);
+        self.rig.advance(now);
+        if let Some(view) = activation.fresh::<Duties>(DUTIES)
+            && let Some(duties) = view.first()
+        {
+            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
+        }
+        outputs.lap(PLANT_LAP);
+        // A camera measures now, however old the duties are that moved the head.
+        outputs.acquired_at(activation.time);
+        let couch_from_head = self.rig.couch_from_head(&self.rest);
+        let image = activation.tick.saturating_sub(first_tick) / self.ticks_per_image;
+        if image >= self.next_image {
+            self.next_image = image + 1;
+            self.look(&couch_from_head, activation, outputs)?;
+        }
+        outputs.lap(CAMERA_LAP);
+        outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
+        outputs.send::<RigState>(STATE, &self.rig.state())
+    }
+}
+
+impl<K: Bladders> BladderRig<K> {
+    fn look(
+        &mut self,
+        couch_from_head: &Isometry3<f64>,
+        activation: &Activation<'_>,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        // The image's own noise takes the beginning of the stream, with or without a chance of loss.
+        let is_lost = self.lost > 0.0 && {
+            let mut random = activation.random();
+            random.set_word_pos(1 << 40);
+            f64::from(random.next_u32()) < self.lost * f64::from(u32::MAX)
+        };
+        let faults = self.rig.faults();
+        if is_lost || faults & Fault::SilentCamera.bit() != 0 {
+            return Ok(());
+        }
+        if faults & Fault::BlindCamera.bit() != 0 {
+            return self.sight.send_blind(outputs, DEPTH);
+        }
+        self.sight.send(couch_from_head, activation, outputs, DEPTH)
+    }
+}

@@ -1,0 +1,181 @@
+//! What a config may say of a rig with bladders.
+
+use stillpoint_pipeline::operator::SetupError;
+use stillpoint_pipeline::{Choice, Params};
+
+use super::fault::{Fault, Scheduled};
+use super::rigs;
+use super::safety;
+use super::simulation::Surroundings;
+use crate::involuntary::{Habit, Involuntary};
+use crate::sight::{ImageParams, Noise, Setting, refusal};
+
+/// What the person does without wanting to.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Motion {
+    /// Nothing.
+    Still,
+    /// Breathes and drifts.
+    Breathes,
+    /// Breathes, drifts, nods off and coughs now and then.
+    Nods,
+}
+
+/// What the valves do when duties stop.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Safe {
+    /// Inlets shut, outlets open to the room.
+    Vent,
+    /// All shut.
+    Hold,
+}
+
+/// What breaks.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Break {
+    /// Valve `which` keeps its opening: inlet and outlet of the first bladder are 0 and 1, and so on.
+    StuckValve,
+    /// Bladder `which` has a hole of `diameter`.
+    Leak,
+    /// The supply falls to the part `left` of its pressure.
+    WeakSupply,
+    /// The camera's images are empty.
+    BlindCamera,
+    /// The camera sends nothing.
+    SilentCamera,
+}
+
+/// A fault and its time.
+#[derive(Clone, Copy, Debug, Params)]
+pub struct FaultParams {
+    /// What breaks.
+    pub kind: Break,
+    /// When, after the rig's start.
+    #[param(unit = "ns")]
+    pub at: u64,
+    /// How long it stays broken.
+    #[param(unit = "ns", default = "10000 h", min = "1 ms")]
+    pub lasts: u64,
+    /// Which valve sticks or which bladder leaks, from 0.
+    #[param(default = 0, max = 15)]
+    pub which: u32,
+    /// Diameter of a leak.
+    #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "10 mm")]
+    pub diameter: f64,
+    /// What is left of a weak supply's pressure over the room's.
+    #[param(default = 0, min = 0, max = 1)]
+    pub left: f64,
+}
+
+/// The camera of a rig.
+#[derive(Clone, Copy, Debug, Params)]
+pub struct RigCameraParams {
+    /// Time from one image to the next: a multiple of the rig's own `every`.
+    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "10 s")]
+    pub every: u64,
+    /// Part of the images that get lost.
+    #[param(default = 0, min = 0, max = 1)]
+    pub lost: f64,
+    /// Whose errors the camera has.
+    #[param(default = "structured_light")]
+    pub noise: Noise,
+    /// Pixels in a row.
+    #[param(unit = "px", default = "640 px", min = "16 px", max = "2048 px")]
+    pub width: u32,
+    /// Rows.
+    #[param(unit = "px", default = "480 px", min = "16 px", max = "2048 px")]
+    pub height: u32,
+    /// Focal length.
+    #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
+    pub focal_length: f64,
+}
+
+/// Parameters of `rig.one_bladder` and its kin.
+#[derive(Clone, Debug, Params)]
+pub struct BladderParams {
+    /// What the person does without wanting to: how far a head would move that nothing holds.
+    #[param(default = "nods")]
+    pub motion: Motion,
+    /// Number that drift and coughs are drawn from. The camera's noise comes from the pipeline's seed.
+    #[param(default = 7)]
+    pub seed: u64,
+    /// The motion is multiplied by it.
+    #[param(default = 1, min = 0, max = 10)]
+    pub strength: f64,
+    /// Mass of the head.
+    #[param(unit = "kg", default = "5 kg", min = "2 kg", max = "8 kg")]
+    pub head_mass: f64,
+    /// What the head is seen to rest on.
+    #[param(default = "pads")]
+    pub setting: Setting,
+    /// Size of the head that is seen; 1 is an adult's.
+    #[param(default = 1, min = 0.5, max = 1.5)]
+    pub head_scale: f64,
+    /// The camera.
+    pub camera: RigCameraParams,
+    /// How long duties are good for.
+    #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
+    pub time_to_live: u64,
+    /// What the valves do when duties stop.
+    #[param(default = "vent")]
+    pub safe: Safe,
+    /// Longest step of the plant.
+    #[param(unit = "ns", default = "1 ms", min = "10 us", max = "1 ms")]
+    pub plant_step: u64,
+    /// What breaks, and when.
+    pub faults: Option<Vec<FaultParams>>,
+}
+
+impl RigCameraParams {
+    /// The image that it makes.
+    pub fn image(&self) -> ImageParams {
+        let Self { noise, width, height, focal_length, .. } = *self;
+        ImageParams { noise, width, height, focal_length }
+    }
+}
+
+impl BladderParams {
+    /// What the rig is built of.
+    ///
+    /// # Errors
+    /// A camera whose images do not fall on ticks of the rig's timer, `every` ns apart.
+    pub fn setup(&self, every: u64) -> Result<rigs::Setup, SetupError> {
+        if every == 0 || !self.camera.every.is_multiple_of(every) {
+            return Err(refusal(format!(
+                "camera.every is {} ms, and the rig's own `every` is {} ms: make the one a multiple of the other",
+                self.camera.every as f64 * 1e-6,
+                every as f64 * 1e-6
+            )));
+        }
+        let habit = match self.motion {
+            Motion::Still => Habit::Still,
+            Motion::Breathes => Habit::Breathes,
+            Motion::Nods => Habit::Nods,
+        };
+        let safe = match self.safe {
+            Safe::Vent => safety::Safe::Vent,
+            Safe::Hold => safety::Safe::Hold,
+        };
+        let involuntary = Involuntary { habit, seed: self.seed, strength: self.strength };
+        let faults = self.faults.iter().flatten().map(FaultParams::scheduled).collect();
+        Ok(rigs::Setup {
+            head_mass: self.head_mass,
+            time_to_live: self.time_to_live,
+            safe,
+            surroundings: Surroundings { involuntary, faults, step: self.plant_step },
+        })
+    }
+}
+
+impl FaultParams {
+    fn scheduled(&self) -> Scheduled {
+        let fault = match self.kind {
+            Break::StuckValve => Fault::StuckValve { valve: self.which as usize },
+            Break::Leak => Fault::Leak { bladder: self.which as usize, diameter: self.diameter },
+            Break::WeakSupply => Fault::WeakSupply { left: self.left },
+            Break::BlindCamera => Fault::BlindCamera,
+            Break::SilentCamera => Fault::SilentCamera,
+        };
+        Scheduled { fault, begin: self.at, end: self.at.saturating_add(self.lasts) }
+    }
+}

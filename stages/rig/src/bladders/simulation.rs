@@ -1,0 +1,219 @@
+//! Plant, person, faults and valves through time.
+
+use nalgebra::{Isometry3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use stillpoint_mechanics::plant::equilibrium::EquilibriumError;
+use stillpoint_mechanics::plant::{Drive, Plant, State};
+use stillpoint_samples::{DutiesElement, RigMode, RigStateElement};
+
+use super::fault::{Fault, Scheduled};
+use super::safety::Safety;
+use crate::involuntary::Involuntary;
+
+/// Why a rig cannot start.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum StartError {
+    /// The air that the rig starts with does not bear the head.
+    #[error("the head does not rest on the bladders: {0}")]
+    NoRest(#[from] EquilibriumError),
+    /// A step that is none.
+    #[error("the plant's step is {0} ns; give 1000 to 1000000 ns")]
+    Step(u64),
+    /// A fault of a part that the rig does not have.
+    #[error("fault {index} names {part} {number}, and the rig has {count}, counted from 0")]
+    NoSuchPart {
+        /// Number of the fault in the list, from 0.
+        index: usize,
+        /// `valve` or `bladder`.
+        part: &'static str,
+        /// What it names.
+        number: usize,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// What surrounds a plant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surroundings {
+    /// What the person does.
+    pub involuntary: Involuntary,
+    /// What breaks.
+    pub faults: Vec<Scheduled>,
+    /// Longest step of the plant, ns.
+    pub step: u64,
+}
+
+/// A rig through time. Times are ns after its start.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation<const D: usize, const B: usize, const N: usize> {
+    plant: Plant<D, B, N>,
+    /// Which of x, y, z, pitch, roll, yaw each coordinate is.
+    channels: [usize; D],
+    surroundings: Surroundings,
+    safety: Safety<B>,
+    state: State<D, B>,
+    /// Coordinates at the start: poses are told from there.
+    start: SVector<f64, D>,
+    /// Of the head on its bladders with the valves shut, at the start. It turns involuntary motion into force.
+    hold: SMatrix<f64, D, D>,
+    /// The opening at which each stuck valve stuck, fault by fault.
+    stuck: Vec<Option<f64>>,
+    now: u64,
+}
+
+impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
+    /// A rig at rest on this much air (kg) in its bladders. `channels` says which of x, y, z, pitch, roll, yaw each
+    /// coordinate of the plant is; `guess` is near its rest.
+    ///
+    /// # Errors
+    /// [`StartError`] where the air does not bear the head, or a fault names what is not there.
+    pub fn new(
+        plant: Plant<D, B, N>,
+        channels: [usize; D],
+        air: SVector<f64, B>,
+        guess: SVector<f64, D>,
+        safety: Safety<B>,
+        surroundings: Surroundings,
+    ) -> Result<Self, StartError> {
+        if !(1_000..=1_000_000).contains(&surroundings.step) {
+            return Err(StartError::Step(surroundings.step));
+        }
+        for (index, scheduled) in surroundings.faults.iter().enumerate() {
+            let (part, number, count) = match scheduled.fault {
+                Fault::StuckValve { valve } => ("valve", valve, 2 * B),
+                Fault::Leak { bladder, .. } => ("bladder", bladder, B),
+                _ => continue,
+            };
+            if number >= count {
+                return Err(StartError::NoSuchPart { index, part, number, count });
+            }
+        }
+        let start = plant.equilibrium(&air, guess)?;
+        let (_, slope) = plant.static_force(&start, &air);
+        Ok(Self {
+            channels,
+            safety,
+            state: State::at_rest(start, air),
+            start,
+            hold: -slope,
+            stuck: vec![None; surroundings.faults.len()],
+            surroundings,
+            plant,
+            now: 0,
+        })
+    }
+
+    /// Force of the person on the head: that which would move it by the involuntary offset if the valves stayed shut
+    /// and the motion were slow.
+    fn muscles(&self, seconds: f64) -> SVector<f64, D> {
+        let (translation, angles) = self.surroundings.involuntary.offset(seconds);
+        let all = [translation.x, translation.y, translation.z, angles.x, angles.y, angles.z];
+        let offset = SVector::<f64, D>::from_fn(|i, _| all[self.channels[i]]);
+        self.hold * offset
+    }
+
+    /// What drives the plant at this moment. Valves that stick remember where.
+    fn drive(&mut self) -> Drive<D, B> {
+        let mut drive = self.plant.idle();
+        drive.duty = self.safety.duty(self.now);
+        drive.force = self.muscles(self.now as f64 * 1e-9);
+        let room = self.plant.air.atmosphere;
+        if self.safety.mode(self.now) == RigMode::Venting {
+            drive.exhaust = room;
+        }
+        for (scheduled, stuck) in self.surroundings.faults.iter().zip(&mut self.stuck) {
+            if !scheduled.acts(self.now) {
+                *stuck = None;
+                continue;
+            }
+            match scheduled.fault {
+                Fault::StuckValve { valve } => {
+                    let opening = &self.state.opening[valve / 2][valve % 2];
+                    drive.duty[valve / 2][valve % 2] = *stuck.get_or_insert(*opening);
+                }
+                Fault::Leak { bladder, diameter } => {
+                    let area = 0.25 * core::f64::consts::PI * diameter * diameter;
+                    drive.leak[bladder] += self.plant.valves.discharge * area;
+                }
+                Fault::WeakSupply { left } => drive.supply = room + left * (drive.supply - room),
+                Fault::BlindCamera | Fault::SilentCamera => {}
+            }
+        }
+        drive
+    }
+}
+
+/// A rig of any number of bladders.
+pub trait Rig: Send {
+    /// Takes duties that were made at `stamp` and arrive now; all times are ns after the start.
+    fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64);
+    /// Goes on to a time, ns after the start.
+    fn advance(&mut self, to: u64);
+    /// The head's pose when it lay at `rest` at the start.
+    fn couch_from_head(&self, rest: &Isometry3<f64>) -> Isometry3<f64>;
+    /// Pressures, air, valves and faults.
+    fn state(&self) -> RigStateElement;
+    /// The faults that act, as the bits of [`RigStateElement::faults`].
+    fn faults(&self) -> u32;
+}
+
+impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N> {
+    fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64) {
+        self.safety.take(duties, stamp, now);
+    }
+
+    fn advance(&mut self, to: u64) {
+        let whole = to.saturating_sub(self.now);
+        let steps = whole.div_ceil(self.surroundings.step);
+        let from = self.now;
+        for i in 1..=steps {
+            let drive = self.drive();
+            // Equal steps whose ends are whole ns.
+            let next = from + (u128::from(whole) * u128::from(i) / u128::from(steps)) as u64;
+            self.state = self.plant.advance(&self.state, &drive, (next - self.now) as f64 * 1e-9);
+            self.now = next;
+        }
+    }
+
+    fn couch_from_head(&self, rest: &Isometry3<f64>) -> Isometry3<f64> {
+        let mut moved = [0.0; 6];
+        for (i, channel) in self.channels.iter().enumerate() {
+            moved[*channel] = self.state.position[i] - self.start[i];
+        }
+        let [x, y, z, pitch, roll, yaw] = moved;
+        let turn = UnitQuaternion::from_euler_angles(pitch, roll, yaw);
+        let place = rest.translation.vector + Vector3::new(x, y, z);
+        Isometry3::from_parts(Translation3::from(place), turn * rest.rotation)
+    }
+
+    fn state(&self) -> RigStateElement {
+        let gaps = self.plant.gaps(&self.state.position);
+        let mut element = RigStateElement {
+            pressure: [0.0; 8],
+            air_mass: [0.0; 8],
+            gap: [0.0; 8],
+            force: [0.0; 8],
+            opening: [0.0; 16],
+            duties_age: self.safety.age(self.now).map_or(f64::NAN, |ns| ns as f64 * 1e-9),
+            refused: self.safety.refused(),
+            bladders: B as u32,
+            mode: self.safety.mode(self.now) as u32,
+            faults: self.faults(),
+            unmodelled: 0,
+        };
+        for (j, pressed) in self.plant.bladders(&self.state.position, &self.state.air).iter().enumerate() {
+            element.pressure[j] = pressed.pressure;
+            element.air_mass[j] = self.state.air[j];
+            element.gap[j] = gaps[j];
+            element.force[j] = pressed.force();
+            element.opening[2 * j..2 * j + 2].copy_from_slice(&self.state.opening[j]);
+            element.unmodelled |= u32::from(!pressed.is_modelled(&self.plant.shell)) << j;
+        }
+        element
+    }
+
+    fn faults(&self) -> u32 {
+        let acting = self.surroundings.faults.iter().filter(|s| s.acts(self.now));
+        acting.fold(0, |bits, s| bits | s.fault.bit())
+    }
+}

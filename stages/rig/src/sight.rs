@@ -1,0 +1,198 @@
+//! What a rig's camera gives at a moment: renderer, sensor and intrinsics as one.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
+use stillpoint_pipeline::frames::Rigid;
+use stillpoint_pipeline::operator::{SetupError, StepError};
+use stillpoint_pipeline::{Activation, Choice, Outputs, Params, Setup};
+use stillpoint_samples::{DepthImage, Intrinsics, PoseElement};
+
+use crate::camera::Pinhole;
+use crate::head::Head;
+use crate::noise::{DEPTH_UNIT_M, NoiseModel, NoiseParams};
+use crate::render::Renderer;
+use crate::sensor::DepthSensor;
+use crate::setting;
+
+/// The frame in which the head's true pose is given.
+pub(crate) const COUCH: &str = "couch";
+
+/// What the head rests on and touches.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Setting {
+    /// A flat pad under the head and one at each side, which do not touch it.
+    Pads,
+    /// The pads at the sides are pressed against the head.
+    TightPads,
+    /// The head lies sunk into a soft pillow.
+    Pillow,
+    /// Shoulders and chest join the neck; the head lies on the flat pad.
+    Shoulders,
+    /// Shoulders, chest and pillow.
+    Patient,
+}
+
+/// Whose errors the camera has.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Noise {
+    /// None but the 0.1 mm of a count.
+    Exact,
+    /// An industrial camera with projected texture.
+    StructuredLight,
+    /// A Kinect of the first kind.
+    KinectV1,
+    /// A Kinect of the second kind.
+    KinectV2,
+}
+
+/// The image that a camera makes.
+#[derive(Clone, Copy, Debug, Params)]
+pub struct ImageParams {
+    /// Whose errors the camera has.
+    #[param(default = "structured_light")]
+    pub noise: Noise,
+    /// Pixels in a row.
+    #[param(unit = "px", default = "640 px", min = "16 px", max = "2048 px")]
+    pub width: u32,
+    /// Rows.
+    #[param(unit = "px", default = "480 px", min = "16 px", max = "2048 px")]
+    pub height: u32,
+    /// Focal length.
+    #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
+    pub focal_length: f64,
+}
+
+impl ImageParams {
+    /// Pixels of an image.
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+}
+
+/// A camera over a head in its setting.
+pub struct Sight {
+    renderer: Renderer,
+    sensor: DepthSensor,
+    intrinsics: Intrinsics,
+}
+
+impl Sight {
+    /// The camera whose place is the frame of output 0, over a head of this scale.
+    ///
+    /// # Errors
+    /// A sentence that says what to change where frame, image or head cannot be.
+    pub fn new(
+        params: &ImageParams,
+        setting: Setting,
+        head_scale: f64,
+        setup: &Setup<'_>,
+    ) -> Result<Self, SetupError> {
+        let frame = setup.output_frames.first().and_then(Option::as_deref).unwrap_or_default();
+        let couch_from_camera = setup.transform(COUCH, frame).ok_or_else(|| {
+            SetupError(format!("place the frame `{frame}` in `frames` so that it hangs on `{COUCH}`"))
+        })?;
+        let (width, height) = (params.width, params.height);
+        let (cx, cy) = ((f64::from(width) - 1.0) / 2.0, (f64::from(height) - 1.0) / 2.0);
+        let focal = params.focal_length;
+        let pinhole = Pinhole::new(focal, focal, cx, cy, width as usize, height as usize).map_err(refusal)?;
+        let scene = setting::Setting::from(setting).scene(head_scale).map_err(refusal)?;
+        let head = Head::new(head_scale).map_err(refusal)?;
+        let noise = NoiseModel::new(params.noise.into()).map_err(refusal)?;
+        Ok(Self {
+            renderer: Renderer::new(pinhole, &isometry(&couch_from_camera), &scene, head).map_err(refusal)?,
+            sensor: DepthSensor::new(&pinhole, noise),
+            intrinsics: Intrinsics {
+                fx: focal,
+                fy: focal,
+                cx,
+                cy,
+                depth_unit: DEPTH_UNIT_M,
+                width,
+                height,
+                reserved: 0,
+                length: width * height,
+            },
+        })
+    }
+
+    /// Sends the image of the head at a pose.
+    ///
+    /// # Errors
+    /// A pose that is not finite, or an output that cannot hold the image.
+    pub fn send(
+        &mut self,
+        couch_from_head: &Isometry3<f64>,
+        activation: &Activation<'_>,
+        outputs: &mut Outputs<'_>,
+        port: usize,
+    ) -> Result<(), StepError> {
+        let view = self.renderer.render(couch_from_head).map_err(failure)?;
+        let pixels = self.intrinsics.length as usize;
+        let mut image = outputs.open::<DepthImage>(port, pixels)?;
+        *image.body() = self.intrinsics;
+        self.sensor.sense(view, &mut activation.random(), image.elements()).map_err(failure)?;
+        image.finish(pixels)
+    }
+
+    /// Sends an image in which nothing comes back.
+    ///
+    /// # Errors
+    /// An output that cannot hold the image.
+    pub fn send_blind(&self, outputs: &mut Outputs<'_>, port: usize) -> Result<(), StepError> {
+        let pixels = self.intrinsics.length as usize;
+        let mut image = outputs.open::<DepthImage>(port, pixels)?;
+        *image.body() = self.intrinsics;
+        image.elements().fill(0);
+        image.finish(pixels)
+    }
+}
+
+pub(crate) fn refusal(error: impl std::fmt::Display) -> SetupError {
+    SetupError(error.to_string())
+}
+
+pub(crate) fn failure(error: impl std::fmt::Display) -> StepError {
+    StepError(error.to_string())
+}
+
+fn isometry(rigid: &Rigid) -> Isometry3<f64> {
+    let [w, x, y, z] = rigid.quaternion();
+    Isometry3::from_parts(
+        Translation3::from(rigid.translation),
+        Unit::new_normalize(Quaternion::new(w, x, y, z)),
+    )
+}
+
+/// A pose that is known without error.
+pub(crate) fn exact_pose(pose: &Isometry3<f64>) -> PoseElement {
+    let q = pose.rotation.quaternion();
+    // Both signs are the same rotation; a sample has one of them.
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    PoseElement {
+        position: pose.translation.vector.into(),
+        orientation: [q.w, q.i, q.j, q.k].map(|c| sign * c),
+        covariance: [0.0; 36],
+    }
+}
+
+impl From<Setting> for setting::Setting {
+    fn from(setting: Setting) -> Self {
+        match setting {
+            Setting::Pads => Self::Pads,
+            Setting::TightPads => Self::TightPads,
+            Setting::Pillow => Self::Pillow,
+            Setting::Shoulders => Self::Shoulders,
+            Setting::Patient => Self::Patient,
+        }
+    }
+}
+
+impl From<Noise> for NoiseParams {
+    fn from(noise: Noise) -> Self {
+        match noise {
+            Noise::Exact => Self::exact(),
+            Noise::StructuredLight => Self::structured_light(),
+            Noise::KinectV1 => Self::kinect_v1(),
+            Noise::KinectV2 => Self::kinect_v2(),
+        }
+    }
+}
