@@ -98,6 +98,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_track::STAGES,
         stillpoint_estimate::STAGES,
         stillpoint_control::STAGES,
+        stillpoint_actuate::STAGES,
         stillpoint_rig::STAGES,
         stillpoint_sink::STAGES,
     ];

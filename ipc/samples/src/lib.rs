@@ -17,6 +17,7 @@
 // The derive names this crate by its path, here too.
 extern crate self as stillpoint_samples;
 
+mod actuation;
 mod bytes;
 mod cloud;
 mod clusters;
@@ -26,6 +27,7 @@ mod depth;
 mod diagnostics;
 mod duties;
 mod far_end;
+mod gate;
 mod health;
 mod hull;
 mod journal;
@@ -39,6 +41,7 @@ mod rig_state;
 mod target;
 mod track;
 
+pub use actuation::{Actuation, ActuationElement, ActuationReason, ActuationState};
 pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
 pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
@@ -48,6 +51,7 @@ pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
 pub use duties::{Duties, DutiesElement, DutyReason};
 pub use far_end::{FarEnd, FarEndDoing, FarEndElement};
+pub use gate::{Gate, GateElement, GateReason};
 pub use health::{Health, SensorHealth};
 pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
@@ -95,6 +99,7 @@ pub const HEAD_FIELDS: &[Field] = Head::FIELDS;
 /// Every sample type of the project, in the order of their names.
 pub fn all() -> &'static [&'static SampleKind] {
     &[
+        Actuation::KIND,
         ClusterTable::KIND,
         ConsoleCommand::KIND,
         Datagram::KIND,
@@ -102,6 +107,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         Diagnostics::KIND,
         Duties::KIND,
         FarEnd::KIND,
+        Gate::KIND,
         Health::KIND,
         Hull::KIND,
         Journal::KIND,

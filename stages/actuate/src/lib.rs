@@ -1,20 +1,39 @@
 //! Valves and beam: what leaves the program, and what forbids it.
 //!
+//! What goes over the wire, plain:
 //! - [`key`]: the key that both ends share, and its file
 //! - [`message`]: what a datagram says: an order, for a time, in a session
 //! - [`datagram`]: its bytes, which carry a keyed code
 //! - [`refusal`]: why a datagram is refused, and counts
 //! - [`receiver`]: the far end: which are accepted, and what is to be done now
 //! - [`far_end`]: valves and beam together, the beam off before anything vents
+//!
+//! What decides, plain:
+//! - [`machine`]: the states of actuation
+//! - [`shaping`], [`pressure`]: bounds and growth of duties; pressures estimated from them
+//! - [`pose_watch`], [`extrinsic`]: whether pose and cameras can be trusted
+//! - [`aim`], [`lease`]: errors against tolerances; the lease of the beam
+//! - [`sender`]: the sending end of datagrams
+//!
+//! And [`mod@operators`], `actuate.valves` and `gate.beam`.
 
 #![forbid(unsafe_code)]
 
+pub mod aim;
 pub mod datagram;
+pub mod extrinsic;
 pub mod far_end;
 pub mod key;
+pub mod lease;
+pub mod machine;
 pub mod message;
+pub mod operators;
+pub mod pose_watch;
+pub mod pressure;
 pub mod receiver;
 pub mod refusal;
+pub mod sender;
+pub mod shaping;
 
 pub use datagram::{EncodeError, LONGEST, decode, encode};
 pub use far_end::{Doing, FarEnd};
@@ -22,3 +41,8 @@ pub use key::{Key, KeyError, KeyFile};
 pub use message::{Message, Order, Receiving, Safe, Session, VALVES};
 pub use receiver::{Act, Clock, Receiver, Receives};
 pub use refusal::{Counts, Refusal};
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<operators::ActuateValves>(), Stage::of::<operators::GateBeam>()];

@@ -1,5 +1,6 @@
 //! What a datagram says: an order to valves or to the beam, for a time, in a session.
 
+use stillpoint_pipeline::Choice;
 use stillpoint_pipeline::activation::RandomKey;
 
 use crate::key::Key;
@@ -32,7 +33,7 @@ pub enum Order {
 }
 
 /// What the valves are to do when no datagram lives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 #[repr(u8)]
 pub enum Safe {
     /// All shut.

@@ -1,5 +1,11 @@
+mod bench;
 mod broken;
 mod codec;
 mod keys;
 mod lives;
+mod machine;
+mod pressure;
+mod quiet;
+mod script;
 mod sent;
+mod whole;

@@ -1,0 +1,266 @@
+//! The states of actuation: disarmed, armed, holding, venting, fault.
+//!
+//! A person arms, with everything there. Then commands are followed while nothing is missing. What is missing for a while
+//! (a stale pose, a stale command) brings the safe state and goes by itself: the stage settles and follows again. What is
+//! missing for too long, a pressure above its limit, and numbers that are none are faults: a person has to resume. A person
+//! can vent and disarm at any time.
+//!
+//! Whatever vents first holds, for as long as the beam needs to be told (`lead`): by then the state says why nothing is
+//! followed any more, and who allows the beam has ended its lease.
+
+use stillpoint_samples::{ActuationReason as Reason, ActuationState};
+
+use crate::message::{Order, Safe};
+
+/// How actuation answers to what happens.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rules {
+    /// What it does where something is missing or went wrong.
+    pub safe: Safe,
+    /// How long it holds before it vents, ns.
+    pub lead: u64,
+    /// How long all must be there again before commands are followed, ns.
+    pub settle: u64,
+    /// How long something may be missing, ns.
+    pub patience: u64,
+}
+
+/// What a person asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// To follow commands.
+    Arm,
+    /// To follow none.
+    Disarm,
+    /// To go on after a fault, or after venting.
+    Resume,
+    /// To let the air out.
+    Vent,
+}
+
+/// What is seen at the moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seen {
+    /// The time, ns.
+    pub now: u64,
+    /// What went wrong: bits of [`Reason`].
+    pub faults: u32,
+    /// What is missing to follow commands: bits of [`Reason`].
+    pub missing: u32,
+    /// What is missing to be armed, besides: bits of [`Reason`].
+    pub unready: u32,
+    /// Whether the controller asks that all valves be shut.
+    pub is_idle: bool,
+    /// The reference of the pose: number, and incarnation of who holds it; `None` where none is needed.
+    pub reference: Option<(u32, u32)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Disarmed,
+    Armed {
+        reference: Option<(u32, u32)>,
+    },
+    /// On a person's command.
+    Vented,
+    /// For these reasons.
+    Fault(u32),
+}
+
+/// The states of actuation.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    rules: Rules,
+    mode: Mode,
+    state: ActuationState,
+    /// Since when the state holds, ns.
+    since: u64,
+    reasons: u32,
+    /// Since when nothing is followed, ns; `None` while commands are.
+    halted: Option<u64>,
+    /// Since when something is missing, ns, settling included.
+    missing: Option<u64>,
+    /// Since when nothing is missing any more, ns.
+    well: Option<u64>,
+    faults: u64,
+    last_fault: u32,
+    refused: u64,
+    lacking: u32,
+}
+
+impl Machine {
+    /// Disarmed.
+    #[must_use]
+    pub fn new(rules: Rules) -> Self {
+        Self {
+            rules,
+            mode: Mode::Disarmed,
+            state: ActuationState::Disarmed,
+            since: 0,
+            reasons: Reason::NOT_ARMED,
+            halted: None,
+            missing: None,
+            well: None,
+            faults: 0,
+            last_fault: 0,
+            refused: 0,
+            lacking: 0,
+        }
+    }
+
+    /// Takes what a person asks. [`look`](Self::look) says what comes of it.
+    pub fn ask(&mut self, asked: Asked, seen: &Seen) {
+        match (asked, self.mode) {
+            (Asked::Vent, _) => self.mode = Mode::Vented,
+            (Asked::Disarm, _) => self.mode = Mode::Disarmed,
+            (Asked::Arm | Asked::Resume, Mode::Armed { .. }) => {}
+            (Asked::Arm, Mode::Disarmed) | (Asked::Resume, Mode::Fault(_) | Mode::Vented) => {
+                match seen.faults | seen.missing | seen.unready {
+                    0 => {
+                        self.mode = Mode::Armed { reference: seen.reference };
+                        (self.missing, self.well) = (None, None);
+                    }
+                    lacking => self.refuse(lacking),
+                }
+            }
+            // After a fault or a vent a person resumes or disarms, and says so.
+            (Asked::Arm, Mode::Fault(why)) => self.refuse(why),
+            (Asked::Arm, Mode::Vented) => self.refuse(Reason::ASKED),
+            (Asked::Resume, Mode::Disarmed) => self.refuse(Reason::NOT_ARMED),
+        }
+    }
+
+    fn refuse(&mut self, lacking: u32) {
+        self.refused += 1;
+        self.lacking = lacking;
+    }
+
+    /// Looks at what there is, and says what the valves are to do.
+    pub fn look(&mut self, seen: &Seen) -> Order {
+        self.fail_or_end(seen);
+        let present = seen.faults | seen.missing;
+        let (state, reasons, order) = match self.mode {
+            Mode::Disarmed => {
+                (ActuationState::Disarmed, Reason::NOT_ARMED | present | seen.unready, Order::Hold)
+            }
+            Mode::Vented => {
+                let order = if self.may_vent(seen.now) { Order::Vent } else { Order::Hold };
+                (ActuationState::Venting, Reason::ASKED | present, order)
+            }
+            Mode::Fault(why) => (ActuationState::Fault, why | present, self.safe(seen.now)),
+            Mode::Armed { .. } => match (self.is_well(seen), seen.is_idle) {
+                (true, false) => (ActuationState::Armed, 0, Order::Follow),
+                (true, true) => (ActuationState::Holding, Reason::IDLE, Order::Hold),
+                (false, _) => {
+                    let order = self.safe(seen.now);
+                    let state =
+                        if order == Order::Vent { ActuationState::Venting } else { ActuationState::Holding };
+                    let settling = if seen.missing == 0 { Reason::SETTLING } else { 0 };
+                    (state, seen.missing | settling, order)
+                }
+            },
+        };
+        self.halted = match order {
+            Order::Follow => None,
+            Order::Hold | Order::Vent => self.halted.or(Some(seen.now)),
+        };
+        if state != self.state {
+            (self.state, self.since) = (state, seen.now);
+        }
+        self.reasons = reasons;
+        order
+    }
+
+    /// Ends being armed where it must end.
+    fn fail_or_end(&mut self, seen: &Seen) {
+        let Mode::Armed { reference } = self.mode else { return };
+        if seen.faults != 0 {
+            return self.fail(seen.faults);
+        }
+        if reference != seen.reference {
+            // Poses are of another reference now: what the controller makes of them, nobody meant.
+            self.lacking = Reason::REFERENCE;
+            self.mode = Mode::Disarmed;
+            return;
+        }
+        if seen.missing != 0 {
+            self.well = None;
+            let since = *self.missing.get_or_insert(seen.now);
+            if seen.now.saturating_sub(since) >= self.rules.patience {
+                self.fail(seen.missing | Reason::TOO_LONG);
+            }
+        }
+    }
+
+    fn fail(&mut self, why: u32) {
+        self.mode = Mode::Fault(why);
+        self.faults += 1;
+        self.last_fault = why;
+    }
+
+    /// Whether nothing is missing, and has not been for long enough.
+    fn is_well(&mut self, seen: &Seen) -> bool {
+        if seen.missing != 0 {
+            return false;
+        }
+        if self.missing.is_some() {
+            let since = *self.well.get_or_insert(seen.now);
+            if seen.now.saturating_sub(since) < self.rules.settle {
+                return false;
+            }
+            (self.missing, self.well) = (None, None);
+        }
+        true
+    }
+
+    /// The safe state, at this time.
+    fn safe(&self, now: u64) -> Order {
+        match self.rules.safe {
+            Safe::Vent if self.may_vent(now) => Order::Vent,
+            Safe::Vent | Safe::Hold => Order::Hold,
+        }
+    }
+
+    fn may_vent(&self, now: u64) -> bool {
+        self.halted.is_some_and(|halted| now.saturating_sub(halted) >= self.rules.lead)
+    }
+
+    /// The state that the last look found.
+    #[must_use]
+    pub fn state(&self) -> ActuationState {
+        self.state
+    }
+
+    /// Since when that state holds, ns.
+    #[must_use]
+    pub fn since(&self) -> u64 {
+        self.since
+    }
+
+    /// Why: bits of [`Reason`].
+    #[must_use]
+    pub fn reasons(&self) -> u32 {
+        self.reasons
+    }
+
+    /// How many faults there were, and what made the last.
+    #[must_use]
+    pub fn faults(&self) -> (u64, u32) {
+        (self.faults, self.last_fault)
+    }
+
+    /// How many commands of people were refused, and what was missing at the last.
+    #[must_use]
+    pub fn refused(&self) -> (u64, u32) {
+        (self.refused, self.lacking)
+    }
+
+    /// Number of the reference that it is armed with; 0 where none.
+    #[must_use]
+    pub fn reference(&self) -> u32 {
+        match self.mode {
+            Mode::Armed { reference: Some((number, _)) } => number,
+            _ => 0,
+        }
+    }
+}

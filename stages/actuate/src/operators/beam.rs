@@ -1,0 +1,285 @@
+//! `gate.beam`: the lease of the beam.
+
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{
+    Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
+    Sample, Target, TargetElement, Track,
+};
+
+use super::params::{FreshnessParams, check_life, extrinsic, key};
+use crate::aim::{Aim, Tolerances};
+use crate::datagram::LONGEST;
+use crate::extrinsic::{Extrinsic, ExtrinsicParams};
+use crate::lease::{Lease, LeaseRules};
+use crate::message::{Order, Receiving, Safe};
+use crate::pose_watch::PoseWatch;
+use crate::sender::Sender;
+
+const STATE: usize = 0;
+const TARGET: usize = 1;
+const ACTUATION: usize = 2;
+const DATAGRAM: usize = 0;
+const GATE: usize = 1;
+const DIAGNOSTICS: usize = 2;
+
+/// Parameters of `gate.beam`.
+#[derive(Clone, Debug, Params)]
+pub struct BeamParams {
+    /// The key file, a path from the pipeline's file: 64 hexadecimal digits. The session keeps it.
+    #[param(file)]
+    pub key: String,
+    /// How long a lease lasts unless it is renewed.
+    #[param(unit = "ns", default = "100 ms", min = "4 ms", max = "200 ms")]
+    pub lease: u64,
+    /// How long all must be well before a lease begins.
+    #[param(unit = "ns", default = "500 ms", min = "0 ms", max = "1 min")]
+    pub dwell: u64,
+    /// Greatest error of a coordinate that the target holds.
+    #[param(unit = "m", default = "1 mm", above = "0 mm", max = "100 mm")]
+    pub position_tolerance: f64,
+    /// Greatest error of an angle that the target holds.
+    #[param(unit = "rad", default = "0.5 deg", above = "0 deg", max = "90 deg")]
+    pub angle_tolerance: f64,
+    /// Part by which errors must lie below the tolerances for a lease to begin.
+    #[param(default = 0.2, min = 0, max = 0.9)]
+    pub hysteresis: f64,
+    /// Greatest standard deviation of a coordinate that the target holds.
+    #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "100 mm")]
+    pub position_sd: f64,
+    /// Greatest standard deviation of an angle that the target holds.
+    #[param(unit = "rad", default = "0.3 deg", above = "0 deg", max = "90 deg")]
+    pub angle_sd: f64,
+    /// When the pose is fresh.
+    pub pose: FreshnessParams,
+    /// Age at which the target's last word is too old.
+    #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
+    pub target_timeout: u64,
+    /// Age at which actuation's last word is too old.
+    #[param(unit = "ns", default = "30 ms", min = "1 ms", max = "100 ms")]
+    pub actuation_timeout: u64,
+    /// When the place of the cameras can be trusted.
+    pub extrinsic: ExtrinsicParams,
+}
+
+/// Sends at each tick, and at each word of actuation, whether the beam may be on for the length of a lease.
+///
+/// The lease is renewed only while nothing speaks against it: a fresh, well-known pose within tolerance of a target that
+/// does not move, a valid extrinsic, and actuation that is armed. The first word against it ends it at once, and it
+/// begins again after a dwell, within narrower tolerances.
+pub struct GateBeam {
+    tolerances: Tolerances,
+    stale: u64,
+    target_timeout: u64,
+    actuation_timeout: u64,
+    extrinsic: Extrinsic,
+    pose: PoseWatch,
+    /// The newest target and its stamp, ns.
+    target: Option<(TargetElement, u64)>,
+    /// Whether actuation was armed when it last spoke, and when that was, ns.
+    actuation: Option<(bool, u64)>,
+    lease: Lease,
+    sender: Sender,
+    metrics: [Metric; METRICS],
+}
+
+const METRICS: usize = 9;
+
+impl Operator for GateBeam {
+    type Params = BeamParams;
+    const KIND: Kind = Kind {
+        name: "gate.beam",
+        about: "The lease of the beam: renewed only while the head is held where it is to be.",
+        role: Role::Operator,
+        inputs: &[
+            Input {
+                name: "state",
+                sample: Track::KIND,
+                policy: Policy::Latest,
+                required: true,
+                about: "Where the head is.",
+            },
+            Input {
+                name: "target",
+                sample: Target::KIND,
+                policy: Policy::Latest,
+                required: true,
+                about: "Where it is to be, in the frame of the state.",
+            },
+            Input {
+                name: "actuation",
+                sample: Actuation::KIND,
+                policy: Policy::Queue(4),
+                required: true,
+                about: "What actuation is at: each word of it is heard at once.",
+            },
+        ],
+        outputs: &[
+            Output {
+                name: "datagram",
+                sample: Datagram::KIND,
+                frame: FrameRule::None,
+                about: "The order to the beam, as the far end receives it.",
+            },
+            Output {
+                name: "state",
+                sample: Gate::KIND,
+                frame: FrameRule::None,
+                about: "Whether the beam may be on, the errors that were judged, and why not.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "How long and how often the beam was allowed.",
+            },
+        ],
+        timer: Timer::Required,
+    };
+
+    fn new(params: BeamParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        check_life("lease", params.lease, setup)?;
+        Ok(Self {
+            tolerances: Tolerances {
+                position: params.position_tolerance,
+                angle: params.angle_tolerance,
+                begin: 1.0 - params.hysteresis,
+                position_sd: params.position_sd,
+                angle_sd: params.angle_sd,
+            },
+            stale: params.pose.stale(),
+            target_timeout: params.target_timeout,
+            actuation_timeout: params.actuation_timeout,
+            extrinsic: extrinsic(&params.extrinsic, STATE, setup)?,
+            pose: params.pose.watch(),
+            target: None,
+            actuation: None,
+            lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
+            sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
+            metrics: [
+                "beam",
+                "reasons",
+                "well_s",
+                "on_s",
+                "watched_s",
+                "duty",
+                "leases",
+                "longest_s",
+                "shortest_s",
+            ]
+            .map(|name| Metric::new(name, f64::NAN)),
+        })
+    }
+
+    fn capacities(_: &BeamParams) -> Vec<usize> {
+        vec![LONGEST, 1, METRICS]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let now = activation.time;
+        self.take(activation);
+        let aim = self.aim(now);
+        let mut against = aim.against | self.against(now);
+        let is_on = self.lease.look(now, against);
+        if !is_on && against == 0 {
+            against = Reason::DWELLING;
+        }
+        let order = if is_on { Order::Follow } else { Order::Hold };
+        let bytes = self.sender.datagram(activation, order, against, &[])?;
+        outputs.send_slice::<Datagram>(DATAGRAM, &(), bytes)?;
+        let element = self.element(now, is_on, against, &aim);
+        outputs.send::<Gate>(GATE, &element)?;
+        self.say(&element);
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
+    }
+}
+
+impl GateBeam {
+    fn take(&mut self, activation: &Activation<'_>) {
+        let now = activation.time;
+        if let Some(sample) = activation.fresh::<Track>(STATE)
+            && let Some(track) = sample.first()
+        {
+            self.pose.see(track, sample.head.origin, sample.head.incarnation, now);
+        }
+        if let Some(sample) = activation.fresh::<Target>(TARGET)
+            && let Some(target) = sample.first()
+        {
+            self.target = Some((*target, sample.head.stamp.min(now)));
+        }
+        if let Some(sample) = activation.fresh::<Actuation>(ACTUATION)
+            && let Some(element) = sample.first()
+        {
+            let is_armed = element.state() == ActuationState::Armed && element.order == Order::Follow as u32;
+            self.actuation = Some((is_armed, sample.head.stamp.min(now)));
+        }
+    }
+
+    /// What pose and target say.
+    fn aim(&self, now: u64) -> Aim {
+        if self.pose.is_broken() {
+            return Aim::blind(Reason::NOT_FINITE);
+        }
+        let Some((target, _)) = &self.target else { return Aim::blind(Reason::NO_TARGET) };
+        let Some(track) = self.pose.track() else { return Aim::blind(Reason::NO_POSE) };
+        let mut aim = Aim::at(track, target, &self.tolerances, self.lease.ends().is_some_and(|e| now < e));
+        if self.pose.age(now).is_none_or(|age| age > self.stale) {
+            aim.against |= Reason::POSE_STALE;
+        }
+        aim
+    }
+
+    /// What all else says.
+    fn against(&self, now: u64) -> u32 {
+        let is_old = |stamp: u64, timeout: u64| now.saturating_sub(stamp) > timeout;
+        let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
+        let (armed, spoke) = self.actuation.map_or((false, None), |(armed, stamp)| (armed, Some(stamp)));
+        bit(self.target.is_some_and(|(_, stamp)| is_old(stamp, self.target_timeout)), Reason::TARGET_STALE)
+            | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC)
+            | bit(!armed, Reason::ACTUATION)
+            | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
+    }
+
+    fn element(&self, now: u64, is_on: bool, reasons: u32, aim: &Aim) -> GateElement {
+        let [x, y, z, pitch, roll, yaw] = aim.error;
+        let stats = self.lease.stats();
+        GateElement {
+            position_error: [x, y, z],
+            angle_error: [pitch, roll, yaw],
+            position_sd: aim.position_sd,
+            angle_sd: aim.angle_sd,
+            lease_ends: self.lease.ends().unwrap_or(0),
+            well_for: self.lease.well_for(now),
+            on_for: stats.on,
+            watched_for: stats.watched,
+            leases: stats.leases,
+            sequence: self.sender.sequence(),
+            beam: u32::from(is_on),
+            reasons,
+            ended_by: self.lease.ended_by(),
+            reserved: 0,
+        }
+    }
+
+    fn say(&mut self, element: &GateElement) {
+        let seconds = |ns: u64| ns as f64 * 1e-9;
+        let stats = self.lease.stats();
+        let duty = if stats.watched == 0 { 0.0 } else { stats.on as f64 / stats.watched as f64 };
+        let values = [
+            f64::from(element.beam),
+            f64::from(element.reasons),
+            seconds(element.well_for),
+            seconds(stats.on),
+            seconds(stats.watched),
+            duty,
+            stats.leases as f64,
+            seconds(stats.longest),
+            seconds(stats.shortest),
+        ];
+        for (metric, value) in self.metrics.iter_mut().zip(values) {
+            metric.value = value;
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! The operators of this family, a file each.
+//!
+//! - `valves`: `actuate.valves`, duties to datagrams
+//! - `watch`: what `actuate.valves` sees on its inputs
+//! - `params`: parameters that both share
+//! - `beam`: `gate.beam`, the lease of the beam
+
+mod beam;
+mod params;
+mod valves;
+mod watch;
+
+pub use beam::{BeamParams, GateBeam};
+pub use params::FreshnessParams;
+pub use valves::{ActuateValves, ValvesParams};

@@ -1,0 +1,63 @@
+//! Parameters that the operators of this family share, and what is made of them.
+
+use stillpoint_pipeline::operator::SetupError;
+use stillpoint_pipeline::{Params, Setup};
+
+use crate::extrinsic::{Extrinsic, ExtrinsicParams};
+use crate::key::Key;
+use crate::message::LONGEST_LIFE;
+use crate::pose_watch::PoseWatch;
+
+/// Frame periods after which a pose is stale.
+const PERIODS: u64 = 3;
+
+/// When a pose is fresh.
+#[derive(Clone, Debug, Params)]
+pub struct FreshnessParams {
+    /// Period of the camera's frames. A pose whose newest measurement is older than three of them is stale.
+    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
+    pub frame_period: u64,
+    /// So many repetitions of the very same measurement are no news: the camera is frozen.
+    #[param(default = 3, min = 1, max = 1000000)]
+    pub frozen_after: u64,
+}
+
+impl FreshnessParams {
+    /// Age at which a pose is stale, ns.
+    pub fn stale(&self) -> u64 {
+        PERIODS * self.frame_period
+    }
+
+    /// A watch for poses.
+    pub fn watch(&self) -> PoseWatch {
+        PoseWatch::new(self.frozen_after)
+    }
+}
+
+/// The key in a file that a parameter names.
+pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
+    Key::parse(&setup.file(name)?).map_err(|e| SetupError(format!("{name}: {e}")))
+}
+
+/// What is known of the frames behind the pose on an input.
+pub fn extrinsic(params: &ExtrinsicParams, port: usize, setup: &Setup<'_>) -> Result<Extrinsic, SetupError> {
+    let frame = setup.input_frames.get(port).and_then(Option::as_deref);
+    Extrinsic::of(params, setup.frames, frame).map_err(SetupError)
+}
+
+/// Refuses a life of datagrams that one late tick would end, or that no datagram can have.
+pub fn check_life(name: &str, life: u64, setup: &Setup<'_>) -> Result<(), SetupError> {
+    let ms = |ns: u64| ns as f64 * 1e-6;
+    if !life.is_multiple_of(1_000) || life > LONGEST_LIFE {
+        return Err(SetupError(format!("`{name}` is {life} ns: give whole microseconds, up to 1 s")));
+    }
+    match setup.every {
+        Some(every) if every.saturating_mul(2) <= life => Ok(()),
+        Some(every) => Err(SetupError(format!(
+            "`{name}` is {} ms and the timer ticks every {} ms: one late tick would end it; tick at least twice as often",
+            ms(life),
+            ms(every)
+        ))),
+        None => Err(SetupError("it sends by a timer: add `every: 10 ms`".into())),
+    }
+}

@@ -1,0 +1,125 @@
+//! What `actuate.valves` sees on its inputs: commands, pose and reference, and what is wrong or missing with them.
+
+use stillpoint_pipeline::Activation;
+use stillpoint_samples::{
+    ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, Track, Verb,
+};
+
+use crate::extrinsic::{Extrinsic, Need};
+use crate::machine::{Asked, Seen};
+use crate::message::VALVES;
+use crate::pose_watch::PoseWatch;
+
+pub const COMMAND: usize = 0;
+pub const STATE: usize = 1;
+pub const REFERENCE: usize = 2;
+/// The first of the inputs of people.
+pub const ARM: usize = 3;
+/// What each of them asks, and the verb that it must carry.
+pub const PEOPLE: [(Asked, Verb); 4] = [
+    (Asked::Arm, Verb::Arm),
+    (Asked::Disarm, Verb::Disarm),
+    (Asked::Resume, Verb::Resume),
+    (Asked::Vent, Verb::Vent),
+];
+
+/// What was seen so far.
+pub struct Watch {
+    pub pose: PoseWatch,
+    pub extrinsic: Extrinsic,
+    /// Age at which a pose is stale, ns.
+    pub stale: u64,
+    /// Age at which a command is stale, ns.
+    pub watchdog: u64,
+    pub valves: usize,
+    pub reference: Need,
+    /// The newest command and its stamp, ns.
+    command: Option<(DutiesElement, u64)>,
+    /// Number of the newest reference, and incarnation of who holds it.
+    captured: Option<(u32, u32)>,
+}
+
+impl Watch {
+    /// A watch that has seen nothing.
+    pub fn new(
+        pose: PoseWatch,
+        extrinsic: Extrinsic,
+        stale: u64,
+        watchdog: u64,
+        valves: usize,
+        reference: Need,
+    ) -> Self {
+        Self { pose, extrinsic, stale, watchdog, valves, reference, command: None, captured: None }
+    }
+
+    /// Takes the samples of an activation.
+    pub fn take(&mut self, activation: &Activation<'_>) {
+        if let Some(sample) = activation.fresh::<Duties>(COMMAND)
+            && let Some(duties) = sample.first()
+        {
+            self.command = Some((*duties, sample.head.stamp.min(activation.time)));
+        }
+        if let Some(sample) = activation.fresh::<Track>(STATE)
+            && let Some(track) = sample.first()
+        {
+            self.pose.see(track, sample.head.origin, sample.head.incarnation, activation.time);
+        }
+        if let Some(sample) = activation.fresh::<PoseReport>(REFERENCE)
+            && let Some(report) = sample.first()
+        {
+            self.captured = (report.reference != 0).then_some((report.reference, sample.head.incarnation));
+        }
+    }
+
+    /// What a person asks in this activation.
+    pub fn asked(activation: &Activation<'_>) -> Option<Asked> {
+        PEOPLE.iter().enumerate().find_map(|(place, (asked, verb))| {
+            let sample = activation.fresh::<ConsoleCommand>(ARM + place)?;
+            // An input that is connected to another verb's output asks for nothing.
+            sample.first().is_some_and(|c| c.verb == *verb as u32).then_some(*asked)
+        })
+    }
+
+    /// What there is at `now`, ns.
+    pub fn seen(&self, now: u64) -> Seen {
+        let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
+        let command_age = self.command_age(now);
+        let pose_age = self.pose.age(now);
+        // A law that is lost says so itself, and asks that all valves be shut.
+        let is_lost = |d: &DutiesElement| d.reasons & DutyReason::NotFinite.bit() != 0;
+        let bad =
+            |d: &DutiesElement| is_lost(d) || d.duty.iter().take(self.valves).any(|d| !d.is_finite());
+        let misfit = |d: &DutiesElement| d.valves as usize != self.valves;
+        let duties = self.command.as_ref().map(|(duties, _)| duties);
+        let faults = bit(self.pose.is_broken(), Reason::POSE_NOT_FINITE)
+            | bit(duties.is_some_and(bad), Reason::COMMAND_NOT_FINITE)
+            | bit(duties.is_some_and(misfit), Reason::COMMAND_SHAPE);
+        let missing = bit(self.pose.track().is_none(), Reason::NO_POSE)
+            | bit(pose_age.is_some_and(|age| age > self.stale), Reason::POSE_STALE)
+            | bit(command_age.is_none(), Reason::NO_COMMAND)
+            | bit(command_age.is_some_and(|age| age > self.watchdog), Reason::COMMAND_STALE);
+        let needed = self.reference == Need::Required;
+        let unready = bit(needed && self.captured.is_none(), Reason::REFERENCE)
+            | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC);
+        Seen {
+            now,
+            faults,
+            missing,
+            unready,
+            is_idle: duties.is_some_and(|d| d.idle != 0),
+            reference: self.captured.filter(|_| needed),
+        }
+    }
+
+    /// Age of the newest command, ns.
+    pub fn command_age(&self, now: u64) -> Option<u64> {
+        self.command.as_ref().map(|(_, stamp)| now.saturating_sub(*stamp))
+    }
+
+    /// The duties that the newest command asks for.
+    pub fn duties(&self) -> &[f64] {
+        const NONE: [f64; VALVES] = [0.0; VALVES];
+        let asked = self.command.as_ref().map_or(&NONE, |(duties, _)| &duties.duty);
+        asked.get(..self.valves).unwrap_or(asked)
+    }
+}

@@ -1,0 +1,162 @@
+//! Pressures of bladders, estimated from the duties that were sent: what is known where nothing measures them.
+//!
+//! Air flows through an inlet from the supply and through an outlet to the exhaust (the orifice law of SCIENCE C3; a valve
+//! is as far open as its duty, at once). The bladder's volume grows in a straight line with the pressure, `V = V0 (1 + g / D)`,
+//! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. Defaults give more pressure for an amount of air
+//! than the rig's bladders have under a head, and a bladder is never taken for emptier than `V0` at the room's pressure:
+//! the estimate is to err upwards. It knows nothing of leaks, loads and faults; a measured pressure replaces it.
+
+use stillpoint_mechanics::plant::valve::{Orifice, Valves};
+use stillpoint_mechanics::shell::air::Air;
+use stillpoint_pipeline::Params;
+
+/// Bladders that there is room for.
+pub const BLADDERS: usize = 8;
+/// The longest step of the integration, s.
+const STEP: f64 = 0.01;
+/// Longer pauses count as this many steps.
+const STEPS: f64 = 200.0;
+
+/// Pressures that are allowed, and what they are estimated from.
+#[derive(Clone, Debug, Params)]
+pub struct PressureParams {
+    /// Greatest pressure over that of the room. Inlets are shut on the way to it; above it is a fault.
+    #[param(unit = "Pa", default = "40 kPa", above = "0 Pa", max = "200 kPa")]
+    pub limit: f64,
+    /// Inlets open the less, the nearer the estimate is to the limit, from so far below it.
+    #[param(unit = "Pa", default = "4 kPa", above = "0 Pa", max = "100 kPa")]
+    pub taper: f64,
+    /// Pressure over that of the room in the bladders at the start.
+    #[param(unit = "Pa", default = "0 Pa", min = "0 Pa", max = "200 kPa")]
+    pub start: f64,
+    /// Volume of a bladder at the room's pressure.
+    #[param(unit = "m3", default = "0.52 l", above = "0 l", max = "20 l")]
+    pub volume: f64,
+    /// Pressure over that of the room at which a bladder has twice that volume.
+    #[param(unit = "Pa", default = "50 kPa", above = "0 Pa", max = "10 MPa")]
+    pub doubles_at: f64,
+    /// Pressure of the supply over that of the room.
+    #[param(unit = "Pa", default = "15 psi", min = "0 Pa", max = "10 bar")]
+    pub supply: f64,
+    /// How far the exhaust's pressure lies below that of the room.
+    #[param(unit = "Pa", default = "12 psi", min = "0 Pa", max = "1 bar")]
+    pub vacuum: f64,
+    /// Diameter of a valve's orifice.
+    #[param(unit = "m", default = "1 mm", above = "0 mm", max = "20 mm")]
+    pub orifice: f64,
+    /// Discharge coefficient of the orifice.
+    #[param(default = 0.8, above = 0, max = 1)]
+    pub discharge: f64,
+}
+
+/// Estimates the pressure in each bladder. It allocates nothing.
+#[derive(Clone, Debug)]
+pub struct PressureEstimator {
+    law: Orifice,
+    valves: Valves,
+    volume: f64,
+    doubles_at: f64,
+    limit: f64,
+    taper: f64,
+    /// Air in each bladder, kg.
+    mass: [f64; BLADDERS],
+}
+
+impl PressureEstimator {
+    /// Bladders at their starting pressure.
+    #[must_use]
+    pub fn new(params: &PressureParams) -> Self {
+        let air = Air::ROOM;
+        let valves = Valves {
+            discharge: params.discharge,
+            diameter: params.orifice,
+            lag: 0.0,
+            supply: air.atmosphere + params.supply,
+            exhaust: (air.atmosphere - params.vacuum).max(0.0),
+        };
+        let mut estimator = Self {
+            law: Orifice::new(&air),
+            valves,
+            volume: params.volume,
+            doubles_at: params.doubles_at,
+            limit: params.limit,
+            taper: params.taper,
+            mass: [0.0; BLADDERS],
+        };
+        (0..BLADDERS).for_each(|bladder| estimator.correct(bladder, params.start));
+        estimator
+    }
+
+    /// Replaces an estimate by a pressure that was measured, Pa over that of the room. One that is no number is not used.
+    pub fn correct(&mut self, bladder: usize, gauge: f64) {
+        if let Some(mass) = self.mass.get_mut(bladder)
+            && gauge.is_finite()
+        {
+            let gauge = gauge.max(0.0);
+            *mass = Air::ROOM.mass(gauge, self.volume * (1.0 + gauge / self.doubles_at));
+        }
+    }
+
+    /// Lets `seconds` pass with the valves open so far: inlet and outlet of the first bladder, of the second, and so on.
+    pub fn advance(&mut self, seconds: f64, openings: &[f64]) {
+        self.pass(seconds, openings, self.valves.exhaust);
+    }
+
+    /// Lets `seconds` pass with the outlets of so many bladders open. A far end that vents by itself may do so into the
+    /// room: that is slower than into a vacuum.
+    pub fn vent(&mut self, seconds: f64, bladders: usize) {
+        const OUTLETS: [f64; 2 * BLADDERS] = {
+            let (mut open, mut outlet) = ([0.0; 2 * BLADDERS], 1);
+            while outlet < open.len() {
+                open[outlet] = 1.0;
+                outlet += 2;
+            }
+            open
+        };
+        let exhaust = self.valves.exhaust.max(Air::ROOM.atmosphere);
+        self.pass(seconds, OUTLETS.get(..2 * bladders).unwrap_or(&OUTLETS), exhaust);
+    }
+
+    fn pass(&mut self, seconds: f64, openings: &[f64], exhaust: f64) {
+        if seconds.is_nan() || seconds <= 0.0 {
+            return;
+        }
+        let steps = libm::ceil(seconds / STEP).clamp(1.0, STEPS);
+        let dt = (seconds / steps).min(STEP);
+        let least = Air::ROOM.mass(0.0, self.volume);
+        for _ in 0..steps as usize {
+            for (bladder, pair) in openings.chunks_exact(2).take(BLADDERS).enumerate() {
+                let inside = Air::ROOM.atmosphere + self.pressure(bladder);
+                let area = |opening: f64| self.valves.effective_area(opening.clamp(0.0, 1.0));
+                let flow_in = self.law.flow(area(pair[0]), self.valves.supply, inside);
+                let flow_out = self.law.flow(area(pair[1]), inside, exhaust);
+                self.mass[bladder] = (self.mass[bladder] + dt * (flow_in - flow_out)).max(least);
+            }
+        }
+    }
+
+    /// Pressure in a bladder over that of the room, Pa; 0 for one that there is no room for.
+    #[must_use]
+    pub fn pressure(&self, bladder: usize) -> f64 {
+        let Some(mass) = self.mass.get(bladder) else { return 0.0 };
+        let air = Air::ROOM;
+        // g^2 / D + (1 + P_atm / D) g - (m R_s T / V0 - P_atm) = 0
+        let excess = mass * air.specific_energy() / self.volume - air.atmosphere;
+        let half = 0.5 * (self.doubles_at + air.atmosphere);
+        // The root without a difference of large numbers; the exact one for no excess is zero.
+        let product = self.doubles_at * excess.max(0.0);
+        product / (half + (half * half + product).sqrt())
+    }
+
+    /// How far the inlet of a bladder may be open: 1 well below the limit, 0 at it.
+    #[must_use]
+    pub fn ceiling(&self, bladder: usize) -> f64 {
+        ((self.limit - self.pressure(bladder)) / self.taper).clamp(0.0, 1.0)
+    }
+
+    /// Whether a pressure is above the limit, beyond what rounding explains.
+    #[must_use]
+    pub fn is_exceeded(&self, bladders: usize) -> bool {
+        (0..bladders).any(|bladder| self.pressure(bladder) > self.limit * (1.0 + 1e-6))
+    }
+}

@@ -1,0 +1,128 @@
+//! From the duties that a controller asks for to those that are sent: within bounds, and grown no faster than allowed.
+
+use stillpoint_samples::ActuationReason;
+
+use crate::message::VALVES;
+
+/// Bounds of duties.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Greatest duty, up to 1.
+    pub greatest: f64,
+    /// How fast a duty may grow, 1/s. A valve may shut at once: shut valves hurt nobody.
+    pub slew: f64,
+}
+
+/// What was sent last, and what is sent next.
+#[derive(Clone, Debug)]
+pub struct Shaper {
+    bounds: Bounds,
+    sent: [f32; VALVES],
+}
+
+/// What shaping did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Shaped {
+    /// Bits of [`ActuationReason`].
+    pub reasons: u32,
+    /// Bit i is set where valve i gets something else than was asked for.
+    pub limited: u32,
+}
+
+impl Shaper {
+    /// All valves shut.
+    #[must_use]
+    pub fn new(bounds: Bounds) -> Self {
+        Self { bounds, sent: [0.0; VALVES] }
+    }
+
+    /// The duties that were sent last.
+    #[must_use]
+    pub fn sent(&self) -> &[f32; VALVES] {
+        &self.sent
+    }
+
+    /// Takes the valves for shut: what follows grows from there.
+    pub fn rest(&mut self) {
+        self.sent = [0.0; VALVES];
+    }
+
+    /// Shapes finite duties, `seconds` after the last ones. `ceiling` says for each inlet how far it may be open.
+    pub fn shape(&mut self, asked: &[f64], seconds: f64, ceiling: impl Fn(usize) -> f64) -> Shaped {
+        let mut shaped = Shaped::default();
+        let growth = self.bounds.slew * seconds.max(0.0);
+        for (valve, (sent, asked)) in self.sent.iter_mut().zip(asked).enumerate() {
+            let mut duty = asked.clamp(0.0, self.bounds.greatest);
+            let mut limits = if duty == *asked { 0 } else { ActuationReason::DUTY_LIMITED };
+            let grown = f64::from(*sent) + growth;
+            if duty > grown {
+                duty = grown;
+                limits |= ActuationReason::SLEW_LIMITED;
+            }
+            let least = if valve % 2 == 0 { ceiling(valve / 2) } else { 1.0 };
+            if duty > least {
+                duty = least;
+                limits |= ActuationReason::PRESSURE_LIMITED;
+            }
+            // Rounded towards shut, so that bounds hold for what is sent, too; no number becomes a shut valve.
+            *sent = if duty > 0.0 { floor(duty) } else { 0.0 };
+            shaped.reasons |= limits;
+            shaped.limited |= u32::from(limits != 0) << valve;
+        }
+        shaped
+    }
+}
+
+/// The greatest `f32` that is not above a positive number.
+fn floor(duty: f64) -> f32 {
+    let near = duty as f32;
+    if f64::from(near) > duty { near.next_down() } else { near }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2_000))]
+        #[test]
+        fn duties_stay_within_every_bound_whatever_is_asked(
+            asked in prop::collection::vec(prop::array::uniform6(-3.0..3.0f64), 1..30),
+            greatest in 0.01..=1.0f64,
+            slew in 0.1..100.0f64,
+            seconds in prop::collection::vec(0.0..0.1f64, 30),
+            ceiling in 0.0..=1.0f64,
+        ) {
+            let mut shaper = Shaper::new(Bounds { greatest, slew });
+            for (asked, seconds) in asked.iter().zip(seconds) {
+                let before = *shaper.sent();
+                let shaped = shaper.shape(asked, seconds, |_| ceiling);
+                for (valve, asked) in asked.iter().enumerate() {
+                    let (was, is) = (f64::from(before[valve]), f64::from(shaper.sent()[valve]));
+                    prop_assert!((0.0..=greatest).contains(&is));
+                    prop_assert!(is <= was + slew * seconds);
+                    prop_assert!(valve % 2 == 1 || is <= ceiling);
+                    prop_assert!(is <= asked.max(0.0));
+                    // Where nothing limits it, the command is what is sent, but for the rounding.
+                    let free = shaped.limited >> valve & 1 == 0;
+                    prop_assert!(!free || (asked - is).abs() <= 1e-7);
+                }
+                prop_assert!(shaper.sent()[6..].iter().all(|d| *d == 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_valve_shuts_at_once_and_opens_by_and_by() {
+        let mut shaper = Shaper::new(Bounds { greatest: 1.0, slew: 10.0 });
+        for step in 1..=20 {
+            let shaped = shaper.shape(&[1.0, 0.0], 0.01, |_| 1.0);
+            let duty = f64::from(shaper.sent()[0]);
+            assert!((duty - (0.1 * f64::from(step)).min(1.0)).abs() < 1e-6, "{step}: {duty}");
+            assert_eq!(shaped.limited, u32::from(duty < 1.0));
+        }
+        shaper.shape(&[0.0, 0.0], 0.01, |_| 1.0);
+        assert_eq!(shaper.sent()[0], 0.0);
+    }
+}

@@ -1,0 +1,176 @@
+//! The operators on the bench: what they refuse to start with, and single activations.
+
+use stillpoint_actuate::pose_watch::PoseWatch;
+use stillpoint_actuate::{Order, decode};
+use stillpoint_samples::{
+    Actuation, ActuationElement, ActuationReason as Reason, ActuationState as State, ConsoleCommand,
+    Datagram, Duties, PoseReport, Track, TrackElement, Verb,
+};
+use stillpoint_testing::Bench;
+use stillpoint_testing::bench::Left;
+
+use super::script::{STAGES, command, duties, report, track};
+use super::sent::key;
+use super::whole::{Said, files, text};
+
+const COMMAND: usize = 0;
+const STATE: usize = 1;
+const REFERENCE: usize = 2;
+const ARM: usize = 3;
+const RESUME: usize = 5;
+const MS: u64 = 1_000_000;
+
+fn bench(text: &str, name: &str) -> Result<Bench, String> {
+    let stages = [STAGES, stillpoint_actuate::STAGES].concat();
+    Bench::new(text, name, &stages, &files())
+}
+
+fn valves(params: &str) -> Bench {
+    bench(&text(&Said { valves: params, ..Said::default() }), "valves").unwrap()
+}
+
+fn state(left: &Left) -> ActuationElement {
+    assert_eq!(left.fault, None);
+    let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+    *parcel.pieces().view::<Actuation>().unwrap().first().unwrap()
+}
+
+fn order(left: &Left) -> Order {
+    let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 0).unwrap();
+    decode(parcel.pieces().view::<Datagram>().unwrap().elements, &key()).unwrap().order
+}
+
+/// Valves that were armed with everything there, 40 ms after the start.
+fn armed(params: &str) -> Bench {
+    let mut bench = valves(params);
+    bench.feed::<PoseReport>(REFERENCE, &(), &[report(1)], 0);
+    bench.feed::<Track>(STATE, &(), &[track(1)], 0);
+    bench.feed::<Duties>(COMMAND, &(), &[duties(0.4)], 0);
+    let left = bench.feed::<ConsoleCommand>(ARM, &(), &[command(Verb::Arm)], 0);
+    assert_eq!((state(&left).state(), order(&left)), (State::Armed, Order::Follow));
+    bench
+}
+
+#[test]
+fn what_cannot_work_is_refused_when_it_is_made() {
+    let fault = |from: &str, to: &str, name: &str| {
+        let whole = text(&Said::default());
+        assert!(whole.contains(from));
+        bench(&whole.replace(from, to), name).err().unwrap_or_default()
+    };
+    let slow =
+        fault("use: actuate.valves\n    every: 10 ms", "use: actuate.valves\n    every: 40 ms", "valves");
+    assert!(slow.contains("`life` is 60 ms and the timer ticks every 40 ms"), "{slow}");
+    let slow = fault("use: gate.beam\n    every: 10 ms", "use: gate.beam\n    every: 60 ms", "gate");
+    assert!(slow.contains("`lease` is 100 ms and the timer ticks every 60 ms"), "{slow}");
+    let lone = fault("reference: head.report, ", "", "valves");
+    assert!(lone.contains("say `reference: waived`"), "{lone}");
+    let frames = fault("dwell: 200 ms", "extrinsic: { frames: [kamera] }", "gate");
+    assert!(frames.contains("`kamera` in `extrinsic.frames` is no frame"), "{frames}");
+    assert_eq!(
+        fault("key: rig.key, dwell", "key: rig.key, extrinsic: { frames: [camera] }, dwell", "gate"),
+        ""
+    );
+}
+
+#[test]
+fn a_key_file_without_a_key_is_refused_by_its_name() {
+    let mut files = files();
+    files.files.insert("rig.key".into(), b"secret".to_vec());
+    let stages = [STAGES, stillpoint_actuate::STAGES].concat();
+    let fault = Bench::new(&text(&Said::default()), "valves", &stages, &files).err().unwrap();
+    assert_eq!(
+        fault,
+        "rig.key: line 1 of the key file has a character at 1 that is no hexadecimal digit: a key is 64 of 0-9 and a-f"
+    );
+}
+
+#[test]
+fn a_person_is_heard_between_ticks() {
+    let mut bench = armed("safe: hold");
+    let left = bench.at(41 * MS).feed::<ConsoleCommand>(6, &(), &[command(Verb::Vent)], 0);
+    assert_eq!((state(&left).state(), order(&left)), (State::Venting, Order::Hold));
+    assert_eq!(order(&bench.at(61 * MS).tick()), Order::Vent);
+}
+
+#[test]
+fn an_input_that_carries_another_verb_asks_for_nothing() {
+    let mut bench = armed("");
+    let left = bench.feed::<ConsoleCommand>(4, &(), &[command(Verb::Capture)], 0);
+    assert_eq!(state(&left).state(), State::Armed);
+    let left = bench.feed::<ConsoleCommand>(RESUME, &(), &[command(Verb::Vent)], 0);
+    assert_eq!(state(&left).state(), State::Armed);
+}
+
+#[test]
+fn a_stage_that_stood_still_starts_from_shut_valves() {
+    let mut bench = armed("slew: 5 1/s, watchdog: 10 s, pose: { frame_period: 1 s }");
+    for _ in 0..4 {
+        bench.tick();
+    }
+    let before = state(&bench.tick());
+    assert!(before.duty[0] > 0.25, "{}", before.duty[0]);
+    // Stopped for a second: its datagrams are dead, and the far end vented.
+    let left = bench.at(1_100 * MS).tick();
+    let after = state(&left);
+    assert_eq!((order(&left), after.reasons & Reason::GAP), (Order::Follow, Reason::GAP));
+    assert!(after.duty[0] <= 0.05 + 1e-9, "{}", after.duty[0]);
+}
+
+#[test]
+fn a_reference_that_is_waived_is_not_needed() {
+    let whole = text(&Said { valves: "reference: waived", ..Said::default() });
+    let mut bench = bench(&whole.replace("reference: head.report, ", ""), "valves").unwrap();
+    bench.feed::<Track>(STATE, &(), &[track(1)], 0);
+    bench.feed::<Duties>(COMMAND, &(), &[duties(0.4)], 0);
+    let left = bench.feed::<ConsoleCommand>(ARM, &(), &[command(Verb::Arm)], 0);
+    assert_eq!(state(&left).state(), State::Armed);
+}
+
+#[test]
+fn a_filter_that_only_predicts_goes_stale() {
+    let mut bench = armed("watchdog: 10 s");
+    for ms in (50..=320).step_by(10) {
+        let left = bench.at(ms * MS).feed::<Track>(STATE, &(), &[track(1)], 0);
+        assert_eq!(state(&left).state(), State::Armed, "{ms}");
+    }
+    let left = bench.at(330 * MS).feed::<Track>(STATE, &(), &[track(1)], 0);
+    assert_eq!((state(&left).state(), state(&left).reasons), (State::Holding, Reason::POSE_STALE));
+}
+
+#[test]
+fn a_clock_that_is_ahead_makes_nothing_fresh_for_longer() {
+    let mut watch = PoseWatch::new(3);
+    watch.see(&track(1), 3_600_000 * MS, 0, 50 * MS);
+    assert_eq!((watch.age(50 * MS), watch.age(350 * MS)), (Some(0), Some(300 * MS)));
+}
+
+#[test]
+fn a_track_without_channels_or_numbers_is_no_pose() {
+    let see = |change: fn(&mut TrackElement)| {
+        let (mut watch, mut track) = (PoseWatch::new(3), track(1));
+        change(&mut track);
+        watch.see(&track, 0, 0, 0);
+        (watch.is_broken(), watch.track().is_some(), watch.age(0).is_some())
+    };
+    assert_eq!(see(|_| ()), (false, true, true));
+    assert_eq!(see(|t| t.orientation[3] = f64::NAN), (true, false, false));
+    assert_eq!(see(|t| t.position[0] = f64::INFINITY), (true, false, false));
+    assert_eq!(see(|t| t.channels = 0), (true, false, false));
+    assert_eq!(see(|t| *t = TrackElement::NONE), (false, false, false));
+    // Channels that the filter does not follow have no numbers, and need none.
+    assert_eq!(
+        see(|t| (t.channels, t.position[0], t.orientation) = (4, f64::NAN, [f64::NAN; 4])),
+        (false, true, true)
+    );
+    assert_eq!(see(|t| t.repeated = 3), (false, true, false));
+}
+
+#[test]
+fn what_lies_beyond_a_sample_reaches_nothing() {
+    let run = |padding: usize| {
+        let mut bench = armed("").padded(padding);
+        (0..20).flat_map(|_| bench.tick().bytes()).collect::<Vec<u8>>()
+    };
+    assert_eq!(run(0), run(64));
+}

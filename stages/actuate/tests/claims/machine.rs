@@ -1,0 +1,205 @@
+//! The states of actuation.
+
+use proptest::prelude::*;
+use stillpoint_actuate::machine::{Asked, Machine, Rules, Seen};
+use stillpoint_actuate::{Order, Safe};
+use stillpoint_samples::{ActuationReason as Reason, ActuationState as State};
+
+const MS: u64 = 1_000_000;
+
+fn rules(safe: Safe) -> Rules {
+    Rules { safe, lead: 20 * MS, settle: 100 * MS, patience: 5_000 * MS }
+}
+
+fn seen(ms: u64) -> Seen {
+    Seen { now: ms * MS, reference: Some((1, 0)), ..Seen::default() }
+}
+
+/// A machine that is armed at 0 ms.
+fn armed(safe: Safe) -> Machine {
+    let mut machine = Machine::new(rules(safe));
+    machine.ask(Asked::Arm, &seen(0));
+    assert_eq!(machine.look(&seen(0)), Order::Follow);
+    machine
+}
+
+fn state(machine: &Machine) -> (State, u32) {
+    (machine.state(), machine.reasons())
+}
+
+#[test]
+fn nothing_moves_until_a_person_arms() {
+    let mut machine = Machine::new(rules(Safe::Vent));
+    for ms in 0..1_000 {
+        assert_eq!(machine.look(&seen(ms)), Order::Hold);
+    }
+    assert_eq!(state(&machine), (State::Disarmed, Reason::NOT_ARMED));
+    machine.ask(Asked::Arm, &seen(1_000));
+    assert_eq!((machine.look(&seen(1_000)), machine.state()), (Order::Follow, State::Armed));
+    machine.ask(Asked::Disarm, &seen(1_001));
+    assert_eq!((machine.look(&seen(1_001)), machine.state()), (Order::Hold, State::Disarmed));
+}
+
+#[test]
+fn arming_is_refused_for_each_thing_that_is_missing_and_says_which() {
+    for bit in [Reason::REFERENCE, Reason::EXTRINSIC] {
+        let mut machine = Machine::new(rules(Safe::Vent));
+        machine.ask(Asked::Arm, &Seen { unready: bit, ..seen(0) });
+        assert_eq!((machine.look(&seen(1)), machine.refused()), (Order::Hold, (1, bit)));
+    }
+    for bit in [Reason::NO_POSE, Reason::POSE_STALE, Reason::NO_COMMAND, Reason::COMMAND_STALE] {
+        let mut machine = Machine::new(rules(Safe::Vent));
+        machine.ask(Asked::Arm, &Seen { missing: bit, ..seen(0) });
+        assert_eq!((machine.look(&seen(1)), machine.refused()), (Order::Hold, (1, bit)));
+    }
+    let mut machine = Machine::new(rules(Safe::Vent));
+    machine.ask(Asked::Arm, &Seen { faults: Reason::POSE_NOT_FINITE, ..seen(0) });
+    machine.ask(Asked::Resume, &seen(0));
+    assert_eq!((machine.look(&seen(1)), machine.refused()), (Order::Hold, (2, Reason::NOT_ARMED)));
+}
+
+#[test]
+fn what_is_missing_holds_for_the_lead_and_then_vents_and_goes_by_itself_once_it_settles() {
+    let mut machine = armed(Safe::Vent);
+    let stale = |ms: u64| Seen { missing: Reason::POSE_STALE, ..seen(ms) };
+    assert_eq!(machine.look(&stale(10)), Order::Hold);
+    assert_eq!(state(&machine), (State::Holding, Reason::POSE_STALE));
+    assert_eq!(machine.look(&stale(29)), Order::Hold);
+    assert_eq!(machine.look(&stale(30)), Order::Vent);
+    assert_eq!(state(&machine), (State::Venting, Reason::POSE_STALE));
+    // Fresh again, once, and gone again: no flutter.
+    assert_eq!(machine.look(&seen(40)), Order::Vent);
+    assert_eq!(state(&machine), (State::Venting, Reason::SETTLING));
+    assert_eq!(machine.look(&stale(50)), Order::Vent);
+    for ms in (60..160).step_by(10) {
+        assert_eq!(machine.look(&seen(ms)), Order::Vent, "{ms}");
+    }
+    assert_eq!(machine.look(&seen(160)), Order::Follow);
+    assert_eq!(state(&machine), (State::Armed, 0));
+    assert_eq!(machine.faults(), (0, 0));
+}
+
+#[test]
+fn a_safe_state_of_holding_never_vents_but_for_a_person() {
+    let mut machine = armed(Safe::Hold);
+    for ms in 1..20_000 {
+        let order = machine.look(&Seen { missing: Reason::COMMAND_STALE, ..seen(ms) });
+        assert_eq!(order, Order::Hold);
+    }
+    assert_eq!(machine.state(), State::Fault);
+    machine.ask(Asked::Vent, &seen(20_000));
+    assert_eq!(machine.look(&seen(20_000)), Order::Vent);
+}
+
+#[test]
+fn what_is_missing_for_too_long_waits_for_a_person() {
+    let mut machine = armed(Safe::Vent);
+    for ms in (10..=5_010).step_by(10) {
+        machine.look(&Seen { missing: Reason::COMMAND_STALE, ..seen(ms) });
+    }
+    let why = Reason::COMMAND_STALE | Reason::TOO_LONG;
+    assert_eq!((state(&machine), machine.faults()), ((State::Fault, why), (1, why)));
+    assert_eq!(machine.look(&seen(6_000)), Order::Vent);
+    machine.ask(Asked::Arm, &seen(6_001));
+    assert_eq!((machine.look(&seen(6_001)), machine.refused()), (Order::Vent, (1, why)));
+    machine.ask(Asked::Resume, &Seen { missing: Reason::NO_POSE, ..seen(6_002) });
+    assert_eq!((machine.look(&seen(6_002)), machine.refused()), (Order::Vent, (2, Reason::NO_POSE)));
+    machine.ask(Asked::Resume, &seen(6_003));
+    assert_eq!(machine.look(&seen(6_003)), Order::Follow);
+}
+
+#[test]
+fn numbers_that_are_none_and_pressure_are_faults_at_once() {
+    let bits = [Reason::POSE_NOT_FINITE, Reason::COMMAND_NOT_FINITE, Reason::COMMAND_SHAPE, Reason::PRESSURE];
+    for bit in bits {
+        let mut machine = armed(Safe::Vent);
+        assert_eq!(machine.look(&Seen { faults: bit, ..seen(10) }), Order::Hold);
+        assert_eq!(state(&machine), (State::Fault, bit));
+        // It stays, though its cause is gone.
+        assert_eq!((machine.look(&seen(20)), machine.look(&seen(30))), (Order::Hold, Order::Vent));
+        assert_eq!(machine.faults(), (1, bit));
+    }
+}
+
+#[test]
+fn an_idle_controller_shuts_the_valves_for_as_long_as_it_likes() {
+    let mut machine = armed(Safe::Vent);
+    for ms in 1..20_000 {
+        assert_eq!(machine.look(&Seen { is_idle: true, ..seen(ms) }), Order::Hold);
+    }
+    assert_eq!(state(&machine), (State::Holding, Reason::IDLE));
+    assert_eq!(machine.look(&seen(20_000)), Order::Follow);
+    // Nothing was followed for long: what goes missing now vents at once.
+    machine.look(&Seen { is_idle: true, ..seen(20_001) });
+    let order = machine.look(&Seen { missing: Reason::NO_POSE, is_idle: true, ..seen(30_000) });
+    assert_eq!(order, Order::Vent);
+}
+
+#[test]
+fn a_person_vents_from_any_state_and_only_a_person_ends_it() {
+    let mut machine = armed(Safe::Hold);
+    machine.ask(Asked::Vent, &seen(10));
+    assert_eq!((machine.look(&seen(10)), state(&machine)), (Order::Hold, (State::Venting, Reason::ASKED)));
+    assert_eq!((machine.look(&seen(30)), machine.look(&seen(9_000))), (Order::Vent, Order::Vent));
+    machine.ask(Asked::Arm, &seen(9_001));
+    assert_eq!((machine.look(&seen(9_001)), machine.refused()), (Order::Vent, (1, Reason::ASKED)));
+    machine.ask(Asked::Disarm, &seen(9_002));
+    assert_eq!((machine.look(&seen(9_002)), machine.state()), (Order::Hold, State::Disarmed));
+}
+
+#[test]
+fn another_reference_disarms() {
+    for other in [None, Some((2, 0)), Some((1, 1))] {
+        let mut machine = armed(Safe::Vent);
+        assert_eq!(machine.look(&Seen { reference: other, ..seen(10) }), Order::Hold);
+        assert_eq!((machine.state(), machine.refused().1), (State::Disarmed, Reason::REFERENCE));
+    }
+}
+
+/// Something that may happen.
+fn happening() -> impl Strategy<Value = (Option<Asked>, u32, u32, u32, bool, u64)> {
+    let asked = prop_oneof![
+        10 => Just(None),
+        2 => Just(Some(Asked::Arm)),
+        1 => Just(Some(Asked::Disarm)),
+        1 => Just(Some(Asked::Resume)),
+        1 => Just(Some(Asked::Vent)),
+    ];
+    let rare = |bit: u32| prop_oneof![9 => Just(0), 1 => Just(bit)];
+    let idle = prop::bool::weighted(0.1);
+    (asked, rare(Reason::PRESSURE), rare(Reason::POSE_STALE), rare(Reason::REFERENCE), idle, 1..15u64)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    #[test]
+    fn it_follows_only_what_is_whole_and_holds_before_it_vents(
+        happenings in prop::collection::vec(happening(), 1..300),
+        vents in any::<bool>(),
+    ) {
+        let safe = if vents { Safe::Vent } else { Safe::Hold };
+        let mut machine = Machine::new(rules(safe));
+        let (mut ms, mut followed_at, mut armed_by_person) = (0, None, false);
+        for (asked, faults, missing, unready, is_idle, step) in happenings {
+            ms += step;
+            let seen = Seen { faults, missing, unready, is_idle, ..seen(ms) };
+            if let Some(asked) = asked {
+                machine.ask(asked, &seen);
+                armed_by_person |= matches!(asked, Asked::Arm | Asked::Resume);
+            }
+            let order = machine.look(&seen);
+            match order {
+                Order::Follow => {
+                    prop_assert!(armed_by_person && faults | missing == 0 && !is_idle);
+                    prop_assert_eq!(state(&machine), (State::Armed, 0));
+                    followed_at = Some(ms);
+                }
+                // Held for at least the lead since the last order to follow, under a state that says so.
+                Order::Vent => prop_assert!(followed_at.is_none_or(|at| ms - at >= 20)),
+                Order::Hold => {}
+            }
+            prop_assert_eq!(machine.state() == State::Armed, order == Order::Follow);
+            prop_assert!(machine.state() == State::Armed || machine.reasons() != 0);
+        }
+    }
+}
