@@ -122,6 +122,8 @@ mod tests {
             status: TargetStatus::Held as u32,
             unreachable: 0,
             asked: 1,
+            refusal: 0,
+            reserved: 0,
         }
     }
 

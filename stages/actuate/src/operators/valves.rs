@@ -6,11 +6,11 @@ use stillpoint_pipeline::operator::{
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason as Reason, ConsoleCommand, Datagram, Diagnostics, Duties,
-    Metric, PoseReport, Sample, Track,
+    Metric, PoseReport, RigState, Sample, Track,
 };
 
 use super::params::{FreshnessParams, check_life, extrinsic, key};
-use super::watch::{REFERENCE, STATE, Watch};
+use super::watch::{MEASURED, REFERENCE, STATE, Watch};
 use crate::datagram::LONGEST;
 use crate::extrinsic::{ExtrinsicParams, Need};
 use crate::machine::{Machine, Rules};
@@ -124,6 +124,13 @@ impl Operator for ActuateValves {
             person("disarm", false, "A person forbids it: the valves shut."),
             person("resume", false, "A person has it go on after a fault or a vent."),
             person("vent", false, "A person lets the air out."),
+            Input {
+                name: "measured",
+                sample: RigState::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "Measured pressures, which replace the estimated ones.",
+            },
         ],
         outputs: &[
             Output {
@@ -202,6 +209,7 @@ impl Operator for ActuateValves {
         self.watch.take(activation);
         let gone = self.last.map_or(self.every, |(at, _)| now.saturating_sub(at));
         self.let_pass(gone);
+        self.measure(activation);
         let mut seen = self.watch.seen(now);
         if self.pressure.is_exceeded(self.valves / 2) {
             seen.faults |= Reason::PRESSURE;
@@ -233,6 +241,17 @@ impl ActuateValves {
             Safe::Vent => Order::Vent,
         };
         self.obey(safe, gone - told);
+    }
+
+    /// Takes measured pressures for the estimated ones.
+    fn measure(&mut self, activation: &Activation<'_>) {
+        if let Some(sample) = activation.fresh::<RigState>(MEASURED)
+            && let Some(rig) = sample.first()
+        {
+            for (bladder, pressure) in rig.pressure.iter().enumerate().take(rig.bladders as usize) {
+                self.pressure.correct(bladder, *pressure);
+            }
+        }
     }
 
     fn obey(&mut self, order: Order, ns: u64) {

@@ -13,6 +13,7 @@ use crate::pose_watch::PoseWatch;
 pub const COMMAND: usize = 0;
 pub const STATE: usize = 1;
 pub const REFERENCE: usize = 2;
+pub const MEASURED: usize = 7;
 /// The first of the inputs of people.
 pub const ARM: usize = 3;
 /// What each of them asks, and the verb that it must carry.
@@ -87,8 +88,7 @@ impl Watch {
         let pose_age = self.pose.age(now);
         // A law that is lost says so itself, and asks that all valves be shut.
         let is_lost = |d: &DutiesElement| d.reasons & DutyReason::NotFinite.bit() != 0;
-        let bad =
-            |d: &DutiesElement| is_lost(d) || d.duty.iter().take(self.valves).any(|d| !d.is_finite());
+        let bad = |d: &DutiesElement| is_lost(d) || d.duty.iter().take(self.valves).any(|d| !d.is_finite());
         let misfit = |d: &DutiesElement| d.valves as usize != self.valves;
         let duties = self.command.as_ref().map(|(duties, _)| duties);
         let faults = bit(self.pose.is_broken(), Reason::POSE_NOT_FINITE)

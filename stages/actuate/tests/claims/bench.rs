@@ -4,10 +4,13 @@ use stillpoint_actuate::pose_watch::PoseWatch;
 use stillpoint_actuate::{Order, decode};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason as Reason, ActuationState as State, ConsoleCommand,
-    Datagram, Duties, PoseReport, Track, TrackElement, Verb,
+    Datagram, Duties, DutiesElement, DutyReason, PoseReport, RigState, RigStateElement, Track, TrackElement,
+    Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
+
+use zerocopy::FromZeros;
 
 use super::script::{STAGES, command, duties, report, track};
 use super::sent::key;
@@ -18,6 +21,7 @@ const STATE: usize = 1;
 const REFERENCE: usize = 2;
 const ARM: usize = 3;
 const RESUME: usize = 5;
+const MEASURED: usize = 7;
 const MS: u64 = 1_000_000;
 
 fn bench(text: &str, name: &str) -> Result<Bench, String> {
@@ -125,6 +129,35 @@ fn a_reference_that_is_waived_is_not_needed() {
     bench.feed::<Duties>(COMMAND, &(), &[duties(0.4)], 0);
     let left = bench.feed::<ConsoleCommand>(ARM, &(), &[command(Verb::Arm)], 0);
     assert_eq!(state(&left).state(), State::Armed);
+}
+
+#[test]
+fn a_measured_pressure_replaces_the_estimate_and_is_a_fault_above_the_limit() {
+    let mut bench = armed("");
+    let rig = |pressure: f64| {
+        let mut rig = RigStateElement::new_zeroed();
+        (rig.bladders, rig.pressure[1], rig.pressure[7]) = (3, pressure, 90e3);
+        rig
+    };
+    let left = bench.feed::<RigState>(MEASURED, &(), &[rig(25e3)], 0);
+    let seen = state(&left);
+    assert!((seen.pressure[1] - 25e3).abs() < 1e-6 && seen.pressure[7] == 0.0);
+    // Nearer to the limit than the taper: the inlet shuts by and by.
+    let near = state(&bench.feed::<RigState>(MEASURED, &(), &[rig(39.8e3)], 0));
+    assert!(near.duty[2] <= 0.051 && near.duty[0] > 0.1, "{near:?}");
+    assert_eq!(near.reasons & Reason::PRESSURE_LIMITED, Reason::PRESSURE_LIMITED);
+    let none = state(&bench.feed::<RigState>(MEASURED, &(), &[rig(f64::NAN)], 0));
+    assert!((none.pressure[1] - 39.8e3).abs() < 50.0);
+    let left = bench.feed::<RigState>(MEASURED, &(), &[rig(40.1e3)], 0);
+    assert_eq!((state(&left).state(), state(&left).fault), (State::Fault, Reason::PRESSURE));
+}
+
+#[test]
+fn a_law_that_is_lost_is_a_fault_though_it_asks_for_shut_valves() {
+    let mut bench = armed("");
+    let lost = DutiesElement::shut(6, DutyReason::NotFinite.bit());
+    let left = bench.feed::<Duties>(COMMAND, &(), &[lost], 0);
+    assert_eq!((state(&left).state(), state(&left).fault), (State::Fault, Reason::COMMAND_NOT_FINITE));
 }
 
 #[test]

@@ -44,12 +44,12 @@ impl<T: Operator> Quiet<T> {
         let setup = Setup {
             operator: name,
             every: node.every,
-            connected: &[true; 7],
+            connected: &[true; 8],
             input_frames: &couch,
             output_frames: &[],
             frames: &frames,
             files: &files,
-            inbox: Default::default(),
+            outside: Default::default(),
         };
         let kinds: Vec<_> = T::KIND.outputs.iter().map(|o| o.sample).zip(capacities).collect();
         Self {
@@ -64,7 +64,7 @@ impl<T: Operator> Quiet<T> {
     fn step(&mut self, index: u64, time: u64, samples: &[(usize, Pieces<'_>)]) {
         self.drafts.clear();
         self.stock.0 = self.kinds.iter().map(|(kind, n)| Some(Buffer::heap(kind, *n))).collect();
-        let mut inputs = [Brought::default(); 7];
+        let mut inputs = [Brought::default(); 8];
         for (port, pieces) in samples {
             inputs[*port].sample = Some(Consumed { pieces: *pieces, held: false });
         }

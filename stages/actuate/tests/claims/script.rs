@@ -82,6 +82,8 @@ pub fn target() -> TargetElement {
         status: TargetStatus::Held as u32,
         unreachable: 0,
         asked: 1,
+        refusal: 0,
+        reserved: 0,
     }
 }
 
