@@ -64,7 +64,7 @@ impl Report {
 }
 
 /// All sections of a session's report.
-fn sections_of(
+pub fn sections_of(
     session: &Session,
     path: &Path,
     registry: &Registry,

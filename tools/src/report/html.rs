@@ -2,13 +2,11 @@
 
 use std::fmt::Write;
 
+use super::drawings::{chart, spark};
 use super::page::{Block, Cell, Mood, Picture, Section, Table, Tile};
 use super::picture::base64;
-use crate::chart::{Chart, Series, Style, colour};
 
 const STYLE: &str = include_str!("page.css");
-/// Size of a chart, in units that the page scales.
-const CHART: (u32, u32) = (580, 240);
 
 /// Text as it stands in HTML and SVG.
 pub fn escape(text: &str) -> String {
@@ -27,7 +25,7 @@ pub fn escape(text: &str) -> String {
 }
 
 /// Control characters have no place in a page.
-fn printable(text: &str) -> String {
+pub fn printable(text: &str) -> String {
     text.replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}")
 }
 
@@ -144,6 +142,7 @@ fn cell(cell: &Cell) -> String {
         Cell::Text(text) => format!("<td>{}</td>", escape(text)),
         Cell::Number(text) => format!("<td class=\"number\">{}</td>", escape(text)),
         Cell::State(mood, text) => format!("<td class=\"{}\">{}</td>", class(*mood), escape(text)),
+        Cell::Spark(points) => format!("<td>{}</td>", spark(points)),
         Cell::Bar(part, text) => {
             let part = if part.is_finite() { part.clamp(0.0, 1.0) * 60.0 } else { 0.0 };
             format!(
@@ -166,66 +165,10 @@ fn picture(picture: &Picture) -> String {
     )
 }
 
-fn chart(chart: &Chart, caption: &str) -> String {
-    // Title and legend stand in the page, where they cannot lie over a line.
-    let series = chart.series.iter().map(|s| Series { name: String::new(), ..s.clone() });
-    let bare = Chart {
-        title: String::new(),
-        x: printable(&chart.x),
-        y: printable(&chart.y),
-        series: series.collect(),
-    };
-    let drawn = match bare.svg(CHART.0, CHART.1) {
-        Ok(svg) => themed(&svg),
-        Err(reason) => format!("<p class=\"warning\">{}</p>", escape(&reason)),
-    };
-    let names: String = chart.series.iter().enumerate().map(|(i, s)| legend(i, s)).collect();
-    let caption = match caption {
-        "" => String::new(),
-        text => format!("<p>{}</p>", escape(text)),
-    };
-    format!(
-        "<figure><figcaption><b>{}</b><span class=\"legend\">{names}</span></figcaption>{drawn}{caption}</figure>",
-        escape(&chart.title)
-    )
-}
-
-/// What a series looks like, and its name.
-fn legend(number: usize, series: &Series) -> String {
-    if series.name.is_empty() {
-        return String::new();
-    }
-    let colour = svg_colour(number);
-    let mark = match series.style {
-        Style::Dots => format!("<circle cx=\"11\" cy=\"5\" r=\"3\" fill=\"{colour}\"/>"),
-        Style::Dashed => {
-            format!("<path d=\"M0 5H22\" stroke=\"{colour}\" stroke-width=\"1.5\" stroke-dasharray=\"6 4\"/>")
-        }
-        Style::Line | Style::Steps => format!("<path d=\"M0 5H22\" stroke=\"{colour}\" stroke-width=\"2\"/>"),
-    };
-    format!(
-        "<span><svg width=\"22\" height=\"10\" viewBox=\"0 0 22 10\">{mark}</svg> {}</span> ",
-        escape(&series.name)
-    )
-}
-
-fn svg_colour(number: usize) -> String {
-    match colour(number) {
-        [0, 0, 0] => "var(--ink)".to_owned(),
-        [r, g, b] => format!("#{r:02X}{g:02X}{b:02X}"),
-    }
-}
-
-/// Black and white of a drawing become ink and paper of the page. A drawing within HTML needs no name space.
-fn themed(svg: &str) -> String {
-    svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")
-        .replace("\"#FFFFFF\"", "\"var(--paper)\"")
-        .replace("\"#000000\"", "\"var(--ink)\"")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chart::{Chart, Series, Style};
 
     #[test]
     fn text_is_text_wherever_it_stands() {
@@ -277,24 +220,5 @@ mod tests {
             html.contains("<th scope=\"col\">what")
                 && html.contains("<th scope=\"col\" class=\"number\">how much")
         );
-    }
-
-    #[test]
-    fn a_chart_takes_the_colours_of_the_page_and_names_its_series_once() {
-        let line = |name: &str| Series {
-            name: name.into(),
-            points: vec![(0.0, 0.0), (1.0, 1.0)],
-            style: Style::Line,
-        };
-        let chart_of = Chart {
-            title: "t".into(),
-            x: "time, s".into(),
-            y: "z, mm".into(),
-            series: vec![line("alpha"), line("beta")],
-        };
-        let html = chart(&chart_of, "");
-        assert_eq!((html.matches("alpha").count(), html.matches("beta").count()), (1, 1));
-        assert!(html.contains("var(--ink)") && !html.contains("#000000") && !html.contains("xmlns"));
-        assert!(html.contains("time, s") && html.contains("z, mm"));
     }
 }

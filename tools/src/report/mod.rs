@@ -4,16 +4,22 @@
 //! and the blocks become HTML. A new section is a file in [`sections`] and a line in its list.
 //!
 //! - `command`: the subcommand
-//! - `recording`, `wiring`, `thinned`: what is read of a session; who feeds whom; long rows in bounded memory
+//! - `recording`, `rows`, `wiring`, `thinned`: what is read of a session; small samples over time; who feeds whom; long
+//!   rows in bounded memory
 //! - `motion`, `statistics`: estimates against the truth; plain numbers
+//! - `response`: answers to steps of a target
 //! - `ramp`: what the gains of a filter do to noise and to a ramp
-//! - `views`, `overlay`: images with what was found in them; the same as pictures
+//! - `views`, `again`, `overlay`: images with what was found in them; what had to be made again; the same as pictures
 //! - `sections`: one file for each section
-//! - `page`, `html`, `page.css`: sections and blocks; the page; its style
+//! - `page`, `html`, `drawings`, `page.css`: sections and blocks; the page; its charts; its style
 //! - `diagram`, `picture`, `numbers`: the wiring as a drawing; PNG files; numbers as text
 
+mod again;
+#[cfg(test)]
+mod broken;
 mod command;
 mod diagram;
+mod drawings;
 mod html;
 mod motion;
 mod numbers;
@@ -22,6 +28,8 @@ mod page;
 mod picture;
 mod ramp;
 mod recording;
+mod response;
+mod rows;
 mod sections;
 mod source;
 mod statistics;

@@ -6,7 +6,12 @@ pub const NONE: &str = "–";
 /// With so many digits behind the point.
 pub fn fixed(value: impl Into<Option<f64>>, digits: usize) -> String {
     match value.into() {
-        Some(v) if v.is_finite() => format!("{v:.digits$}"),
+        Some(v) if v.is_finite() => {
+            let text = format!("{v:.digits$}");
+            // What rounds to nothing has no sign.
+            let is_zero = text.starts_with('-') && text.bytes().all(|b| b"-0.".contains(&b));
+            if is_zero { text[1..].to_owned() } else { text }
+        }
         Some(v) if v.is_infinite() => "∞".to_owned(),
         _ => NONE.to_owned(),
     }
@@ -67,7 +72,10 @@ mod tests {
             (fixed(1.234, 2), fixed(None, 2), fixed(f64::NAN, 2)),
             ("1.23".into(), NONE.into(), NONE.into())
         );
-        assert_eq!(fixed(f64::INFINITY, 1), "∞");
+        assert_eq!(
+            (fixed(f64::INFINITY, 1), fixed(-4e-4, 3), fixed(-6e-4, 3)),
+            ("∞".into(), "0.000".into(), "-0.001".into())
+        );
         assert_eq!(
             (count(7), count(1234), count(123_456)),
             ("7".into(), "1\u{202f}234".into(), "123\u{202f}456".into())

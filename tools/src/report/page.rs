@@ -91,6 +91,8 @@ pub enum Cell {
     Bar(f64, String),
     /// Words that say whether all is well.
     State(Mood, String),
+    /// A small line over time.
+    Spark(Vec<(f64, f64)>),
 }
 
 /// A picture.

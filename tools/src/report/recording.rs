@@ -1,117 +1,22 @@
-//! What a report needs of a session, read in one pass: the small samples as numbers over time. Images and clouds are
-//! left where they are.
+//! What a report needs of a session, read in one pass: the small samples as rows over time. Images and clouds are left
+//! where they are.
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use serde::Serialize;
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic, TopicKind};
 use stillpoint_samples::{
-    BytesError, Diagnostics, Health, Pieces, Pose, Rejection, Sample, SampleKind, Standing, Track,
+    BytesError, Diagnostics, Duties, DutiesElement, Health, Pieces, Pose, PoseReport, Rejection, Sample,
+    SampleKind, Target, Track,
 };
-use stillpoint_track::PoseNumbers;
 
+pub use super::rows::{
+    Aims, Alignments, Fit, Metrics, Order, Orders, Part, Refusal, Signal, State, Tracking, Verdict,
+};
 use super::thinned::Thinned;
 use super::wiring::Wiring;
 
 /// Samples that could not be read and are shown; more are counted.
 const UNREADABLE_SHOWN: usize = 10;
-
-/// What a pose is to the estimate of a head.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Part {
-    /// Where the head really is.
-    Truth,
-    /// A measurement.
-    Raw,
-    /// A measurement behind a filter.
-    Filtered,
-    /// Several tracks as one.
-    Fused,
-}
-
-/// A pose or a track at one time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
-    /// When what is behind it was acquired, ns.
-    pub origin: u64,
-    /// x, y, z in m, pitch, roll, yaw in rad; NaN where not known.
-    pub channels: [f64; 6],
-    /// Standard deviations of the position in m, and of small rotations about the frame's axes in rad.
-    pub sd: [f64; 6],
-    /// Normalised innovation squared; NaN where nothing was measured.
-    pub nis: f64,
-    /// What a track stands on; a pose is measured.
-    pub standing: Standing,
-}
-
-/// What the last sample of a track says of its filter.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tracking {
-    /// The channels of the filter, a bit each.
-    pub channels: u32,
-    /// Measurements used.
-    pub accepted: u64,
-    /// Measurements refused.
-    pub rejected: u64,
-    /// Standard deviation of the acceleration by channel, m/s2 and rad/s2.
-    pub acceleration_sd: [f64; 6],
-    /// How long such an acceleration lasts, s; 0 where from one measurement to the next.
-    pub acceleration_hold_s: f64,
-    /// The last gains that were used, by channel: of the position, and of the rate per second.
-    pub gains: [[f64; 2]; 6],
-}
-
-/// A pose or a track over time, in the order of acquisition.
-#[derive(Clone, Debug)]
-pub struct Signal {
-    /// Its topic.
-    pub topic: String,
-    /// Its frame.
-    pub frame: Option<String>,
-    /// What it is to the estimate.
-    pub part: Part,
-    /// Its samples.
-    pub states: Thinned<State>,
-    /// Of a track.
-    pub tracking: Option<Tracking>,
-}
-
-/// Named numbers over time.
-#[derive(Clone, Debug, Default)]
-pub struct Metrics {
-    /// Their topic.
-    pub topic: String,
-    /// Whether they are durations that the live executor measured.
-    pub is_timing: bool,
-    /// By name, in the order in which they came first: (stamp in ns, value).
-    pub values: Vec<(String, Thinned<(u64, f64)>)>,
-}
-
-/// What was said of a sensor, from some time on.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Verdict {
-    /// The topic.
-    pub topic: String,
-    /// The sensor.
-    pub sensor: String,
-    /// `used`, or why not.
-    pub reason: String,
-    /// Since when, ns.
-    pub since: u64,
-}
-
-/// A frame that gave no result.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// The topic that says so.
-    pub topic: String,
-    /// When, ns.
-    pub stamp: u64,
-    /// Why.
-    pub reason: String,
-}
 
 /// A session with what a report needs of it.
 pub struct Recording<'s> {
@@ -129,6 +34,12 @@ pub struct Recording<'s> {
     pub metrics: Vec<Metrics>,
     /// What was said of sensors, where it changed.
     pub verdicts: Vec<Verdict>,
+    /// What pose estimates said of themselves.
+    pub alignments: Vec<Alignments>,
+    /// Targets.
+    pub targets: Vec<Aims>,
+    /// Duties of valves.
+    pub duties: Vec<Orders>,
     /// Frames that gave no result.
     pub refusals: Thinned<Refusal>,
     /// Why samples could not be read, the first of them; and how many could not.
@@ -146,6 +57,9 @@ impl<'s> Recording<'s> {
             signals: Vec::new(),
             metrics: Vec::new(),
             verdicts: Vec::new(),
+            alignments: Vec::new(),
+            targets: Vec::new(),
+            duties: Vec::new(),
             refusals: Thinned::default(),
             unreadable: (Vec::new(), 0),
             wiring,
@@ -187,6 +101,19 @@ impl<'s> Recording<'s> {
             self.metrics.push(Metrics { topic: topic.name.clone(), is_timing, values: Vec::new() });
             return Some(self.metrics.len() - 1);
         }
+        if is_any_of(topic, &[PoseReport::KIND]) {
+            self.alignments.push(Alignments { topic: topic.name.clone(), ..Alignments::default() });
+            return Some(self.alignments.len() - 1);
+        }
+        if is_any_of(topic, &[Target::KIND]) {
+            let (topic, frame) = (topic.name.clone(), topic.frame.clone());
+            self.targets.push(Aims { topic, frame, ..Aims::default() });
+            return Some(self.targets.len() - 1);
+        }
+        if is_any_of(topic, &[Duties::KIND]) {
+            self.duties.push(Orders { topic: topic.name.clone(), ..Orders::default() });
+            return Some(self.duties.len() - 1);
+        }
         None
     }
 
@@ -209,28 +136,13 @@ impl<'s> Recording<'s> {
         if *kind == *Pose::KIND {
             let signal = place.and_then(|p| self.signals.get_mut(p));
             if let (Some(signal), Some(pose)) = (signal, pieces.view::<Pose>()?.first()) {
-                let sd = std::array::from_fn(|i| pose.covariance[7 * i].sqrt());
-                let channels = known(channels(pose.position, pose.orientation), sd);
-                let standing = Standing::Measured;
-                signal.states.push(State { origin: head.origin, channels, sd, nis: f64::NAN, standing });
+                signal.states.push(State::of_pose(head.origin, pose));
             }
         } else if *kind == *Track::KIND {
             let signal = place.and_then(|p| self.signals.get_mut(p));
             if let (Some(signal), Some(track)) = (signal, pieces.view::<Track>()?.first()) {
-                let sd = std::array::from_fn(|i| track.covariance[13 * i].sqrt());
-                let channels = known(channels(track.position, track.orientation), sd);
-                let standing = track.standing();
-                signal.states.push(State { origin: head.origin, channels, sd, nis: track.nis, standing });
-                let gains = std::array::from_fn(|i| [track.gain[7 * i], track.gain[7 * i + 36]]);
-                let before = signal.tracking.map(|t| t.gains).unwrap_or_default();
-                signal.tracking = Some(Tracking {
-                    channels: track.channels,
-                    accepted: track.accepted,
-                    rejected: track.rejected,
-                    acceleration_sd: track.acceleration_sd,
-                    acceleration_hold_s: track.acceleration_hold,
-                    gains: if gains == [[0.0; 2]; 6] { before } else { gains },
-                });
+                signal.states.push(State::of_track(head.origin, track));
+                signal.tracking = Some(Tracking::of(track, signal.tracking.as_ref()));
             }
         } else if *kind == *Diagnostics::KIND {
             if let Some(metrics) = place.and_then(|p| self.metrics.get_mut(p)) {
@@ -241,6 +153,29 @@ impl<'s> Recording<'s> {
         } else if *kind == *Health::KIND {
             for sensor in pieces.view::<Health>()?.elements {
                 self.judge(&topic.name, sensor.name(), sensor.reason(), head.stamp);
+            }
+        } else if *kind == *PoseReport::KIND {
+            let alignments = place.and_then(|p| self.alignments.get_mut(p));
+            if let (Some(alignments), Some(report)) = (alignments, pieces.view::<PoseReport>()?.first()) {
+                alignments.take(head.origin, report);
+            }
+        } else if *kind == *Target::KIND {
+            let aims = place.and_then(|p| self.targets.get_mut(p));
+            if let (Some(aims), Some(target)) = (aims, pieces.view::<Target>()?.first()) {
+                let ([x, y, z], [pitch, roll, yaw]) = (target.position, target.angles);
+                aims.values.push((head.stamp, [x, y, z, pitch, roll, yaw]));
+            }
+        } else if *kind == *Duties::KIND {
+            let orders = place.and_then(|p| self.duties.get_mut(p));
+            if let (Some(orders), Some(duties)) = (orders, pieces.view::<Duties>()?.first()) {
+                orders.valves = orders.valves.max((duties.valves as usize).min(DutiesElement::ROOM));
+                orders.values.push(Order {
+                    stamp: head.stamp,
+                    duty: duties.duty.map(|d| d as f32),
+                    saturated: duties.saturated,
+                    idle: duties.idle != 0,
+                    reasons: duties.reasons,
+                });
             }
         } else if *kind == *Rejection::KIND
             && let Some(rejection) = pieces.view::<Rejection>()?.first()
@@ -287,26 +222,17 @@ impl<'s> Recording<'s> {
     }
 }
 
-impl Metrics {
-    fn push(&mut self, name: &str, stamp: u64, value: f64) {
-        match self.values.iter_mut().find(|(known, _)| known == name) {
-            Some((_, values)) => values.push((stamp, value)),
-            None => {
-                let mut values = Thinned::default();
-                values.push((stamp, value));
-                self.values.push((name.to_owned(), values));
-            }
-        }
-    }
-
-    /// The numbers of this name.
-    pub fn of(&self, name: &str) -> &[(u64, f64)] {
-        self.values.iter().find(|(known, _)| known == name).map_or(&[], |(_, values)| values.items())
-    }
-}
-
 /// The kinds that are read.
-const READ: &[&SampleKind] = &[Pose::KIND, Track::KIND, Diagnostics::KIND, Health::KIND, Rejection::KIND];
+const READ: &[&SampleKind] = &[
+    Pose::KIND,
+    Track::KIND,
+    Diagnostics::KIND,
+    Health::KIND,
+    PoseReport::KIND,
+    Target::KIND,
+    Duties::KIND,
+    Rejection::KIND,
+];
 
 /// Whether the samples of a topic are of one of these kinds, as this build has them.
 pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
@@ -317,18 +243,4 @@ pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
 fn span(session: &Session) -> [u64; 2] {
     let stamps = || session.journals().values().flatten().map(|e| e.head.stamp).filter(|t| *t < u64::MAX);
     [stamps().min().unwrap_or(0), stamps().max().unwrap_or(0)]
-}
-
-/// Position, pitch, roll, yaw.
-fn channels(position: [f64; 3], orientation: [f64; 4]) -> [f64; 6] {
-    let [w, i, j, k] = orientation;
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
-    let numbers = PoseNumbers::of(&Isometry3::from_parts(Translation3::from(position), turn));
-    let [x, y, z] = position;
-    [x, y, z, numbers.pitch, numbers.roll, numbers.yaw]
-}
-
-/// A channel of infinite variance is not known.
-fn known(channels: [f64; 6], sd: [f64; 6]) -> [f64; 6] {
-    std::array::from_fn(|i| if sd[i].is_finite() { channels[i] } else { f64::NAN })
 }

@@ -3,25 +3,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::replay::{ReplayError, Selection, replay};
-use stillpoint_pipeline::schedule::Witness;
-use stillpoint_pipeline::shelf::Parcel;
-use stillpoint_pipeline::stdout::Aside;
 use stillpoint_samples::{
-    AlignedBytes, DepthImage, Entry, Hull, Pieces, Plane, PlaneElement, PointCloud, RefKind, Rejection,
-    Sample, SampleKind,
+    AlignedBytes, DepthImage, Hull, Pieces, Plane, PlaneElement, PointCloud, RefKind, Rejection, Sample,
+    SampleKind,
 };
 
+use super::again::made_again;
 use super::overlay::Image;
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
 
 /// Images of the begin of a session among which those that a replay makes again are chosen.
-const REPLAYED: usize = 300;
-/// What the witness says once it has seen everything.
-const ENOUGH: &str = "enough was made again";
-
+pub const REPLAYED: usize = 150;
 /// Where a face, a plane and a hull are sought, and in whose images.
 #[derive(Clone, Debug)]
 pub struct Camera {
@@ -135,7 +128,7 @@ fn sent(recording: &Recording<'_>, topic: &str) -> BTreeMap<u64, (u32, u64)> {
 }
 
 /// Samples by topic and origin.
-type Found = BTreeMap<(String, u64), AlignedBytes>;
+pub type Found = BTreeMap<(String, u64), AlignedBytes>;
 
 fn fill(source: &Source<'_>, camera: &mut Camera) {
     let recording = &source.recording;
@@ -205,52 +198,6 @@ fn kept(
         }
     }
     found
-}
-
-/// Keeps what is wanted of a replay, and ends it behind the last of it.
-struct Collector<'a> {
-    graph: &'a Graph,
-    /// Operator and output of each topic that is wanted.
-    topics: BTreeMap<(usize, usize), String>,
-    stage: usize,
-    wanted: &'a [u64],
-    found: &'a mut Found,
-}
-
-impl Witness for Collector<'_> {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
-        let origin = entry.head.origin;
-        if self.wanted.contains(&origin) {
-            for (port, parcel) in outputs {
-                if let Some(topic) = self.topics.get(&(operator, *port)) {
-                    self.found.insert((topic.clone(), origin), (*parcel.bytes).clone());
-                }
-            }
-        }
-        let is_past = operator == self.stage && self.wanted.last().is_none_or(|last| origin >= *last);
-        let said = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
-        if is_past && super::sections::is_activation(entry) { Err(said()) } else { Ok(()) }
-    }
-}
-
-fn made_again(source: &Source<'_>, camera: &Camera, wanted: &[u64], found: &mut Found) -> Result<(), String> {
-    let (graph, files) = source.pipeline.as_ref().map_err(|reason| {
-        format!(
-            "the session does not hold what was found, and its pipeline is not one of this build: {reason}"
-        )
-    })?;
-    let session = source.recording.session;
-    session.check_layouts().map_err(|e| e.to_string())?;
-    let stage = graph.operator(&camera.stage).ok_or("the pipeline has no such operator")?;
-    let topics = camera.results.values().chain([&camera.image]);
-    let topics = topics.filter_map(|t| Some((graph.topic(t)?, t.clone()))).collect();
-    let mut collector = Collector { graph, topics, stage, wanted, found };
-    let _aside = Aside::begin();
-    match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
-        Err(ReplayError::Witness(said)) if said.starts_with(ENOUGH) => Ok(()),
-        Ok(_) => Ok(()),
-        Err(e) => Err(e.to_string()),
-    }
 }
 
 fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Result<View, String> {

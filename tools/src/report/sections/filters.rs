@@ -73,7 +73,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         return Ok(section.with(Block::Text(said.into())));
     }
     section.blocks.push(Block::Text(format!(
-        "Variances of the errors about their mean, from the {:.0}th second of each track on.",
+        "Variances of the errors about their mean, without the first {:.0} s of each track.",
         figures.settling_s
     )));
     if !figures.filters.is_empty() {
@@ -211,7 +211,7 @@ fn centralised(recording: &Recording<'_>, fused: &Signal, channel: usize, truth:
 }
 
 fn filter_table(filters: &[Filter]) -> Table {
-    let lag = format!("lag to {RAMP_MM_PER_S:.0} mm/s, mm: second 1, 2, 6");
+    let lag = format!("lag in second 1, 2 and 6 of {RAMP_MM_PER_S:.0} mm/s, mm");
     let columns = [
         "filter",
         "of",
@@ -230,7 +230,7 @@ fn filter_table(filters: &[Filter]) -> Table {
         &columns,
     );
     for f in filters {
-        let lag = f.lag_mm.map_or_else(|| fixed(None, 0), |lag| lag.map(|l| fixed(l + 0.0, 3)).join(", "));
+        let lag = f.lag_mm.map_or_else(|| fixed(None, 0), |lag| lag.map(|l| fixed(l, 3)).join(", "));
         table.row([
             Cell::text(&f.topic),
             Cell::text(&f.measurement),

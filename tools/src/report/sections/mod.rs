@@ -1,7 +1,10 @@
 //! The sections of a report, in their order. To add one, add a file with a function from the source to a section, and
 //! a line in [`ALL`].
 
+mod alignment;
 mod consistency;
+mod diagnostics;
+mod duties;
 mod errors;
 mod faults;
 mod filters;
@@ -12,6 +15,7 @@ mod segmentation;
 mod sensors;
 mod stages;
 mod summary;
+mod targets;
 mod topics;
 mod tracks;
 
@@ -32,9 +36,13 @@ pub const ALL: &[Make] = &[
     filters::section,
     consistency::section,
     sensors::section,
+    targets::section,
+    duties::section,
     segmentation::section,
+    alignment::section,
     operators::section,
     stages::section,
+    diagnostics::section,
     ledger::section,
     faults::section,
     topics::section,

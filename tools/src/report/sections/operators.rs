@@ -11,6 +11,7 @@ use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::recording::Recording;
 use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
+use crate::report::wiring::Stage;
 
 /// Operators whose ages are drawn: the last ones downstream.
 const DRAWN: usize = 5;
@@ -72,7 +73,7 @@ pub fn of(recording: &Recording<'_>) -> Vec<Operator> {
                 rate_hz: if seconds > 0.0 { active.len() as f64 / seconds } else { 0.0 },
                 interval_ms: Spread::of(intervals),
                 step_ms: Spread::of(times.iter().map(|(e, sent)| (sent - e.head.stamp) as f64 * 1e-6)),
-                age_ms: Spread::of(times.iter().map(|t| age_ms(*t))),
+                age_ms: Spread::of(times.iter().filter(|t| has_age(stage, t.0)).map(|t| age_ms(*t))),
                 sent: sent.sum(),
                 errors: ended(Outcome::Error),
                 panics: ended(Outcome::Panic),
@@ -91,6 +92,11 @@ fn sent_times(entries: &[Entry]) -> Vec<(&Entry, u64)> {
             && w[1].body.sent_before > w[0].head.stamp
     });
     pairs.map(|w| (&w[0], w[1].body.sent_before)).collect()
+}
+
+/// Whether something was acquired behind an activation: a timer's tick of an operator with inputs may have nothing new.
+fn has_age(stage: &Stage, entry: &Entry) -> bool {
+    entry.head.origin < entry.head.stamp || stage.inputs.iter().all(String::is_empty)
 }
 
 fn age_ms((entry, sent): (&Entry, u64)) -> f64 {
@@ -167,7 +173,8 @@ fn ages(recording: &Recording<'_>) -> Option<Block> {
     let made = recording.wiring.stages().iter().filter(|s| s.inputs.iter().any(|i| !i.is_empty()));
     let all = made.filter_map(|stage| {
         let times = sent_times(recording.session.journals().get(&stage.name)?);
-        let points: Vec<_> = times.iter().map(|t| (recording.seconds(t.0.head.stamp), age_ms(*t))).collect();
+        let times = times.iter().filter(|t| has_age(stage, t.0));
+        let points: Vec<_> = times.map(|t| (recording.seconds(t.0.head.stamp), age_ms(*t))).collect();
         (!points.is_empty()).then(|| Series {
             name: stage.name.clone(),
             points: for_a_line(&points, LINE),

@@ -7,7 +7,7 @@ use crate::report::numbers::{count, fixed};
 use crate::report::overlay::paint;
 use crate::report::page::{Block, Picture, Section};
 use crate::report::source::Source;
-use crate::report::views::{Camera, View, cameras};
+use crate::report::views::{Camera, REPLAYED, View, cameras};
 
 #[derive(Serialize)]
 struct Figures {
@@ -59,8 +59,12 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         );
         if camera.made_again {
             said.push_str(
-                " The session does not hold face, plane and hull: they were made again from its images, by this build.",
+                " The session does not hold all of images, faces, planes and hulls: a replay by this build made them again",
             );
+            if camera.looked_at > REPLAYED {
+                said.push_str(&format!(", among the first {REPLAYED} of them"));
+            }
+            said.push('.');
         }
         section.blocks.push(Block::Text(said));
         if let Some(reason) = &camera.missing {

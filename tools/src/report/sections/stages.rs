@@ -11,6 +11,9 @@ use crate::report::recording::{Metrics, Recording};
 use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line, mean};
 
+/// Stages of an operator that are drawn.
+const DRAWN: usize = 5;
+
 #[derive(Serialize)]
 struct Figures {
     topics: Vec<Timing>,
@@ -83,13 +86,17 @@ fn timing(metrics: &Metrics) -> Timing {
     Timing { topic: metrics.topic.clone(), stages: stages.collect() }
 }
 
+/// The stages that take most of the time, over time.
 fn chart(recording: &Recording<'_>, metrics: &Metrics) -> Block {
-    let series = metrics.values.iter().map(|(name, values)| {
+    let sum = |values: &[(u64, f64)]| values.iter().map(|(_, s)| s).filter(|s| s.is_finite()).sum::<f64>();
+    let mut largest: Vec<_> = metrics.values.iter().map(|(name, v)| (sum(v.items()), name, v)).collect();
+    largest.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let series = largest.into_iter().filter(|(sum, ..)| *sum > 0.0).take(DRAWN).map(|(_, name, values)| {
         let points: Vec<_> = values.items().iter().map(|(t, s)| (recording.seconds(*t), s * 1e3)).collect();
         Series { name: stage_of(name), points: for_a_line(&points, LINE), style: Style::Line }
     });
     let chart = Chart {
-        title: format!("Stages of {}", metrics.topic),
+        title: format!("The longest stages of {}", metrics.topic),
         x: "time, s".into(),
         y: "time, ms".into(),
         series: series.collect(),

@@ -1,0 +1,252 @@
+//! Rows of small samples over time: poses, tracks, named numbers, fits, targets, duties, verdicts, refusals.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use serde::Serialize;
+use stillpoint_samples::{DutiesElement, PoseElement, PoseReportElement, PoseStatus, Standing, TrackElement};
+use stillpoint_track::PoseNumbers;
+
+use super::thinned::Thinned;
+
+/// What a pose is to the estimate of a head.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Where the head really is.
+    Truth,
+    /// A measurement.
+    Raw,
+    /// A measurement behind a filter.
+    Filtered,
+    /// Several tracks as one.
+    Fused,
+}
+
+/// A pose or a track at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// When what is behind it was acquired, ns.
+    pub origin: u64,
+    /// x, y, z in m, pitch, roll, yaw in rad; NaN where not known.
+    pub channels: [f64; 6],
+    /// Standard deviations of the position in m, and of small rotations about the frame's axes in rad.
+    pub sd: [f64; 6],
+    /// Normalised innovation squared; NaN where nothing was measured.
+    pub nis: f64,
+    /// What a track stands on; a pose is measured.
+    pub standing: Standing,
+}
+
+/// What the last sample of a track says of its filter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tracking {
+    /// The channels of the filter, a bit each.
+    pub channels: u32,
+    /// Measurements used.
+    pub accepted: u64,
+    /// Measurements refused.
+    pub rejected: u64,
+    /// Standard deviation of the acceleration by channel, m/s2 and rad/s2.
+    pub acceleration_sd: [f64; 6],
+    /// How long such an acceleration lasts, s; 0 where from one measurement to the next.
+    pub acceleration_hold_s: f64,
+    /// The last gains that were used, by channel: of the position, and of the rate per second.
+    pub gains: [[f64; 2]; 6],
+}
+
+/// A pose or a track over time, in the order of acquisition.
+#[derive(Clone, Debug)]
+pub struct Signal {
+    /// Its topic.
+    pub topic: String,
+    /// Its frame.
+    pub frame: Option<String>,
+    /// What it is to the estimate.
+    pub part: Part,
+    /// Its samples.
+    pub states: Thinned<State>,
+    /// Of a track.
+    pub tracking: Option<Tracking>,
+}
+
+/// Named numbers over time.
+#[derive(Clone, Debug, Default)]
+pub struct Metrics {
+    /// Their topic.
+    pub topic: String,
+    /// Whether they are durations that the live executor measured.
+    pub is_timing: bool,
+    /// By name, in the order in which they came first: (stamp in ns, value).
+    pub values: Vec<(String, Thinned<(u64, f64)>)>,
+}
+
+/// What was said of a sensor, from some time on.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Verdict {
+    /// The topic.
+    pub topic: String,
+    /// The sensor.
+    pub sensor: String,
+    /// `used`, or why not.
+    pub reason: String,
+    /// Since when, ns.
+    pub since: u64,
+}
+
+/// What a pose estimate said of itself over time.
+#[derive(Clone, Debug, Default)]
+pub struct Alignments {
+    /// Its topic.
+    pub topic: String,
+    /// Frames by what became of them, in the order of the numbers of a status; the last counts those unknown here.
+    pub statuses: [u64; 8],
+    /// Frames in which a direction was refused, by how many.
+    pub refused: [u64; 7],
+    /// Those that have a fit.
+    pub fits: Thinned<Fit>,
+}
+
+/// How well a frame fits the reference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// When, ns.
+    pub origin: u64,
+    /// Root mean square of the distances, m.
+    pub residual: f64,
+    /// Part of the surface that lies on the reference.
+    pub overlap: f64,
+    /// Iterations.
+    pub iterations: u32,
+    /// Points used.
+    pub points: u32,
+}
+
+/// A target over time.
+#[derive(Clone, Debug, Default)]
+pub struct Aims {
+    /// Its topic.
+    pub topic: String,
+    /// Its frame.
+    pub frame: Option<String>,
+    /// (stamp in ns; x, y, z in m, pitch, roll, yaw in rad, NaN where not controlled).
+    pub values: Thinned<(u64, [f64; 6])>,
+}
+
+/// Duties of valves over time.
+#[derive(Clone, Debug, Default)]
+pub struct Orders {
+    /// Their topic.
+    pub topic: String,
+    /// How many valves there are.
+    pub valves: usize,
+    /// The orders.
+    pub values: Thinned<Order>,
+}
+
+/// Duties of valves at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// When, ns.
+    pub stamp: u64,
+    /// Parts of full opening.
+    pub duty: [f32; DutiesElement::ROOM],
+    /// Valves of which the law asked for more than there is, a bit each.
+    pub saturated: u32,
+    /// Whether the controller had nothing to act on.
+    pub idle: bool,
+    /// What was out of order, as bits.
+    pub reasons: u32,
+}
+
+/// A frame that gave no result.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The topic that says so.
+    pub topic: String,
+    /// When, ns.
+    pub stamp: u64,
+    /// Why.
+    pub reason: String,
+}
+
+impl State {
+    /// Of a pose that was acquired at `origin`, ns.
+    pub fn of_pose(origin: u64, pose: &PoseElement) -> Self {
+        let sd = std::array::from_fn(|i| pose.covariance[7 * i].sqrt());
+        let channels = known(channels(pose.position, pose.orientation), sd);
+        Self { origin, channels, sd, nis: f64::NAN, standing: Standing::Measured }
+    }
+
+    /// Of a track at `origin`, ns.
+    pub fn of_track(origin: u64, track: &TrackElement) -> Self {
+        let sd = std::array::from_fn(|i| track.covariance[13 * i].sqrt());
+        let channels = known(channels(track.position, track.orientation), sd);
+        Self { origin, channels, sd, nis: track.nis, standing: track.standing() }
+    }
+}
+
+impl Tracking {
+    /// Of a track; where it used no measurement, with the gains of the one before.
+    pub fn of(track: &TrackElement, before: Option<&Self>) -> Self {
+        let gains = std::array::from_fn(|i| [track.gain[7 * i], track.gain[7 * i + 36]]);
+        let used = gains != [[0.0; 2]; 6];
+        Self {
+            channels: track.channels,
+            accepted: track.accepted,
+            rejected: track.rejected,
+            acceleration_sd: track.acceleration_sd,
+            acceleration_hold_s: track.acceleration_hold,
+            gains: if used { gains } else { before.map(|t| t.gains).unwrap_or_default() },
+        }
+    }
+}
+
+impl Alignments {
+    /// Takes the report of a frame that was acquired at `origin`, ns.
+    pub fn take(&mut self, origin: u64, report: &PoseReportElement) {
+        let status = PoseStatus::from_number(report.status).map_or(7, |s| s as usize);
+        self.statuses[status.min(7)] += 1;
+        self.refused[(report.refused & 63).count_ones() as usize] += 1;
+        if report.residual_rms.is_finite() {
+            self.fits.push(Fit {
+                origin,
+                residual: report.residual_rms,
+                overlap: report.overlap,
+                iterations: report.iterations,
+                points: report.points,
+            });
+        }
+    }
+}
+
+impl Metrics {
+    /// Takes a number.
+    pub fn push(&mut self, name: &str, stamp: u64, value: f64) {
+        match self.values.iter_mut().find(|(known, _)| known == name) {
+            Some((_, values)) => values.push((stamp, value)),
+            None => {
+                let mut values = Thinned::default();
+                values.push((stamp, value));
+                self.values.push((name.to_owned(), values));
+            }
+        }
+    }
+
+    /// The numbers of this name.
+    pub fn of(&self, name: &str) -> &[(u64, f64)] {
+        self.values.iter().find(|(known, _)| known == name).map_or(&[], |(_, values)| values.items())
+    }
+}
+
+/// Position, pitch, roll, yaw.
+fn channels(position: [f64; 3], orientation: [f64; 4]) -> [f64; 6] {
+    let [w, i, j, k] = orientation;
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+    let numbers = PoseNumbers::of(&Isometry3::from_parts(Translation3::from(position), turn));
+    let [x, y, z] = position;
+    [x, y, z, numbers.pitch, numbers.roll, numbers.yaw]
+}
+
+/// A channel of infinite variance is not known.
+fn known(channels: [f64; 6], sd: [f64; 6]) -> [f64; 6] {
+    std::array::from_fn(|i| if sd[i].is_finite() { channels[i] } else { f64::NAN })
+}

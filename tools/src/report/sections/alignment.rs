@@ -1,0 +1,98 @@
+//! How well frames fit the reference surface of a dense tracker, and which directions the surface did not constrain.
+
+use serde::Serialize;
+use stillpoint_samples::PoseStatus;
+
+use super::tracks::LINE;
+use crate::chart::{Chart, Series, Style};
+use crate::exit::Failure;
+use crate::report::numbers::{count, fixed, percent};
+use crate::report::page::{Block, Cell, Mood, Section, Table};
+use crate::report::recording::{Alignments, Fit, Recording};
+use crate::report::source::Source;
+use crate::report::statistics::{Spread, for_a_line};
+
+#[derive(Serialize)]
+struct Figures {
+    trackers: Vec<Tracker>,
+}
+
+#[derive(Serialize)]
+struct Tracker {
+    topic: String,
+    frames: u64,
+    statuses: Vec<(&'static str, u64)>,
+    /// Frames in which at least one direction was refused.
+    with_refused_directions: u64,
+    residual_mm: Spread,
+    overlap: Spread,
+    iterations: Spread,
+    points: Spread,
+}
+
+pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
+    let recording = &from.recording;
+    let figures = Figures { trackers: recording.alignments.iter().map(tracker).collect() };
+    let mut section = Section::new("alignment", "Fit to the reference surface", &figures)?;
+    if figures.trackers.is_empty() {
+        return Ok(section.with(Block::Text("The session keeps no report of a pose estimate.".into())));
+    }
+    for t in &figures.trackers {
+        let mut table = Table::new(t.topic.clone(), &["what became of a frame", "frames", "part"]);
+        for (name, frames) in &t.statuses {
+            let is_good = matches!(*name, "captured" | "tracked" | "found");
+            let mood = if is_good { Mood::Plain } else { Mood::Bad };
+            table.row([
+                Cell::State(mood, (*name).to_owned()),
+                Cell::number(count(*frames)),
+                Cell::number(percent(*frames as f64 / t.frames.max(1) as f64)),
+            ]);
+        }
+        section.blocks.push(Block::Table(table));
+        let mut table = Table::new("", &["of frames with a fit", "p50", "p99", "max"]);
+        for (name, s, digits) in [
+            ("residual, mm", &t.residual_mm, 3),
+            ("overlap, part", &t.overlap, 3),
+            ("iterations", &t.iterations, 0),
+            ("points", &t.points, 0),
+        ] {
+            let n = |v: Option<f64>| Cell::number(fixed(v, digits));
+            table.row([Cell::text(name), n(s.p50), n(s.p99), n(s.max)]);
+        }
+        section.blocks.push(Block::Table(table));
+        if t.with_refused_directions > 0 {
+            section.blocks.push(Block::Warning(format!(
+                "In {} frames the surface did not constrain all six directions.",
+                count(t.with_refused_directions)
+            )));
+        }
+    }
+    for a in &recording.alignments {
+        section.blocks.push(chart(recording, a, "residual, mm", |f| f.residual * 1e3));
+        section.blocks.push(chart(recording, a, "overlap, part", |f| f.overlap));
+    }
+    Ok(section)
+}
+
+fn tracker(a: &Alignments) -> Tracker {
+    let names =
+        PoseStatus::ALL.iter().map(|(name, status)| (*name, *status as usize)).chain([("unknown", 7)]);
+    let spread = |of: fn(&Fit) -> f64| Spread::of(a.fits.items().iter().map(of));
+    Tracker {
+        topic: a.topic.clone(),
+        frames: a.statuses.iter().sum(),
+        statuses: names.map(|(name, at)| (name, a.statuses[at])).filter(|(_, n)| *n > 0).collect(),
+        with_refused_directions: a.refused[1..].iter().sum(),
+        residual_mm: spread(|f| f.residual * 1e3),
+        overlap: spread(|f| f.overlap),
+        iterations: spread(|f| f64::from(f.iterations)),
+        points: spread(|f| f64::from(f.points)),
+    }
+}
+
+fn chart(recording: &Recording<'_>, a: &Alignments, y: &str, of: fn(&Fit) -> f64) -> Block {
+    let points: Vec<_> = a.fits.items().iter().map(|f| (recording.seconds(f.origin), of(f))).collect();
+    let name = y.split(',').next().unwrap_or(y).to_owned();
+    let series = vec![Series { name, points: for_a_line(&points, LINE), style: Style::Line }];
+    Block::Chart(Chart { title: a.topic.clone(), x: "time, s".into(), y: y.into(), series }, String::new())
+}

@@ -1,0 +1,162 @@
+//! Targets, and how the estimate follows them: over time, and step by step.
+
+use serde::Serialize;
+
+use super::tracks::LINE;
+use crate::chart::{Chart, Series, Style};
+use crate::exit::Failure;
+use crate::report::motion::{CHANNELS, unit};
+use crate::report::numbers::fixed;
+use crate::report::page::{Block, Cell, Section, Table};
+use crate::report::recording::{Aims, Part, Recording, Signal};
+use crate::report::response::{Response, response, steps};
+use crate::report::source::Source;
+use crate::report::statistics::{Spread, for_a_line};
+
+#[derive(Serialize)]
+struct Figures {
+    channels: Vec<Followed>,
+}
+
+/// A channel of a target and the estimate that follows it, in mm or degrees.
+#[derive(Serialize)]
+struct Followed {
+    target: String,
+    estimate: String,
+    channel: &'static str,
+    unit: &'static str,
+    /// Root mean square of estimate minus target, over the whole session.
+    rms: f64,
+    /// Sizes of estimate minus target.
+    distance: Spread,
+    steps: Vec<Response>,
+}
+
+pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
+    let recording = &from.recording;
+    let (mut channels, mut charts) = (Vec::new(), Vec::new());
+    for aims in &recording.targets {
+        let Some(estimate) = last_estimate(recording, aims) else { continue };
+        for channel in 0..6 {
+            if let Some((figures, chart)) = follow(recording, aims, estimate, channel) {
+                channels.push(figures);
+                charts.push(chart);
+            }
+        }
+    }
+    let figures = Figures { channels };
+    let mut section = Section::new("targets", "Targets", &figures)?;
+    if figures.channels.is_empty() {
+        let said = "The session has no target with an estimate in its frame.";
+        return Ok(section.with(Block::Text(said.into())));
+    }
+    section.blocks.push(Block::Table(following(&figures.channels)));
+    if figures.channels.iter().any(|c| !c.steps.is_empty()) {
+        section.blocks.push(Block::Table(answers(&figures.channels)));
+    }
+    section.blocks.extend(charts);
+    Ok(section)
+}
+
+/// The estimate that stands last in the frame of a target: fused, or filtered, or raw.
+fn last_estimate<'r>(recording: &'r Recording<'_>, aims: &Aims) -> Option<&'r Signal> {
+    let parts = [Part::Fused, Part::Filtered, Part::Raw];
+    parts.into_iter().find_map(|part| recording.signals_of(part).find(|s| s.frame == aims.frame))
+}
+
+fn follow(
+    recording: &Recording<'_>,
+    aims: &Aims,
+    estimate: &Signal,
+    channel: usize,
+) -> Option<(Followed, Block)> {
+    let (unit, scale) = unit(channel);
+    let target: Vec<(f64, f64)> = aims
+        .values
+        .items()
+        .iter()
+        .map(|(time, channels)| (recording.seconds(*time), channels[channel] * scale))
+        .collect();
+    let value: Vec<(f64, f64)> = estimate
+        .states
+        .items()
+        .iter()
+        .map(|s| (recording.seconds(s.origin), s.channels[channel] * scale))
+        .collect();
+    let distances: Vec<f64> = value
+        .iter()
+        .filter_map(|(time, v)| {
+            let stood = target.partition_point(|(t, _)| t <= time).checked_sub(1)?;
+            Some(v - target[stood].1).filter(|d| d.is_finite())
+        })
+        .collect();
+    if distances.is_empty() {
+        return None;
+    }
+    let squares: f64 = distances.iter().map(|d| d * d).sum();
+    let steps = steps(&target, recording.length());
+    let figures = Followed {
+        target: aims.topic.clone(),
+        estimate: estimate.topic.clone(),
+        channel: CHANNELS[channel],
+        unit,
+        rms: (squares / distances.len() as f64).sqrt(),
+        distance: Spread::of(distances.iter().map(|d| d.abs())),
+        steps: steps.into_iter().filter_map(|step| response(step, &value)).collect(),
+    };
+    let chart = Chart {
+        title: format!("{} of {}", CHANNELS[channel], aims.topic),
+        x: "time, s".into(),
+        y: format!("{}, {unit}", CHANNELS[channel]),
+        series: vec![
+            Series { name: estimate.topic.clone(), points: for_a_line(&value, LINE), style: Style::Line },
+            Series { name: aims.topic.clone(), points: for_a_line(&target, LINE), style: Style::Steps },
+        ],
+    };
+    Some((figures, Block::Chart(chart, String::new())))
+}
+
+fn following(channels: &[Followed]) -> Table {
+    let columns = ["target", "estimate", "channel", "rms", "p50", "p99", "worst", "unit"];
+    let mut table = Table::new("Estimate minus the target that stood at its time.", &columns);
+    for c in channels {
+        let n = |v: Option<f64>| Cell::number(fixed(v, 3));
+        table.row([
+            Cell::text(&c.target),
+            Cell::text(&c.estimate),
+            Cell::text(c.channel),
+            n(Some(c.rms)),
+            n(c.distance.p50),
+            n(c.distance.p99),
+            n(c.distance.max),
+            Cell::text(c.unit),
+        ]);
+    }
+    table
+}
+
+fn answers(channels: &[Followed]) -> Table {
+    let columns =
+        ["channel", "step at, s", "from", "to", "unit", "rise, s", "settling, s", "overshoot", "left", "sd"];
+    let mut table = Table::new(
+        "Answers to steps. Rise is from 10 % to 90 %; settled is within 5 % of the step; what is left and its standard \
+         deviation are those of the last quarter.",
+        &columns,
+    );
+    for (c, r) in channels.iter().flat_map(|c| c.steps.iter().map(move |r| (c, r))) {
+        let n = |v: Option<f64>, digits| Cell::number(fixed(v, digits));
+        table.row([
+            Cell::text(c.channel),
+            n(Some(r.step.at_s), 2),
+            n(Some(r.step.from), 2),
+            n(Some(r.step.to), 2),
+            Cell::text(c.unit),
+            n(r.rise_s, 2),
+            n(r.settling_s, 2),
+            n(Some(r.overshoot), 3),
+            n(Some(r.left), 3),
+            n(Some(r.sd), 3),
+        ]);
+    }
+    table
+}
