@@ -79,7 +79,8 @@ fn sample(kind: &SampleKind, sequence: u64, random: &mut impl Rng, garbage: Garb
             random.next_u64(),
         ][(random.next_u32() % 8) as usize]
     };
-    let is_wild = |random: &mut dyn Rng| matches!(garbage, Garbage::Some) && random.next_u32().is_multiple_of(6);
+    let is_wild =
+        |random: &mut dyn Rng| matches!(garbage, Garbage::Some) && random.next_u32().is_multiple_of(6);
     let mut head = Head { stamp: time, origin: time, sequence, incarnation: 0, count };
     if is_wild(random) {
         (head.stamp, head.origin) = (wild(random), wild(random));
@@ -206,7 +207,7 @@ fn a_small_session_of_every_kind_has_a_page() {
 #[test]
 fn garbage_in_samples_and_journals_makes_a_page_and_nothing_else() {
     let mut random = chacha20::ChaCha8Rng::seed_from_u64(2);
-    for _ in 0..300 {
+    for _ in 0..150 {
         let page = page(session(&mut random, Garbage::Some)).unwrap();
         assert!(!page.contains("NaN") && page.len() < 4_000_000, "{}", page.len());
     }
@@ -217,7 +218,7 @@ fn garbage_in_the_file_is_refused_or_makes_a_page() {
     let mut random = chacha20::ChaCha8Rng::seed_from_u64(3);
     let whole = session(&mut random, Garbage::None);
     let mut pages = 0;
-    for round in 0..1000 {
+    for round in 0..500 {
         let mut bytes = whole.clone();
         for _ in 0..1 + round % 4 {
             let at = random.random_range(0..bytes.len());
@@ -228,5 +229,5 @@ fn garbage_in_the_file_is_refused_or_makes_a_page() {
         }
         pages += u32::from(page(bytes).is_some());
     }
-    assert!(pages > 500, "{pages}");
+    assert!(pages > 250, "{pages}");
 }
