@@ -15,9 +15,9 @@ pub enum RigMode {
     Waiting = 0,
     /// The valves follow the duties that arrive.
     Driven = 1,
-    /// Duties stopped: the valves are shut.
+    /// The valves are shut, by order or because duties stopped.
     Holding = 2,
-    /// Duties stopped: the air is let out into the room.
+    /// The air is let out into the room, by order or because duties stopped.
     Venting = 3,
 }
 
@@ -39,7 +39,7 @@ pub struct RigStateElement {
     pub force: [f64; 8],
     /// Opening of inlet and outlet of the first bladder, of the second, and so on, 0 to 1.
     pub opening: [f64; 16],
-    /// How old the duties are; NaN where there are none.
+    /// How old the duties are; NaN where there are none, or where they come as datagrams.
     #[unit("s")]
     pub duties_age: f64,
     /// Duties that were refused so far: not finite, out of range, or for another number of valves.
@@ -49,7 +49,7 @@ pub struct RigStateElement {
     /// A [`RigMode`] as its number.
     pub mode: u32,
     /// The faults that act at the moment, as bits: 1 a stuck valve, 2 a leak, 4 a weak supply, 8 a blind camera, 16 a
-    /// silent camera.
+    /// silent camera, 32 lost duties.
     pub faults: u32,
     /// Bit i is set where bladder i is pressed or emptied beyond what its model covers.
     pub unmodelled: u32,

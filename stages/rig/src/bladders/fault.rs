@@ -24,6 +24,11 @@ pub enum Fault {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
+    /// Duties and datagrams get lost on their way.
+    LostDuties {
+        /// The part that arrives, 0 to 1.
+        left: f64,
+    },
 }
 
 impl Fault {
@@ -35,6 +40,7 @@ impl Fault {
             Self::WeakSupply { .. } => 4,
             Self::BlindCamera => 8,
             Self::SilentCamera => 16,
+            Self::LostDuties { .. } => 32,
         }
     }
 }

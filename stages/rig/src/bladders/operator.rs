@@ -4,23 +4,28 @@ use std::marker::PhantomData;
 
 use nalgebra::Isometry3;
 use rand::Rng;
+use stillpoint_actuate::Key;
 use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{DepthImage, Duties, Pose, RigState, Sample};
+use stillpoint_samples::{Cause, Datagram, DepthImage, Duties, FarEnd, Pose, RigState, Sample, SampleKind};
 
 use super::fault::Fault;
 use super::params::BladderParams;
+use super::receiver::Orders;
 use super::rigs;
 use super::simulation::{Rig, StartError};
 use crate::setting;
 use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
 const DUTIES: usize = 0;
+const VALVES: usize = 1;
+const BEAM: usize = 2;
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
 const STATE: usize = 2;
+const FAR_END: usize = 3;
 
 const PLANT_LAP: usize = 0;
 const CAMERA_LAP: usize = 1;
@@ -75,10 +80,12 @@ impl Bladders for Eight {
 
 /// A head on bladders. Its `frame:` places the camera over the couch.
 ///
-/// Each activation goes on to its time with the duties that held before, and then takes the newest: they act from this
-/// tick on. When none came for `time_to_live` it goes to its safe state by itself.
+/// Each tick goes on to its time with the duties that held before, and then takes the newest: they act from this tick on.
+/// When none came for `time_to_live` it goes to its safe state by itself. In place of duties it takes the datagrams for
+/// valves and beam, and is the far end that they are made for.
 pub struct BladderRig<K: Bladders> {
     rig: Box<dyn Rig>,
+    orders: Option<Orders>,
     sight: Sight,
     /// Where the head is seen at the start.
     rest: Isometry3<f64>,
@@ -87,9 +94,18 @@ pub struct BladderRig<K: Bladders> {
     lost: f64,
     /// Number of the next image.
     next_image: u64,
-    /// Time of the first activation and its tick.
+    /// Time of the first tick and its number.
     begin: Option<(u64, u64)>,
     kind: PhantomData<fn() -> K>,
+}
+
+const fn input(
+    name: &'static str,
+    sample: &'static SampleKind,
+    policy: Policy,
+    about: &'static str,
+) -> Input {
+    Input { name, sample, policy, required: false, about }
 }
 
 impl<K: Bladders> Operator for BladderRig<K> {
@@ -98,13 +114,21 @@ impl<K: Bladders> Operator for BladderRig<K> {
         name: K::NAME,
         about: K::ABOUT,
         role: Role::Operator,
-        inputs: &[Input {
-            name: "duties",
-            sample: Duties::KIND,
-            policy: Policy::Latest,
-            required: false,
-            about: "How far the valves are to be open. Without it they stay shut.",
-        }],
+        inputs: &[
+            input(
+                "duties",
+                Duties::KIND,
+                Policy::Latest,
+                "How far the valves are to be open. Without duties or datagrams they stay shut.",
+            ),
+            input(
+                "datagram",
+                Datagram::KIND,
+                Policy::Queue(32),
+                "Orders to the valves, in place of duties; needs `key`.",
+            ),
+            input("beam", Datagram::KIND, Policy::Queue(32), "Orders to the beam; needs `key`."),
+        ],
         outputs: &[
             Output {
                 name: "depth",
@@ -124,6 +148,12 @@ impl<K: Bladders> Operator for BladderRig<K> {
                 frame: FrameRule::None,
                 about: "Pressures, air, valve openings and faults.",
             },
+            Output {
+                name: "far_end",
+                sample: FarEnd::KIND,
+                frame: FrameRule::None,
+                about: "What became of the datagrams, where it takes them.",
+            },
         ],
         timer: Timer::Required,
     };
@@ -133,6 +163,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
         let every = setup.every.unwrap_or(0);
         let rig = K::build(params.setup(every)?).map_err(refusal)?;
         Ok(Self {
+            orders: orders(&params, setup, 2 * rig.bladders())?,
             rig,
             sight: Sight::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
             rest: setting::Setting::from(params.setting).rest(params.head_scale),
@@ -145,18 +176,18 @@ impl<K: Bladders> Operator for BladderRig<K> {
     }
 
     fn capacities(params: &BladderParams) -> Vec<usize> {
-        vec![params.camera.image().pixels(), 1, 1]
+        vec![params.camera.image().pixels(), 1, 1, 1]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if activation.cause != Cause::Timer {
+            self.receive(activation);
+            return Ok(());
+        }
         let (begin, first_tick) = *self.begin.get_or_insert((activation.time, activation.tick));
         let now = activation.time.saturating_sub(begin);
         self.rig.advance(now);
-        if let Some(view) = activation.fresh::<Duties>(DUTIES)
-            && let Some(duties) = view.first()
-        {
-            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
-        }
+        self.follow(activation, begin, now);
         outputs.lap(PLANT_LAP);
         // A camera measures now, however old the duties are that moved the head.
         outputs.acquired_at(activation.time);
@@ -168,23 +199,51 @@ impl<K: Bladders> Operator for BladderRig<K> {
         }
         outputs.lap(CAMERA_LAP);
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
-        outputs.send::<RigState>(STATE, &self.rig.state())
+        outputs.send::<RigState>(STATE, &self.rig.state())?;
+        match &self.orders {
+            Some(orders) => outputs.send::<FarEnd>(FAR_END, orders.account()),
+            None => Ok(()),
+        }
     }
 }
 
 impl<K: Bladders> BladderRig<K> {
+    /// Takes a datagram.
+    fn receive(&mut self, activation: &Activation<'_>) {
+        if !self.is_lost(activation)
+            && let Some(orders) = &mut self.orders
+            && let Some(datagram) = activation.fresh::<Datagram>(activation.port)
+        {
+            orders.receive(datagram.elements, activation.time);
+        }
+    }
+
+    /// Takes what the valves are to do from this tick on.
+    fn follow(&mut self, activation: &Activation<'_>, begin: u64, now: u64) {
+        if let Some(orders) = &mut self.orders {
+            let (mode, duty) = orders.step(activation.time);
+            self.rig.obey(mode, duty);
+        } else if let Some(view) = activation.fresh::<Duties>(DUTIES)
+            && let Some(duties) = view.first()
+            && !self.is_lost(activation)
+        {
+            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
+        }
+    }
+
+    /// Whether what arrives with this activation got lost on its way.
+    fn is_lost(&self, activation: &Activation<'_>) -> bool {
+        let arriving = self.rig.arriving();
+        arriving < 1.0 && chance(activation, 1) >= arriving
+    }
+
     fn look(
         &mut self,
         couch_from_head: &Isometry3<f64>,
         activation: &Activation<'_>,
         outputs: &mut Outputs<'_>,
     ) -> Result<(), StepError> {
-        // The image's own noise takes the beginning of the stream, with or without a chance of loss.
-        let is_lost = self.lost > 0.0 && {
-            let mut random = activation.random();
-            random.set_word_pos(1 << 40);
-            f64::from(random.next_u32()) < self.lost * f64::from(u32::MAX)
-        };
+        let is_lost = self.lost > 0.0 && chance(activation, 0) < self.lost;
         let faults = self.rig.faults();
         if is_lost || faults & Fault::SilentCamera.bit() != 0 {
             return Ok(());
@@ -193,5 +252,34 @@ impl<K: Bladders> BladderRig<K> {
             return self.sight.send_blind(outputs, DEPTH);
         }
         self.sight.send(couch_from_head, activation, outputs, DEPTH)
+    }
+}
+
+/// A number from 0 up to 1. The image's own noise takes the beginning of the activation's stream, whether or not
+/// something gets lost.
+fn chance(activation: &Activation<'_>, draw: u128) -> f64 {
+    let mut random = activation.random();
+    random.set_word_pos((1 << 40) + draw);
+    f64::from(random.next_u32()) / (f64::from(u32::MAX) + 1.0)
+}
+
+/// The far end of the datagrams that the rig takes, where it takes any.
+fn orders(params: &BladderParams, setup: &Setup<'_>, valves: usize) -> Result<Option<Orders>, SetupError> {
+    let takes = setup.is_connected(VALVES) || setup.is_connected(BEAM);
+    match (&params.key, takes) {
+        (None, false) => Ok(None),
+        (None, true) => {
+            Err(refusal("datagrams are not taken without a key: add `key: rig.key` to the params"))
+        }
+        (Some(_), false) => {
+            Err(refusal("there is a `key`, but no datagrams come: connect `datagram`, or take it out"))
+        }
+        (Some(_), true) if setup.is_connected(DUTIES) => {
+            Err(refusal("the valves cannot follow both `duties` and `datagram`: connect one of them"))
+        }
+        (Some(name), true) => {
+            let key = Key::parse(&setup.file(name)?).map_err(|e| SetupError(format!("{name}: {e}")))?;
+            Ok(Some(Orders::new(&key, valves)))
+        }
     }
 }

@@ -6,7 +6,7 @@ use stillpoint_pipeline::{Choice, Params};
 use super::fault::{Fault, Scheduled};
 use super::rigs;
 use super::safety;
-use super::simulation::Surroundings;
+use super::simulation::{Push, Surroundings};
 use crate::involuntary::{Habit, Involuntary};
 use crate::sight::{ImageParams, Noise, Setting, refusal};
 
@@ -43,6 +43,8 @@ pub enum Break {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
+    /// Of duties and datagrams only the part `left` arrives.
+    LostDuties,
 }
 
 /// A fault and its time.
@@ -62,9 +64,26 @@ pub struct FaultParams {
     /// Diameter of a leak.
     #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "10 mm")]
     pub diameter: f64,
-    /// What is left of a weak supply's pressure over the room's.
+    /// What is left of a weak supply's pressure over the room's, or of lost duties.
     #[param(default = 0, min = 0, max = 1)]
     pub left: f64,
+}
+
+/// A push at the head.
+#[derive(Clone, Copy, Debug, Params)]
+pub struct PushParams {
+    /// When, after the rig's start.
+    #[param(unit = "ns")]
+    pub at: u64,
+    /// How long.
+    #[param(unit = "ns", default = "10000 h", min = "1 ms")]
+    pub lasts: u64,
+    /// How far along x, y and z it would move the head while the valves stay shut.
+    #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-30 mm", max = "30 mm")]
+    pub shift: [f64; 3],
+    /// How far it would turn it: pitch, roll, yaw.
+    #[param(unit = "rad", default = "[0 deg, 0 deg, 0 deg]", min = "-15 deg", max = "15 deg")]
+    pub turn: [f64; 3],
 }
 
 /// The camera of a rig.
@@ -113,15 +132,20 @@ pub struct BladderParams {
     pub head_scale: f64,
     /// The camera.
     pub camera: RigCameraParams,
-    /// How long duties are good for.
+    /// The key file of the datagrams, a path from the pipeline's file; the session keeps it.
+    #[param(file)]
+    pub key: Option<String>,
+    /// How long duties are good for. Datagrams say it themselves.
     #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
     pub time_to_live: u64,
-    /// What the valves do when duties stop.
+    /// What the valves do when duties stop. Datagrams say it themselves.
     #[param(default = "vent")]
     pub safe: Safe,
     /// Longest step of the plant.
     #[param(unit = "ns", default = "1 ms", min = "10 us", max = "1 ms")]
     pub plant_step: u64,
+    /// What others do to the head.
+    pub pushes: Option<Vec<PushParams>>,
     /// What breaks, and when.
     pub faults: Option<Vec<FaultParams>>,
 }
@@ -158,11 +182,12 @@ impl BladderParams {
         };
         let involuntary = Involuntary { habit, seed: self.seed, strength: self.strength };
         let faults = self.faults.iter().flatten().map(FaultParams::scheduled).collect();
+        let pushes = self.pushes.iter().flatten().map(PushParams::push).collect();
         Ok(rigs::Setup {
             head_mass: self.head_mass,
             time_to_live: self.time_to_live,
             safe,
-            surroundings: Surroundings { involuntary, faults, step: self.plant_step },
+            surroundings: Surroundings { involuntary, pushes, faults, step: self.plant_step },
         })
     }
 }
@@ -175,7 +200,16 @@ impl FaultParams {
             Break::WeakSupply => Fault::WeakSupply { left: self.left },
             Break::BlindCamera => Fault::BlindCamera,
             Break::SilentCamera => Fault::SilentCamera,
+            Break::LostDuties => Fault::LostDuties { left: self.left },
         };
         Scheduled { fault, begin: self.at, end: self.at.saturating_add(self.lasts) }
+    }
+}
+
+impl PushParams {
+    fn push(&self) -> Push {
+        let ([x, y, z], [pitch, roll, yaw]) = (self.shift, self.turn);
+        let end = self.at.saturating_add(self.lasts);
+        Push { offset: [x, y, z, pitch, roll, yaw], begin: self.at, end }
     }
 }

@@ -32,11 +32,24 @@ pub enum StartError {
     },
 }
 
+/// A push at the head: how far it would move a head that nothing else moves, while the valves stay shut.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Push {
+    /// x, y, z, pitch, roll, yaw; m and rad.
+    pub offset: [f64; 6],
+    /// When, ns after the rig's start.
+    pub begin: u64,
+    /// Until when.
+    pub end: u64,
+}
+
 /// What surrounds a plant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surroundings {
     /// What the person does.
     pub involuntary: Involuntary,
+    /// What others do to the head.
+    pub pushes: Vec<Push>,
     /// What breaks.
     pub faults: Vec<Scheduled>,
     /// Longest step of the plant, ns.
@@ -103,11 +116,16 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
         })
     }
 
-    /// Force of the person on the head: that which would move it by the involuntary offset if the valves stayed shut
-    /// and the motion were slow.
-    fn muscles(&self, seconds: f64) -> SVector<f64, D> {
-        let (translation, angles) = self.surroundings.involuntary.offset(seconds);
-        let all = [translation.x, translation.y, translation.z, angles.x, angles.y, angles.z];
+    /// Force of the person and of others on the head: that which would move it by their offsets if the valves stayed
+    /// shut and the motion were slow.
+    fn hands(&self) -> SVector<f64, D> {
+        let (translation, angles) = self.surroundings.involuntary.offset(self.now as f64 * 1e-9);
+        let mut all = [translation.x, translation.y, translation.z, angles.x, angles.y, angles.z];
+        for push in self.surroundings.pushes.iter().filter(|p| (p.begin..p.end).contains(&self.now)) {
+            for (sum, part) in all.iter_mut().zip(push.offset) {
+                *sum += part;
+            }
+        }
         let offset = SVector::<f64, D>::from_fn(|i, _| all[self.channels[i]]);
         self.hold * offset
     }
@@ -116,7 +134,7 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
     fn drive(&mut self) -> Drive<D, B> {
         let mut drive = self.plant.idle();
         drive.duty = self.safety.duty(self.now);
-        drive.force = self.muscles(self.now as f64 * 1e-9);
+        drive.force = self.hands();
         let room = self.plant.air.atmosphere;
         if self.safety.mode(self.now) == RigMode::Venting {
             drive.exhaust = room;
@@ -136,7 +154,7 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
                     drive.leak[bladder] += self.plant.valves.discharge * area;
                 }
                 Fault::WeakSupply { left } => drive.supply = room + left * (drive.supply - room),
-                Fault::BlindCamera | Fault::SilentCamera => {}
+                Fault::BlindCamera | Fault::SilentCamera | Fault::LostDuties { .. } => {}
             }
         }
         drive
@@ -145,8 +163,12 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
 
 /// A rig of any number of bladders.
 pub trait Rig: Send {
+    /// How many bladders it has.
+    fn bladders(&self) -> usize;
     /// Takes duties that were made at `stamp` and arrive now; all times are ns after the start.
     fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64);
+    /// Does as a far end of datagrams says, which watches over the time by itself: until the next order.
+    fn obey(&mut self, mode: RigMode, duty: &[f32]);
     /// Goes on to a time, ns after the start.
     fn advance(&mut self, to: u64);
     /// The head's pose when it lay at `rest` at the start.
@@ -155,11 +177,22 @@ pub trait Rig: Send {
     fn state(&self) -> RigStateElement;
     /// The faults that act, as the bits of [`RigStateElement::faults`].
     fn faults(&self) -> u32;
+    /// The part of duties and datagrams that arrives, 0 to 1.
+    fn arriving(&self) -> f64;
 }
 
 impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N> {
+    fn bladders(&self) -> usize {
+        B
+    }
+
     fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64) {
         self.safety.take(duties, stamp, now);
+    }
+
+    fn obey(&mut self, mode: RigMode, duty: &[f32]) {
+        let of = |valve: usize| duty.get(valve).map_or(0.0, |d| f64::from(*d).clamp(0.0, 1.0));
+        self.safety.obey(mode, core::array::from_fn(|j| [of(2 * j), of(2 * j + 1)]));
     }
 
     fn advance(&mut self, to: u64) {
@@ -215,5 +248,10 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
     fn faults(&self) -> u32 {
         let acting = self.surroundings.faults.iter().filter(|s| s.acts(self.now));
         acting.fold(0, |bits, s| bits | s.fault.bit())
+    }
+
+    fn arriving(&self) -> f64 {
+        let acting = self.surroundings.faults.iter().filter(|s| s.acts(self.now));
+        acting.fold(1.0, |part, s| if let Fault::LostDuties { left } = s.fault { part * left } else { part })
     }
 }

@@ -1,0 +1,94 @@
+//! What happens when something is missing or breaks.
+
+use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_samples::{DepthImage, RigMode, RigState};
+use stillpoint_testing::run;
+
+use super::script::{STAGES, heights, last_state, simulate, text};
+
+#[test]
+fn when_duties_stop_the_rig_vents_by_itself() {
+    let run = simulate(&text("three_bladders", "motion: still", "silent_from: 1 s"), 9000);
+    let states = run.samples::<RigState>("rig.state");
+    let vents = states.iter().position(|s| s.first().unwrap().mode() == RigMode::Venting).unwrap();
+    // The last duties were made at 990 ms.
+    assert!((105..=106).contains(&vents), "{vents}");
+    let heights = heights(&run);
+    assert!(heights[899] < heights[100] - 5e-3, "{} {}", heights[100], heights[899]);
+    // It sinks onto the foam and stays there.
+    assert!((heights[899] - heights[880]).abs() < 1e-3);
+    let state = last_state(&run);
+    assert!(state.pressure[..3].iter().all(|p| p.abs() < 2e3), "{state:?}");
+    let speeds: Vec<f64> = heights.windows(2).map(|w| (w[1] - w[0]) / 0.01).collect();
+    assert!(speeds.iter().all(|v| v.abs() < 0.03), "{:?}", speeds.iter().copied().fold(0.0, f64::min));
+}
+
+#[test]
+fn a_rig_that_holds_keeps_the_head_up() {
+    let run = simulate(&text("three_bladders", "motion: still, safe: hold", "silent_from: 1 s"), 4000);
+    assert_eq!(last_state(&run).mode(), RigMode::Holding);
+    let heights = heights(&run);
+    assert!((heights[399] - heights[200]).abs() < 1e-5, "{} {}", heights[200], heights[399]);
+}
+
+#[test]
+fn a_stuck_valve_keeps_its_opening() {
+    let faults = "motion: still, faults: [{ kind: stuck_valve, which: 0, at: 1 s, lasts: 2 s }]";
+    let run = simulate(&text("three_bladders", faults, "to: 1500 ms"), 3500);
+    let states = run.samples::<RigState>("rig.state");
+    let opening = |at: usize| states[at].first().unwrap().opening[0];
+    assert!((opening(290) - 0.25).abs() < 1e-3 && opening(340) < 1e-3, "{} {}", opening(290), opening(340));
+    assert_eq!((states[200].first().unwrap().faults, states[340].first().unwrap().faults), (1, 0));
+}
+
+#[test]
+fn a_leak_lets_the_head_sink_and_a_lost_supply_does_not_lift_it() {
+    let still = heights(&simulate(&text("three_bladders", "motion: still", "duty: 0"), 4000))[399];
+    let leak = "motion: still, faults: [{ kind: leak, which: 0, at: 1 s, diameter: 0.5 mm }]";
+    let leaking = heights(&simulate(&text("three_bladders", leak, "duty: 0"), 4000))[399];
+    assert!(leaking < still - 1e-3, "{leaking} {still}");
+    let supply = "motion: still, faults: [{ kind: weak_supply, left: 0.2, at: 0 s }]";
+    let whole = heights(&simulate(&text("three_bladders", "motion: still", ""), 3000))[299];
+    let weak = heights(&simulate(&text("three_bladders", supply, ""), 3000))[299];
+    assert!(weak < whole - 1e-3, "{weak} {whole}");
+}
+
+#[test]
+fn a_blind_camera_sends_empty_images_and_a_silent_one_none() {
+    let faults =
+        "faults: [{ kind: blind_camera, at: 1 s, lasts: 1 s }, { kind: silent_camera, at: 3 s, lasts: 1 s }]";
+    let run = simulate(&text("three_bladders", faults, ""), 5000);
+    let images = run.samples::<DepthImage>("rig.depth");
+    assert_eq!(images.len(), 40);
+    let empty = images.iter().filter(|i| i.elements.iter().all(|c| *c == 0)).count();
+    assert_eq!(empty, 10);
+}
+
+#[test]
+fn a_camera_loses_the_part_of_its_images_that_the_config_says() {
+    let lossy =
+        text("three_bladders", "motion: still", "").replace("camera: { width", "camera: { lost: 0.3, width");
+    let images = simulate(&lossy, 20_000).samples::<DepthImage>("rig.depth").len();
+    assert!((110..170).contains(&images), "{images}");
+}
+
+#[test]
+fn duties_for_another_number_of_valves_are_refused_and_the_rig_waits() {
+    let run = simulate(&text("three_bladders", "motion: still", "valves: 2"), 1000);
+    let state = last_state(&run);
+    assert!(state.refused > 90 && state.mode() == RigMode::Waiting && state.duties_age.is_nan(), "{state:?}");
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_what_to_do() {
+    let refused = |text: &str| {
+        let registry = Registry::new(&[stillpoint_rig::STAGES, STAGES]);
+        run(text, &registry, &KeptFiles::default(), 100).err().unwrap()
+    };
+    let odd = text("three_bladders", "motion: still", "")
+        .replace("camera: { width", "camera: { every: 33 ms, width");
+    assert!(refused(&odd).contains("make the one a multiple of the other"), "{}", refused(&odd));
+    let absent = text("one_bladder", "faults: [{ kind: leak, which: 1, at: 1 s }]", "valves: 2");
+    assert!(refused(&absent).contains("fault 0 names bladder 1, and the rig has 1"), "{}", refused(&absent));
+}

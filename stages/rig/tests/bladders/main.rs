@@ -1,0 +1,8 @@
+//! `rig.one_bladder`, `rig.three_bladders` and `rig.eight_bladders` in the simulated executor.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod datagrams;
+mod faults;
+mod motion;
+mod script;
