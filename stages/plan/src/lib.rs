@@ -7,10 +7,12 @@
 //! - [`case`]: a patient, and the files it comes from and is kept in
 //! - [`couch`]: from the couch's frame to the patient's
 //! - [`dose`]: the dose that beams of photons give
+//! - [`evaluation`]: what a dose does to each structure
 //! - `grid`: where the voxels are
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
-//! - [`metrics`]: what a dose does to a structure
-//! - `sparse`: the dose-influence matrix by columns
+//! - [`metrics`]: histograms and indices of a dose
+//! - [`objectives`]: what is wanted of each structure, by a table of names and roles
+//! - `sparse`: the dose-influence matrix
 //! - `threads`: the same work on many items
 
 #![forbid(unsafe_code)]
@@ -19,11 +21,13 @@ pub mod beams;
 pub mod case;
 pub mod couch;
 pub mod dose;
+pub mod evaluation;
 pub mod fluence;
 mod grid;
 pub mod metrics;
+pub mod objectives;
 mod sparse;
 mod threads;
 
 pub use grid::Grid;
-pub use sparse::{Csc, CscError, CscRef};
+pub use sparse::{Csc, CscError, CscRef, Rows, RowsError, RowsRef, Setups};

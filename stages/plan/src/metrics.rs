@@ -90,7 +90,7 @@ impl Dvh {
     /// `V_d`: the fraction of the volume that gets at least `dose`.
     pub fn volume_at(&self, dose: f64) -> f64 {
         let first = self.dose.partition_point(|d| *d < dose);
-        self.volume[first..].iter().sum::<f64>() / self.whole
+        self.volume[first..].iter().fold(0.0, |sum, v| sum + v) / self.whole
     }
 
     /// Volume-weighted mean.

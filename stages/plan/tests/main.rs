@@ -6,3 +6,4 @@ mod beams;
 mod case;
 mod dose;
 mod fluence;
+mod plans;

@@ -11,23 +11,23 @@ use super::ring::{BeamSet, Ring};
 use crate::dose::CachedBeam;
 use crate::fluence::{Goals, GoalsError, Options, Plan, solve_plan};
 use crate::threads::on_threads;
-use crate::{Csc, CscRef};
+use crate::{Rows, Setups};
 
-/// The dose matrices of all beams of a ring.
+/// The dose matrices of the beams of a ring.
 pub trait Influence: Sync {
-    /// The matrix of a beam: rows are voxels of the dose grid, columns its bixels.
-    fn beam(&self, beam: u16) -> CscRef<'_>;
+    /// The matrix of a beam: rows are voxels of the dose grid, in one set-up or several; columns its bixels.
+    fn beam(&self, beam: u16) -> Setups<'_>;
 }
 
-impl Influence for [Csc] {
-    fn beam(&self, beam: u16) -> CscRef<'_> {
-        self[usize::from(beam)].view()
+impl Influence for [Rows] {
+    fn beam(&self, beam: u16) -> Setups<'_> {
+        self[usize::from(beam)].view().into()
     }
 }
 
 impl Influence for [CachedBeam] {
-    fn beam(&self, beam: u16) -> CscRef<'_> {
-        self[usize::from(beam)].beam.dose()
+    fn beam(&self, beam: u16) -> Setups<'_> {
+        self[usize::from(beam)].beam.dose().into()
     }
 }
 
@@ -223,16 +223,21 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     /// How much each of `candidates` promises beside a solved set, or beside no beam at all. Counted, one for each.
     pub fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         self.prices += candidates.len();
-        let influence = self.influence;
-        let voxels = influence.beam(0).rows;
+        let (influence, goals) = (self.influence, self.goals);
         let slopes = match beside {
-            Some(beside) => Slopes::new(self.goals, &beside.plan, voxels),
+            Some(beside) => Slopes::new(goals, &beside.plan),
             None => {
-                let none = solve_plan(&self.goals.problem(&[])?, None, ACCURACY).map_err(GoalsError::from)?;
-                Slopes::new(self.goals, &none, voxels)
+                let none = solve_plan(&goals.problem(&[])?, None, ACCURACY).map_err(GoalsError::from)?;
+                Slopes::new(goals, &none)
             }
         };
-        on_threads(candidates, self.threads, |beam| Ok(promise(influence.beam(*beam), &slopes)))
+        on_threads(candidates, self.threads, |candidate| {
+            let beam = influence.beam(*candidate);
+            match beam.rows() == goals.rows() {
+                true => Ok(promise(&beam, &slopes)),
+                false => Err(GoalsError::Grid { found: beam.rows(), expected: goals.rows() }.into()),
+            }
+        })
     }
 }
 
@@ -242,7 +247,7 @@ fn solve(
     set: &BeamSet,
     near: Option<&Evaluated>,
 ) -> Result<Evaluated, GoalsError> {
-    let matrices: Vec<CscRef<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
+    let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
     let mut starts = vec![0];
     for matrix in &matrices {
         starts.push(starts[starts.len() - 1] + matrix.columns());

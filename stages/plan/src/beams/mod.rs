@@ -3,11 +3,12 @@
 //! ```
 //! use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose};
 //! use stillpoint_plan::fluence::{Goals, Objective, Wanted};
-//! use stillpoint_plan::Csc;
+//! use stillpoint_plan::{Csc, Rows};
 //!
 //! // Two voxels, six beams of one bixel: those with even numbers reach the target, voxel 0.
 //! let matrix = |beam: u32| Csc::new(2, vec![0, 1], vec![beam % 2], vec![1.0 + beam as f32]);
 //! let beams: Vec<Csc> = (0..6).map(matrix).collect::<Result<_, _>>()?;
+//! let beams: Vec<Rows> = beams.iter().map(|beam| Rows::from_columns(beam.view())).collect::<Result<_, _>>()?;
 //! let target = Wanted {
 //!     name: "target".into(),
 //!     voxels: vec![0],
@@ -22,12 +23,14 @@
 //! ```
 //!
 //! - `ring`: angles, distances, legal sets
+//! - `doses`: their dose matrices, from the cache
 //! - `evaluator`: what a set costs: solved once, cached, counted
 //! - `price`: what a beam promises beside a plan
 //! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
 
 mod annealing;
 mod columns;
+mod doses;
 mod evaluator;
 mod exchange;
 mod greedy;
@@ -36,6 +39,7 @@ mod price;
 mod random;
 mod ring;
 
+pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Progress, Stop};
 pub use method::{Choice, ChoiceError, Method, choose, class_solution, rotations};
 pub use random::set as random_set;

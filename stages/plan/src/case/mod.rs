@@ -36,7 +36,7 @@ pub use described::{DescribedError, Imported, import_described};
 pub use file::{CaseFileError, ContentHash, content_hash, from_bytes, read, to_bytes, write};
 pub use inflate::InflateError;
 pub use mask::Mask;
-pub use names::{NameTable, NamesError, StandardName};
+pub use names::{NameTable, NamesError, StandardName, name_fits};
 pub use nrrd::{NrrdError, Values, Volume, read_nrrd};
 pub use patient::{Case, CaseError, CaseParts, Prescription};
 pub use phantom::phantom;

@@ -117,6 +117,11 @@ impl NameTable {
     }
 }
 
+/// Whether a name is the pattern, by letters and digits alone, where `*` is any text.
+pub fn name_fits(pattern: &str, name: &str) -> bool {
+    fits(&plain(pattern), &plain(name).replace('*', ""))
+}
+
 /// Letters, digits and `*`, in lower case.
 fn plain(text: &str) -> String {
     text.chars().filter(|c| c.is_alphanumeric() || *c == '*').flat_map(char::to_lowercase).collect()

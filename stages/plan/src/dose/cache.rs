@@ -3,6 +3,7 @@
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
+use crate::Rows;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
 use std::io::ErrorKind;
@@ -81,8 +82,19 @@ impl DoseCache {
         gantry_deg: &[f64],
         threads: NonZeroUsize,
     ) -> Result<Vec<CachedBeam>, CacheError> {
+        self.beams_with(engine, gantry_deg, threads, || ())
+    }
+
+    /// The same; `on_beam` hears of each that is there.
+    pub fn beams_with(
+        &self,
+        engine: &DoseEngine,
+        gantry_deg: &[f64],
+        threads: NonZeroUsize,
+        on_beam: impl Fn() + Sync,
+    ) -> Result<Vec<CachedBeam>, CacheError> {
         let key = engine_key(engine);
-        on_threads(gantry_deg, threads, |&deg| self.beam_of(engine, &key, deg))
+        on_threads(gantry_deg, threads, |&deg| self.beam_of(engine, &key, deg).inspect(|_| on_beam()))
     }
 
     fn beam_of(
@@ -100,7 +112,9 @@ impl DoseCache {
             Err(fault) => Origin::Replaced(fault),
         };
         let beam = engine.beam(gantry_deg)?;
-        match file::write(&path, &key, &beam) {
+        let rows =
+            Rows::from_columns(beam.dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
+        match file::write(&path, &key, &beam, &rows) {
             Ok(()) => {}
             Err(source) => return Err(CacheError::Write { path, source }),
         }
@@ -117,7 +131,8 @@ const METHOD: &[u8] = b"stillpoint pencil beam 1";
 /// Hash of everything that an engine's doses depend on.
 fn engine_key(engine: &DoseEngine) -> Key {
     // Every field is named, so that a new one is thought of here.
-    let DoseEngine { machine, params, isocentre_mm, density, voxels, target_mm, image_spacing_mm } = engine;
+    let DoseEngine { machine, params, isocentre_mm, density, voxels, target_mm, image_spacing_mm, shift_mm } =
+        engine;
     let mut hash = Sha256::new();
     let mut part = |bytes: &[u8]| {
         hash.update((bytes.len() as u64).to_le_bytes());
@@ -125,7 +140,10 @@ fn engine_key(engine: &DoseEngine) -> Key {
     };
     part(METHOD);
     // Debug output of numbers is exact: the shortest text that reads back as the same number.
-    part(format!("{:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?}", machine.file()).as_bytes());
+    part(
+        format!("{:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}", machine.file())
+            .as_bytes(),
+    );
     part(zerocopy::IntoBytes::as_bytes(density.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(voxels.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(target_mm.as_slice()));

@@ -75,10 +75,14 @@ pub struct DoseEngine {
     pub(super) target_mm: Vec<[f64; 3]>,
     /// Greatest spacing of the image, mm.
     pub(super) image_spacing_mm: f64,
+    /// How far the patient lies from where he was planned, along the axes of his frame, mm.
+    pub(super) shift_mm: [f64; 3],
 }
 
 /// Voxels that a grid may have.
 const MOST_VOXELS: usize = 1 << 28;
+/// Farthest that a patient may lie from where he was planned, along an axis, mm.
+const MOST_SHIFT_MM: f64 = 50.0;
 /// Least distance from the source to the dose grid, mm.
 const SOURCE_CLEARANCE_MM: f64 = 100.0;
 
@@ -136,9 +140,42 @@ impl DoseEngine {
             target_mm,
             image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
             isocentre_mm: anatomy.isocentre_mm,
+            shift_mm: [0.0; 3],
             machine,
             params,
         })
+    }
+
+    /// The same patient, set up beside where he was planned: moved by this much along the axes of his frame, mm.
+    ///
+    /// Bixels stay where they are planned. Doses are to the voxels that were planned: they move with the patient.
+    pub fn shifted(&self, shift_mm: [f64; 3]) -> Result<Self, DoseError> {
+        for mm in shift_mm {
+            in_range("shift of the patient", mm, -MOST_SHIFT_MM..=MOST_SHIFT_MM)?;
+        }
+        Ok(Self { shift_mm, ..self.clone() })
+    }
+
+    /// The same patient, of whom only these voxels of the dose grid get dose.
+    pub fn within(&self, voxels: &[u32]) -> Self {
+        let mut wanted = vec![false; self.params.grid.len()];
+        for voxel in voxels {
+            if let Some(wanted) = wanted.get_mut(*voxel as usize) {
+                *wanted = true;
+            }
+        }
+        let voxels = self.voxels.iter().copied().filter(|v| wanted[*v as usize]).collect();
+        Self { voxels, ..self.clone() }
+    }
+
+    /// How dose is computed.
+    pub fn params(&self) -> &DoseParams {
+        &self.params
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
     }
 
     /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).

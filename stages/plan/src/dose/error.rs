@@ -1,6 +1,6 @@
 //! What can be wrong with what the engine is given.
 
-use crate::CscError;
+use crate::{CscError, RowsError};
 use thiserror::Error;
 
 /// Why dose cannot be computed.
@@ -78,5 +78,15 @@ pub enum DoseError {
         gantry_deg: f64,
         /// What is wrong with it.
         fault: CscError,
+    },
+    /// What was computed is too large to be kept.
+    #[error(
+        "the dose of the beam at {gantry_deg} degrees cannot be kept: {fault}; take wider bixels or a coarser grid"
+    )]
+    Rows {
+        /// Gantry angle.
+        gantry_deg: f64,
+        /// What is wrong with it.
+        fault: RowsError,
     },
 }

@@ -2,19 +2,19 @@
 //!
 //! | bytes | what, all little endian |
 //! | --- | --- |
-//! | 0..8 | `SPDOSE01` |
+//! | 0..8 | `SPDOSE02` |
 //! | 8..40 | the key: SHA-256 of all that the dose depends on |
 //! | 40..44 | CRC-32 of the bytes from 48 on |
 //! | 44..48 | 0 |
 //! | 48..56 | gantry angle, degrees, f64 |
 //! | 56..80 | rows, columns, entries, u64 each |
 //! | columns | bixel centres, two f64 each |
-//! | columns + 1 | column starts, u64 |
-//! | entries | rows, u32 |
+//! | rows + 1 | row starts, u32 |
 //! | entries | values, f32 |
+//! | entries | columns, u16 |
 
 use super::beam::BeamInfluence;
-use crate::{CscError, CscRef};
+use crate::{Rows, RowsError, RowsRef};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
@@ -22,7 +22,7 @@ use stillpoint_map::{MappedFile, publish};
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-const MAGIC: &[u8; 8] = b"SPDOSE01";
+const MAGIC: &[u8; 8] = b"SPDOSE02";
 const HEADER: usize = 80;
 const _: () = assert!(cfg!(target_endian = "little"), "dose files are read where they lie");
 
@@ -36,7 +36,7 @@ pub enum BeamFileError {
     #[error("{0}")]
     File(#[from] io::Error),
     /// It is another kind of file.
-    #[error("it is no dose file of version 1")]
+    #[error("it is no dose file of version 2")]
     Magic,
     /// It belongs to other inputs.
     #[error("it is the dose of another patient, machine or beam")]
@@ -66,7 +66,7 @@ pub enum BeamFileError {
     Place,
     /// Its entries are no matrix.
     #[error("{0}")]
-    Matrix(#[from] CscError),
+    Matrix(#[from] RowsError),
 }
 
 /// A beam's dose in a mapped file.
@@ -95,7 +95,7 @@ impl BeamFile {
     }
 
     /// Dose by voxel of the dose grid and bixel, gray per unit weight. All entries are positive.
-    pub fn dose(&self) -> CscRef<'_> {
+    pub fn dose(&self) -> RowsRef<'_> {
         self.layout.dose(self.file.bytes())
     }
 
@@ -109,11 +109,10 @@ impl BeamFile {
 #[derive(Clone, Debug)]
 struct Layout {
     gantry_deg: f64,
-    rows: usize,
     bixels: Range<usize>,
     starts: Range<usize>,
-    row: Range<usize>,
     value: Range<usize>,
+    column: Range<usize>,
 }
 
 impl Layout {
@@ -134,16 +133,16 @@ impl Layout {
                 end = end.checked_add(count.checked_mul(each)?)?;
                 Some(start..end)
             };
-            let (columns, entries) = (usize::try_from(columns).ok()?, usize::try_from(entries).ok()?);
+            let [rows, columns, entries] = [rows, columns, entries].map(|count| usize::try_from(count).ok());
+            let (rows, columns, entries) = (rows?, columns?, entries?);
             let layout = Self {
                 gantry_deg: f64::from_bits(word(48)),
-                rows: usize::try_from(rows).ok().filter(|&rows| u32::try_from(rows).is_ok())?,
                 bixels: part(columns, 16)?,
-                starts: part(columns.checked_add(1)?, 8)?,
-                row: part(entries, 4)?,
+                starts: part(rows.checked_add(1)?, 4)?,
                 value: part(entries, 4)?,
+                column: part(entries, 2)?,
             };
-            (layout.value.end == bytes.len()).then_some(layout)
+            (layout.column.end == bytes.len()).then_some(layout)
         };
         let layout = size().ok_or(BeamFileError::Size { found: bytes.len(), rows, columns, entries })?;
 
@@ -164,11 +163,11 @@ impl Layout {
         numbers(&bytes[self.bixels.clone()])
     }
 
-    fn dose<'a>(&self, bytes: &'a [u8]) -> CscRef<'a> {
-        CscRef {
-            rows: self.rows,
+    fn dose<'a>(&self, bytes: &'a [u8]) -> RowsRef<'a> {
+        RowsRef {
+            columns: self.bixels.len() / 16,
             starts: numbers(&bytes[self.starts.clone()]),
-            row: numbers(&bytes[self.row.clone()]),
+            column: numbers(&bytes[self.column.clone()]),
             value: numbers(&bytes[self.value.clone()]),
         }
     }
@@ -179,18 +178,18 @@ fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
     <[T]>::ref_from_bytes(bytes).unwrap_or_default()
 }
 
-/// Writes a beam's dose.
-pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence) -> io::Result<()> {
-    let dose = beam.dose.view();
-    let sizes = [dose.rows as u64, dose.columns() as u64, dose.value.len() as u64];
+/// Writes a beam's dose; `rows` is its matrix.
+pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
+    let dose = rows.view();
+    let sizes = [dose.rows() as u64, dose.columns as u64, dose.value.len() as u64];
     let angle = beam.gantry_deg.to_bits();
     let parts: [&[u8]; 6] = [
         angle.as_bytes(),
         sizes.as_bytes(),
         beam.bixels_mm.as_bytes(),
         dose.starts.as_bytes(),
-        dose.row.as_bytes(),
         dose.value.as_bytes(),
+        dose.column.as_bytes(),
     ];
     let mut checksum = crc32fast::Hasher::new();
     parts.iter().for_each(|part| checksum.update(part));
@@ -219,14 +218,18 @@ mod tests {
         BeamInfluence { gantry_deg: 12.5, bixels_mm: vec![[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]], dose }
     }
 
+    fn rows() -> Rows {
+        Rows::from_columns(beam().dose.view()).unwrap()
+    }
+
     #[test]
     fn a_file_gives_back_the_beam_and_only_for_its_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam()).unwrap();
+        write(&path, &KEY, &beam(), &rows()).unwrap();
         let read = BeamFile::open(&path, &KEY).unwrap();
         assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
-        assert_eq!(read.dose(), beam().dose.view());
+        assert_eq!(read.dose(), rows().view());
         assert!(matches!(BeamFile::open(&path, &[8; 32]), Err(BeamFileError::Key)));
     }
 
@@ -234,7 +237,7 @@ mod tests {
     fn ten_thousand_broken_files_are_refused_or_hold_a_matrix() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("beam");
-        write(&path, &KEY, &beam()).unwrap();
+        write(&path, &KEY, &beam(), &rows()).unwrap();
         let whole = std::fs::read(&path).unwrap();
 
         let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());
@@ -271,7 +274,7 @@ mod tests {
                 }
                 Ok(read) => {
                     prop_assert_eq!(read.dose().check(), Ok(()));
-                    prop_assert_eq!(read.bixels_mm().len(), read.dose().columns());
+                    prop_assert_eq!(read.bixels_mm().len(), read.dose().columns);
                     used.set(used.get() + 1);
                 }
             }

@@ -2,60 +2,10 @@
 
 use thiserror::Error;
 
-use super::problem::{Problem, ProblemError, Side, Term};
-use super::rows::{Csr, LEFT_OUT};
-use crate::CscRef;
-
-/// One wish for a structure of `v` voxels. Doses are in gray; each costs nothing where it is fulfilled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Objective {
-    /// `weight / v sum max(0, d - dose)^2`.
-    Overdose {
-        /// Gray.
-        dose: f64,
-        /// Weight.
-        weight: f64,
-    },
-    /// `weight / v sum max(0, dose - d)^2`.
-    Underdose {
-        /// Gray.
-        dose: f64,
-        /// Weight.
-        weight: f64,
-    },
-    /// `weight max(0, mean - dose)^2`.
-    MeanDose {
-        /// Gray.
-        dose: f64,
-        /// Weight.
-        weight: f64,
-    },
-    /// `weight / v sum (d - mean)^2`.
-    Homogeneity {
-        /// Weight.
-        weight: f64,
-    },
-    /// At most `volume` (a fraction) gets more than `dose`. With `d_v` the dose that `volume` gets now, voxels between
-    /// `dose` and `d_v` cost `weight / v (d - dose)^2`; the hottest `volume` is free. Not convex.
-    DvhAtMost {
-        /// Gray.
-        dose: f64,
-        /// Fraction of the structure.
-        volume: f64,
-        /// Weight.
-        weight: f64,
-    },
-    /// At least `volume` (a fraction) gets `dose`. Voxels between `d_v` and `dose` cost `weight / v (dose - d)^2`; the
-    /// coldest `1 - volume` is free. Not convex.
-    DvhAtLeast {
-        /// Gray.
-        dose: f64,
-        /// Fraction of the structure.
-        volume: f64,
-        /// Weight.
-        weight: f64,
-    },
-}
+use super::objective::{DvhPoint, Objective, Parts};
+use super::problem::{Problem, ProblemError};
+use super::rows::Csr;
+use crate::Setups;
 
 /// A structure and what is wanted of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,26 +64,17 @@ pub enum GoalsError {
     Problem(#[from] ProblemError),
 }
 
+/// Marks a voxel that no objective needs.
+const LEFT_OUT: u32 = u32::MAX;
+
 /// Checked wishes: what a plan is measured by.
 #[derive(Clone, Debug)]
 pub struct Goals {
     wanted: Vec<Wanted>,
-    /// Row of each voxel of the dose grid, or [`LEFT_OUT`] where no objective needs it.
+    /// Row of each voxel of the dose grid, or `u32::MAX` where no objective needs it.
     row_of: Vec<u32>,
     /// Voxel of each row.
     voxels: Vec<u32>,
-}
-
-/// A DVH objective whose voxels are chosen by dose.
-#[derive(Clone, Debug)]
-pub(super) struct DvhPoint {
-    /// Rows of the structure.
-    pub rows: Vec<u32>,
-    /// How many of them cost.
-    pub costing: usize,
-    pub side: Side,
-    pub dose: f64,
-    pub weight: f64,
 }
 
 /// The goals on some beams: a convex problem, and the DVH points that it lacks.
@@ -183,17 +124,22 @@ impl Goals {
         &self.voxels
     }
 
+    /// Rows that a dose matrix must have: voxels of the dose grid, in every set-up.
+    pub fn rows(&self) -> usize {
+        self.row_of.len()
+    }
+
     /// The structures.
     pub fn wanted(&self) -> &[Wanted] {
         &self.wanted
     }
 
     /// The problem of these dose matrices side by side, restricted to the rows that an objective needs.
-    pub fn problem(&self, beams: &[CscRef<'_>]) -> Result<PlanProblem, GoalsError> {
-        if let Some(other) = beams.iter().find(|beam| beam.rows != self.row_of.len()) {
-            return Err(GoalsError::Grid { found: other.rows, expected: self.row_of.len() });
+    pub fn problem(&self, beams: &[Setups<'_>]) -> Result<PlanProblem, GoalsError> {
+        if let Some(other) = beams.iter().find(|beam| beam.rows() != self.rows()) {
+            return Err(GoalsError::Grid { found: other.rows(), expected: self.rows() });
         }
-        let mut matrix = Csr::from_blocks(beams, &self.row_of, self.voxels.len());
+        let mut matrix = Csr::of_beams(beams, &self.voxels);
         let (bixels, voxel_rows) = (matrix.columns(), matrix.rows());
         let mut parts = Parts::default();
         for structure in self.wanted.iter().filter(|w| !w.objectives.is_empty()) {
@@ -205,109 +151,4 @@ impl Goals {
         let Parts { terms, dvh, averages } = parts;
         Ok(PlanProblem { convex: Problem::new(matrix, terms)?, dvh, bixels, voxel_rows, averages })
     }
-}
-
-/// What objectives add to a problem.
-#[derive(Default)]
-struct Parts {
-    terms: Vec<Term>,
-    dvh: Vec<DvhPoint>,
-    averages: Vec<Vec<u32>>,
-}
-
-impl Objective {
-    fn check(&self, name: &str) -> Result<(), GoalsError> {
-        let (dose, volume, weight) = match *self {
-            Self::Overdose { dose, weight }
-            | Self::Underdose { dose, weight }
-            | Self::MeanDose { dose, weight } => (dose, 0.0, weight),
-            Self::Homogeneity { weight } => (0.0, 0.0, weight),
-            Self::DvhAtMost { dose, volume, weight } | Self::DvhAtLeast { dose, volume, weight } => {
-                (dose, volume, weight)
-            }
-        };
-        let bad = |what, value, range| Err(GoalsError::Number { name: name.to_owned(), what, value, range });
-        if !(dose.is_finite() && dose >= 0.0) {
-            return bad("a dose", dose, "a finite number of gray, not negative");
-        }
-        if !(0.0..=1.0).contains(&volume) {
-            return bad("a volume", volume, "a fraction between 0 and 1");
-        }
-        if !(weight.is_finite() && weight >= 0.0) {
-            return bad("a weight", weight, "finite and not negative");
-        }
-        Ok(())
-    }
-
-    /// Adds its terms on `rows`, and the rows and columns of the matrix that they need.
-    fn add(&self, rows: &[u32], matrix: &mut Csr, bixels: usize, parts: &mut Parts) {
-        let Parts { terms, dvh, averages } = parts;
-        let count = rows.len() as f64;
-        let mut each = |side, goal, weight: f64| {
-            terms.extend(rows.iter().map(|&row| Term { row, side, goal, weight: weight / count }));
-        };
-        match *self {
-            Self::Overdose { dose, weight } => each(Side::Over, dose, weight),
-            Self::Underdose { dose, weight } => each(Side::Under, dose, weight),
-            Self::MeanDose { dose, weight } => {
-                // One more row: the mean over the structure.
-                let (columns, means) = mean_row(matrix, rows, bixels);
-                let row = matrix.rows() as u32;
-                matrix.push_row(&columns, &means);
-                averages.push(rows.to_vec());
-                terms.push(Term { row, side: Side::Over, goal: dose, weight });
-            }
-            Self::Homogeneity { weight } => {
-                // sum (d - mean)^2 = min_c sum (d - c)^2: one more column, c, and each row once more with -1 in it.
-                // The best c is the mean, so it is not negative.
-                let column = matrix.columns() as u32;
-                matrix.widen(1);
-                for row in rows {
-                    averages.push(vec![*row]);
-                    let (columns, values) = matrix.row(*row as usize);
-                    let columns = [columns, &[column]].concat();
-                    let values = [values, &[-1.0]].concat();
-                    let row = matrix.rows() as u32;
-                    matrix.push_row(&columns, &values);
-                    for side in [Side::Over, Side::Under] {
-                        terms.push(Term { row, side, goal: 0.0, weight: weight / count });
-                    }
-                }
-            }
-            Self::DvhAtMost { dose, volume, weight } => {
-                let costing = rows.len() - ((volume * count) as usize).min(rows.len());
-                dvh.push(DvhPoint {
-                    rows: rows.to_vec(),
-                    costing,
-                    side: Side::Over,
-                    dose,
-                    weight: weight / count,
-                });
-            }
-            Self::DvhAtLeast { dose, volume, weight } => {
-                let costing = ((volume * count).ceil() as usize).min(rows.len());
-                dvh.push(DvhPoint {
-                    rows: rows.to_vec(),
-                    costing,
-                    side: Side::Under,
-                    dose,
-                    weight: weight / count,
-                });
-            }
-        }
-    }
-}
-
-/// The mean of rows, as a sparse row; rounded to `f32` as every entry is.
-fn mean_row(matrix: &Csr, rows: &[u32], bixels: usize) -> (Vec<u32>, Vec<f32>) {
-    let mut sums = vec![0.0_f64; bixels];
-    for row in rows {
-        let (columns, values) = matrix.row(*row as usize);
-        for (c, v) in columns.iter().zip(values) {
-            sums[*c as usize] += f64::from(*v);
-        }
-    }
-    let columns: Vec<u32> = (0..bixels as u32).filter(|j| sums[*j as usize] != 0.0).collect();
-    let means = columns.iter().map(|j| (sums[*j as usize] / rows.len() as f64) as f32).collect();
-    (columns, means)
 }

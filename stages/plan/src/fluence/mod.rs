@@ -1,10 +1,10 @@
 //! Fluence: the weights of the bixels that come nearest to what is wanted (ch. 5.1.4, app. D; SCIENCE F).
 //!
-//! - `goals`: what is wanted of each structure, and the problem it makes of dose matrices
+//! - `objective`: what can be wanted of a structure; `goals`: what is wanted of all, and the problem it makes of dose matrices
 //! - `plan`: its solution, DVH points included
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid
-//! - `rows`: the dose matrix by rows
+//! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `cholesky`, `line` are its parts
 //! - `admm`: the source's solver, corrected
 //! - `certificate`: how far from the optimum a point is
@@ -18,15 +18,17 @@ mod goals;
 mod gram;
 mod line;
 mod newton;
+mod objective;
 mod plan;
 mod problem;
 mod rows;
 mod voxels;
 
 pub use certificate::Certificate;
-pub use goals::{Goals, GoalsError, Objective, PlanProblem, Wanted};
+pub use goals::{Goals, GoalsError, PlanProblem, Wanted};
 pub use newton::{Options, Solution, solve};
+pub use objective::Objective;
 pub use plan::{Plan, solve as solve_plan};
 pub use problem::{Problem, ProblemError, Side, Term};
-pub use rows::{Csr, LEFT_OUT};
+pub use rows::Csr;
 pub use voxels::voxels_on;

@@ -1,8 +1,9 @@
 //! Solving the goals on some beams, DVH points included.
 
 use super::certificate::Certificate;
-use super::goals::{DvhPoint, PlanProblem};
+use super::goals::PlanProblem;
 use super::newton::{self, Options};
+use super::objective::DvhPoint;
 use super::problem::{Problem, ProblemError, Side, Term};
 
 /// Most times that the voxels of DVH points are chosen anew.

@@ -1,9 +1,6 @@
-//! The dose-influence matrix by rows: what products with it read.
+//! The dose matrix of a plan, all beams side by side, by rows: what products with it read.
 
-use crate::CscRef;
-
-/// Marks a row of a block that is left out.
-pub const LEFT_OUT: u32 = u32::MAX;
+use crate::{CscRef, Setups};
 
 /// A sparse matrix by rows. Columns rise within a row; values are `f32`, sums are `f64`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,41 +14,47 @@ pub struct Csr {
 impl Csr {
     /// The same matrix by rows.
     pub fn from_columns(matrix: CscRef<'_>) -> Self {
-        let rows: Vec<u32> = (0..matrix.rows as u32).collect();
-        Self::from_blocks(&[matrix], &rows, matrix.rows)
-    }
-
-    /// Blocks side by side. `row_of` says for each row of the blocks which of the `rows` it becomes, or [`LEFT_OUT`].
-    pub fn from_blocks(blocks: &[CscRef<'_>], row_of: &[u32], rows: usize) -> Self {
-        let mut starts = vec![0; rows + 1];
-        for row in blocks.iter().flat_map(|block| block.row) {
-            let row = row_of[*row as usize];
-            if row != LEFT_OUT {
-                starts[row as usize + 1] += 1;
-            }
+        let mut starts = vec![0; matrix.rows + 1];
+        for row in matrix.row {
+            starts[*row as usize + 1] += 1;
         }
-        for row in 0..rows {
+        for row in 0..matrix.rows {
             starts[row + 1] += starts[row];
         }
-        let entries = starts[rows];
-        let (mut column, mut value) = (vec![0; entries], vec![0.0; entries]);
         let mut next = starts.clone();
-        let mut columns = 0;
-        for block in blocks {
-            for j in 0..block.columns() {
-                let (block_rows, values) = block.column(j);
-                for (row, v) in block_rows.iter().zip(values) {
-                    let row = row_of[*row as usize];
-                    if row != LEFT_OUT {
-                        let at = &mut next[row as usize];
-                        (column[*at], value[*at]) = (columns as u32, *v);
-                        *at += 1;
-                    }
-                }
-                columns += 1;
+        let entries = matrix.value.len();
+        let (mut column, mut value) = (vec![0; entries], vec![0.0; entries]);
+        for j in 0..matrix.columns() {
+            let (rows, values) = matrix.column(j);
+            for (row, v) in rows.iter().zip(values) {
+                let at = &mut next[*row as usize];
+                (column[*at], value[*at]) = (j as u32, *v);
+                *at += 1;
             }
         }
-        Self { columns, starts, column, value }
+        Self { columns: matrix.columns(), starts, column, value }
+    }
+
+    /// The matrices of several beams side by side, and of them these rows.
+    pub fn of_beams(beams: &[Setups<'_>], rows: &[u32]) -> Self {
+        let mut starts = Vec::with_capacity(rows.len() + 1);
+        starts.push(0);
+        let entries: usize = beams
+            .iter()
+            .map(|beam| rows.iter().map(|row| beam.row(*row as usize).0.len()).sum::<usize>())
+            .sum();
+        let (mut column, mut value) = (Vec::with_capacity(entries), Vec::with_capacity(entries));
+        for row in rows {
+            let mut before = 0;
+            for beam in beams {
+                let (columns, values) = beam.row(*row as usize);
+                column.extend(columns.iter().map(|c| before + u32::from(*c)));
+                value.extend_from_slice(values);
+                before += beam.columns() as u32;
+            }
+            starts.push(column.len());
+        }
+        Self { columns: beams.iter().map(Setups::columns).sum(), starts, column, value }
     }
 
     /// Appends empty columns.

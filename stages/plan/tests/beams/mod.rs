@@ -5,11 +5,11 @@ use std::num::NonZeroUsize;
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
-use stillpoint_plan::Csc;
 use stillpoint_plan::beams::{
     Budget, Choice, Evaluator, Method, Progress, Ring, Stop, choose, class_solution, random_set, rotations,
 };
 use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::{Csc, Rows};
 
 const SIDE: usize = 21;
 const BEAMS: usize = 5;
@@ -19,7 +19,7 @@ fn centre(voxel: usize) -> [f64; 2] {
 }
 
 /// Parallel beams through a disc of radius 10, attenuated by depth, five bixels wide.
-fn disc() -> (Vec<Csc>, Goals) {
+fn disc() -> (Vec<Rows>, Goals) {
     let inside =
         |at: [f64; 2], middle: [f64; 2], radius: f64| (at[0] - middle[0]).hypot(at[1] - middle[1]) <= radius;
     let voxels = |middle, radius| {
@@ -41,7 +41,7 @@ fn disc() -> (Vec<Csc>, Goals) {
             }
             starts.push(row.len() as u64);
         }
-        Csc::new(SIDE * SIDE, starts, row, value).unwrap()
+        Rows::from_columns(Csc::new(SIDE * SIDE, starts, row, value).unwrap().view()).unwrap()
     };
     let structure = |name: &str, voxels, objectives| Wanted { name: name.into(), voxels, objectives };
     let target = vec![

@@ -3,6 +3,7 @@
 use super::phantom::{Phantom, cube};
 use std::num::NonZeroUsize;
 use std::path::Path;
+use stillpoint_plan::Rows;
 use stillpoint_plan::dose::{BeamFileError, DoseCache, DoseEngine, DoseParams, Machine, Origin};
 
 fn engine() -> DoseEngine {
@@ -25,12 +26,14 @@ fn a_beam_is_computed_once_and_then_found_with_the_same_dose() {
     let first = cache.beam(&engine, 40.0).unwrap();
     let second = cache.beam(&engine, 40.0).unwrap();
     assert!(matches!((&first.origin, &second.origin), (Origin::Computed, Origin::Found)));
+    let rows = Rows::from_columns(direct.dose.view()).unwrap();
     for cached in [&first.beam, &second.beam] {
         assert_eq!((cached.gantry_deg(), cached.bixels_mm()), (40.0, direct.bixels_mm.as_slice()));
-        assert_eq!(cached.dose(), direct.dose.view());
+        assert_eq!(cached.dose(), rows.view());
     }
     let entries = direct.dose.view().value.len();
-    assert_eq!(first.beam.size(), 80 + 24 * direct.bixels_mm.len() + 8 + 8 * entries);
+    let voxels = direct.dose.view().rows;
+    assert_eq!(first.beam.size(), 80 + 16 * direct.bixels_mm.len() + 4 * (voxels + 1) + 6 * entries);
 }
 
 #[test]

@@ -3,6 +3,6 @@
 mod broken;
 mod cache;
 mod generic;
-mod phantom;
+pub mod phantom;
 mod reference;
 mod water;

@@ -1,8 +1,8 @@
 //! Objectives against their formulas, written down once more.
 
 use proptest::prelude::*;
-use stillpoint_plan::Csc;
 use stillpoint_plan::fluence::{Goals, GoalsError, Objective, Options, Plan, Wanted, solve_plan};
+use stillpoint_plan::{Csc, Rows};
 
 const VOXELS: usize = 12;
 
@@ -16,7 +16,8 @@ fn matrix(values: &[f32]) -> Csc {
 
 fn solve(wanted: &[Wanted], matrix: &Csc) -> (Plan, Vec<f64>) {
     let goals = Goals::new(wanted.to_vec(), VOXELS).unwrap();
-    let problem = goals.problem(&[matrix.view()]).unwrap();
+    let rows = Rows::from_columns(matrix.view()).unwrap();
+    let problem = goals.problem(&[rows.view().into()]).unwrap();
     let plan = solve_plan(&problem, None, Options::default()).unwrap();
     let dose = dose(matrix, &plan.weights);
     for (row, voxel) in goals.voxels().iter().enumerate() {
@@ -150,7 +151,8 @@ fn a_dvh_point_lets_the_hottest_part_go() {
         ],
     }];
     let goals = Goals::new(both, 2).unwrap();
-    let plan = solve_plan(&goals.problem(&[matrix.view()]).unwrap(), None, Options::default()).unwrap();
+    let rows = Rows::from_columns(matrix.view()).unwrap();
+    let plan = solve_plan(&goals.problem(&[rows.view().into()]).unwrap(), None, Options::default()).unwrap();
     let mut dose = plan.dose;
     dose.sort_by(f64::total_cmp);
     assert!(dose[0] < 10.1 && (dose[1] - 60.0).abs() < 1e-6, "{dose:?}");
@@ -175,5 +177,6 @@ fn wishes_that_cannot_be_used_are_refused_by_name() {
     assert!(matches!(one(vec![0], weight), Some(GoalsError::Number { what: "a weight", .. })));
     let goals = Goals::new(vec![], 3).unwrap();
     let other = Csc::new(4, vec![0], vec![], vec![]).unwrap();
-    assert_eq!(goals.problem(&[other.view()]).err(), Some(GoalsError::Grid { found: 4, expected: 3 }));
+    let other = Rows::from_columns(other.view()).unwrap();
+    assert_eq!(goals.problem(&[other.view().into()]).err(), Some(GoalsError::Grid { found: 4, expected: 3 }));
 }

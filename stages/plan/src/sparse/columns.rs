@@ -1,4 +1,4 @@
-//! The dose-influence matrix: dose to each voxel per unit weight of each bixel, column by column.
+//! The dose matrix column by column: bixel by bixel, as it is computed.
 
 use thiserror::Error;
 

@@ -1,0 +1,88 @@
+//! Doses of the beams of a ring, from the cache, for one set-up of the patient or several.
+
+use std::num::NonZeroUsize;
+
+use super::evaluator::{Evaluated, Influence};
+use super::ring::Ring;
+use crate::Setups;
+use crate::dose::{BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
+
+/// The doses of some beams of a ring. A beam that was not asked for has no dose, and no plan can be made of it.
+#[derive(Debug)]
+pub struct RingDoses {
+    /// For each beam of the ring one dose for each set-up.
+    beams: Vec<Vec<CachedBeam>>,
+}
+
+impl RingDoses {
+    /// The doses of `beams`, by an engine for each set-up, the planned one first. `on_beam` hears of each that is there.
+    pub fn load(
+        cache: &DoseCache,
+        engines: &[DoseEngine],
+        ring: Ring,
+        beams: &[u16],
+        threads: NonZeroUsize,
+        on_beam: impl Fn() + Sync,
+    ) -> Result<Self, CacheError> {
+        let angles: Vec<f64> = beams.iter().map(|beam| ring.angle_deg(*beam)).collect();
+        let mut all: Vec<Vec<CachedBeam>> = (0..ring.count()).map(|_| Vec::new()).collect();
+        for engine in engines {
+            let found = cache.beams_with(engine, &angles, threads, &on_beam)?;
+            for (beam, dose) in beams.iter().zip(found) {
+                if let Some(setups) = all.get_mut(usize::from(*beam)) {
+                    setups.push(dose);
+                }
+            }
+        }
+        Ok(Self { beams: all })
+    }
+
+    /// Centres of the bixels of a beam on the isocentre plane, x and z in the beam's frame, mm.
+    pub fn bixels_mm(&self, beam: u16) -> &[[f64; 2]] {
+        self.setups(beam).first().map_or(&[], |dose| dose.beam.bixels_mm())
+    }
+
+    /// Dose of a plan to every voxel of the dose grid in a set-up, gray; 0 in voxels that the set-up leaves out.
+    pub fn dose(&self, plan: &Evaluated, setup: usize) -> Vec<f32> {
+        let matrices: Vec<_> = plan
+            .beams
+            .beams()
+            .iter()
+            .filter_map(|beam| Some((self.setups(*beam).get(setup)?.beam.dose(), plan.weights_of(*beam)?)))
+            .collect();
+        let voxels = matrices.iter().map(|(dose, _)| dose.rows()).max().unwrap_or_default();
+        let of_voxel = |voxel: usize| {
+            let of_beam = |(dose, weights): &(crate::RowsRef<'_>, &[f64])| {
+                let (columns, values) = dose.row(voxel);
+                columns.iter().zip(values).map(|(c, v)| f64::from(*v) * weights[usize::from(*c)]).sum::<f64>()
+            };
+            matrices.iter().map(of_beam).sum::<f64>() as f32
+        };
+        (0..voxels).map(of_voxel).collect()
+    }
+
+    /// How many doses were computed now, and bytes of all of them.
+    pub fn computed(&self) -> (usize, usize) {
+        let all = || self.beams.iter().flatten();
+        let new = all().filter(|dose| !matches!(dose.origin, Origin::Found)).count();
+        (new, all().map(|dose| dose.beam.size()).sum())
+    }
+
+    /// What was wrong with files that were there and were replaced.
+    pub fn replaced(&self) -> impl Iterator<Item = &BeamFileError> {
+        self.beams.iter().flatten().filter_map(|dose| match &dose.origin {
+            Origin::Replaced(fault) => Some(fault),
+            _ => None,
+        })
+    }
+
+    fn setups(&self, beam: u16) -> &[CachedBeam] {
+        self.beams.get(usize::from(beam)).map_or(&[], Vec::as_slice)
+    }
+}
+
+impl Influence for RingDoses {
+    fn beam(&self, beam: u16) -> Setups<'_> {
+        Setups::new(self.setups(beam).iter().map(|dose| dose.beam.dose()).collect()).unwrap_or_default()
+    }
+}

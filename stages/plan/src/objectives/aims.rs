@@ -1,0 +1,191 @@
+//! A table of objectives on a case: goals on its dose grid.
+
+use thiserror::Error;
+
+use super::table::{Dose, ObjectiveTable, Volume, Wish};
+use crate::Grid;
+use crate::case::{Case, Role, Structure};
+use crate::fluence::{Goals, GoalsError, Objective, Wanted, voxels_on};
+
+/// What is wanted of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aims {
+    /// Structures with their objectives, those that come first first. A voxel counts for the first that has it.
+    pub wanted: Vec<Wanted>,
+    /// What was left out, a sentence each.
+    pub notes: Vec<String>,
+    /// Whether each of `wanted` counts in every set-up; the patient's outline counts in the planned one.
+    moves: Vec<bool>,
+    /// Voxels of the dose grid.
+    voxels: usize,
+}
+
+/// Why nothing can be wanted of a case.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum AimsError {
+    /// A target has no dose.
+    #[error(
+        "{0} is a target without a prescription: import the case with `--prescribe {0}=DOSE`, or give {0} another role"
+    )]
+    NoDose(String),
+    /// There is no target that anything is wanted of.
+    #[error("no target with voxels has objectives, so there is nothing to plan")]
+    NoTarget,
+    /// Objectives that cannot be.
+    #[error(transparent)]
+    Goals(#[from] GoalsError),
+}
+
+impl ObjectiveTable {
+    /// What this table wants of a case on this dose grid.
+    ///
+    /// A share of the prescription is of a target's own, and of the highest for any other structure. Targets come
+    /// first, the one of the highest dose before the others, then organs, then the rest, the outline last; each keeps
+    /// the voxels that none before it has.
+    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<Aims, AimsError> {
+        let own =
+            |s: &Structure| case.prescription().iter().find(|p| p.structure == s.name).map(|p| p.dose_gy);
+        let highest = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        let mut order: Vec<&Structure> = case.structures().iter().collect();
+        let rank = |s: &Structure| match s.role {
+            Role::Target => (0, -own(s).unwrap_or(0.0)),
+            Role::Organ => (1, 0.0),
+            Role::ClinicalTarget => (2, 0.0),
+            Role::Other => (3, 0.0),
+            Role::External => (4, 0.0),
+        };
+        order.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal));
+        let mut aims = Aims { wanted: Vec::new(), notes: Vec::new(), moves: Vec::new(), voxels: grid.len() };
+        let mut taken = vec![false; grid.len()];
+        for structure in order {
+            let wishes = self.find(&structure.name, structure.role);
+            if wishes.is_empty() {
+                continue;
+            }
+            let prescribed = match structure.role {
+                Role::Target => own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?,
+                _ => highest,
+            };
+            let mut voxels = voxels_on(grid, case.grid(), &structure.mask);
+            voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
+            if voxels.is_empty() {
+                aims.notes.push(format!(
+                    "{} has no voxel of its own on the dose grid, so nothing is wanted of it",
+                    structure.name
+                ));
+                continue;
+            }
+            aims.moves.push(structure.role != Role::External);
+            let objectives = wishes.iter().map(|wish| wish.objective(prescribed)).collect();
+            aims.wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
+        }
+        if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
+            return Err(AimsError::NoTarget);
+        }
+        Ok(aims)
+    }
+}
+
+impl Aims {
+    /// The goals in so many set-ups: the objective is the mean over them, as the planned one is what the outline counts
+    /// in. One set-up is the plan as it stands.
+    pub fn goals(&self, setups: usize) -> Result<Goals, AimsError> {
+        let setups = setups.max(1);
+        let mut wanted = Vec::new();
+        for (structure, moves) in self.wanted.iter().zip(&self.moves) {
+            let times = if *moves { setups } else { 1 };
+            for setup in 0..times {
+                let before = (setup * self.voxels) as u32;
+                let voxels = structure.voxels.iter().map(|v| before + v).collect();
+                let share = |objective: &Objective| objective.scaled(1.0 / times as f64);
+                let objectives = structure.objectives.iter().map(share).collect();
+                wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
+            }
+        }
+        Ok(Goals::new(wanted, setups * self.voxels)?)
+    }
+
+    /// What counts in every set-up: all but the patient's outline.
+    pub fn moving(&self) -> impl Iterator<Item = &Wanted> {
+        self.wanted.iter().zip(&self.moves).filter(|(_, moves)| **moves).map(|(wanted, _)| wanted)
+    }
+
+    /// Voxels that count in every set-up, rising.
+    pub fn moving_voxels(&self) -> Vec<u32> {
+        let mut voxels: Vec<u32> = self.moving().flat_map(|wanted| wanted.voxels.iter().copied()).collect();
+        voxels.sort_unstable();
+        voxels
+    }
+}
+
+impl Wish {
+    fn objective(&self, prescribed: f64) -> Objective {
+        let gray = |dose: Dose| match dose {
+            Dose::Gray(gray) => gray,
+            Dose::OfPrescription(part) => part * prescribed,
+        };
+        match *self {
+            Self::Overdose { dose, weight } => Objective::Overdose { dose: gray(dose), weight },
+            Self::Underdose { dose, weight } => Objective::Underdose { dose: gray(dose), weight },
+            Self::MeanDose { dose, weight } => Objective::MeanDose { dose: gray(dose), weight },
+            Self::Homogeneity { weight } => Objective::Homogeneity { weight },
+            Self::DvhAtMost { dose, volume: Volume(volume), weight } => {
+                Objective::DvhAtMost { dose: gray(dose), volume, weight }
+            }
+            Self::DvhAtLeast { dose, volume: Volume(volume), weight } => {
+                Objective::DvhAtLeast { dose: gray(dose), volume, weight }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::phantom;
+    use crate::dose::DoseParams;
+
+    fn aims() -> (Case, Aims) {
+        let case = phantom(0).unwrap();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
+        (case, aims)
+    }
+
+    #[test]
+    fn targets_come_first_and_a_voxel_counts_once() {
+        let (_, aims) = aims();
+        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        assert_eq!(names, ["PTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR", "Body"]);
+        let mut all: Vec<u32> = aims.wanted.iter().flat_map(|w| w.voxels.clone()).collect();
+        let count = all.len();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), count);
+        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 400.0 });
+    }
+
+    #[test]
+    fn set_ups_share_the_weight_and_the_outline_counts_once() {
+        let (_, aims) = aims();
+        let goals = aims.goals(7).unwrap();
+        assert_eq!(goals.rows(), 7 * aims.voxels);
+        assert_eq!(goals.wanted().len(), 7 * 5 + 1);
+        let all = aims.wanted.iter().map(|w| w.voxels.len()).sum::<usize>();
+        assert_eq!(goals.voxels().len(), all + 6 * aims.moving_voxels().len());
+        assert_eq!(
+            goals.wanted()[6].objectives[0],
+            Objective::Underdose { dose: 78.0, weight: 400.0 * (1.0 / 7.0) }
+        );
+        assert!(matches!(goals.wanted()[35].objectives[0], Objective::Overdose { weight: 8.0, .. }));
+    }
+
+    #[test]
+    fn a_target_without_a_dose_is_refused() {
+        let (case, _) = aims();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [{"role": "external", "wanted": [{"overdose": {"dose": "1 Gy", "weight": 1}}]}]}"#;
+        let only = ObjectiveTable::parse(own).unwrap();
+        assert_eq!(only.for_case(&case, &grid), Err(AimsError::NoTarget));
+    }
+}

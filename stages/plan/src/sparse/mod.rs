@@ -1,0 +1,13 @@
+//! The dose-influence matrix: dose to each voxel per unit weight of each bixel.
+//!
+//! - `columns`: bixel by bixel, as it is computed
+//! - `rows`: voxel by voxel, as it is kept and solved
+//! - `setups`: a beam's matrices for several set-ups of the patient, one above the other
+
+mod columns;
+mod rows;
+mod setups;
+
+pub use columns::{Csc, CscError, CscRef};
+pub use rows::{Rows, RowsError, RowsRef};
+pub use setups::Setups;

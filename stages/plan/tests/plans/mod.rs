@@ -1,0 +1,4 @@
+//! Whole plans: what is wanted, doses, fluence, figures.
+
+mod published;
+mod setups;
