@@ -42,8 +42,17 @@ pub struct Chart {
     pub series: Vec<Series>,
 }
 
+/// Where the legend is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Legend {
+    /// Over the lines.
+    Over,
+    /// Elsewhere.
+    Beside,
+}
+
 /// Colours that people with weak red-green sight can tell apart (Okabe and Ito).
-const COLOURS: [RGBColor; 7] = [
+const COLOURS: [RGBColor; 10] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -51,6 +60,9 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(230, 159, 0),
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
+    RGBColor(150, 150, 150),
+    RGBColor(140, 90, 60),
+    RGBColor(150, 190, 0),
 ];
 
 /// Red, green, blue of the series of this number, for whoever draws its name elsewhere.
@@ -62,15 +74,58 @@ pub fn colour(number: usize) -> [u8; 3] {
 impl Chart {
     /// The chart as an SVG document of this size in pixels, or what is wrong with its numbers.
     pub fn svg(&self, width: u32, height: u32) -> Result<String, String> {
+        let colours: Vec<usize> = (0..self.series.len()).collect();
+        self.document((width, height), |area| self.draw(area, &colours, Legend::Over))
+    }
+
+    /// The same with its legend on the right, and a colour for each series, by number: series of one colour belong
+    /// together, and one without a name is not in the legend.
+    pub fn svg_with_legend_beside(
+        &self,
+        width: u32,
+        height: u32,
+        colours: &[usize],
+    ) -> Result<String, String> {
+        let longest = self.series.iter().map(|s| s.name.chars().count()).max().unwrap_or(0) as u32;
+        let legend = (44 + 7 * longest).min(width / 2);
+        self.document((width, height), |area| {
+            area.fill(&WHITE)?;
+            let (left, right) = area.split_horizontally(width - legend);
+            self.draw(&left, colours, Legend::Beside)?;
+            let named = self.series.iter().zip(colours).filter(|(s, _)| !s.name.is_empty());
+            for (place, (series, colour)) in named.enumerate() {
+                let (y, colour) = (40 + 20 * place as i32, COLOURS[colour % COLOURS.len()]);
+                let line = [(2, y), (22, y)];
+                match series.style {
+                    Style::Dots => right.draw(&Circle::new((12, y), 3, colour.filled()))?,
+                    _ => right.draw(&PathElement::new(line, colour.stroke_width(2)))?,
+                }
+                let text = ("sans-serif", 12).into_font();
+                right.draw(&Text::new(series.name.clone(), (28, y - 6), text))?;
+            }
+            Ok(())
+        })
+    }
+
+    fn document(
+        &self,
+        size: (u32, u32),
+        draw: impl FnOnce(&DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), DrawingAreaErrorKind<std::io::Error>>,
+    ) -> Result<String, String> {
         let mut text = String::new();
-        self.draw(&SVGBackend::with_string(&mut text, (width, height)).into_drawing_area())
+        let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+        draw(&area)
+            .and_then(|()| area.present())
             .map_err(|e| format!("the chart \"{}\" cannot be drawn: {e}", self.title))?;
+        drop(area);
         Ok(text)
     }
 
     fn draw(
         &self,
-        area: &DrawingArea<SVGBackend, Shift>,
+        area: &DrawingArea<SVGBackend<'_>, Shift>,
+        colours: &[usize],
+        legend: Legend,
     ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
         area.fill(&WHITE)?;
         let (x, y) = (self.range(|p| p.0), self.range(|p| p.1));
@@ -92,7 +147,8 @@ impl Chart {
             .x_label_formatter(&label)
             .y_label_formatter(&label)
             .draw()?;
-        for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
+        for (series, colour) in self.series.iter().zip(colours) {
+            let colour = &COLOURS[colour % COLOURS.len()];
             let style = colour.stroke_width(if series.style == Style::Dashed { 1 } else { 2 });
             match series.style {
                 Style::Dots => {
@@ -115,19 +171,22 @@ impl Chart {
                     }
                 }
             }
+            if series.name.is_empty() || legend == Legend::Beside {
+                continue;
+            }
             chart
                 .draw_series(std::iter::empty::<Circle<(f64, f64), i32>>())?
                 .label(&series.name)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
         }
-        if self.series.iter().any(|s| !s.name.is_empty()) {
+        if legend == Legend::Over && self.series.iter().any(|s| !s.name.is_empty()) {
             chart
                 .configure_series_labels()
                 .border_style(BLACK.mix(0.3))
                 .background_style(WHITE.mix(0.85))
                 .draw()?;
         }
-        area.present()
+        Ok(())
     }
 
     /// Smallest and largest finite value, with a margin; 0 to 1 where there is none.
@@ -215,6 +274,23 @@ mod tests {
             };
             assert!(Chart { series: vec![series], ..Chart::default() }.svg(200, 100).is_ok(), "{values:?}");
         }
+    }
+
+    #[test]
+    fn a_legend_beside_is_in_the_same_document_and_has_the_named_series() {
+        let series =
+            |name: &str, style| Series { name: name.into(), points: vec![(0.0, 1.0), (1.0, 2.0)], style };
+        let chart = Chart {
+            series: vec![
+                series("Rectum", Style::Line),
+                series("", Style::Dashed),
+                series("Bladder", Style::Dots),
+            ],
+            ..Chart::default()
+        };
+        let svg = chart.svg_with_legend_beside(640, 320, &[0, 0, 1]).unwrap();
+        assert_eq!((svg.matches("<svg").count(), svg.matches("</svg>").count()), (1, 1));
+        assert!(svg.trim_end().ends_with("</svg>") && svg.contains("Rectum") && svg.contains("Bladder"));
     }
 
     #[test]

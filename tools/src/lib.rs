@@ -26,7 +26,10 @@ mod exit;
 mod identify;
 mod info;
 mod operators;
+mod picture;
 mod pipeline_file;
+mod plan;
+mod quantity;
 mod recover;
 mod replay;
 mod report;
@@ -85,6 +88,8 @@ enum Command {
     Echo(echo::Echo),
     /// Import, make and show patients to plan.
     Case(case::Case),
+    /// Choose the beams of a case and their fluence.
+    Plan(Box<plan::Plan>),
     /// Measure how fast and how exact this build is on this machine.
     Bench(bench::Bench),
 }
@@ -132,6 +137,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Identify(c) => c.execute(),
         Command::Echo(c) => c.execute(&registry),
         Command::Case(c) => c.execute(),
+        Command::Plan(c) => c.execute(),
         Command::Bench(c) => c.execute(extra),
     };
     match done {

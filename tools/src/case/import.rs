@@ -7,6 +7,7 @@ use stillpoint_dicom::{Request, import_folder};
 use stillpoint_plan::case::{Imported, NameTable, Prescription, Uid, import_described, write};
 
 use crate::exit::{Ended, Exit, Failure};
+use crate::quantity::quantity;
 
 /// Make a case file of a DICOM folder (CT and RTSTRUCT), or of NRRD volumes with their JSON.
 ///
@@ -126,14 +127,6 @@ fn prescription(text: &str) -> Result<Prescription, Failure> {
         return Err(Failure::wrong(format!("{text:?}: give a target and its dose, like PTV=78Gy")));
     };
     Ok(Prescription { structure: name.trim().to_owned(), dose_gy: quantity(dose, "Gy", text)? })
-}
-
-/// A number with this unit.
-fn quantity(part: &str, unit: &str, whole: &str) -> Result<f64, Failure> {
-    let number = part.trim().strip_suffix(unit).and_then(|n| n.trim().parse::<f64>().ok());
-    number
-        .filter(|n| n.is_finite())
-        .ok_or_else(|| Failure::wrong(format!("{whole:?}: {part:?} must be a number with its unit, {unit}")))
 }
 
 /// The JSON of NRRD volumes, if that is what is meant.

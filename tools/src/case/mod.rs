@@ -3,13 +3,9 @@
 //! - `import`: DICOM or NRRD with JSON, to a case file
 //! - `phantom`: the project's own pelvis
 //! - `show`: structures, volumes and pictures
-//! - `picture`: slices of a case with its structures
-//! - `letters`: the six letters that say where the patient's sides are
 
 mod import;
-mod letters;
 mod phantom;
-mod picture;
 mod show;
 
 use clap::{Args, Subcommand};

@@ -6,8 +6,8 @@ use clap::Args;
 use serde_json::json;
 use stillpoint_plan::case::{Case, Structure, content_hash, read};
 
-use super::picture::{COLOURS, Plane, draw};
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::picture::{COLOURS, Plane, draw};
 
 /// Show the structures of a case, and draw its central slices.
 #[derive(Args)]

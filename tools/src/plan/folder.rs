@@ -1,0 +1,67 @@
+//! The folder of a plan.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::charts;
+use super::export;
+use super::ground::Ground;
+use super::outcome::Outcome;
+use super::request::Request;
+use super::search::Run;
+use crate::exit::Failure;
+use crate::picture::{Plane, Wash, wash};
+
+/// The upper end of the scale of doses, as a part of the prescription.
+const SCALE: f64 = 1.1;
+
+/// Writes it, and says which files it has.
+pub fn write(
+    request: &Request,
+    ground: &Ground<'_>,
+    runs: &[Run],
+    outcome: &Outcome<'_>,
+) -> Result<Vec<PathBuf>, Failure> {
+    let folder = Folder { path: &request.out };
+    std::fs::create_dir_all(folder.path).map_err(|e| {
+        Failure::failed(format!("{}: {e}; give another folder with --out", folder.path.display()))
+    })?;
+    let mut files = Vec::new();
+    let told = serde_json::to_string_pretty(&outcome.told(request, ground, runs)).map_err(Failure::failed)?;
+    files.push(folder.put("plan.json", told.as_bytes())?);
+    let svg = |text: Result<String, String>| text.map_err(Failure::failed);
+    files.push(folder.put("dvh.svg", svg(charts::histograms(request, ground, outcome))?.as_bytes())?);
+    files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
+    if runs.len() > 1 {
+        files.push(folder.put("compare.svg", svg(charts::comparison(request, runs))?.as_bytes())?);
+    }
+    for plane in Plane::ALL {
+        let over = Wash {
+            grid: &ground.engine.params().grid,
+            gray: &outcome.gray[0],
+            most_gy: SCALE * ground.prescribed_gy,
+            beams_deg: &outcome.angles_deg,
+        };
+        let mut png = Vec::new();
+        wash(&request.case, plane, &over).write(&mut png).map_err(Failure::failed)?;
+        files.push(folder.put(&format!("{}.png", plane.name()), &png)?);
+    }
+    let [plan, dose] = export::dicom(request, ground, outcome).map_err(Failure::failed)?;
+    files.push(folder.put("rtplan.dcm", &plan.bytes)?);
+    files.push(folder.put("rtdose.dcm", &dose.bytes)?);
+    Ok(files)
+}
+
+struct Folder<'a> {
+    path: &'a Path,
+}
+
+impl Folder<'_> {
+    /// Writes a file as a whole; it is the user's own, since with `--keep-identity` it can name a person.
+    fn put(&self, name: &str, bytes: &[u8]) -> Result<PathBuf, Failure> {
+        let path = self.path.join(name);
+        stillpoint_map::publish(&path, |file| file.write_all(bytes))
+            .map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
+        Ok(path)
+    }
+}

@@ -1,0 +1,100 @@
+//! The case made ready: what is wanted of it, and the doses of the beams it may get.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use stillpoint_plan::beams::RingDoses;
+use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
+use stillpoint_plan::evaluation::{OnGrid, brought_to};
+use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::objectives::Aims;
+
+use super::request::Request;
+use crate::exit::Failure;
+
+/// Doses at which volumes are told, gray; those up to the highest prescription.
+const VOLUMES_AT_GY: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
+
+/// What plans are made on.
+pub struct Ground<'a> {
+    /// What is wanted.
+    pub aims: Aims,
+    /// The same as goals, over all set-ups.
+    pub goals: Goals,
+    /// The engine of the planned set-up.
+    pub engine: DoseEngine,
+    /// Doses of the beams.
+    pub doses: RingDoses,
+    /// The structures on the dose grid.
+    pub on_grid: OnGrid<'a>,
+    /// The dose that came with the case, on the dose grid.
+    pub reference: Option<Vec<f32>>,
+    /// Doses at which volumes are told, gray.
+    pub volumes_at_gy: Vec<f64>,
+    /// Highest prescribed dose, gray.
+    pub prescribed_gy: f64,
+    /// What people should know.
+    pub notes: Vec<String>,
+}
+
+impl<'a> Ground<'a> {
+    /// Makes it; doses that are not in the cache are computed.
+    pub fn new(request: &'a Request) -> Result<Self, Failure> {
+        let Request { case, .. } = request;
+        let over = DoseParams::over(case.grid(), request.grid_mm);
+        let params = DoseParams { bixels: BixelSpec::of_width(request.bixel_mm), ..over };
+        let engine = DoseEngine::of_case(case, request.machine.clone(), params).map_err(Failure::failed)?;
+        let grid = engine.params().grid;
+        let aims = request.objectives.for_case(case, &grid).map_err(Failure::failed)?;
+        let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
+        let mut engines = vec![engine.clone()];
+        let moving = engine.within(&aims.moving_voxels());
+        for shift_mm in &request.setups_mm[1..] {
+            engines.push(moving.shifted(*shift_mm).map_err(Failure::failed)?);
+        }
+        let beams = request.needed_beams();
+        let bar = bar((beams.len() * engines.len()) as u64, "doses", request.quiet);
+        let cache = DoseCache::in_folder(&request.doses).map_err(Failure::failed)?;
+        let doses = RingDoses::load(&cache, &engines, request.ring, &beams, request.threads, || bar.inc(1));
+        bar.finish_and_clear();
+        let doses = doses.map_err(Failure::failed)?;
+        let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        let mut notes = aims.notes.clone();
+        notes.extend(doses.replaced().map(|fault| format!("a kept dose was computed again: {fault}")));
+        if case.fractions().is_none() {
+            notes.push("the case does not say how many fractions; the RTPLAN has one".to_owned());
+        }
+        Ok(Self {
+            on_grid: OnGrid::new(case, &grid),
+            reference: case.reference_dose_gy().map(|gray| brought_to(&grid, case.grid(), gray)),
+            volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
+            aims,
+            goals,
+            engine,
+            doses,
+            prescribed_gy,
+            notes,
+        })
+    }
+
+    /// Says what the plan is made on.
+    pub fn tell(&self) {
+        for note in &self.notes {
+            println!("note: {note}");
+        }
+        let (computed, bytes) = self.doses.computed();
+        println!(
+            "{} voxels with objectives, {computed} doses computed, {:.0} MB of doses",
+            self.goals.voxels().len(),
+            bytes as f64 * 1e-6
+        );
+    }
+}
+
+/// A progress bar on standard error, where that is a terminal.
+pub fn bar(length: u64, what: &'static str, quiet: bool) -> ProgressBar {
+    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(length) };
+    // The template is ours, so it is one.
+    let style = ProgressStyle::with_template("{prefix:>18} {bar:32} {pos}/{len}  {elapsed}  {msg}");
+    bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+    bar.set_prefix(what);
+    bar
+}

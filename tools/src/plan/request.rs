@@ -1,0 +1,188 @@
+//! What is asked for, checked before any work is done.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+use stillpoint_dicom::Identity;
+use stillpoint_plan::beams::{Method, Ring, class_solution};
+use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
+use stillpoint_plan::dose::Machine;
+use stillpoint_plan::objectives::ObjectiveTable;
+
+use super::Plan;
+use super::search::Way;
+use crate::exit::Failure;
+use crate::quantity::quantity;
+
+/// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
+const RING: (u16, u16) = (90, 5);
+
+/// A request that holds together.
+pub struct Request {
+    /// The patient.
+    pub case: Case,
+    /// Hash of the case.
+    pub hash: ContentHash,
+    /// Angles that beams may have.
+    pub ring: Ring,
+    /// Beams of the plan.
+    pub beams: usize,
+    /// Most solves of a method.
+    pub budget: usize,
+    /// The ways to choose, with what each is called.
+    pub methods: Vec<(Way, Method)>,
+    /// Shifts of the patient (mm), the planned set-up first.
+    pub setups_mm: Vec<[f64; 3]>,
+    /// What is wanted.
+    pub objectives: ObjectiveTable,
+    /// The machine.
+    pub machine: Machine,
+    /// Spacing of the dose grid, mm.
+    pub grid_mm: f64,
+    /// Width of a bixel, mm.
+    pub bixel_mm: f64,
+    /// Where the plan goes.
+    pub out: PathBuf,
+    /// Where doses are kept.
+    pub doses: PathBuf,
+    /// Whose plan it is, in the exported DICOM.
+    pub identity: Identity,
+    /// Seed of the methods that draw.
+    pub seed: u64,
+    /// Threads.
+    pub threads: NonZeroUsize,
+    /// Whether people look on.
+    pub quiet: bool,
+}
+
+impl Request {
+    /// Checks it.
+    pub fn new(given: &Plan) -> Result<Self, Failure> {
+        let case = match &given.case {
+            Some(path) => read(path).map_err(Failure::failed)?,
+            None => phantom(0).map_err(Failure::failed)?,
+        };
+        let (count, gap) = RING;
+        let ring = Ring::new(count, gap).map_err(Failure::failed)?;
+        let (beams, methods) = methods(given, ring)?;
+        ring.check_room(beams).map_err(|e| Failure::wrong(format!("stillpoint: {e}")))?;
+        if given.budget == 0 {
+            return Err(Failure::wrong(
+                "stillpoint: --budget 0 solves nothing; allow at least one solve a beam",
+            ));
+        }
+        let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
+        Ok(Self {
+            hash: content_hash(&case).map_err(Failure::failed)?,
+            ring,
+            beams,
+            budget: given.budget,
+            methods,
+            setups_mm: setups(given.robust.as_deref())?,
+            objectives: objectives(given.objectives.as_deref())?,
+            machine: machine(given.machine.as_deref())?,
+            grid_mm: length("grid", &given.grid)?,
+            bixel_mm: length("bixel", &given.bixel)?,
+            out: given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name())),
+            doses: given.doses.clone(),
+            identity: identity(given.keep_identity.as_deref(), &case)?,
+            seed: given.seed,
+            threads: match given.threads {
+                Some(threads) => threads,
+                None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
+            },
+            quiet: given.json,
+            case,
+        })
+    }
+
+    /// Whether any method draws or prices over the whole ring, so that every beam must have its dose.
+    pub fn needed_beams(&self) -> Vec<u16> {
+        match &self.methods[..] {
+            [(_, Method::Class(angles))] => {
+                let mut beams: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
+                beams.sort_unstable();
+                beams
+            }
+            _ => (0..self.ring.count()).collect(),
+        }
+    }
+}
+
+fn methods(given: &Plan, ring: Ring) -> Result<(usize, Vec<(Way, Method)>), Failure> {
+    if let Some(text) = &given.angles {
+        let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
+        let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
+        let angles = angles.filter(|angles| angles.iter().all(|a| a.is_finite())).ok_or_else(|| {
+            Failure::wrong(format!(
+                "stillpoint: --angles {text}: degrees with commas between them are due, like 0,72,144"
+            ))
+        })?;
+        let off =
+            angles.iter().find(|a| (ring.angle_deg(ring.nearest(**a)) - a.rem_euclid(360.0)).abs() > 1e-6);
+        if let Some(off) = off {
+            let step = ring.step_deg();
+            return Err(Failure::wrong(format!(
+                "stillpoint: --angles {off}: angles are multiples of {step} degrees"
+            )));
+        }
+        return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
+    }
+    let method = |way: Way| match way {
+        Way::Equidistant => Method::Equidistant,
+        Way::Class | Way::Given => Method::Class(class_solution(given.beams)),
+        Way::Random => Method::Random,
+        Way::Greedy => Method::Greedy,
+        Way::Exchange => Method::Exchange,
+        Way::Annealing => Method::Annealing,
+        Way::Columns => Method::ColumnGeneration,
+    };
+    let ways = if given.compare { Way::CHOOSING.to_vec() } else { vec![given.method] };
+    Ok((given.beams, ways.into_iter().map(|way| (way, method(way))).collect()))
+}
+
+/// The planned set-up, and shifts along each axis both ways.
+fn setups(shift: Option<&str>) -> Result<Vec<[f64; 3]>, Failure> {
+    let mut setups = vec![[0.0; 3]];
+    let Some(text) = shift else { return Ok(setups) };
+    let shift = quantity(text, "mm", &format!("--robust {text}"))?;
+    if !(shift > 0.0 && shift <= 50.0) {
+        return Err(Failure::wrong(format!(
+            "stillpoint: --robust {text}: a shift is above 0 mm and at most 50 mm"
+        )));
+    }
+    for axis in 0..3 {
+        for way in [-shift, shift] {
+            let mut moved = [0.0; 3];
+            moved[axis] = way;
+            setups.push(moved);
+        }
+    }
+    Ok(setups)
+}
+
+fn objectives(own: Option<&Path>) -> Result<ObjectiveTable, Failure> {
+    let shipped = ObjectiveTable::shipped().map_err(Failure::failed)?;
+    let Some(path) = own else { return Ok(shipped) };
+    let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
+    Ok(ObjectiveTable::parse(&text).map_err(|e| fault(&e))?.before(shipped))
+}
+
+fn machine(own: Option<&Path>) -> Result<Machine, Failure> {
+    let Some(path) = own else { return Machine::shipped().map_err(Failure::failed) };
+    let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
+    Machine::from_json(&text).map_err(|e| fault(&e))
+}
+
+fn identity(folder: Option<&Path>, case: &Case) -> Result<Identity, Failure> {
+    let Some(folder) = folder else { return Ok(Identity::none()) };
+    let uids = case.uids().ok_or_else(|| {
+        Failure::wrong(format!(
+            "stillpoint: --keep-identity: {} does not come from DICOM, so it is nobody's",
+            case.name()
+        ))
+    })?;
+    Identity::read_again(folder, uids).map_err(Failure::failed)
+}

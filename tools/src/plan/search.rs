@@ -1,0 +1,103 @@
+//! The ways to choose beams, each with its progress.
+
+use std::time::Instant;
+
+use clap::ValueEnum;
+use serde::Serialize;
+use stillpoint_plan::beams::{Budget, Choice, Evaluator, Progress, choose};
+
+use super::ground::{Ground, bar};
+use super::request::Request;
+use crate::exit::Failure;
+
+/// A way to choose beams.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Way {
+    /// Equally spaced beams, every rotation.
+    Equidistant,
+    /// Angles in common use for the pelvis; equally spaced ones for other numbers of beams than 5 and 7.
+    Class,
+    /// The best of sets drawn uniformly.
+    Random,
+    /// One beam after the other, by price.
+    Greedy,
+    /// From the greedy set, one beam for another while that is better.
+    Exchange,
+    /// From the greedy set, random exchanges, worse ones too while it is hot.
+    Annealing,
+    /// Grows by price beyond the number wanted, takes away what carries least, and again.
+    Columns,
+    /// Angles that were given.
+    #[value(skip)]
+    Given,
+}
+
+impl Way {
+    /// Those that choose.
+    pub const CHOOSING: [Self; 7] = [
+        Self::Equidistant,
+        Self::Class,
+        Self::Random,
+        Self::Greedy,
+        Self::Exchange,
+        Self::Annealing,
+        Self::Columns,
+    ];
+
+    /// Its word.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Equidistant => "equidistant",
+            Self::Class => "class",
+            Self::Random => "random",
+            Self::Greedy => "greedy",
+            Self::Exchange => "exchange",
+            Self::Annealing => "annealing",
+            Self::Columns => "columns",
+            Self::Given => "given",
+        }
+    }
+}
+
+/// A search that has ended.
+pub struct Run {
+    /// How beams were chosen.
+    pub way: Way,
+    /// What was found.
+    pub choice: Choice,
+    /// Every solve.
+    pub history: Vec<Progress>,
+    /// Beams priced.
+    pub prices: usize,
+    /// How long it took.
+    pub seconds: f64,
+}
+
+/// Runs every method that is asked for, each with the whole budget.
+pub fn all(request: &Request, ground: &Ground<'_>) -> Result<Vec<Run>, Failure> {
+    request.methods.iter().map(|(way, method)| run(request, ground, *way, method)).collect()
+}
+
+fn run(
+    request: &Request,
+    ground: &Ground<'_>,
+    way: Way,
+    method: &stillpoint_plan::beams::Method,
+) -> Result<Run, Failure> {
+    let began = Instant::now();
+    let bar = bar(request.budget as u64, way.word(), request.quiet);
+    let budget = Budget { solves: request.budget };
+    let evaluator = Evaluator::new(&ground.doses, &ground.goals, request.ring, request.beams, budget);
+    let mut evaluator = evaluator.with_threads(request.threads).with_progress(|progress| {
+        bar.set_position(progress.solves as u64);
+        if progress.best.is_finite() {
+            bar.set_message(format!("best {:.2}", progress.best));
+        }
+    });
+    let choice = choose(method, &mut evaluator, request.seed);
+    bar.finish_and_clear();
+    let choice = choice.map_err(|e| Failure::failed(format!("{}: {e}", way.word())))?;
+    let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
+    Ok(Run { way, choice, history, prices, seconds: began.elapsed().as_secs_f64() })
+}

@@ -1,0 +1,11 @@
+//! Numbers with units on the command line.
+
+use crate::exit::Failure;
+
+/// A number with this unit; `whole` is the text that it is a part of.
+pub fn quantity(part: &str, unit: &str, whole: &str) -> Result<f64, Failure> {
+    let number = part.trim().strip_suffix(unit).and_then(|n| n.trim().parse::<f64>().ok());
+    number
+        .filter(|n| n.is_finite())
+        .ok_or_else(|| Failure::wrong(format!("{whole:?}: {part:?} must be a number with its unit, {unit}")))
+}

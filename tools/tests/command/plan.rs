@@ -1,0 +1,137 @@
+//! Plans: beams chosen, files written, the same for any number of threads.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+
+use super::{stillpoint, text};
+
+/// Coarse, so that all beams of the ring are made ready in a moment.
+const COARSE: [&str; 4] = ["--grid", "12mm", "--bixel", "20mm"];
+
+fn plan(folder: &Path, arguments: &[&str]) -> Value {
+    let arguments = [&["plan"], arguments, &COARSE, &["--doses", "doses", "--json"]].concat();
+    let out = stillpoint(folder, &arguments);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+fn angles(told: &Value) -> Vec<f64> {
+    told["beams"].as_array().unwrap().iter().map(|b| b["gantry_deg"].as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "8", "--method", "exchange"];
+    let told = plan(folder.path(), &[&asked[..], &["--out", "one", "--threads", "1"]].concat());
+    plan(folder.path(), &[&asked[..], &["--out", "three", "--threads", "3"]].concat());
+    assert_eq!(angles(&told).len(), 3);
+    assert_eq!(told["searches"][0]["solves"], 8);
+    let names = [
+        "plan.json",
+        "dvh.svg",
+        "objective.svg",
+        "axial.png",
+        "coronal.png",
+        "sagittal.png",
+        "rtplan.dcm",
+        "rtdose.dcm",
+    ];
+    assert_eq!(told["files"].as_array().unwrap().len(), names.len());
+    for name in names {
+        let read = |folder_name: &str| std::fs::read(folder.path().join(folder_name).join(name)).unwrap();
+        assert!(read("one") == read("three"), "{name}");
+    }
+    let ptv = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
+    assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");
+}
+
+#[test]
+fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "6", "--compare", "--robust", "5mm", "--out", "both"];
+    let told = plan(folder.path(), &asked);
+    let searches = told["searches"].as_array().unwrap();
+    assert_eq!(searches.len(), 7);
+    let cost = |s: &Value| s["objective"].as_f64().unwrap();
+    let least = searches.iter().map(cost).fold(f64::INFINITY, f64::min);
+    assert_eq!(cost(&told), least);
+    assert!(searches.iter().all(|s| s["solves"].as_u64().unwrap() <= 6));
+    let setups = told["setups"].as_array().unwrap();
+    assert_eq!(setups.len(), 6);
+    assert_eq!(setups[1]["patient_moved_mm"], serde_json::json!([5.0, 0.0, 0.0]));
+    assert!(setups[0]["structures"].as_array().unwrap().iter().all(|s| s["name"] != "Body"));
+    let svg = std::fs::read_to_string(folder.path().join("both/compare.svg")).unwrap();
+    assert!(["greedy", "annealing", "columns", "best objective"].iter().all(|word| svg.contains(word)));
+}
+
+/// What pydicom reads of a plan and its dose.
+const PRINT: &str = r#"
+import sys, json, warnings, pydicom
+from pydicom import config
+config.settings.reading_validation_mode = config.RAISE
+warnings.simplefilter('error')
+plan, dose = (pydicom.dcmread(path) for path in sys.argv[1:3])
+gray = dose.pixel_array * float(dose.DoseGridScaling)
+print(json.dumps({
+    'angles': [float(b.ControlPointSequence[0].GantryAngle) for b in plan.BeamSequence],
+    'weights': [float(b.FinalCumulativeMetersetWeight) for b in plan.BeamSequence],
+    'isocentre': [float(v) for v in plan.BeamSequence[0].ControlPointSequence[0].IsocenterPosition],
+    'description': plan.RTPlanDescription, 'patient': str(plan.PatientName) + str(dose.PatientID),
+    'shape': list(gray.shape), 'origin': [float(v) for v in dose.ImagePositionPatient], 'largest': float(gray.max()),
+    'belongs': dose.ReferencedRTPlanSequence[0].ReferencedSOPInstanceUID == plan.SOPInstanceUID,
+}))
+"#;
+
+#[test]
+fn pydicom_reads_the_exported_plan_and_dose() {
+    let python = std::env::var("STILLPOINT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&python).args(["-c", "import pydicom, numpy"]).output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        println!("skipped: {python} cannot import pydicom and numpy (set STILLPOINT_PYTHON to one that can)");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let told = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "given"]);
+    let files = ["given/rtplan.dcm", "given/rtdose.dcm"].map(|name| folder.path().join(name));
+    let out = Command::new(python).args(["-c", PRINT]).args(&files).env("PYTHONUTF8", "1").output().unwrap();
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let read: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(read["angles"], serde_json::json!([0.0, 72.0, 144.0, 216.0, 288.0]));
+    let weights: f64 = read["weights"].as_array().unwrap().iter().map(|w| w.as_f64().unwrap()).sum();
+    assert!((weights - 1.0).abs() < 1e-9, "{weights}");
+    assert!(read["description"].as_str().unwrap().contains("not sequenced"));
+    assert_eq!((&read["patient"], &read["belongs"]), (&Value::from(""), &Value::from(true)));
+    let grid = &told["dose"]["grid"];
+    let counts: Vec<u64> =
+        grid["counts"].as_array().unwrap().iter().rev().map(|n| n.as_u64().unwrap()).collect();
+    assert_eq!(read["shape"], serde_json::json!(counts));
+    let near = |a: &Value, b: &Value| (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6;
+    for axis in 0..3 {
+        assert!(near(&read["origin"][axis], &grid["origin_mm"][axis]));
+        assert!(near(&read["isocentre"][axis], &told["isocentre_mm"][axis]));
+    }
+    let body = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
+    assert!(near(&read["largest"], &body["max_gy"]), "{} {}", read["largest"], body["max_gy"]);
+}
+
+#[test]
+fn what_cannot_be_planned_is_said_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("wrong.json"), r#"{"objectives": [{"wanted": []}]}"#).unwrap();
+    let said = |arguments: &[&str]| {
+        let out = stillpoint(folder.path(), &[&["plan"], arguments].concat());
+        assert!(!out.status.success(), "{arguments:?}");
+        text(&out.stderr)
+    };
+    assert!(said(&["none.case"]).contains("none.case"));
+    assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
+    assert!(said(&["--angles", "0,10"]).contains("--angles 10: angles are multiples of 4 degrees"));
+    assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));
+    assert!(said(&["--robust", "0mm"]).contains("above 0 mm"));
+    assert!(said(&["--budget", "0"]).contains("at least one solve a beam"));
+    assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
+    assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
+}
