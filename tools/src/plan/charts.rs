@@ -73,10 +73,12 @@ pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>)
     chart.svg_with_legend_beside(960, 520, &colours)
 }
 
-/// Cost of each solve, and the best until then.
+/// Cost of each solve, and the best until then. Sets of fewer beams are shown where they do not dwarf the others.
 pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
+    let full = || run.history.iter().filter(|p| p.beams.beams().len() >= request.beams).map(|p| p.cost);
+    let most = if full().count() < 3 { f64::INFINITY } else { full().fold(0.0, f64::max) };
     let costs = |name: String, wanted: &dyn Fn(usize) -> bool| {
-        let sets = run.history.iter().filter(|p| wanted(p.beams.beams().len()));
+        let sets = run.history.iter().filter(|p| wanted(p.beams.beams().len()) && p.cost <= most);
         Series { name, points: sets.map(|p| (p.solves as f64, p.cost)).collect(), style: Style::Dots }
     };
     let beams = request.beams;
