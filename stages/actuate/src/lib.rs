@@ -15,7 +15,7 @@
 //! - [`aim`], [`lease`]: errors against tolerances; the lease of the beam
 //! - [`sender`]: the sending end of datagrams
 //!
-//! And [`mod@operators`], `actuate.valves` and `gate.beam`.
+//! And [`mod@operators`]: `actuate.valves`, `gate.beam` and `actuate.far_end`.
 
 #![forbid(unsafe_code)]
 
@@ -45,4 +45,8 @@ pub use refusal::{Counts, Refusal};
 use stillpoint_pipeline::Stage;
 
 /// The operators of this family.
-pub const STAGES: &[Stage] = &[Stage::of::<operators::ActuateValves>(), Stage::of::<operators::GateBeam>()];
+pub const STAGES: &[Stage] = &[
+    Stage::of::<operators::ActuateValves>(),
+    Stage::of::<operators::GateBeam>(),
+    Stage::of::<operators::ActuateFarEnd>(),
+];

@@ -4,12 +4,15 @@
 //! - `watch`: what `actuate.valves` sees on its inputs
 //! - `params`: parameters that both share
 //! - `beam`: `gate.beam`, the lease of the beam
+//! - `far_end`: `actuate.far_end`, datagrams to duties
 
 mod beam;
+mod far_end;
 mod params;
 mod valves;
 mod watch;
 
 pub use beam::{BeamParams, GateBeam};
+pub use far_end::{ActuateFarEnd, FarEndParams};
 pub use params::FreshnessParams;
 pub use valves::{ActuateValves, ValvesParams};

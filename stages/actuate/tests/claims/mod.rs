@@ -1,6 +1,7 @@
 mod bench;
 mod broken;
 mod codec;
+mod far_end;
 mod keys;
 mod lives;
 mod machine;

@@ -1,0 +1,196 @@
+//! `actuate.far_end`: datagrams to duties, where the valves are.
+
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{
+    Cause, Datagram, Diagnostics, Duties, DutiesElement, FarEnd as FarEndSample, FarEndDoing, FarEndElement,
+    Metric, Sample,
+};
+
+use super::params::key;
+use crate::far_end::FarEnd;
+use crate::message::{Receiving, Safe};
+use crate::receiver::{Act, Clock, Receives};
+use crate::refusal::Refusal;
+
+const VALVES: usize = 0;
+const BEAM: usize = 1;
+const DUTIES: usize = 0;
+const STATE: usize = 1;
+const DIAGNOSTICS: usize = 2;
+const METRICS: usize = Refusal::ALL.len();
+
+/// Parameters of `actuate.far_end`.
+#[derive(Clone, Debug, Params)]
+pub struct FarEndParams {
+    /// The key file, a path from the pipeline's file: that of the sender. The session keeps it.
+    #[param(file)]
+    pub key: String,
+    /// Bladders, each with an inlet and an outlet.
+    #[param(default = 3, min = 1, max = 8)]
+    pub bladders: u32,
+    /// What the valves do before the first datagram.
+    #[param(default = "vent")]
+    pub idle: Safe,
+    /// Greatest difference of the clocks of both ends.
+    #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
+    pub clocks_within: u64,
+    /// How long duties grow from zero after silence.
+    #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]
+    pub ramp: u64,
+}
+
+/// Takes datagrams for valves and beam, refuses what is not in order, and says at each tick what the valves are to do:
+/// the duties of the datagram that lives, or the safe state where none does.
+pub struct ActuateFarEnd {
+    far_end: FarEnd,
+    valves: usize,
+    arrived: u64,
+    doing: FarEndDoing,
+    since: Option<u64>,
+    refused: u64,
+    metrics: [Metric; METRICS],
+}
+
+impl Operator for ActuateFarEnd {
+    type Params = FarEndParams;
+    const KIND: Kind = Kind {
+        name: "actuate.far_end",
+        about: "The far end of valves and beam: duties of the datagram that lives, or the safe state.",
+        role: Role::Operator,
+        inputs: &[
+            Input {
+                name: "valves",
+                sample: Datagram::KIND,
+                policy: Policy::Queue(64),
+                required: true,
+                about: "Datagrams of `actuate.valves`, and whatever else arrives.",
+            },
+            Input {
+                name: "beam",
+                sample: Datagram::KIND,
+                policy: Policy::Queue(64),
+                required: false,
+                about: "Datagrams of `gate.beam`. Without them the beam is never on.",
+            },
+        ],
+        outputs: &[
+            Output {
+                name: "duties",
+                sample: Duties::KIND,
+                frame: FrameRule::None,
+                about: "What the valves are to do, at each tick.",
+            },
+            Output {
+                name: "state",
+                sample: FarEndSample::KIND,
+                frame: FrameRule::None,
+                about: "What is done, since when, and what became of the datagrams, at each tick.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "Refused datagrams by reason, when there are new ones.",
+            },
+        ],
+        timer: Timer::Required,
+    };
+
+    fn new(params: FarEndParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let valves = 2 * params.bladders as usize;
+        let receives = Receives {
+            idle: params.idle,
+            clock: Clock::Shared { within: params.clocks_within },
+            ramp: params.ramp,
+            ..Receives::valves(valves)
+        };
+        Ok(Self {
+            far_end: FarEnd::new(&key(&params.key, setup)?, receives),
+            valves,
+            arrived: 0,
+            doing: FarEndDoing::Venting,
+            since: None,
+            refused: 0,
+            metrics: Refusal::ALL.map(|refusal| Metric::new(refusal.name(), 0.0)),
+        })
+    }
+
+    fn capacities(_: &FarEndParams) -> Vec<usize> {
+        vec![1, 1, METRICS]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        for port in [VALVES, BEAM] {
+            if let Some(view) = activation.fresh::<Datagram>(port) {
+                // A refusal is counted, and changes nothing.
+                if let Ok(Receiving::Valves) = self.far_end.receive(view.elements, activation.time) {
+                    self.arrived = activation.time;
+                }
+            }
+        }
+        if activation.cause != Cause::Timer {
+            return Ok(());
+        }
+        let doing = self.far_end.step(activation.time);
+        let (duties, now) = duties(doing.valves, self.valves);
+        if self.since.is_none() || now != self.doing {
+            (self.doing, self.since) = (now, Some(activation.time));
+        }
+        outputs.send::<Duties>(DUTIES, &duties)?;
+        outputs.send::<FarEndSample>(STATE, &self.state(activation.time, doing.beam))?;
+        self.tell_refusals(outputs)
+    }
+}
+
+impl ActuateFarEnd {
+    fn state(&self, now: u64, beam: bool) -> FarEndElement {
+        let (valves, beam_counts) = (self.far_end.valves(), self.far_end.beam());
+        let ends = self.far_end.valves_receiver().ends().unwrap_or(0);
+        FarEndElement {
+            arrived: self.arrived,
+            ends,
+            since: self.since.unwrap_or(now),
+            accepted: valves.accepted,
+            refused: valves.all_refused(),
+            refused_beam: beam_counts.all_refused(),
+            missing: valves.missing,
+            doing: self.doing as u32,
+            beam: u32::from(beam),
+        }
+    }
+
+    fn tell_refusals(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (valves, beam) = (self.far_end.valves(), self.far_end.beam());
+        let all = valves.all_refused() + beam.all_refused();
+        if all == self.refused {
+            return Ok(());
+        }
+        self.refused = all;
+        for (metric, refusal) in self.metrics.iter_mut().zip(Refusal::ALL) {
+            metric.value = (valves.refused(refusal) + beam.refused(refusal)) as f64;
+        }
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
+    }
+}
+
+/// What an act is in duties of this many valves: inlets and outlets in turn.
+fn duties(act: Act, valves: usize) -> (DutiesElement, FarEndDoing) {
+    let mut duties = DutiesElement { valves: valves as u32, ..DutiesElement::default() };
+    let doing = match act {
+        Act::Hold => FarEndDoing::Holding,
+        Act::Vent => {
+            duties.duty.iter_mut().take(valves).skip(1).step_by(2).for_each(|outlet| *outlet = 1.0);
+            FarEndDoing::Venting
+        }
+        Act::Follow(opening) => {
+            for (duty, opening) in duties.duty.iter_mut().zip(opening).take(valves) {
+                *duty = f64::from(opening);
+            }
+            FarEndDoing::Following
+        }
+    };
+    (duties, doing)
+}
