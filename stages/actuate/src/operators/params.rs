@@ -39,10 +39,18 @@ pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
     Key::parse(&setup.file(name)?).map_err(|e| SetupError(format!("{name}: {e}")))
 }
 
-/// What is known of the frames behind the pose on an input.
+/// What is known of the frames behind the pose on an input. What no day would make valid is refused here: nobody is to find
+/// out by a command that cannot be followed.
 pub fn extrinsic(params: &ExtrinsicParams, port: usize, setup: &Setup<'_>) -> Result<Extrinsic, SetupError> {
     let frame = setup.input_frames.get(port).and_then(Option::as_deref);
-    Extrinsic::of(params, setup.frames, frame).map_err(SetupError)
+    let extrinsic = Extrinsic::of(params, setup.frames, frame).map_err(SetupError)?;
+    match extrinsic.fault() {
+        None => Ok(extrinsic),
+        Some(fault) => Err(SetupError(format!(
+            "without a valid extrinsic nothing moves, and {fault}: say in `frames` when and how well it was measured, \
+             or say `extrinsic: {{ need: waived }}`"
+        ))),
+    }
 }
 
 /// Refuses a life of datagrams that one late tick would end, or that no datagram can have.

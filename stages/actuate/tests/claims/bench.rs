@@ -69,6 +69,15 @@ fn what_cannot_work_is_refused_when_it_is_made() {
     assert!(slow.contains("`lease` is 100 ms and the timer ticks every 60 ms"), "{slow}");
     let lone = fault("reference: head.report, ", "", "valves");
     assert!(lone.contains("say `reference: waived`"), "{lone}");
+    for name in ["valves", "gate"] {
+        let unmeasured = fault("measured: 2026-11-21, ", "", name);
+        assert!(
+            unmeasured.contains("and the frame `camera` has no `measured: YYYY-MM-DD`: say in"),
+            "{unmeasured}"
+        );
+        let vague = fault("residual: 0.3 mm", "residual: 3 mm", name);
+        assert!(vague.contains("the frame `camera` has a residual of 3 mm, more than 1 mm"), "{vague}");
+    }
     let frames = fault("dwell: 200 ms", "extrinsic: { frames: [kamera] }", "gate");
     assert!(frames.contains("`kamera` in `extrinsic.frames` is no frame"), "{frames}");
     assert_eq!(

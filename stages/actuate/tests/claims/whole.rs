@@ -285,7 +285,6 @@ fn arming_without_reference_or_extrinsic_or_pose_is_refused_and_said() {
     for (said, lacking) in [
         (Said { head: "fault: nothing", ..base }, Reason::REFERENCE),
         (Said { head: "fault: silent", ..base }, Reason::REFERENCE),
-        (Said { valves: "extrinsic: { max_residual: 0.2 mm }", ..base }, Reason::EXTRINSIC),
         (Said { valves: "extrinsic: { max_age: 24 h }", ..base }, Reason::EXTRINSIC),
         (Said { filter: "fault: silent", ..base }, Reason::NO_POSE),
         (Said { filter: "fault: silent, from: 50 ms", ..base }, Reason::POSE_STALE),
