@@ -85,6 +85,19 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         Ok(slopes)
     }
 
+    /// How fast each bladder's inlet at full duty moves the pose, m/s and rad/s: slowly, against 10 kPa (SCIENCE E6, E11).
+    /// It is what a controller is told of its bladders.
+    ///
+    /// # Errors
+    /// Those of [`equilibrium`](Self::equilibrium).
+    pub fn effect(
+        &self,
+        air: &SVector<f64, B>,
+        guess: SVector<f64, D>,
+    ) -> Result<SMatrix<f64, D, B>, EquilibriumError> {
+        Ok(self.pose_by_air(air, guess)? * self.inlet_flow(10e3))
+    }
+
     /// Generalised force on a head that does not move, and how it changes with the pose while the air stays.
     pub fn static_force(
         &self,

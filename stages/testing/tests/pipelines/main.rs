@@ -5,6 +5,7 @@
 mod default_pipeline;
 mod examples;
 mod guide;
+mod held_head;
 #[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
 mod real_data;
