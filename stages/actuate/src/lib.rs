@@ -10,7 +10,7 @@
 //!
 //! What decides, plain:
 //! - [`machine`]: the states of actuation
-//! - [`shaping`], [`pressure`]: bounds and growth of duties; pressures estimated from them
+//! - [`drive`], of [`shaping`] and [`pressure`]: bounds and growth of duties; pressures estimated from them
 //! - [`pose_watch`], [`extrinsic`]: whether pose and cameras can be trusted
 //! - [`aim`], [`lease`]: errors against tolerances; the lease of the beam
 //! - [`sender`]: the sending end of datagrams
@@ -21,6 +21,7 @@
 
 pub mod aim;
 pub mod datagram;
+pub mod drive;
 pub mod extrinsic;
 pub mod far_end;
 pub mod key;

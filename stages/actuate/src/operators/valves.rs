@@ -12,9 +12,10 @@ use stillpoint_samples::{
 use super::params::{FreshnessParams, check_life, extrinsic, key};
 use super::watch::{MEASURED, REFERENCE, STATE, Watch};
 use crate::datagram::LONGEST;
+use crate::drive::{Drive, Driven};
 use crate::extrinsic::{ExtrinsicParams, Need};
 use crate::machine::{Machine, Rules};
-use crate::message::{Order, Receiving, Safe, VALVES};
+use crate::message::{Order, Receiving, Safe};
 use crate::pressure::{PressureEstimator, PressureParams};
 use crate::sender::Sender;
 use crate::shaping::{Bounds, Shaped, Shaper};
@@ -74,15 +75,8 @@ pub struct ValvesParams {
 pub struct ActuateValves {
     watch: Watch,
     machine: Machine,
-    shaper: Shaper,
-    pressure: PressureEstimator,
+    drive: Drive,
     sender: Sender,
-    safe: Safe,
-    life: u64,
-    every: u64,
-    valves: usize,
-    /// When the last order was sent, ns, and which.
-    last: Option<(u64, Order)>,
     metrics: [Metric; METRICS],
 }
 
@@ -175,17 +169,19 @@ impl Operator for ActuateValves {
         let rules =
             Rules { safe: params.safe, lead: params.lead, settle: params.settle, patience: params.patience };
         let key = key(&params.key, setup)?;
-        Ok(Self {
-            watch,
-            machine: Machine::new(rules),
-            shaper: Shaper::new(Bounds { greatest: params.max_duty, slew: params.slew }),
-            pressure: PressureEstimator::new(&params.pressure),
-            sender: Sender::new(key, Receiving::Valves, params.safe, params.life),
+        let driven = Driven {
+            valves,
             safe: params.safe,
             life: params.life,
             every: setup.every.unwrap_or(params.life / 2),
-            valves,
-            last: None,
+        };
+        let bounds = Bounds { greatest: params.max_duty, slew: params.slew };
+        let drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&params.pressure));
+        Ok(Self {
+            watch,
+            machine: Machine::new(rules),
+            drive,
+            sender: Sender::new(key, Receiving::Valves, params.safe, params.life),
             metrics: [
                 "state",
                 "reasons",
@@ -207,23 +203,27 @@ impl Operator for ActuateValves {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let now = activation.time;
         self.watch.take(activation);
-        let gone = self.last.map_or(self.every, |(at, _)| now.saturating_sub(at));
-        self.let_pass(gone);
-        self.measure(activation);
+        self.drive.pass(now);
+        if let Some(sample) = activation.fresh::<RigState>(MEASURED)
+            && let Some(rig) = sample.first()
+        {
+            let bladders = (rig.bladders as usize).min(rig.pressure.len());
+            self.drive.measure(&rig.pressure[..bladders]);
+        }
         let mut seen = self.watch.seen(now);
-        if self.pressure.is_exceeded(self.valves / 2) {
+        if self.drive.is_exceeded() {
             seen.faults |= Reason::PRESSURE;
         }
         if let Some(asked) = Watch::asked(activation) {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
-        let (shaped, duties) = self.shape(order, gone);
+        let shaped = self.drive.tell(now, order, self.watch.duties());
         let reasons = self.machine.reasons() | shaped.reasons;
-        self.last = Some((now, order));
-        let bytes = self.sender.datagram(activation, order, reasons, &duties[..self.valves])?;
+        let duties = &self.drive.duties()[..self.drive.valves()];
+        let bytes = self.sender.datagram(activation, order, reasons, duties)?;
         outputs.send_slice::<Datagram>(DATAGRAM, &(), bytes)?;
-        let element = self.element(now, order, reasons, shaped, &duties);
+        let element = self.element(now, order, reasons, shaped);
         self.say(now, &element);
         outputs.send::<Actuation>(ACTUATION, &element)?;
         outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
@@ -231,72 +231,12 @@ impl Operator for ActuateValves {
 }
 
 impl ActuateValves {
-    /// Lets the valves do for `gone` ns what they were told last, and what they do by themselves once that has no life.
-    fn let_pass(&mut self, gone: u64) {
-        let Some((_, order)) = self.last else { return };
-        let told = gone.min(self.life);
-        self.obey(order, told);
-        let safe = match self.safe {
-            Safe::Hold => Order::Hold,
-            Safe::Vent => Order::Vent,
-        };
-        self.obey(safe, gone - told);
-    }
-
-    /// Takes measured pressures for the estimated ones.
-    fn measure(&mut self, activation: &Activation<'_>) {
-        if let Some(sample) = activation.fresh::<RigState>(MEASURED)
-            && let Some(rig) = sample.first()
-        {
-            for (bladder, pressure) in rig.pressure.iter().enumerate().take(rig.bladders as usize) {
-                self.pressure.correct(bladder, *pressure);
-            }
-        }
-    }
-
-    fn obey(&mut self, order: Order, ns: u64) {
-        let seconds = ns as f64 * 1e-9;
-        match order {
-            Order::Follow => {
-                let sent = self.shaper.sent().map(f64::from);
-                self.pressure.advance(seconds, &sent[..self.valves]);
-            }
-            Order::Vent => self.pressure.vent(seconds, self.valves / 2),
-            Order::Hold => {}
-        }
-    }
-
-    /// The duties to send, `gone` ns after the last.
-    fn shape(&mut self, order: Order, gone: u64) -> (Shaped, [f32; VALVES]) {
-        let mut shaped = Shaped::default();
-        let is_gap = gone > self.life;
-        if order != Order::Follow || is_gap {
-            // Meanwhile the valves were, or are now, in another state than that of the last duties.
-            self.shaper.rest();
-        }
-        if order == Order::Follow {
-            let seconds = if is_gap { self.every } else { gone } as f64 * 1e-9;
-            let pressure = &self.pressure;
-            shaped = self.shaper.shape(self.watch.duties(), seconds, |bladder| pressure.ceiling(bladder));
-        }
-        shaped.reasons |= if is_gap { Reason::GAP } else { 0 };
-        (shaped, *self.shaper.sent())
-    }
-
-    fn element(
-        &self,
-        now: u64,
-        order: Order,
-        reasons: u32,
-        shaped: Shaped,
-        duties: &[f32; VALVES],
-    ) -> ActuationElement {
+    fn element(&self, now: u64, order: Order, reasons: u32, shaped: Shaped) -> ActuationElement {
         let session = self.sender.session();
         let ((faults, fault), (refused, lacking)) = (self.machine.faults(), self.machine.refused());
-        let counts = |bladder: usize| 2 * bladder < self.valves;
         ActuationElement {
-            duty: duties.map(f64::from),
-            pressure: std::array::from_fn(|i| if counts(i) { self.pressure.pressure(i) } else { 0.0 }),
+            duty: self.drive.duties().map(f64::from),
+            pressure: self.drive.pressures(),
             session_started: session.started,
             session_nonce: session.nonce,
             sequence: self.sender.sequence(),
@@ -309,7 +249,7 @@ impl ActuateValves {
             fault,
             lacking,
             limited: shaped.limited,
-            valves: self.valves as u32,
+            valves: self.drive.valves() as u32,
             reference: self.machine.reference(),
         }
     }

@@ -1,0 +1,115 @@
+//! What the valves were told last and what they made of it: duties within bounds, and the pressures that follow.
+
+use stillpoint_samples::ActuationReason as Reason;
+
+use crate::message::{Order, Safe, VALVES};
+use crate::pressure::{BLADDERS, PressureEstimator};
+use crate::shaping::{Shaped, Shaper};
+
+/// What is told of the valves that are driven.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Driven {
+    /// How many: two for each bladder.
+    pub valves: usize,
+    /// What they do when orders stop.
+    pub safe: Safe,
+    /// How long an order lives, ns.
+    pub life: u64,
+    /// How often orders are sent, ns.
+    pub every: u64,
+}
+
+/// Shapes duties and estimates pressures, from order to order.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    driven: Driven,
+    shaper: Shaper,
+    pressure: PressureEstimator,
+    /// When the last order was sent, ns, and which.
+    last: Option<(u64, Order)>,
+    /// Time since the order before, ns.
+    gone: u64,
+}
+
+impl Drive {
+    /// Valves that were told nothing.
+    #[must_use]
+    pub fn new(driven: Driven, shaper: Shaper, pressure: PressureEstimator) -> Self {
+        Self { driven, shaper, pressure, last: None, gone: driven.every }
+    }
+
+    /// Goes on to `now`, ns: the valves do what they were told last, and what they do by themselves once that has no life.
+    pub fn pass(&mut self, now: u64) {
+        let Some((at, order)) = self.last else { return };
+        self.gone = now.saturating_sub(at);
+        let told = self.gone.min(self.driven.life);
+        self.obey(order, told);
+        let safe = match self.driven.safe {
+            Safe::Hold => Order::Hold,
+            Safe::Vent => Order::Vent,
+        };
+        self.obey(safe, self.gone - told);
+    }
+
+    fn obey(&mut self, order: Order, ns: u64) {
+        let seconds = ns as f64 * 1e-9;
+        match order {
+            Order::Follow => {
+                let sent = self.shaper.sent().map(f64::from);
+                self.pressure.advance(seconds, sent.get(..self.driven.valves).unwrap_or(&sent));
+            }
+            Order::Vent => self.pressure.vent(seconds, self.driven.valves / 2),
+            Order::Hold => {}
+        }
+    }
+
+    /// Takes measured pressures, Pa, for the estimated ones.
+    pub fn measure(&mut self, pressures: &[f64]) {
+        for (bladder, pressure) in pressures.iter().enumerate() {
+            self.pressure.correct(bladder, *pressure);
+        }
+    }
+
+    /// Whether a pressure is above its limit.
+    #[must_use]
+    pub fn is_exceeded(&self) -> bool {
+        self.pressure.is_exceeded(self.driven.valves / 2)
+    }
+
+    /// Gives an order at `now`, ns, the time that was gone on to. Duties that are asked for count where it is to follow.
+    pub fn tell(&mut self, now: u64, order: Order, asked: &[f64]) -> Shaped {
+        let mut shaped = Shaped::default();
+        let is_gap = self.gone > self.driven.life;
+        if order != Order::Follow || is_gap {
+            // Meanwhile the valves were, or are now, in another state than that of the last duties.
+            self.shaper.rest();
+        }
+        if order == Order::Follow {
+            let seconds = if is_gap { self.driven.every } else { self.gone } as f64 * 1e-9;
+            let pressure = &self.pressure;
+            shaped = self.shaper.shape(asked, seconds, |bladder| pressure.ceiling(bladder));
+        }
+        shaped.reasons |= if is_gap { Reason::GAP } else { 0 };
+        self.last = Some((now, order));
+        shaped
+    }
+
+    /// The duties that were told last.
+    #[must_use]
+    pub fn duties(&self) -> &[f32; VALVES] {
+        self.shaper.sent()
+    }
+
+    /// How many valves there are.
+    #[must_use]
+    pub fn valves(&self) -> usize {
+        self.driven.valves
+    }
+
+    /// Pressures over that of the room, Pa; 0 for bladders that there are not.
+    #[must_use]
+    pub fn pressures(&self) -> [f64; BLADDERS] {
+        let counts = |bladder: usize| 2 * bladder < self.driven.valves;
+        std::array::from_fn(|i| if counts(i) { self.pressure.pressure(i) } else { 0.0 })
+    }
+}
