@@ -15,9 +15,9 @@ pub enum RigMode {
     Waiting = 0,
     /// The valves follow the duties that arrive.
     Driven = 1,
-    /// The valves are shut, by order or because duties stopped.
+    /// Duties stopped: the valves are shut.
     Holding = 2,
-    /// The air is let out into the room, by order or because duties stopped.
+    /// Duties stopped: the air is let out into the room.
     Venting = 3,
 }
 
@@ -39,7 +39,7 @@ pub struct RigStateElement {
     pub force: [f64; 8],
     /// Opening of inlet and outlet of the first bladder, of the second, and so on, 0 to 1.
     pub opening: [f64; 16],
-    /// How old the duties are; NaN where there are none, or where they come as datagrams.
+    /// How old the duties are; NaN where there are none.
     #[unit("s")]
     pub duties_age: f64,
     /// Duties that were refused so far: not finite, out of range, or for another number of valves.

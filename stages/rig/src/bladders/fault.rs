@@ -24,7 +24,7 @@ pub enum Fault {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
-    /// Duties and datagrams get lost on their way.
+    /// Duties get lost on their way.
     LostDuties {
         /// The part that arrives, 0 to 1.
         left: f64,

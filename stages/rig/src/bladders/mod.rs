@@ -2,7 +2,6 @@
 //!
 //! - [`fault`]: what can break, and when
 //! - [`safety`]: what the valves do when duties stop
-//! - [`receiver`]: the rig's end of the datagrams
 //! - [`simulation`]: plant, person, faults and valves through time
 //! - [`rigs`]: the rigs by their number of bladders
 //! - [`params`]: what a config may say
@@ -13,7 +12,6 @@
 pub mod fault;
 pub mod operator;
 pub mod params;
-pub mod receiver;
 pub mod rigs;
 pub mod safety;
 pub mod simulation;

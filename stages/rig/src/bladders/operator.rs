@@ -4,28 +4,23 @@ use std::marker::PhantomData;
 
 use nalgebra::Isometry3;
 use rand::Rng;
-use stillpoint_actuate::Key;
 use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{Cause, Datagram, DepthImage, Duties, FarEnd, Pose, RigState, Sample, SampleKind};
+use stillpoint_samples::{DepthImage, Duties, Pose, RigState, Sample};
 
 use super::fault::Fault;
 use super::params::BladderParams;
-use super::receiver::Orders;
 use super::rigs;
 use super::simulation::{Rig, StartError};
 use crate::setting;
 use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
 const DUTIES: usize = 0;
-const VALVES: usize = 1;
-const BEAM: usize = 2;
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
 const STATE: usize = 2;
-const FAR_END: usize = 3;
 
 const PLANT_LAP: usize = 0;
 const CAMERA_LAP: usize = 1;
@@ -81,11 +76,9 @@ impl Bladders for Eight {
 /// A head on bladders. Its `frame:` places the camera over the couch.
 ///
 /// Each tick goes on to its time with the duties that held before, and then takes the newest: they act from this tick on.
-/// When none came for `time_to_live` it goes to its safe state by itself. In place of duties it takes the datagrams for
-/// valves and beam, and is the far end that they are made for.
+/// When none came for `time_to_live` it goes to its safe state by itself.
 pub struct BladderRig<K: Bladders> {
     rig: Box<dyn Rig>,
-    orders: Option<Orders>,
     sight: Sight,
     /// Where the head is seen at the start.
     rest: Isometry3<f64>,
@@ -99,36 +92,19 @@ pub struct BladderRig<K: Bladders> {
     kind: PhantomData<fn() -> K>,
 }
 
-const fn input(
-    name: &'static str,
-    sample: &'static SampleKind,
-    policy: Policy,
-    about: &'static str,
-) -> Input {
-    Input { name, sample, policy, required: false, about }
-}
-
 impl<K: Bladders> Operator for BladderRig<K> {
     type Params = BladderParams;
     const KIND: Kind = Kind {
         name: K::NAME,
         about: K::ABOUT,
         role: Role::Operator,
-        inputs: &[
-            input(
-                "duties",
-                Duties::KIND,
-                Policy::Latest,
-                "How far the valves are to be open. Without duties or datagrams they stay shut.",
-            ),
-            input(
-                "datagram",
-                Datagram::KIND,
-                Policy::Queue(32),
-                "Orders to the valves, in place of duties; needs `key`.",
-            ),
-            input("beam", Datagram::KIND, Policy::Queue(32), "Orders to the beam; needs `key`."),
-        ],
+        inputs: &[Input {
+            name: "duties",
+            sample: Duties::KIND,
+            policy: Policy::Latest,
+            required: false,
+            about: "How far the valves are to be open. Without it they stay shut.",
+        }],
         outputs: &[
             Output {
                 name: "depth",
@@ -148,12 +124,6 @@ impl<K: Bladders> Operator for BladderRig<K> {
                 frame: FrameRule::None,
                 about: "Pressures, air, valve openings and faults.",
             },
-            Output {
-                name: "far_end",
-                sample: FarEnd::KIND,
-                frame: FrameRule::None,
-                about: "What became of the datagrams, where it takes them.",
-            },
         ],
         timer: Timer::Required,
     };
@@ -163,7 +133,6 @@ impl<K: Bladders> Operator for BladderRig<K> {
         let every = setup.every.unwrap_or(0);
         let rig = K::build(params.setup(every)?).map_err(refusal)?;
         Ok(Self {
-            orders: orders(&params, setup, 2 * rig.bladders())?,
             rig,
             sight: Sight::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
             rest: setting::Setting::from(params.setting).rest(params.head_scale),
@@ -176,18 +145,19 @@ impl<K: Bladders> Operator for BladderRig<K> {
     }
 
     fn capacities(params: &BladderParams) -> Vec<usize> {
-        vec![params.camera.image().pixels(), 1, 1, 1]
+        vec![params.camera.image().pixels(), 1, 1]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        if activation.cause != Cause::Timer {
-            self.receive(activation);
-            return Ok(());
-        }
         let (begin, first_tick) = *self.begin.get_or_insert((activation.time, activation.tick));
         let now = activation.time.saturating_sub(begin);
         self.rig.advance(now);
-        self.follow(activation, begin, now);
+        if let Some(view) = activation.fresh::<Duties>(DUTIES)
+            && let Some(duties) = view.first()
+            && !self.is_lost(activation)
+        {
+            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
+        }
         outputs.lap(PLANT_LAP);
         // A camera measures now, however old the duties are that moved the head.
         outputs.acquired_at(activation.time);
@@ -199,39 +169,12 @@ impl<K: Bladders> Operator for BladderRig<K> {
         }
         outputs.lap(CAMERA_LAP);
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
-        outputs.send::<RigState>(STATE, &self.rig.state())?;
-        match &self.orders {
-            Some(orders) => outputs.send::<FarEnd>(FAR_END, orders.account()),
-            None => Ok(()),
-        }
+        outputs.send::<RigState>(STATE, &self.rig.state())
     }
 }
 
 impl<K: Bladders> BladderRig<K> {
-    /// Takes a datagram.
-    fn receive(&mut self, activation: &Activation<'_>) {
-        if !self.is_lost(activation)
-            && let Some(orders) = &mut self.orders
-            && let Some(datagram) = activation.fresh::<Datagram>(activation.port)
-        {
-            orders.receive(datagram.elements, activation.time);
-        }
-    }
-
-    /// Takes what the valves are to do from this tick on.
-    fn follow(&mut self, activation: &Activation<'_>, begin: u64, now: u64) {
-        if let Some(orders) = &mut self.orders {
-            let (mode, duty) = orders.step(activation.time);
-            self.rig.obey(mode, duty);
-        } else if let Some(view) = activation.fresh::<Duties>(DUTIES)
-            && let Some(duties) = view.first()
-            && !self.is_lost(activation)
-        {
-            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
-        }
-    }
-
-    /// Whether what arrives with this activation got lost on its way.
+    /// Whether the duties that arrive with this activation got lost on their way.
     fn is_lost(&self, activation: &Activation<'_>) -> bool {
         let arriving = self.rig.arriving();
         arriving < 1.0 && chance(activation, 1) >= arriving
@@ -261,25 +204,4 @@ fn chance(activation: &Activation<'_>, draw: u128) -> f64 {
     let mut random = activation.random();
     random.set_word_pos((1 << 40) + draw);
     f64::from(random.next_u32()) / (f64::from(u32::MAX) + 1.0)
-}
-
-/// The far end of the datagrams that the rig takes, where it takes any.
-fn orders(params: &BladderParams, setup: &Setup<'_>, valves: usize) -> Result<Option<Orders>, SetupError> {
-    let takes = setup.is_connected(VALVES) || setup.is_connected(BEAM);
-    match (&params.key, takes) {
-        (None, false) => Ok(None),
-        (None, true) => {
-            Err(refusal("datagrams are not taken without a key: add `key: rig.key` to the params"))
-        }
-        (Some(_), false) => {
-            Err(refusal("there is a `key`, but no datagrams come: connect `datagram`, or take it out"))
-        }
-        (Some(_), true) if setup.is_connected(DUTIES) => {
-            Err(refusal("the valves cannot follow both `duties` and `datagram`: connect one of them"))
-        }
-        (Some(name), true) => {
-            let key = Key::parse(&setup.file(name)?).map_err(|e| SetupError(format!("{name}: {e}")))?;
-            Ok(Some(Orders::new(&key, valves)))
-        }
-    }
 }

@@ -43,7 +43,7 @@ pub enum Break {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
-    /// Of duties and datagrams only the part `left` arrives.
+    /// Of the duties only the part `left` arrives.
     LostDuties,
 }
 
@@ -132,13 +132,10 @@ pub struct BladderParams {
     pub head_scale: f64,
     /// The camera.
     pub camera: RigCameraParams,
-    /// The key file of the datagrams, a path from the pipeline's file; the session keeps it.
-    #[param(file)]
-    pub key: Option<String>,
-    /// How long duties are good for. Datagrams say it themselves.
+    /// How long duties are good for.
     #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
     pub time_to_live: u64,
-    /// What the valves do when duties stop. Datagrams say it themselves.
+    /// What the valves do when duties stop.
     #[param(default = "vent")]
     pub safe: Safe,
     /// Longest step of the plant.

@@ -19,15 +19,13 @@ pub struct Safety<const B: usize> {
     safe: Safe,
     /// Stamp, ns, and duties, of the last that were accepted.
     last: Option<(u64, [[f64; 2]; B])>,
-    /// What a far end of datagrams says, which watches over the time by itself.
-    ordered: Option<(RigMode, [[f64; 2]; B])>,
     refused: u64,
 }
 
 impl<const B: usize> Safety<B> {
     /// Duties are good for `time_to_live` ns; then comes `safe`.
     pub fn new(time_to_live: u64, safe: Safe) -> Self {
-        Self { time_to_live, safe, last: None, ordered: None, refused: 0 }
+        Self { time_to_live, safe, last: None, refused: 0 }
     }
 
     /// Takes duties that were made at `stamp` and arrive at `now`, ns. Those that are not finite, not from 0 to 1, for
@@ -47,16 +45,8 @@ impl<const B: usize> Safety<B> {
         self.last = Some((stamp.min(now), duty));
     }
 
-    /// Does as a far end of datagrams says, whatever the duties were. It holds until the next order.
-    pub fn obey(&mut self, mode: RigMode, duty: [[f64; 2]; B]) {
-        self.ordered = Some((mode, duty));
-    }
-
     /// What moves the valves at a time, ns.
     pub fn mode(&self, now: u64) -> RigMode {
-        if let Some((mode, _)) = self.ordered {
-            return mode;
-        }
         match self.last {
             None => RigMode::Waiting,
             Some((stamp, _)) if now.saturating_sub(stamp) <= self.time_to_live => RigMode::Driven,
@@ -67,9 +57,8 @@ impl<const B: usize> Safety<B> {
 
     /// Duty of each bladder's inlet and outlet at a time, ns.
     pub fn duty(&self, now: u64) -> [[f64; 2]; B] {
-        let driven = self.ordered.map(|(_, duty)| duty).or(self.last.map(|(_, duty)| duty));
-        match (self.mode(now), driven) {
-            (RigMode::Driven, Some(duty)) => duty,
+        match (self.mode(now), self.last) {
+            (RigMode::Driven, Some((_, duty))) => duty,
             (RigMode::Venting, _) => [[0.0, 1.0]; B],
             _ => [[0.0; 2]; B],
         }
@@ -136,16 +125,6 @@ mod tests {
         let mut safety = Safety::<1>::new(60, Safe::Hold);
         safety.take(&duties(0.4), 9_000, 1000);
         assert_eq!(safety.mode(1061), RigMode::Holding);
-    }
-
-    #[test]
-    fn an_order_holds_until_the_next_whatever_the_duties_were() {
-        let mut safety = Safety::<1>::new(60, Safe::Vent);
-        safety.take(&duties(0.4), 1000, 1000);
-        safety.obey(RigMode::Holding, [[0.3, 0.3]]);
-        assert_eq!((safety.mode(1010), safety.duty(1010)), (RigMode::Holding, [[0.0; 2]]));
-        safety.obey(RigMode::Driven, [[0.2, 0.0]]);
-        assert_eq!((safety.mode(9000), safety.duty(9000)), (RigMode::Driven, [[0.2, 0.0]]));
     }
 
     #[test]

@@ -163,12 +163,8 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
 
 /// A rig of any number of bladders.
 pub trait Rig: Send {
-    /// How many bladders it has.
-    fn bladders(&self) -> usize;
     /// Takes duties that were made at `stamp` and arrive now; all times are ns after the start.
     fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64);
-    /// Does as a far end of datagrams says, which watches over the time by itself: until the next order.
-    fn obey(&mut self, mode: RigMode, duty: &[f32]);
     /// Goes on to a time, ns after the start.
     fn advance(&mut self, to: u64);
     /// The head's pose when it lay at `rest` at the start.
@@ -177,22 +173,13 @@ pub trait Rig: Send {
     fn state(&self) -> RigStateElement;
     /// The faults that act, as the bits of [`RigStateElement::faults`].
     fn faults(&self) -> u32;
-    /// The part of duties and datagrams that arrives, 0 to 1.
+    /// The part of the duties that arrives, 0 to 1.
     fn arriving(&self) -> f64;
 }
 
 impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N> {
-    fn bladders(&self) -> usize {
-        B
-    }
-
     fn command(&mut self, duties: &DutiesElement, stamp: u64, now: u64) {
         self.safety.take(duties, stamp, now);
-    }
-
-    fn obey(&mut self, mode: RigMode, duty: &[f32]) {
-        let of = |valve: usize| duty.get(valve).map_or(0.0, |d| f64::from(*d).clamp(0.0, 1.0));
-        self.safety.obey(mode, core::array::from_fn(|j| [of(2 * j), of(2 * j + 1)]));
     }
 
     fn advance(&mut self, to: u64) {

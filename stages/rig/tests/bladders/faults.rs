@@ -92,3 +92,12 @@ fn what_cannot_be_is_refused_with_what_to_do() {
     let absent = text("one_bladder", "faults: [{ kind: leak, which: 1, at: 1 s }]", "valves: 2");
     assert!(refused(&absent).contains("fault 0 names bladder 1, and the rig has 1"), "{}", refused(&absent));
 }
+
+#[test]
+fn duties_that_all_get_lost_end_in_the_safe_state_until_they_come_again() {
+    let faults = "motion: still, faults: [{ kind: lost_duties, at: 1 s, lasts: 500 ms }]";
+    let run = simulate(&text("three_bladders", faults, ""), 3000);
+    let mode = |tick: usize| run.samples::<RigState>("rig.state")[tick].first().unwrap().mode();
+    assert_eq!((mode(90), mode(120), mode(299)), (RigMode::Driven, RigMode::Venting, RigMode::Driven));
+    assert_eq!(run.samples::<RigState>("rig.state")[120].first().unwrap().faults, 32);
+}

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod datagrams;
 mod faults;
 mod motion;
 mod script;
