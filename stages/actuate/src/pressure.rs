@@ -2,9 +2,10 @@
 //!
 //! Air flows through an inlet from the supply and through an outlet to the exhaust (the orifice law of SCIENCE C3; a valve
 //! is as far open as its duty, at once). The bladder's volume grows in a straight line with the pressure, `V = V0 (1 + g / D)`,
-//! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. Defaults give more pressure for an amount of air
-//! than the rig's bladders have under a head, and a bladder is never taken for emptier than `V0` at the room's pressure:
-//! the estimate is to err upwards. It knows nothing of leaks, loads and faults; a measured pressure replaces it.
+//! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. By the defaults air that is let in raises the pressure
+//! more than in the rig's bladders under a head: above the pressure at the start the estimate errs upwards, below it,
+//! where no limit is near, downwards. A bladder is never taken for emptier than `V0` at the room's pressure. The estimate
+//! knows nothing of leaks, loads and faults; a measured pressure replaces it.
 
 use stillpoint_mechanics::plant::valve::{Orifice, Valves};
 use stillpoint_mechanics::shell::air::Air;
@@ -26,8 +27,8 @@ pub struct PressureParams {
     /// Inlets open the less, the nearer the estimate is to the limit, from so far below it.
     #[param(unit = "Pa", default = "4 kPa", above = "0 Pa", max = "100 kPa")]
     pub taper: f64,
-    /// Pressure over that of the room in the bladders at the start.
-    #[param(unit = "Pa", default = "0 Pa", min = "0 Pa", max = "200 kPa")]
+    /// Pressure over that of the room in the bladders at the start: rather too high than too low.
+    #[param(unit = "Pa", default = "15 kPa", min = "0 Pa", max = "200 kPa")]
     pub start: f64,
     /// Volume of a bladder at the room's pressure.
     #[param(unit = "m3", default = "0.52 l", above = "0 l", max = "20 l")]

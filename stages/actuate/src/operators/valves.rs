@@ -39,7 +39,7 @@ pub struct ValvesParams {
     /// How long a datagram lives.
     #[param(unit = "ns", default = "60 ms", min = "4 ms", max = "1 s")]
     pub life: u64,
-    /// Age at which a command is stale.
+    /// Age at which a command is stale: more than twice the period of the controller.
     #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
     pub watchdog: u64,
     /// When the pose is fresh.

@@ -336,7 +336,7 @@ fn an_idle_controller_and_a_disarmed_stage_shut_the_valves_and_end_the_beam() {
 #[test]
 fn inlets_stay_below_the_limit_of_the_pressure_under_any_command() {
     let control = "duty: 1.0";
-    let valves = "pressure: { limit: 15 kPa, taper: 3 kPa }";
+    let valves = "pressure: { start: 0 Pa, limit: 15 kPa, taper: 3 kPa }";
     let run = run(&Said { control, valves, ..Said::default() }, 6_000);
     let states = actuation(&run);
     assert!(states.iter().all(|(_, a)| a.pressure[..3].iter().all(|p| *p <= 15e3) && a.faults == 0));
