@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod camera_to_valve;
 mod default_pipeline;
 mod examples;
 mod guide;
@@ -24,6 +25,7 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_track::STAGES,
     stillpoint_estimate::STAGES,
     stillpoint_control::STAGES,
+    stillpoint_actuate::STAGES,
     stillpoint_sink::STAGES,
 ];
 

@@ -1,0 +1,111 @@
+//! From camera to valve and beam: `examples/head-3dof.yaml`.
+
+use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_samples::{
+    Actuation, ActuationState, FarEnd, FarEndDoing, Gate, RigState, Target, Track,
+};
+use stillpoint_testing::run::START;
+use stillpoint_testing::{Run, run};
+
+use crate::{from_root, registry};
+
+fn held(changes: &[(&str, &str)], ms: u64) -> Run {
+    let path = from_root("examples/head-3dof.yaml");
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "the example lacks {from}");
+        text = text.replace(from, to);
+    }
+    let run =
+        run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(run.failed(), [] as [&str; 0]);
+    run
+}
+
+/// Time of a sample since the start of the run, s.
+fn seconds(stamp: u64) -> f64 {
+    (stamp - START) as f64 * 1e-9
+}
+
+/// Errors of height in mm, pitch and roll in degrees, against the target at the same time.
+fn errors(run: &Run) -> Vec<(f64, [f64; 3])> {
+    let targets = run.samples::<Target>("target.reference");
+    let newest = |stamp: u64| targets.iter().rev().find(|t| t.head.stamp <= stamp)?.first();
+    run.samples::<Track>("filter.state")
+        .iter()
+        .filter_map(|state| {
+            let (track, target) = (state.first()?, newest(state.head.stamp)?);
+            let [w, x, y, z] = track.orientation;
+            let q = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+            let (pitch, roll, _) = q.euler_angles();
+            let height = (track.position[2] - target.position[2]) * 1e3;
+            let angle = |is: f64, due: f64| (is - due).to_degrees();
+            Some((
+                seconds(state.head.stamp),
+                [height, angle(pitch, target.angles[0]), angle(roll, target.angles[1])],
+            ))
+        })
+        .collect()
+}
+
+#[test]
+fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
+    let run = held(&[], 20_000);
+    // Armed by the script's person, and never in want of anything after that.
+    let last_state = |at: f64| {
+        let states = run.samples::<Actuation>("valves.state");
+        states.iter().rev().find(|s| seconds(s.head.stamp) < at).unwrap().first().unwrap().state
+    };
+    assert_eq!(last_state(1.4), ActuationState::Disarmed as u32);
+    assert_eq!(last_state(2.0), ActuationState::Armed as u32);
+    assert_eq!(last_state(20.0), ActuationState::Armed as u32);
+    // The beam is on while the head is held, off while it moves, and on again where it is to be.
+    let beam = |from: f64, until: f64| {
+        let gates = run.samples::<Gate>("gate.state");
+        let within = gates.iter().filter(|g| (from..until).contains(&seconds(g.head.stamp)));
+        let on: Vec<bool> = within.map(|g| g.first().unwrap().beam == 1).collect();
+        on.iter().filter(|on| **on).count() as f64 / on.len() as f64
+    };
+    assert!(beam(2.3, 3.0) > 0.9, "held before the step");
+    assert_eq!(beam(3.7, 8.0), 0.0, "on its way");
+    assert!(beam(14.0, 20.0) > 0.95, "held after the step");
+    let far = run.samples::<FarEnd>("far.state");
+    let last = far.last().unwrap().first().unwrap();
+    assert_eq!((last.doing(), last.beam, last.refused, last.missing), (FarEndDoing::Following, 1, 0, 0));
+    for (time, [height, pitch, roll]) in errors(&run).iter().filter(|(time, _)| *time > 15.0) {
+        assert!(
+            height.abs() < 0.5 && pitch.abs() < 0.2 && roll.abs() < 0.2,
+            "{time} s: {height:.3} mm, {pitch:.3} deg, {roll:.3} deg"
+        );
+    }
+    let states = run.samples::<RigState>("rig.state");
+    assert!(states.iter().all(|s| s.first().unwrap().pressure.iter().all(|p| *p < 40e3)));
+}
+
+#[test]
+fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
+    let blind = ("motion: breathes,", "motion: breathes, faults: [{ kind: blind_camera, at: 4 s }],");
+    let run = held(&[blind, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
+    let gates = run.samples::<Gate>("gate.state");
+    let off = gates
+        .iter()
+        .find(|g| seconds(g.head.stamp) > 4.0 && g.first().unwrap().beam == 0)
+        .map(|g| seconds(g.head.stamp))
+        .unwrap();
+    let far = run.samples::<FarEnd>("far.state");
+    let vents = far
+        .iter()
+        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().doing() == FarEndDoing::Venting)
+        .map(|s| seconds(s.head.stamp))
+        .unwrap();
+    let dark = far
+        .iter()
+        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().beam == 0)
+        .map(|s| seconds(s.head.stamp))
+        .unwrap();
+    // The last good frame is of 3.9 s: stale after three frames, and safe 100 ms later.
+    assert!(
+        off <= 4.2 + 1e-9 && dark < vents && vents <= 4.3 + 1e-9,
+        "off {off}, dark {dark}, vents {vents}"
+    );
+}
