@@ -1,9 +1,7 @@
 //! From camera to valve and beam: `examples/head-3dof.yaml`.
 
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{
-    Actuation, ActuationState, FarEnd, FarEndDoing, Gate, RigState, Target, Track,
-};
+use stillpoint_samples::{Actuation, ActuationState, FarEnd, FarEndDoing, Gate, RigState, Target, Track};
 use stillpoint_testing::run::START;
 use stillpoint_testing::{Run, run};
 
@@ -16,8 +14,7 @@ fn held(changes: &[(&str, &str)], ms: u64) -> Run {
         assert!(text.contains(from), "the example lacks {from}");
         text = text.replace(from, to);
     }
-    let run =
-        run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
+    let run = run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(run.failed(), [] as [&str; 0]);
     run
 }
