@@ -50,7 +50,9 @@ fn stages(criterion: &mut Criterion) {
     let params = FaceParams::default();
     let mut grid = VoxelGrid::new();
     criterion.bench_function("voxel", |b| {
-        b.iter(|| grid.downsample(black_box(&points), params.leaf, params.range_max));
+        b.iter(|| {
+            grid.downsample(Cloud { points: black_box(&points), width: 640 }, params.leaf, params.range_max)
+        });
     });
     let voxels = grid.centroids().to_vec();
     let search = MlesacParams {

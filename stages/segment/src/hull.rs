@@ -22,6 +22,9 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
+/// Twice the area of a triangle, m2, below which its points count as in line where points are left out.
+const ON_EDGE: f64 = 1e-9;
+
 impl ConvexHull {
     /// A hull that contains nothing.
     #[must_use]
@@ -36,6 +39,7 @@ impl ConvexHull {
         self.points.clear();
         let axes = self.axes;
         self.points.extend(points.into_iter().map(|p| project(&axes, p)));
+        leave_out_inner(&mut self.points);
         self.points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         self.corners.clear();
         chain(&mut self.corners, self.points.iter().copied());
@@ -116,6 +120,37 @@ fn project(axes: &(Vector3<f64>, Vector3<f64>), point: [f32; 3]) -> [f64; 2] {
     [axes.0.dot(&point), axes.1.dot(&point)]
 }
 
+/// Leaves out points that lie within the octagon of those farthest along eight directions: they are no corners, and most
+/// points are such (Akl and Toussaint, 1978).
+fn leave_out_inner(points: &mut Vec<[f64; 2]>) {
+    const DIRECTIONS: [[f64; 2]; 8] = [
+        [1.0, 0.0],
+        [1.0, 1.0],
+        [0.0, 1.0],
+        [-1.0, 1.0],
+        [-1.0, 0.0],
+        [-1.0, -1.0],
+        [0.0, -1.0],
+        [1.0, -1.0],
+    ];
+    let Some(&first) = points.first() else { return };
+    let (mut farthest, mut distances) = ([first; 8], [f64::NEG_INFINITY; 8]);
+    for &point in points.iter() {
+        for (k, [a, b]) in DIRECTIONS.into_iter().enumerate() {
+            let distance = a * point[0] + b * point[1];
+            if distance > distances[k] {
+                (farthest[k], distances[k]) = (point, distance);
+            }
+        }
+    }
+    // Where two directions have one farthest point, its edge has no inner side; the others enclose the same points.
+    let edges: [_; 8] = std::array::from_fn(|k| (farthest[k], farthest[(k + 1) % 8]));
+    if edges.iter().all(|(from, to)| from == to) {
+        return;
+    }
+    points.retain(|&p| edges.iter().any(|&(from, to)| from != to && turn(from, to, p) <= ON_EDGE));
+}
+
 fn chain(corners: &mut Vec<[f64; 2]>, points: impl Iterator<Item = [f64; 2]>) {
     chain_from(corners, 0, points);
 }
@@ -136,6 +171,7 @@ fn chain_from(corners: &mut Vec<[f64; 2]>, kept: usize, points: impl Iterator<It
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn facing() -> Plane {
         Plane { normal: Vector3::new(0.0, 0.0, -1.0), offset: 1.0 }
@@ -153,6 +189,34 @@ mod tests {
         let hull = hull(&filled);
         assert_eq!(hull.corners().len(), 4);
         assert_eq!(hull.area(), 100.0);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn corners_are_those_of_all_points(
+            points in prop::collection::vec(prop::array::uniform2(-1.0..1.0_f64), 1..200),
+            steps in 1..20_u8,
+        ) {
+            // Rounded to a few steps, many points are in line or the same.
+            let round = |c: f64| (c * f64::from(steps)).round() / f64::from(steps);
+            let points: Vec<[f64; 2]> = points.into_iter().map(|p| p.map(round)).collect();
+            let hull = hull(&points.iter().map(|p| p.map(|c| c as f32)).collect::<Vec<_>>());
+            let mut few: Vec<_> = points.clone();
+            leave_out_inner(&mut few);
+            let corners = |points: &[[f64; 2]]| {
+                let mut points = points.to_vec();
+                points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+                let mut corners = Vec::new();
+                chain(&mut corners, points.iter().copied());
+                let lower = corners.len();
+                chain_from(&mut corners, lower, points.iter().rev().copied());
+                corners
+            };
+            prop_assert_eq!(corners(&few), corners(&points));
+            prop_assert!(hull.corners().len() <= few.len());
+        }
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! Every result is a function of the cloud, the parameters and the random numbers handed in: sums run in the
 //! order of the points, and no map's order reaches a result.
 //!
+//! - [`mod@cloud`]: a cloud as a camera gives it.
 //! - [`voxel`]: centroids of a grid's cells, and which point fell into which.
 //! - [`neighbours`]: the k nearest neighbours of each point.
 //! - [`outliers`]: statistical outlier removal.
@@ -24,6 +25,7 @@
 
 pub mod ball;
 mod cells;
+pub mod cloud;
 pub mod cluster;
 pub mod cut;
 pub mod face;
@@ -41,7 +43,8 @@ pub mod surface;
 pub mod table;
 pub mod voxel;
 
-pub use face::{Cloud, FaceParams, FaceSegmenter, Rejection, Rule, Seen, Step};
+pub use cloud::Cloud;
+pub use face::{FaceParams, FaceSegmenter, Rejection, Rule, Seen, Step};
 pub use plane::Plane;
 
 use stillpoint_pipeline::Stage;

@@ -10,7 +10,8 @@ use stillpoint_samples::{
 };
 use zerocopy::{FromBytes, IntoBytes};
 
-use crate::face::{self, Cloud, FaceParams, FaceSegmenter, Seen, Step};
+use crate::cloud::Cloud;
+use crate::face::{self, FaceParams, FaceSegmenter, Seen, Step};
 use crate::findings::{self, METRICS};
 use crate::mls::MlsParams;
 use crate::outliers::OutlierParams;

@@ -44,43 +44,13 @@ impl Plane {
         if normal.norm_squared() > straight { Self::from_point_normal(&a, &normal) } else { None }
     }
 
-    /// The plane with the least sum of squared distances to `points`: across the eigenvector of the least eigenvalue
-    /// of their covariance. `None` for fewer than three points or points in line.
+    /// The plane with the least sum of squared distances to `points`, summed in their order. `None` for fewer than three
+    /// points or points in line.
     #[must_use]
     pub fn fit(points: impl IntoIterator<Item = [f32; 3]>) -> Option<Self> {
-        let mut points = points.into_iter().map(vector);
-        // Sums about a point of the set keep their digits far from the origin.
-        let origin = points.next()?;
-        let (mut count, mut sum) = (1.0, Vector3::zeros());
-        let (mut xx, mut xy, mut xz, mut yy, mut yz, mut zz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for point in points {
-            let d = point - origin;
-            count += 1.0;
-            sum += d;
-            xx += d.x * d.x;
-            xy += d.x * d.y;
-            xz += d.x * d.z;
-            yy += d.y * d.y;
-            yz += d.y * d.z;
-            zz += d.z * d.z;
-        }
-        if count < 3.0 {
-            return None;
-        }
-        let mean = sum / count;
-        let second = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) / count;
-        let covariance = second - mean * mean.transpose();
-        // The eigenvalue iteration is not promised to end for NaN.
-        if covariance.iter().any(|c| !c.is_finite()) {
-            return None;
-        }
-        let eigen = covariance.symmetric_eigen();
-        let [smallest, middle, largest] = ascending(&eigen.eigenvalues);
-        // Points in line leave the normal open.
-        if eigen.eigenvalues[middle] <= 1e-9 * eigen.eigenvalues[largest] {
-            return None;
-        }
-        Self::from_point_normal(&(origin + mean), &eigen.eigenvectors.column(smallest).into_owned())
+        let mut sums = PlaneSums::default();
+        points.into_iter().for_each(|point| sums.add(point));
+        sums.plane()
     }
 
     /// Signed distance of `point` in metres, positive on the origin's side.
@@ -105,6 +75,63 @@ impl Plane {
         along[thinnest] = 1.0;
         let u = self.normal.cross(&along).normalize();
         (u, self.normal.cross(&u))
+    }
+}
+
+/// Sums over points from which their plane follows. They are about the first point: so they keep their digits far from the
+/// origin.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct PlaneSums {
+    origin: Vector3<f64>,
+    count: usize,
+    sum: Vector3<f64>,
+    /// xx, xy, xz, yy, yz, zz.
+    products: [f64; 6],
+}
+
+impl PlaneSums {
+    #[inline]
+    pub fn add(&mut self, point: [f32; 3]) {
+        let point = vector(point);
+        if self.count == 0 {
+            self.origin = point;
+        }
+        let d = point - self.origin;
+        self.count += 1;
+        self.sum += d;
+        let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+        for (sum, product) in self.products.iter_mut().zip(products) {
+            *sum += product;
+        }
+    }
+
+    /// Points added.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The plane across the eigenvector of the least eigenvalue of the points' covariance.
+    pub fn plane(&self) -> Option<Plane> {
+        if self.count < 3 {
+            return None;
+        }
+        let count = self.count as f64;
+        let mean = self.sum / count;
+        let [xx, xy, xz, yy, yz, zz] = self.products;
+        let second = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) / count;
+        let covariance = second - mean * mean.transpose();
+        // The eigenvalue iteration is not promised to end for NaN.
+        if covariance.iter().any(|c| !c.is_finite()) {
+            return None;
+        }
+        let eigen = covariance.symmetric_eigen();
+        let [smallest, middle, largest] = ascending(&eigen.eigenvalues);
+        // Points in line leave the normal open.
+        if eigen.eigenvalues[middle] <= 1e-9 * eigen.eigenvalues[largest] {
+            return None;
+        }
+        let normal = eigen.eigenvectors.column(smallest).into_owned();
+        Plane::from_point_normal(&(self.origin + mean), &normal)
     }
 }
 

@@ -1,15 +1,25 @@
 //! Voxel grid: one centroid for the points of each cubic cell.
 
 use crate::cells::{CellIndex, CellKey};
+use crate::cloud::Cloud;
 
 /// Marks a point that fell into no cell.
 pub const NO_VOXEL: u32 = u32::MAX;
+
+/// Sums over the points of a voxel.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    x: f64,
+    y: f64,
+    z: f64,
+    count: u32,
+}
 
 /// A voxel grid with its buffers; after the first frames of a size, [`downsample`](Self::downsample) allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct VoxelGrid {
     index: CellIndex,
-    sums: Vec<[f64; 3]>,
+    voxels: Vec<Sums>,
     counts: Vec<u32>,
     centroids: Vec<[f32; 3]>,
     voxel_of_point: Vec<u32>,
@@ -27,17 +37,15 @@ impl VoxelGrid {
     ///
     /// Voxels are in the order in which the cloud first enters them. Points that are not finite, too far away or
     /// 2^20 cells from the origin are in none.
-    pub fn downsample(&mut self, cloud: &[[f32; 3]], leaf: f64, range_max: f64) {
+    pub fn downsample(&mut self, cloud: Cloud<'_>, leaf: f64, range_max: f64) {
         self.index.clear();
-        self.sums.clear();
-        self.counts.clear();
+        self.voxels.clear();
         self.voxel_of_point.clear();
-        self.voxel_of_point.reserve(cloud.len());
+        self.voxel_of_point.reserve(cloud.points.len());
         let inverse_leaf = 1.0 / leaf;
         let range_squared = (range_max * range_max) as f32;
-        // Neighbouring pixels mostly share a cell.
-        let mut last = None;
-        for &point in cloud {
+        let mut last = NO_VOXEL;
+        for (place, &point) in cloud.points.iter().enumerate() {
             let [x, y, z] = point;
             // Not within range, written so that NaN is outside.
             let within = x * x + y * y + z * z <= range_squared;
@@ -45,28 +53,37 @@ impl VoxelGrid {
                 self.voxel_of_point.push(NO_VOXEL);
                 continue;
             };
-            let voxel = match last {
-                Some((last_key, voxel)) if last_key == key => voxel,
-                _ => self.index.insert(key),
+            // Neighbouring pixels mostly share a cell: the one before, then the one above.
+            let is = |voxel: u32| self.index.keys().get(voxel as usize) == Some(&key);
+            let above = || place.checked_sub(cloud.width).and_then(|above| self.voxel_of_point.get(above));
+            let voxel = if is(last) {
+                last
+            } else if let Some(&above) = above()
+                && is(above)
+            {
+                above
+            } else {
+                self.index.insert(key)
             };
-            last = Some((key, voxel));
+            last = voxel;
             self.voxel_of_point.push(voxel);
             let at = voxel as usize;
-            if at == self.sums.len() {
-                self.sums.push([0.0; 3]);
-                self.counts.push(0);
+            if at == self.voxels.len() {
+                self.voxels.push(Sums::default());
             }
-            let sum = &mut self.sums[at];
-            sum[0] += f64::from(x);
-            sum[1] += f64::from(y);
-            sum[2] += f64::from(z);
-            self.counts[at] += 1;
+            let sums = &mut self.voxels[at];
+            sums.x += f64::from(x);
+            sums.y += f64::from(y);
+            sums.z += f64::from(z);
+            sums.count += 1;
         }
         self.centroids.clear();
-        self.centroids.extend(self.sums.iter().zip(&self.counts).map(|(sum, &count)| {
-            let inverse = 1.0 / f64::from(count);
-            sum.map(|s| (s * inverse) as f32)
-        }));
+        self.counts.clear();
+        for sums in &self.voxels {
+            let inverse = 1.0 / f64::from(sums.count);
+            self.centroids.push([sums.x, sums.y, sums.z].map(|s| (s * inverse) as f32));
+            self.counts.push(sums.count);
+        }
     }
 
     /// Removes the voxels that are not to be kept, one answer for each; their points are then in none.
@@ -133,7 +150,7 @@ mod tests {
     fn points_of_a_cell_become_their_centroid_in_order_of_first_sight() {
         let mut grid = VoxelGrid::new();
         let cloud = [[0.25, 0.0, 1.0], NAN, [0.01, 0.02, 1.0], [0.03, 0.04, 1.0], [0.27, 0.02, 1.02]];
-        grid.downsample(&cloud, 0.1, 10.0);
+        grid.downsample(Cloud::unorganised(&cloud), 0.1, 10.0);
         assert_eq!(grid.voxel_of_point(), [0, NO_VOXEL, 1, 1, 0]);
         assert_eq!(grid.counts(), [2, 2]);
         assert_eq!(grid.centroids(), [[0.26, 0.01, 1.01], [0.02, 0.03, 1.0]]);
@@ -142,7 +159,7 @@ mod tests {
     #[test]
     fn points_beyond_the_range_are_in_no_voxel() {
         let mut grid = VoxelGrid::new();
-        grid.downsample(&[[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]], 0.1, 1.5);
+        grid.downsample(Cloud::unorganised(&[[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]]), 0.1, 1.5);
         assert_eq!(grid.voxel_of_point(), [0, NO_VOXEL]);
     }
 
@@ -150,7 +167,7 @@ mod tests {
     fn removed_voxels_leave_their_points_in_none() {
         let mut grid = VoxelGrid::new();
         let cloud = [[0.0, 0.0, 1.0], [0.2, 0.0, 1.0], NAN, [0.4, 0.0, 1.0], [0.21, 0.0, 1.0]];
-        grid.downsample(&cloud, 0.1, 10.0);
+        grid.downsample(Cloud::unorganised(&cloud), 0.1, 10.0);
         grid.retain(&[false, true, true]);
         assert_eq!(grid.voxel_of_point(), [NO_VOXEL, 0, NO_VOXEL, 1, 0]);
         assert_eq!((grid.counts(), grid.points()), (&[2, 1][..], 3));
@@ -163,11 +180,26 @@ mod tests {
     fn second_frame_remembers_nothing_of_the_first() {
         let (mut used, mut fresh) = (VoxelGrid::new(), VoxelGrid::new());
         let frame: Vec<_> = (0..9000).map(|i| [i as f32 * 0.001, 0.0, 1.0]).collect();
-        used.downsample(&frame, 0.002, 20.0);
+        used.downsample(Cloud::unorganised(&frame), 0.002, 20.0);
         for grid in [&mut used, &mut fresh] {
-            grid.downsample(&frame[..500], 0.01, 20.0);
+            grid.downsample(Cloud::unorganised(&frame[..500]), 0.01, 20.0);
         }
         assert_eq!(used.centroids(), fresh.centroids());
         assert_eq!(used.voxel_of_point(), fresh.voxel_of_point());
+    }
+    #[test]
+    fn a_grid_of_pixels_changes_nothing_but_the_time() {
+        // A slanted surface with a hole, in rows of 40 pixels.
+        let points: Vec<_> = (0..2000)
+            .map(|i| {
+                let (u, v) = ((i % 40) as f32 * 0.004, (i / 40) as f32 * 0.003);
+                if i % 97 == 5 { NAN } else { [u, v, 1.0 + 0.7 * u - 0.3 * v] }
+            })
+            .collect();
+        let (mut grid, mut unorganised) = (VoxelGrid::new(), VoxelGrid::new());
+        grid.downsample(Cloud { points: &points, width: 40 }, 0.01, 2.0);
+        unorganised.downsample(Cloud::unorganised(&points), 0.01, 2.0);
+        assert_eq!(grid.voxel_of_point(), unorganised.voxel_of_point());
+        assert_eq!(grid.centroids(), unorganised.centroids());
     }
 }

@@ -67,7 +67,7 @@ fn table_and_objects_are_told_apart() {
         // As the reference counts: in voxels, each with the label of most of its points, and without those that have
         // none.
         let mut grid = VoxelGrid::new();
-        grid.downsample(&cloud.points, params.leaf, params.range_max);
+        grid.downsample(Cloud::unorganised(&cloud.points), params.leaf, params.range_max);
         let mut votes = vec![[0_u32; 3]; grid.centroids().len()];
         for (&voxel, &label) in grid.voxel_of_point().iter().zip(&labels) {
             if let Some(votes) = votes.get_mut(voxel as usize) {

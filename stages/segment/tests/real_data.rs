@@ -187,7 +187,7 @@ fn planes_of_measured_clouds_are_those_of_pcl() {
         let cloud = stillpoint_ingest::pcd::read(&std::fs::read(root.join(&input)).unwrap()).unwrap();
         let expected = pcl_plane(&reference, &input);
         let (mut degrees, mut millimetres, mut inliers) = (0.0_f64, 0.0_f64, 0);
-        grid.downsample(&cloud.points, 0.005, 2.5);
+        grid.downsample(Cloud::unorganised(&cloud.points), 0.005, 2.5);
         for seed in 0..20 {
             let fit = mlesac
                 .find(

@@ -1,9 +1,7 @@
-//! MLESAC (Torr and Zisserman, 2000): the plane under which a cloud is most likely.
-//!
-//! A residual e is an inlier's, normal with deviation sigma, or an outlier's, uniform over nu metres:
-//! p(e) = gamma N(e; 0, sigma) + (1 - gamma) / nu. A hypothesis is a plane through three points drawn at random; its
-//! gamma comes from a few steps of expectation maximisation; the greatest log-likelihood wins.
+//! Hypotheses: planes through three points, drawn and compared.
 
+use super::fit::{Origin, PlaneFit, refine};
+use super::likelihood::{Counts, Likelihood};
 use crate::plane::Plane;
 use rand::Rng;
 
@@ -27,44 +25,12 @@ pub enum Beneath {
     Unlikely,
 }
 
-/// A plane and the points on it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlaneFit {
-    /// Least-squares plane of its inliers.
-    pub plane: Plane,
-    /// Points within the tolerance.
-    pub inliers: usize,
-    /// Points looked at.
-    pub points: usize,
-    /// Root mean square of the inliers' distances, in metres.
-    pub rms: f64,
-    /// Where the search began.
-    pub origin: Origin,
-    /// Hypotheses drawn.
-    pub hypotheses: u32,
-}
-
-/// Where a plane came from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
-    /// The plane given was at least as likely as any drawn.
-    Kept,
-    /// It was drawn from this cloud.
-    Searched,
-}
-
 /// Points that a hypothesis is scored on.
 const SCORED: usize = 1024;
 /// Probability that at least one hypothesis was drawn from inliers alone, at which the search ends.
 const CONFIDENCE: f64 = 0.9999;
-/// Expectation-maximisation steps for gamma, as in the paper's experiments.
-const EM_STEPS: usize = 3;
 /// A hypothesis with fewer inliers than this fraction of the best one's is not scored further.
 const BAIL_OUT: f64 = 0.8;
-/// How much less likely than another outlier a point beneath a supporting plane is: about e^-3.
-const BENEATH: f64 = 0.05;
-/// Fits to the inliers at most, each with the inliers of the one before.
-const REFINEMENTS: usize = 5;
 
 /// The search with its buffers; after the first frame it allocates nothing.
 #[derive(Debug, Clone, Default)]
@@ -73,7 +39,6 @@ pub struct Mlesac {
     ys: Vec<f32>,
     zs: Vec<f32>,
     residuals: Vec<f32>,
-    densities: Vec<f64>,
 }
 
 /// A number below `bound`, from 32 random bits by multiplication (Lemire); the bias is below `bound` / 2^32.
@@ -104,35 +69,33 @@ impl Mlesac {
             return None;
         }
         self.draw_scored(points, rng);
-        let scale = Scale::new(params, self.diagonal());
+        let likelihood = Likelihood::new(params, self.diagonal());
+        let share = |counts: &Counts| f64::from(counts.inliers) / SCORED as f64;
         let (mut best, mut best_score, mut best_inliers) = (None, f64::NEG_INFINITY, 0);
         let (mut iteration, mut needed) = (0, params.iterations);
-        let mut origin = Origin::Searched;
         if let Some(plane) = prior.and_then(|prior| self.refined_on_scored(prior, params.tolerance)) {
-            let inliers = self.residuals(&plane, params.tolerance as f32);
-            (best, best_score, best_inliers) = (Some(plane), self.log_likelihood(&scale, inliers), inliers);
-            needed = needed_iterations(inliers as f64 / self.xs.len() as f64).min(params.iterations);
-            origin = Origin::Kept;
+            let counts = likelihood.count(self.residuals(&plane));
+            (best, best_score, best_inliers) =
+                (Some((plane, Origin::Kept)), likelihood.log_of(&counts), counts.inliers);
+            needed = needed_iterations(share(&counts)).min(params.iterations);
         }
         while iteration < needed {
             iteration += 1;
             let [a, b, c] = [(); 3].map(|()| points[below(rng, points.len())]);
             let Some(plane) = Plane::through(a, b, c) else { continue };
-            let inliers = self.residuals(&plane, params.tolerance as f32);
-            let few =
-                params.beneath == Beneath::Outliers && (inliers as f64) < BAIL_OUT * best_inliers as f64;
-            if few {
+            let counts = likelihood.count(self.residuals(&plane));
+            let few = f64::from(counts.inliers) < BAIL_OUT * f64::from(best_inliers);
+            if few && params.beneath == Beneath::Outliers {
                 continue;
             }
-            let score = self.log_likelihood(&scale, inliers);
+            let score = likelihood.log_of(&counts);
             if score > best_score {
-                (best, best_score, best_inliers) = (Some(plane), score, inliers);
-                origin = Origin::Searched;
-                needed = needed_iterations(inliers as f64 / self.xs.len() as f64).min(params.iterations);
+                (best, best_score, best_inliers) = (Some((plane, Origin::Searched)), score, counts.inliers);
+                needed = needed_iterations(share(&counts)).min(params.iterations);
             }
         }
-        let start = PlaneFit { plane: best?, inliers: 0, points: 0, rms: 0.0, origin, hypotheses: iteration };
-        refine(points, start, params)
+        let (plane, origin) = best?;
+        refine(points, &plane, params.tolerance, origin, iteration)
     }
 
     /// `plane` fitted to those of the scored points that lie within the tolerance of it.
@@ -165,72 +128,14 @@ impl Mlesac {
         (x * x + y * y + z * z).sqrt()
     }
 
-    /// Computes the scored points' distances to `plane` and counts those within `tolerance`.
-    fn residuals(&mut self, plane: &Plane, tolerance: f32) -> usize {
+    /// The scored points' distances to `plane`.
+    fn residuals(&mut self, plane: &Plane) -> &[f32] {
         let [nx, ny, nz] = [plane.normal.x as f32, plane.normal.y as f32, plane.normal.z as f32];
         let offset = plane.offset as f32;
         self.residuals.clear();
-        self.residuals.extend(
-            self.xs.iter().zip(&self.ys).zip(&self.zs).map(|((x, y), z)| nx * x + ny * y + nz * z + offset),
-        );
-        self.residuals.iter().map(|e| u32::from(e.abs() <= tolerance)).sum::<u32>() as usize
-    }
-
-    /// The log-likelihood of the residuals with the best gamma, started at the fraction of inliers.
-    fn log_likelihood(&mut self, scale: &Scale, inliers: usize) -> f64 {
-        self.densities.clear();
-        self.densities.extend(self.residuals.iter().map(|&e| scale.inlier_density(f64::from(e))));
-        let beneath = self.residuals.iter().filter(|&&e| f64::from(e) < scale.deep).count();
-        let count = self.densities.len() as f64;
-        // Neither kind may vanish, or its weight stays 0.
-        let mut gamma = (inliers as f64 / count).clamp(0.01, 0.99);
-        for _ in 0..EM_STEPS {
-            let outlier = (1.0 - gamma) * scale.outlier_density;
-            let weights: f64 = self.densities.iter().map(|p| gamma * p / (gamma * p + outlier)).sum();
-            gamma = (weights / count).clamp(0.01, 0.99);
-        }
-        let outlier = (1.0 - gamma) * scale.outlier_density;
-        // One logarithm for the product of eight: densities are far from the ends of the exponent.
-        self.densities
-            .chunks(8)
-            .map(|chunk| libm::log(chunk.iter().map(|p| gamma * p + outlier).product()))
-            .sum::<f64>()
-            + beneath as f64 * scale.log_beneath
-    }
-}
-
-/// The two densities of a residual.
-struct Scale {
-    peak: f64,
-    inverse_two_variance: f64,
-    cutoff: f64,
-    outlier_density: f64,
-    /// Residuals below this are of points beneath.
-    deep: f64,
-    log_beneath: f64,
-}
-
-impl Scale {
-    fn new(params: &MlesacParams, diagonal: f64) -> Self {
-        let tolerance = params.tolerance;
-        let sigma = tolerance / 1.96;
-        Self {
-            peak: 1.0 / (sigma * (2.0 * std::f64::consts::PI).sqrt()),
-            inverse_two_variance: 0.5 / (sigma * sigma),
-            cutoff: 6.0 * sigma,
-            outlier_density: 1.0 / diagonal.max(tolerance),
-            deep: -2.0 * tolerance,
-            log_beneath: match params.beneath {
-                Beneath::Outliers => 0.0,
-                Beneath::Unlikely => libm::log(BENEATH),
-            },
-        }
-    }
-
-    /// N(e; 0, sigma), 0 beyond six deviations.
-    #[inline]
-    fn inlier_density(&self, e: f64) -> f64 {
-        if e.abs() > self.cutoff { 0.0 } else { self.peak * libm::exp(-e * e * self.inverse_two_variance) }
+        let scored = self.xs.iter().zip(&self.ys).zip(&self.zs);
+        self.residuals.extend(scored.map(|((x, y), z)| nx * x + ny * y + nz * z + offset));
+        &self.residuals
     }
 }
 
@@ -242,26 +147,6 @@ fn needed_iterations(w: f64) -> u32 {
     }
     // A cast saturates where almost nothing is an inlier.
     (libm::log(1.0 - CONFIDENCE) / libm::log1p(-all_inliers)).ceil() as u32
-}
-
-/// Fits a plane to its inliers among `points` until they stay the same in number; sums in the order of the points.
-/// `None` where the inliers make no plane.
-fn refine(points: &[[f32; 3]], start: PlaneFit, params: &MlesacParams) -> Option<PlaneFit> {
-    let tolerance = params.tolerance;
-    let mut fit = PlaneFit { inliers: 0, points: points.len(), ..start };
-    for _ in 0..REFINEMENTS {
-        let plane = fit.plane;
-        fit.plane = Plane::fit(points.iter().copied().filter(|&p| plane.height(p).abs() <= tolerance))?;
-        let heights = points.iter().map(|&p| fit.plane.height(p)).filter(|h| h.abs() <= tolerance);
-        let (count, squares) =
-            heights.fold((0_usize, 0.0), |(count, squares), h| (count + 1, squares + h * h));
-        fit.rms = (squares / count.max(1) as f64).sqrt();
-        if count == fit.inliers {
-            break;
-        }
-        fit.inliers = count;
-    }
-    Some(fit)
 }
 
 #[cfg(test)]

@@ -1,0 +1,15 @@
+//! From a cloud to the face: voxels, the supporting plane, what stands on it, which of that is the face.
+//!
+//! - `params`: what the chain needs to know.
+//! - `seen`: what it found in a frame, or why not.
+//! - `segmenter`: the chain.
+//! - `pairs`: which voxels are seen beside each other.
+
+mod pairs;
+mod params;
+mod seen;
+mod segmenter;
+
+pub use params::{FaceParams, ParamError, Rule};
+pub use seen::{Rejection, Seen, Step};
+pub use segmenter::FaceSegmenter;

@@ -1,0 +1,92 @@
+//! What the chain found in a frame, or why not.
+
+use crate::hull::ConvexHull;
+use crate::mlesac::PlaneFit;
+use crate::table::ClusterRow;
+use thiserror::Error;
+
+/// Why a frame has no face.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Rejection {
+    /// Too few points within the range.
+    #[error("the frame has {found} voxels within range, a face needs {needed}")]
+    TooFewVoxels {
+        /// Voxels found.
+        found: usize,
+        /// Voxels needed.
+        needed: usize,
+    },
+    /// No plane holds enough voxels.
+    #[error("the best plane holds {found} voxels, it needs {needed}")]
+    NoPlane {
+        /// Voxels on the best plane.
+        found: usize,
+        /// Voxels needed.
+        needed: usize,
+    },
+    /// What stands over the plane is too little or in too small pieces.
+    #[error("{above} voxels stand over the plane and no cluster of them has {needed}")]
+    NoCluster {
+        /// Voxels over the plane.
+        above: usize,
+        /// Voxels that a cluster needs.
+        needed: usize,
+    },
+    /// Nothing over the plane has the size and roundness of a head.
+    #[error("{above} voxels stand over the plane and none of them are a head, which has {needed}")]
+    NoHead {
+        /// Voxels over the plane.
+        above: usize,
+        /// Voxels that a head needs.
+        needed: usize,
+    },
+}
+
+/// What was found in one frame, as far as it was found.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen<'a> {
+    /// Points within range.
+    pub points: usize,
+    /// Voxels that they fell into.
+    pub voxels: usize,
+    /// The supporting plane in the cloud's frame.
+    pub plane: Option<PlaneFit>,
+    /// Outline of the plane's inliers; empty before there is a plane.
+    pub hull: &'a ConvexHull,
+    /// Voxels between the two heights over the hull.
+    pub above: usize,
+    /// Each cluster of these, the largest first.
+    pub clusters: &'a [ClusterRow],
+    /// Where in the cloud the face's points are, rising, or why there is no face.
+    pub face: Result<&'a [u32], Rejection>,
+}
+
+/// A step of the chain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// The voxel grid.
+    Voxel,
+    /// Removal of outliers, where it is asked for.
+    Outliers,
+    /// Moving least squares, where they are asked for.
+    Smooth,
+    /// The supporting plane.
+    Plane,
+    /// What stands over the plane's hull.
+    Rise,
+    /// Clusters of that.
+    Cluster,
+    /// What is said of each cluster.
+    Describe,
+    /// Which voxels are the face's.
+    Head,
+    /// The cloud's points in them.
+    Gather,
+}
+
+impl Step {
+    /// Names of the steps, in their order.
+    pub const NAMES: &'static [&'static str] =
+        &["voxel", "outliers", "smooth", "plane", "rise", "cluster", "describe", "head", "gather"];
+}

@@ -1,0 +1,276 @@
+//! The chain from a cloud to the face.
+
+use super::pairs::PairsSeen;
+use super::params::{FaceParams, ParamError, Rule, check};
+use super::seen::{Rejection, Seen, Step};
+use crate::cloud::Cloud;
+use crate::cluster::EuclideanClusters;
+use crate::head::{HeadFinder, HeadParams};
+use crate::hull::ConvexHull;
+use crate::mlesac::{Beneath, Mlesac, MlesacParams, PlaneFit};
+use crate::mls::MovingLeastSquares;
+use crate::outliers::OutlierFilter;
+use crate::plane::Plane;
+use crate::table::{ClusterRows, Touch};
+use crate::voxel::{NO_VOXEL, VoxelGrid};
+use rand::Rng;
+
+/// In head radii: so far beyond the hull a head and what it touches are looked for.
+const BEYOND: f64 = 2.5;
+/// A plane with this part of its inliers' number beneath it, within its hull, supports nothing.
+const BENEATH: f64 = 0.15;
+
+/// The chain with its buffers; after the first frames of a size it allocates nothing.
+#[derive(Debug, Clone)]
+pub struct FaceSegmenter {
+    params: FaceParams,
+    grid: VoxelGrid,
+    outliers: OutlierFilter,
+    mls: MovingLeastSquares,
+    mlesac: Mlesac,
+    /// The plane of the last frame that had one.
+    prior: Option<Plane>,
+    /// For each voxel its height over the plane.
+    heights: Vec<f64>,
+    hull: ConvexHull,
+    clusters: EuclideanClusters,
+    table: ClusterRows,
+    above: Vec<[f32; 3]>,
+    /// For each voxel its place in `above`, or [`NO_VOXEL`].
+    place_above: Vec<u32>,
+    head: HeadFinder,
+    /// For each place in `above`.
+    is_face: Vec<bool>,
+    pairs: PairsSeen,
+    /// For each voxel.
+    face_voxels: Vec<bool>,
+    indices: Vec<u32>,
+}
+
+impl FaceSegmenter {
+    /// A chain with checked parameters.
+    ///
+    /// # Errors
+    /// The first parameter outside its range.
+    pub fn new(params: FaceParams) -> Result<Self, ParamError> {
+        check(&params)?;
+        Ok(Self {
+            params,
+            grid: VoxelGrid::new(),
+            outliers: OutlierFilter::new(),
+            mls: MovingLeastSquares::new(),
+            mlesac: Mlesac::new(),
+            prior: None,
+            heights: Vec::new(),
+            hull: ConvexHull::new(),
+            clusters: EuclideanClusters::new(),
+            table: ClusterRows::new(),
+            above: Vec::new(),
+            place_above: Vec::new(),
+            head: HeadFinder::new(),
+            is_face: Vec::new(),
+            pairs: PairsSeen::default(),
+            face_voxels: Vec::new(),
+            indices: Vec::new(),
+        })
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn params(&self) -> &FaceParams {
+        &self.params
+    }
+
+    /// Finds the face in `cloud`: all points in the voxels of the largest cluster between the two heights over the
+    /// plane's inliers. The plane of the frame before is where the search for this one's begins; nothing else is left
+    /// from frame to frame.
+    pub fn segment(&mut self, cloud: Cloud<'_>, rng: &mut impl Rng) -> Seen<'_> {
+        self.segment_in_steps(cloud, rng, &mut |_| {})
+    }
+
+    /// As [`segment`](Self::segment), and says when a step has ended.
+    pub fn segment_in_steps(
+        &mut self,
+        cloud: Cloud<'_>,
+        rng: &mut impl Rng,
+        ended: &mut impl FnMut(Step),
+    ) -> Seen<'_> {
+        self.above.clear();
+        self.table.clear();
+        self.hull.clear();
+        let (plane, face) = match self.stand(cloud, rng, ended) {
+            Ok(plane) => (Some(plane), self.choose(cloud, &plane.plane, ended)),
+            Err(rejection) => (None, Err(rejection)),
+        };
+        Seen {
+            points: self.grid.points(),
+            voxels: self.grid.centroids().len(),
+            plane,
+            hull: &self.hull,
+            above: self.above.len(),
+            clusters: self.table.rows(),
+            face: face.map(|()| self.indices.as_slice()),
+        }
+    }
+
+    /// Voxels and the plane that most of them lie on.
+    fn stand(
+        &mut self,
+        cloud: Cloud<'_>,
+        rng: &mut impl Rng,
+        ended: &mut impl FnMut(Step),
+    ) -> Result<PlaneFit, Rejection> {
+        let params = self.params;
+        let needed = params.min_points;
+        self.grid.downsample(cloud, params.leaf, params.range_max);
+        ended(Step::Voxel);
+        if let Some(outliers) = &params.outliers {
+            self.grid.retain(self.outliers.keep(self.grid.centroids(), outliers));
+            ended(Step::Outliers);
+        }
+        if let Some(smoothing) = &params.smoothing {
+            self.grid.replace(self.mls.smooth(self.grid.centroids(), smoothing, rng));
+            ended(Step::Smooth);
+        }
+        let found = self.grid.centroids().len();
+        if found < needed {
+            return Err(Rejection::TooFewVoxels { found, needed });
+        }
+        let mut fit = self.find_plane(Beneath::Outliers, rng);
+        // A plane over the tops of pillows and shoulders may hold more voxels than what is left of the couch.
+        if fit.is_some_and(|fit| self.are_many_beneath(&fit)) {
+            fit = self.find_plane(Beneath::Unlikely, rng);
+        }
+        let fit = fit.ok_or(Rejection::NoPlane { found: 0, needed })?;
+        if fit.inliers < needed {
+            return Err(Rejection::NoPlane { found: fit.inliers, needed });
+        }
+        self.prior = Some(fit.plane);
+        ended(Step::Plane);
+        Ok(fit)
+    }
+
+    /// The plane that most voxels lie on, with the heights over it and the hull of its inliers.
+    fn find_plane(&mut self, beneath: Beneath, rng: &mut impl Rng) -> Option<PlaneFit> {
+        let FaceParams { plane_tolerance: tolerance, iterations, .. } = self.params;
+        let voxels = self.grid.centroids();
+        let search = MlesacParams { tolerance, iterations, beneath };
+        let fit = self.mlesac.find(voxels, self.prior.as_ref(), &search, rng)?;
+        self.heights.clear();
+        self.heights.extend(voxels.iter().map(|&voxel| fit.plane.height(voxel)));
+        let on = voxels.iter().zip(&self.heights).filter(|(_, height)| height.abs() <= tolerance);
+        self.hull.build(&fit.plane, on.map(|(&voxel, _)| voxel));
+        Some(fit)
+    }
+
+    /// Whether so many voxels lie beneath the plane, within its hull, that it supports nothing.
+    fn are_many_beneath(&self, fit: &PlaneFit) -> bool {
+        let deep = -2.0 * self.params.plane_tolerance;
+        let many = BENEATH * fit.inliers as f64;
+        let beneath =
+            || self.grid.centroids().iter().zip(&self.heights).filter(|(_, height)| **height < deep);
+        // Most frames have few at all, wherever they lie.
+        beneath().count() as f64 > many
+            && beneath().filter(|(voxel, _)| self.hull.contains(**voxel)).count() as f64 > many
+    }
+
+    /// What stands on the plane, its clusters, and the points of the face.
+    fn choose(
+        &mut self,
+        cloud: Cloud<'_>,
+        plane: &Plane,
+        ended: &mut impl FnMut(Step),
+    ) -> Result<(), Rejection> {
+        let needed = self.params.min_points;
+        self.rise();
+        ended(Step::Rise);
+        self.clusters.find(&self.above, self.params.cluster_tolerance, needed);
+        ended(Step::Cluster);
+        self.describe(cloud, plane);
+        ended(Step::Describe);
+        let above = self.above.len();
+        if self.clusters.sizes().is_empty() {
+            return Err(Rejection::NoCluster { above, needed });
+        }
+        self.is_face.clear();
+        match self.params.rule {
+            Rule::Largest => self.is_face.extend(self.clusters.labels().iter().map(|&label| label == 0)),
+            Rule::Head => {
+                let pairs = self.pairs.find(cloud, self.grid.voxel_of_point(), &self.place_above);
+                let FaceParams { head_radius: radius, leaf, height_min, .. } = self.params;
+                let head = HeadParams { radius, leaf, height_min };
+                if !self.head.find(&self.above, pairs, plane, &head) {
+                    return Err(Rejection::NoHead { above, needed });
+                }
+                self.is_face.extend_from_slice(self.head.is_head());
+            }
+        }
+        ended(Step::Head);
+        if self.is_face.iter().filter(|&&is| is).count() < needed {
+            return Err(Rejection::NoHead { above, needed });
+        }
+        for (_, &label) in self.is_face.iter().zip(self.clusters.labels()).filter(|(is, _)| **is) {
+            self.table.add_face(label);
+        }
+        self.gather();
+        ended(Step::Gather);
+        Ok(())
+    }
+
+    /// Picks the voxels between the two heights over the hull of the plane's inliers.
+    fn rise(&mut self) {
+        let FaceParams { height_min, height_max, .. } = self.params;
+        // A neck or shoulders may hang over the edge of what is seen of the couch.
+        let beyond = match self.params.rule {
+            Rule::Largest => 0.0,
+            Rule::Head => BEYOND * self.params.head_radius,
+        };
+        self.place_above.clear();
+        for (&voxel, &height) in self.grid.centroids().iter().zip(&self.heights) {
+            let stands = height >= height_min && height <= height_max && self.hull.margin(voxel) >= -beyond;
+            self.place_above.push(if stands { self.above.len() as u32 } else { NO_VOXEL });
+            if stands {
+                self.above.push(voxel);
+            }
+        }
+    }
+
+    fn describe(&mut self, cloud: Cloud<'_>, plane: &Plane) {
+        let params = self.params;
+        self.table.start(self.clusters.sizes().len());
+        for (&voxel, &label) in self.above.iter().zip(self.clusters.labels()) {
+            let height = plane.height(voxel);
+            self.table.add(label, voxel, height);
+            if height > params.height_max - params.leaf {
+                self.table.touch(label, Touch::Ceiling);
+            }
+            if self.hull.margin(voxel) < params.leaf {
+                self.table.touch(label, Touch::HullEdge);
+            }
+        }
+        for point in cloud.border() {
+            if let Some(label) = self.label_of_point(point) {
+                self.table.touch(label, Touch::ImageEdge);
+            }
+        }
+        self.table.finish();
+    }
+
+    /// The cluster of a point of the cloud.
+    fn label_of_point(&self, point: usize) -> Option<u32> {
+        let voxel = *self.grid.voxel_of_point().get(point)?;
+        let place = *self.place_above.get(voxel as usize)?;
+        self.clusters.labels().get(place as usize).copied()
+    }
+
+    /// Collects the points of the cloud that lie in the face's voxels.
+    fn gather(&mut self) {
+        self.face_voxels.clear();
+        let is_face = |&place: &u32| self.is_face.get(place as usize) == Some(&true);
+        self.face_voxels.extend(self.place_above.iter().map(is_face));
+        self.indices.clear();
+        let inside = |voxel: &u32| self.face_voxels.get(*voxel as usize) == Some(&true);
+        let points = self.grid.voxel_of_point().iter().enumerate();
+        self.indices.extend(points.filter(|(_, voxel)| inside(voxel)).map(|(point, _)| point as u32));
+    }
+}
