@@ -24,15 +24,20 @@ const CELL: f64 = 0.18;
 const NEAR: f64 = 0.4;
 /// Balls that are looked for at most.
 pub const BALLS: usize = 8;
-/// Steps of the refinement.
+/// Steps of the refinement at most.
 const REFINEMENTS: usize = 6;
+/// A step shorter than this is the last one, m.
+const STILL: f64 = 1e-5;
 /// Cells at most: a scene that is wider gets wider cells.
 const MAX_CELLS: f64 = 3e5;
 
 /// The search with its buffers; after the first frames of a size it allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct BallSearch {
+    /// All 0 between two searches.
     votes: Vec<u16>,
+    /// Cells with votes.
+    voted: Vec<u32>,
     /// Cells with many votes.
     full: Vec<u32>,
     balls: Vec<Ball>,
@@ -42,6 +47,7 @@ pub struct BallSearch {
 struct Cells {
     corner: Vector3<f64>,
     side: f64,
+    inverse_side: f64,
     counts: [usize; 3],
 }
 
@@ -56,7 +62,7 @@ impl Cells {
         let side = side.max((extent.product() / MAX_CELLS).cbrt());
         // One cell of margin on each side, so that each cell that is voted for has all its neighbours.
         let counts = [0, 1, 2].map(|axis| (extent[axis] / side) as usize + 3);
-        Self { corner: corner - Vector3::repeat(side), side, counts }
+        Self { corner: corner - Vector3::repeat(side), side, inverse_side: 1.0 / side, counts }
     }
 
     fn len(&self) -> usize {
@@ -66,8 +72,9 @@ impl Cells {
     /// Column, row and layer of a point; of one outside, of the nearest cell.
     fn at(&self, point: &Vector3<f64>) -> [usize; 3] {
         // The cast takes what is below 0 to 0.
-        [0, 1, 2]
-            .map(|axis| (((point[axis] - self.corner[axis]) / self.side) as usize).min(self.counts[axis] - 1))
+        [0, 1, 2].map(|axis| {
+            (((point[axis] - self.corner[axis]) * self.inverse_side) as usize).min(self.counts[axis] - 1)
+        })
     }
 
     fn of(&self, point: &Vector3<f64>) -> usize {
@@ -99,21 +106,24 @@ impl BallSearch {
             return &self.balls;
         }
         let cells = Cells::around(patches, greatest, CELL * middle);
-        self.votes.clear();
-        self.votes.resize(cells.len(), 0);
+        self.votes.resize(cells.len().max(self.votes.len()), 0);
         let steps = ((greatest - least) / cells.side).ceil() as usize;
+        let mut most = 0;
         for patch in patches {
             for step in 0..=steps {
                 let along = least + (greatest - least) * step as f64 / steps.max(1) as f64;
-                let vote = &mut self.votes[cells.of(&(patch.place - along * patch.normal))];
+                let cell = cells.of(&(patch.place - along * patch.normal));
+                let vote = &mut self.votes[cell];
+                if *vote == 0 {
+                    self.voted.push(cell as u32);
+                }
                 *vote = vote.saturating_add(1);
+                most = most.max(*vote);
             }
         }
         // A cell with few votes is the best one of no ball.
-        let few = self.votes.iter().max().copied().unwrap_or(0) / 8;
-        let full = self.votes.iter().enumerate().filter(|&(_, &votes)| votes > few);
         self.full.clear();
-        self.full.extend(full.map(|(cell, _)| cell as u32));
+        self.full.extend(self.voted.iter().filter(|&&cell| self.votes[cell as usize] > most / 8));
         for _ in 0..BALLS {
             let Some(cell) = self.best(&cells) else { break };
             let start = cells.middle(cell);
@@ -124,6 +134,8 @@ impl BallSearch {
                 self.balls.push(ball);
             }
         }
+        // Far fewer cells than there are: the rest is 0 already.
+        self.voted.drain(..).for_each(|cell| self.votes[cell as usize] = 0);
         &self.balls
     }
 
@@ -167,12 +179,17 @@ impl BallSearch {
 /// The point nearest to the normals of those patches that speak for it, and their mean distance.
 fn refine(patches: &[Patch], start: Vector3<f64>, [least, greatest]: [f64; 2]) -> Option<Ball> {
     let near = NEAR * (least + greatest) / 2.0;
+    let farthest = greatest * greatest + near * near;
     let mut ball = Ball { centre: start, radius: (least + greatest) / 2.0, voters: 0 };
     for _ in 0..REFINEMENTS {
         let (mut across, mut feet) = (Matrix3::zeros(), Vector3::zeros());
         let (mut distances, mut voters) = (0.0, 0);
         for patch in patches {
             let from_centre = patch.place - ball.centre;
+            // Most patches are of other things.
+            if from_centre.norm_squared() > farthest {
+                continue;
+            }
             let along = from_centre.dot(&patch.normal);
             let beside = (from_centre - along * patch.normal).norm();
             if !(beside < near && along > least && along < greatest) {
@@ -191,7 +208,11 @@ fn refine(patches: &[Patch], start: Vector3<f64>, [least, greatest]: [f64; 2]) -
         let hold = 1e-3 * voters as f64;
         let sum = across + Matrix3::from_diagonal_element(hold);
         let centre = sum.try_inverse()? * (feet + hold * ball.centre);
+        let moved = (centre - ball.centre).norm();
         ball = Ball { centre, radius: distances / voters as f64, voters };
+        if moved < STILL {
+            break;
+        }
     }
     Some(ball)
 }
@@ -240,6 +261,14 @@ mod tests {
         let balls = search.find(&patches, [0.06, 0.12]);
         assert!((balls[0].centre.x - 0.0).abs() < 1e-2 && balls[0].voters >= 400, "{balls:?}");
         assert!(balls[1..].iter().any(|ball| (ball.centre.x + 0.3).abs() < 1e-2), "{balls:?}");
+    }
+
+    #[test]
+    fn a_search_remembers_nothing_of_the_one_before() {
+        let (mut used, mut fresh) = (BallSearch::new(), BallSearch::new());
+        used.find(&ball_beside_a_board(Vector3::new(-0.3, 0.1, 0.7), 0.07), [0.05, 0.12]);
+        let patches = ball_beside_a_board(Vector3::new(0.2, -0.1, 1.1), 0.1);
+        assert_eq!(used.find(&patches, [0.06, 0.12]), fresh.find(&patches, [0.06, 0.12]));
     }
 
     #[test]

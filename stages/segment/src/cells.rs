@@ -1,28 +1,34 @@
 //! Cells of a regular grid, numbered in the order in which they are first seen.
 
-/// Cell coordinates reach from `-REACH` to `REACH - 1` in each axis; 21 bits of a key each.
+/// Cell coordinates are less than this, in each direction of each axis; 21 bits of a key each.
 const REACH: i32 = 1 << 20;
 
 /// A cell's three coordinates in one number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct CellKey(u64);
 
 impl CellKey {
-    /// The cell of `point` in a grid of cells `1 / inverse_side` wide; `None` beyond the grid and for NaN.
+    /// Cells at each end of an axis in which no point lies: so far, a step leads from key to key by adding.
+    pub const FREE: u64 = 3;
+    /// The key of the next cell along x, less that of this one.
+    pub const STEP_X: u64 = 1 << 42;
+    /// The same along y; along z it is 1.
+    pub const STEP_Y: u64 = 1 << 21;
+
+    /// The cell of `point` in a grid of cells `1 / inverse_side` wide; `None` beyond the grid and for NaN. A point that lies
+    /// before the end of a cell by less than 2^-21 of its width counts to the next one.
     #[inline]
     pub fn of(point: [f32; 3], inverse_side: f64) -> Option<Self> {
-        let mut key = 0_u64;
-        for coordinate in point {
-            // Adding REACH makes truncation a floor.
-            let shifted = f64::from(coordinate) * inverse_side + f64::from(REACH);
-            // Written so that NaN is outside.
-            if !(shifted >= 0.0 && shifted < f64::from(2 * REACH)) {
-                return None;
-            }
-            // Through i32, for which the processor has an instruction.
-            key = key << 21 | shifted as i32 as u64;
-        }
-        Some(Self(key))
+        // In numbers of this size the last bit is 1: adding it rounds, and leaves a whole number in the low bits.
+        const WHOLE: f64 = (1_u64 << 52) as f64;
+        const HALF: f64 = 0.5 - 1.0 / (1 << 21) as f64;
+        const LEAST: f64 = CellKey::FREE as f64;
+        const MOST: f64 = (2 * REACH as u64 - CellKey::FREE) as f64;
+        let shifted = point.map(|c| f64::from(c) * inverse_side + f64::from(REACH));
+        // Written so that NaN is outside.
+        let inside = shifted.iter().all(|c| *c >= LEAST && *c < MOST);
+        let [x, y, z] = shifted.map(|c| (c - HALF + WHOLE).to_bits() & (2 * REACH as u64 - 1));
+        inside.then_some(Self(x << 42 | y << 21 | z))
     }
 
     /// Whether two cells share a face, an edge or a corner, or are the same.
@@ -34,19 +40,17 @@ impl CellKey {
         })
     }
 
-    /// The cell `by` further, `None` beyond the grid.
+    /// The key that is `steps` greater.
     #[inline]
-    pub fn offset(self, by: [i32; 3]) -> Option<Self> {
-        let mut key = 0_u64;
-        for (axis, step) in by.into_iter().enumerate() {
-            let here = (self.0 >> (21 * (2 - axis))) as i32 & (2 * REACH - 1);
-            let there = here + step;
-            if !(0..2 * REACH).contains(&there) {
-                return None;
-            }
-            key = key << 21 | there as u64;
-        }
-        Some(Self(key))
+    pub fn plus(self, steps: u64) -> Self {
+        Self(self.0.wrapping_add(steps))
+    }
+
+    /// The cell `by` further, at most [`FREE`](Self::FREE) steps along each axis.
+    #[inline]
+    pub fn offset(self, by: [i32; 3]) -> Self {
+        let [x, y, z] = by.map(|steps| i64::from(steps) as u64);
+        self.plus(x.wrapping_mul(Self::STEP_X).wrapping_add(y.wrapping_mul(Self::STEP_Y)).wrapping_add(z))
     }
 }
 
@@ -100,8 +104,11 @@ impl CellIndex {
     #[inline]
     fn slot(&self, key: CellKey) -> usize {
         let mask = self.slots.len() - 1;
-        // Fibonacci hashing: the high bits of the product are well mixed.
-        let mut slot = (key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & mask;
+        // Cells that follow each other along x, as in a row of an image, share a cache line: eight have one home. Fibonacci
+        // hashing mixes the rest: the high bits of the product are well mixed.
+        let within = (key.0 >> 42) as usize & 7;
+        let home = ((key.0 & !(7 << 42)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & !7;
+        let mut slot = (home | within) & mask;
         loop {
             let number = self.slots[slot];
             if number == 0 || self.keys[number as usize - 1] == key {
@@ -203,7 +210,8 @@ mod tests {
         assert_eq!(cell(0.0), cell(0.099));
         assert_ne!(cell(-0.001), cell(0.0));
         assert_eq!(cell(-0.001), cell(-0.099));
-        assert_eq!(cell(0.0).offset([-1, 0, 0]), Some(cell(-0.05)));
+        assert_eq!(cell(0.0).offset([-1, 0, 0]), cell(-0.05));
+        assert_eq!(cell(0.0).offset([2, -1, 1]).offset([-2, 1, -1]), cell(0.0));
         assert!(
             cell(0.0).touches(cell(-0.05)) && cell(0.0).touches(cell(0.15)) && !cell(0.0).touches(cell(0.25))
         );
@@ -214,6 +222,7 @@ mod tests {
         assert_eq!(CellKey::of([f32::NAN, 0.0, 0.0], 1.0), None);
         assert_eq!(CellKey::of([0.0, f32::INFINITY, 0.0], 1.0), None);
         assert_eq!(CellKey::of([0.0, 0.0, 1048576.0], 1.0), None);
-        assert!(CellKey::of([0.0, 0.0, -1048576.0], 1.0).unwrap().offset([0, 0, -1]).is_none());
+        assert_eq!(CellKey::of([0.0, 0.0, -1048574.0], 1.0), None);
+        assert!(CellKey::of([0.0, 0.0, -1048573.0], 1.0).is_some());
     }
 }

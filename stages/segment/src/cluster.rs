@@ -4,32 +4,25 @@
 //! other join if any point of one is near enough to one of the other. This gives the clusters of single linkage exactly.
 
 use crate::cells::{NO_CELL, SortedCells};
+use crate::sweep::Sweep;
 
 /// Marks a point that is in no cluster that was kept.
 pub const NO_CLUSTER: u32 = u32::MAX;
+
+/// Cells that hold points near enough to each other are at most so many steps apart.
+const STEPS: u64 = 2;
 
 /// The clustering with its buffers; after the first frames it allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct EuclideanClusters {
     cells: SortedCells,
+    sweep: Sweep,
     parents: Vec<u32>,
     counts: Vec<u32>,
     roots: Vec<u32>,
     sizes: Vec<u32>,
     labels: Vec<u32>,
 }
-
-/// Half of the 124 cells around one within two steps: the other half finds its pairs from the other side.
-const NEIGHBOURS: [[i32; 3]; 62] = {
-    let mut neighbours = [[0; 3]; 62];
-    let mut i = 0;
-    while i < 62 {
-        let n = i as i32 + 63;
-        neighbours[i] = [n / 25 - 2, n / 5 % 5 - 2, n % 5 - 2];
-        i += 1;
-    }
-    neighbours
-};
 
 #[inline]
 fn distance_squared(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -52,15 +45,13 @@ impl EuclideanClusters {
         self.parents.clear();
         self.parents.extend(0..self.cells.index().len() as u32);
         let near = (tolerance * tolerance) as f32;
-        for cell in 0..self.cells.index().len() as u32 {
-            let key = self.cells.index().keys()[cell as usize];
-            for other in NEIGHBOURS.iter().filter_map(|&by| self.cells.index().get(key.offset(by)?)) {
-                let (a, b) = (root(&mut self.parents, cell), root(&mut self.parents, other));
-                if a != b && self.touch(points, cell, other, near) {
-                    self.parents[a.max(b) as usize] = a.min(b);
-                }
+        let (cells, parents) = (&self.cells, &mut self.parents);
+        self.sweep.pairs(cells.index().keys(), STEPS, |cell, other| {
+            let (a, b) = (root(parents, cell), root(parents, other));
+            if a != b && touch(cells, points, cell, other, near) {
+                parents[a.max(b) as usize] = a.min(b);
             }
-        }
+        });
         self.label(points.len(), min_points);
     }
 
@@ -74,15 +65,6 @@ impl EuclideanClusters {
     #[must_use]
     pub fn labels(&self) -> &[u32] {
         &self.labels
-    }
-
-    fn touch(&self, points: &[[f32; 3]], a: u32, b: u32, near: f32) -> bool {
-        self.cells.members(a).iter().any(|&i| {
-            self.cells
-                .members(b)
-                .iter()
-                .any(|&j| distance_squared(points[i as usize], points[j as usize]) <= near)
-        })
     }
 
     /// Numbers the roots by size and gives each point its cluster's number.
@@ -115,6 +97,12 @@ impl EuclideanClusters {
             self.labels.push(label);
         }
     }
+}
+
+/// Whether any point of one cell is near enough to one of the other.
+fn touch(cells: &SortedCells, points: &[[f32; 3]], a: u32, b: u32, near: f32) -> bool {
+    let close = |i: u32, j: u32| distance_squared(points[i as usize], points[j as usize]) <= near;
+    cells.members(a).iter().any(|&i| cells.members(b).iter().any(|&j| close(i, j)))
 }
 
 /// The cell that stands for `cell`'s cluster, with the path to it halved.

@@ -8,7 +8,7 @@ use crate::mlesac::{Origin, PlaneFit};
 use crate::table::ClusterRow;
 
 /// Numbers about one frame.
-pub const METRICS: usize = 15;
+pub const METRICS: usize = 18;
 
 /// What is not known of a frame: the one NaN, so that samples compare by bytes.
 const UNKNOWN: f64 = f64::NAN;
@@ -49,6 +49,8 @@ pub(crate) fn metrics(seen: &Seen<'_>, sent: usize) -> [Metric; METRICS] {
     let plane = |number: fn(&PlaneFit) -> f64| seen.plane.as_ref().map_or(UNKNOWN, number);
     let cluster = |place: usize| seen.clusters.get(place).map_or(0.0, |row| f64::from(row.voxels));
     let rejection = seen.face.as_ref().err();
+    // Clusters of which a part is the face, and the rest was cut from it.
+    let cut = || seen.clusters.iter().filter(|row| (1..row.voxels).contains(&row.face_voxels));
     [
         ("rejection", f64::from(rejection.map_or(FOUND, Rejection::code))),
         ("plane_normal_x", plane(|fit| fit.plane.normal.x)),
@@ -65,6 +67,9 @@ pub(crate) fn metrics(seen: &Seen<'_>, sent: usize) -> [Metric; METRICS] {
         ("second_cluster_voxels", cluster(1)),
         ("face_points", seen.face.as_ref().map_or(0.0, |face| face.len() as f64)),
         ("sent_points", sent as f64),
+        ("outlier_voxels", seen.outliers as f64),
+        ("clusters_cut", cut().count() as f64),
+        ("cut_voxels", cut().map(|row| f64::from(row.voxels - row.face_voxels)).sum()),
     ]
     .map(|(name, value)| Metric::new(name, value))
 }

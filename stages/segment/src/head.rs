@@ -136,8 +136,12 @@ impl HeadFinder {
         let patches = self.surface.patches();
         for pair in seen {
             let [a, b] = pair.map(|voxel| patch_of_voxel[voxel as usize]);
+            // Most pairs are of one patch, or of neighbours.
+            if a == b || self.surface.are_neighbours(a, b) {
+                continue;
+            }
             let apart = (patches[a as usize].place - patches[b as usize].place).norm();
-            if apart < HIDDEN * params.radius && !self.surface.are_neighbours(a, b) {
+            if apart < HIDDEN * params.radius {
                 self.edges.push([a, b]);
             }
         }

@@ -40,6 +40,7 @@ pub mod outliers;
 pub mod plane;
 pub mod summit;
 pub mod surface;
+mod sweep;
 pub mod table;
 pub mod voxel;
 

@@ -35,7 +35,7 @@ impl Neighbours {
         let at = points[point];
         for ring in 0..=RINGS {
             for by in ring_of_cells(ring) {
-                let Some(cell) = key.offset(by).and_then(|key| index.get(key)) else { continue };
+                let Some(cell) = index.get(key.offset(by)) else { continue };
                 for &other in self.cells.members(cell).iter().filter(|&&other| other as usize != point) {
                     let p = points[other as usize];
                     let [x, y, z] = [p[0] - at[0], p[1] - at[1], p[2] - at[2]];

@@ -6,6 +6,7 @@
 
 use crate::cells::{CellIndex, CellKey};
 use crate::plane::vector;
+use crate::sweep::Sweep;
 use nalgebra::{Matrix3, Vector3};
 
 /// One patch.
@@ -66,20 +67,9 @@ pub struct Surface {
     moments: Vec<Moments>,
     patches: Vec<Patch>,
     borders: Vec<[u32; 2]>,
+    sweep: Sweep,
     around: Vec<Moments>,
 }
-
-/// Half of the 26 cells around one: the other half finds its pairs from the other side.
-const NEIGHBOURS: [[i32; 3]; 13] = {
-    let mut neighbours = [[0; 3]; 13];
-    let mut i = 0;
-    while i < 13 {
-        let n = i as i32 + 14;
-        neighbours[i] = [n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1];
-        i += 1;
-    }
-    neighbours
-};
 
 impl Surface {
     /// No patches.
@@ -107,13 +97,12 @@ impl Surface {
         }
         self.around.clear();
         self.around.extend_from_slice(&self.moments);
-        for (number, &key) in self.index.keys().iter().enumerate() {
-            for other in NEIGHBOURS.iter().filter_map(|&by| self.index.get(key.offset(by)?)) {
-                self.borders.push([number as u32, other]);
-                self.around[number].add(&self.moments[other as usize]);
-                self.around[other as usize].add(&self.moments[number]);
-            }
-        }
+        let (moments, around, borders) = (&self.moments, &mut self.around, &mut self.borders);
+        self.sweep.pairs(self.index.keys(), 1, |a, b| {
+            borders.push([a, b]);
+            around[a as usize].add(&moments[b as usize]);
+            around[b as usize].add(&moments[a as usize]);
+        });
         self.patches.extend(self.moments.iter().zip(&self.around).map(|(own, around)| {
             let place = own.mean();
             let normal = thinnest(&around.covariance());

@@ -15,6 +15,24 @@ struct Sums {
     count: u32,
 }
 
+impl Sums {
+    /// Adds a run of points to the sums of a voxel: of one that is there, or of the next one.
+    fn add_to(&self, voxels: &mut Vec<Self>, voxel: u32) {
+        if self.count == 0 {
+            return;
+        }
+        match voxels.get_mut(voxel as usize) {
+            Some(sums) => {
+                sums.x += self.x;
+                sums.y += self.y;
+                sums.z += self.z;
+                sums.count += self.count;
+            }
+            None => voxels.push(*self),
+        }
+    }
+}
+
 /// A voxel grid with its buffers; after the first frames of a size, [`downsample`](Self::downsample) allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub struct VoxelGrid {
@@ -38,45 +56,39 @@ impl VoxelGrid {
     /// Voxels are in the order in which the cloud first enters them. Points that are not finite, too far away or
     /// 2^20 cells from the origin are in none.
     pub fn downsample(&mut self, cloud: Cloud<'_>, leaf: f64, range_max: f64) {
-        self.index.clear();
-        self.voxels.clear();
-        self.voxel_of_point.clear();
-        self.voxel_of_point.reserve(cloud.points.len());
+        let Self { index, voxels, voxel_of_point, .. } = self;
+        index.clear();
+        voxels.clear();
+        voxel_of_point.clear();
+        voxel_of_point.resize(cloud.points.len(), NO_VOXEL);
         let inverse_leaf = 1.0 / leaf;
         let range_squared = (range_max * range_max) as f32;
-        let mut last = NO_VOXEL;
+        // Neighbouring pixels mostly share a cell: sums over such a run stay at hand until it ends.
+        let (mut last, mut last_key, mut run) = (NO_VOXEL, None, Sums::default());
         for (place, &point) in cloud.points.iter().enumerate() {
             let [x, y, z] = point;
             // Not within range, written so that NaN is outside.
             let within = x * x + y * y + z * z <= range_squared;
-            let Some(key) = (if within { CellKey::of(point, inverse_leaf) } else { None }) else {
-                self.voxel_of_point.push(NO_VOXEL);
-                continue;
-            };
-            // Neighbouring pixels mostly share a cell: the one before, then the one above.
-            let is = |voxel: u32| self.index.keys().get(voxel as usize) == Some(&key);
-            let above = || place.checked_sub(cloud.width).and_then(|above| self.voxel_of_point.get(above));
-            let voxel = if is(last) {
-                last
-            } else if let Some(&above) = above()
-                && is(above)
-            {
-                above
-            } else {
-                self.index.insert(key)
-            };
-            last = voxel;
-            self.voxel_of_point.push(voxel);
-            let at = voxel as usize;
-            if at == self.voxels.len() {
-                self.voxels.push(Sums::default());
+            let key = if within { CellKey::of(point, inverse_leaf) } else { None };
+            let Some(found) = key else { continue };
+            if key != last_key {
+                run.add_to(voxels, last);
+                run = Sums::default();
+                // Next to the pixel before, the one above is the most likely to be in the same cell.
+                let above = place.checked_sub(cloud.width).and_then(|above| voxel_of_point.get(above));
+                last = match above {
+                    Some(&above) if index.keys().get(above as usize) == Some(&found) => above,
+                    _ => index.insert(found),
+                };
+                last_key = key;
             }
-            let sums = &mut self.voxels[at];
-            sums.x += f64::from(x);
-            sums.y += f64::from(y);
-            sums.z += f64::from(z);
-            sums.count += 1;
+            voxel_of_point[place] = last;
+            run.x += f64::from(x);
+            run.y += f64::from(y);
+            run.z += f64::from(z);
+            run.count += 1;
         }
+        run.add_to(voxels, last);
         self.centroids.clear();
         self.counts.clear();
         for sums in &self.voxels {

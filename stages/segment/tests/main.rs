@@ -6,3 +6,4 @@ mod operator;
 mod picture;
 mod real_data;
 mod rig_scenes;
+mod steady;

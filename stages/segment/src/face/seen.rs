@@ -48,8 +48,10 @@ pub enum Rejection {
 pub struct Seen<'a> {
     /// Points within range.
     pub points: usize,
-    /// Voxels that they fell into.
+    /// Voxels that they fell into, without outliers.
     pub voxels: usize,
+    /// Voxels that were removed as outliers.
+    pub outliers: usize,
     /// The supporting plane in the cloud's frame.
     pub plane: Option<PlaneFit>,
     /// Outline of the plane's inliers; empty before there is a plane.

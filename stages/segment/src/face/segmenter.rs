@@ -26,6 +26,8 @@ pub struct FaceSegmenter {
     params: FaceParams,
     grid: VoxelGrid,
     outliers: OutlierFilter,
+    /// Voxels of this frame that were outliers.
+    removed: usize,
     mls: MovingLeastSquares,
     mlesac: Mlesac,
     /// The plane of the last frame that had one.
@@ -58,6 +60,7 @@ impl FaceSegmenter {
             params,
             grid: VoxelGrid::new(),
             outliers: OutlierFilter::new(),
+            removed: 0,
             mls: MovingLeastSquares::new(),
             mlesac: Mlesac::new(),
             prior: None,
@@ -105,6 +108,7 @@ impl FaceSegmenter {
         Seen {
             points: self.grid.points(),
             voxels: self.grid.centroids().len(),
+            outliers: self.removed,
             plane,
             hull: &self.hull,
             above: self.above.len(),
@@ -124,8 +128,11 @@ impl FaceSegmenter {
         let needed = params.min_points;
         self.grid.downsample(cloud, params.leaf, params.range_max);
         ended(Step::Voxel);
+        self.removed = 0;
         if let Some(outliers) = &params.outliers {
+            let before = self.grid.centroids().len();
             self.grid.retain(self.outliers.keep(self.grid.centroids(), outliers));
+            self.removed = before - self.grid.centroids().len();
             ended(Step::Outliers);
         }
         if let Some(smoothing) = &params.smoothing {

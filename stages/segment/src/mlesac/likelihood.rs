@@ -20,18 +20,20 @@ pub(super) struct Likelihood {
     outlier_density: f64,
     bins_per_metre: f32,
     tolerance: f32,
+    cutoff: f32,
     /// Residuals below this are of points beneath.
     deep: f32,
     log_beneath: f64,
 }
 
-/// Residuals, counted.
+/// Residuals, counted by what decides.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Counts {
-    bins: [u32; BINS + 1],
     points: u32,
     /// Points within the tolerance.
     pub inliers: u32,
+    /// Points within the cutoff.
+    near: u32,
     /// Points on the far side of the plane.
     beneath: u32,
 }
@@ -52,6 +54,7 @@ impl Likelihood {
             outlier_density: 1.0 / diagonal.max(params.tolerance),
             bins_per_metre: (1.0 / (width * sigma)) as f32,
             tolerance: params.tolerance as f32,
+            cutoff: (CUTOFF * sigma) as f32,
             deep: (-2.0 * params.tolerance) as f32,
             log_beneath: match params.beneath {
                 Beneath::Outliers => 0.0,
@@ -62,20 +65,36 @@ impl Likelihood {
 
     /// Counts residuals, in metres.
     pub fn count(&self, residuals: &[f32]) -> Counts {
-        let mut bins = [0; BINS + 1];
-        // A cast takes NaN to 0; there is none, as points are finite.
-        residuals.iter().for_each(|e| bins[((e.abs() * self.bins_per_metre) as usize).min(BINS)] += 1);
         Counts {
-            bins,
             points: residuals.len() as u32,
-            inliers: residuals.iter().map(|e| u32::from(e.abs() <= self.tolerance)).sum(),
-            beneath: residuals.iter().map(|&e| u32::from(e < self.deep)).sum(),
+            inliers: count(residuals, |e| e.abs() <= self.tolerance),
+            near: count(residuals, |e| e.abs() <= self.cutoff),
+            beneath: count(residuals, |e| e < self.deep),
         }
     }
 
+    /// What no residuals of these counts are likelier than: all that are near are in the plane, and gamma is the best one.
+    pub fn log_at_most(&self, counts: &Counts) -> f64 {
+        let (points, near) = (f64::from(counts.points), f64::from(counts.near));
+        let (inlier, outlier) = (self.inlier_densities[0], self.outlier_density);
+        // Where an outlier is the likelier of the two, gamma had best be small.
+        let ratio = if inlier > outlier { outlier / (inlier - outlier) } else { f64::INFINITY };
+        let share = near / points;
+        let gamma = (share - (1.0 - share).max(1e-9) * ratio).clamp(0.01, 0.99);
+        let beyond = (1.0 - gamma) * outlier;
+        near * libm::log(gamma * inlier + beyond)
+            + (points - near) * libm::log(beyond)
+            + f64::from(counts.beneath) * self.log_beneath
+    }
+
     /// The log-likelihood of the residuals with the best gamma, started at the fraction of inliers.
-    pub fn log_of(&self, counts: &Counts) -> f64 {
-        let weighted = || self.inlier_densities.iter().zip(counts.bins.map(f64::from));
+    pub fn log_of(&self, residuals: &[f32], counts: &Counts) -> f64 {
+        let mut bins = [0_u32; BINS + 1];
+        for e in residuals {
+            // Through i32, for which the processor has an instruction. Points are finite.
+            bins[(e.abs() * self.bins_per_metre).min(BINS as f32) as i32 as usize] += 1;
+        }
+        let weighted = || self.inlier_densities.iter().zip(bins.map(f64::from));
         let points = f64::from(counts.points);
         // Neither kind may vanish, or its weight stays 0.
         let mut gamma = (f64::from(counts.inliers) / points).clamp(0.01, 0.99);
@@ -91,9 +110,14 @@ impl Likelihood {
     }
 }
 
+fn count(residuals: &[f32], is: impl Fn(f32) -> bool) -> u32 {
+    residuals.iter().map(|&e| u32::from(is(e))).sum()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const PARAMS: MlesacParams = MlesacParams { tolerance: 0.01, iterations: 1, beneath: Beneath::Outliers };
 
@@ -124,8 +148,24 @@ mod tests {
             .map(|i| if i % 3 == 0 { part(i, 0.618) } else { 0.01 * (part(i, 0.618) + part(i, 0.414) - 1.0) })
             .collect();
         let likelihood = Likelihood::new(&PARAMS, 0.7);
-        let found = likelihood.log_of(&likelihood.count(&residuals));
+        let found = likelihood.log_of(&residuals, &likelihood.count(&residuals));
         assert!((found - by_each(&residuals, 0.7)).abs() < 0.5, "{found} {}", by_each(&residuals, 0.7));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_likelier_than_its_bound(
+            residuals in prop::collection::vec(-0.2..0.2_f32, 3..300),
+            flat in 0.0..1.0_f32,
+        ) {
+            let residuals: Vec<f32> = residuals.into_iter().map(|e| e * flat * flat).collect();
+            for beneath in [Beneath::Outliers, Beneath::Unlikely] {
+                let likelihood = Likelihood::new(&MlesacParams { beneath, ..PARAMS }, 0.5);
+                let counts = likelihood.count(&residuals);
+                let (found, most) = (likelihood.log_of(&residuals, &counts), likelihood.log_at_most(&counts));
+                prop_assert!(found <= most + 1e-9, "{found} {most}");
+            }
+        }
     }
 
     #[test]
@@ -133,7 +173,7 @@ mod tests {
         let residuals = [0.0, 0.001, -0.3, -0.4, 0.3];
         let log_of = |beneath| {
             let likelihood = Likelihood::new(&MlesacParams { beneath, ..PARAMS }, 1.0);
-            likelihood.log_of(&likelihood.count(&residuals))
+            likelihood.log_of(&residuals, &likelihood.count(&residuals))
         };
         let apart = log_of(Beneath::Outliers) - log_of(Beneath::Unlikely);
         assert!((apart + 2.0 * BENEATH.ln()).abs() < 1e-9, "{apart}");

@@ -74,21 +74,24 @@ impl Mlesac {
         let (mut best, mut best_score, mut best_inliers) = (None, f64::NEG_INFINITY, 0);
         let (mut iteration, mut needed) = (0, params.iterations);
         if let Some(plane) = prior.and_then(|prior| self.refined_on_scored(prior, params.tolerance)) {
-            let counts = likelihood.count(self.residuals(&plane));
-            (best, best_score, best_inliers) =
-                (Some((plane, Origin::Kept)), likelihood.log_of(&counts), counts.inliers);
+            let residuals = self.residuals(&plane);
+            let counts = likelihood.count(residuals);
+            let score = likelihood.log_of(residuals, &counts);
+            (best, best_score, best_inliers) = (Some((plane, Origin::Kept)), score, counts.inliers);
             needed = needed_iterations(share(&counts)).min(params.iterations);
         }
         while iteration < needed {
             iteration += 1;
             let [a, b, c] = [(); 3].map(|()| points[below(rng, points.len())]);
             let Some(plane) = Plane::through(a, b, c) else { continue };
-            let counts = likelihood.count(self.residuals(&plane));
+            let residuals = self.residuals(&plane);
+            let counts = likelihood.count(residuals);
             let few = f64::from(counts.inliers) < BAIL_OUT * f64::from(best_inliers);
-            if few && params.beneath == Beneath::Outliers {
+            let hopeless = few && params.beneath == Beneath::Outliers;
+            if hopeless || likelihood.log_at_most(&counts) <= best_score {
                 continue;
             }
-            let score = likelihood.log_of(&counts);
+            let score = likelihood.log_of(residuals, &counts);
             if score > best_score {
                 (best, best_score, best_inliers) = (Some((plane, Origin::Searched)), score, counts.inliers);
                 needed = needed_iterations(share(&counts)).min(params.iterations);
