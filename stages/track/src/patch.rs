@@ -26,8 +26,10 @@ pub struct Patch {
     pub position: Vector3<f64>,
     /// Unit normal of the plane that h is taken over, towards the viewpoint. (c0, c1) are the slopes over it.
     pub normal: Vector3<f64>,
-    /// First axis of the plane, unit length; the second is normal x first.
+    /// First axis of the plane, unit length.
     pub first: Vector3<f64>,
+    /// Second axis: normal x first.
+    pub second: Vector3<f64>,
     /// Coefficients of h: slopes without unit, curvatures in 1/m.
     pub shape: [f64; 5],
     /// Whether the surface ends here.
@@ -50,26 +52,19 @@ pub struct Sight {
 }
 
 impl Patch {
-    /// The second axis of the plane.
-    #[must_use]
-    pub fn second(&self) -> Vector3<f64> {
-        self.normal.cross(&self.first)
-    }
-
     /// How a point (m) lies to the quadric.
     #[inline]
     #[must_use]
     pub fn sight(&self, point: &Vector3<f64>) -> Sight {
-        let second = self.second();
         let d = point - self.position;
-        let (u, v) = (d.dot(&self.first), d.dot(&second));
+        let (u, v) = (d.dot(&self.first), d.dot(&self.second));
         let [a, b, c, e, f] = self.shape;
         let height = u * (a + c * u + e * v) + v * (b + f * v);
         let (slope_u, slope_v) = (a + 2.0 * c * u + e * v, b + e * u + 2.0 * f * v);
         let inverse = 1.0 / (1.0 + slope_u * slope_u + slope_v * slope_v).sqrt();
         Sight {
             distance: (d.dot(&self.normal) - height) * inverse,
-            normal: (self.normal - self.first * slope_u - second * slope_v) * inverse,
+            normal: (self.normal - self.first * slope_u - self.second * slope_v) * inverse,
             aside: u * u + v * v,
         }
     }
@@ -97,6 +92,7 @@ impl Patch {
             position: seed + normal * (offset * radius),
             normal,
             first,
+            second,
             shape: [a, b, c / radius, e / radius, f / radius],
             place: if aside > EDGE_OFFSET * radius { Place::Edge } else { Place::Inside },
             residual_sd: fine.sd * radius,

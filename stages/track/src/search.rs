@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
-use crate::align::{AlignParams, Aligner, Alignment, Effort, Robust, misfit};
+use crate::align::{AlignParams, Aligner, Approach, Effort, Robust, misfit};
 use crate::surface::Surface;
 
 /// Turns about each axis that are tried after a loss, degrees.
@@ -59,7 +59,7 @@ pub fn search(
         }
     }
     let follow =
-        |start: Isometry3<f64>| -> Alignment { aligner.align(surface, cloud, &start, params, &ROUGH) };
+        |start: Isometry3<f64>| -> Approach { aligner.approach(surface, cloud, &start, params, &ROUGH) };
     let ends: Vec<_> = best.into_iter().map(|(_, start)| start).map(follow).collect();
     let poses = ends.iter().map(|end| end.surface_from_cloud);
     best_start(surface, cloud, poses)

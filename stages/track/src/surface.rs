@@ -231,7 +231,7 @@ fn nearest_to_normals(patches: &[Patch], centroid: &Vector3<f64>) -> Vector3<f64
     let (mut left, mut right) = (Matrix3::identity() * (2e-3 * n), Vector3::zeros());
     for patch in patches {
         let [slope_u, slope_v, ..] = patch.shape;
-        let normal = (patch.normal - patch.first * slope_u - patch.second() * slope_v).normalize();
+        let normal = (patch.normal - patch.first * slope_u - patch.second * slope_v).normalize();
         let across = Matrix3::identity() - normal * normal.transpose();
         left += across;
         right += across * (patch.position - centroid);

@@ -9,10 +9,13 @@ use crate::search::{best_start, onto_centroid, search};
 use crate::surface::{Surface, SurfaceError, SurfaceParams};
 use crate::three_points::{ThreePoints, same_three_points, three_points};
 
-/// The first iterations use fewer points.
+/// The first iterations use few points, the next ones more, and the last ones, of which mostly one is needed, all that are
+/// asked for.
 const ROUGH: Effort = Effort { points: 1000, iterations: 30, step: 0.05, scale: 5e-3, robust: Robust::Huber };
+const NEARER: Effort = Effort { points: 2000, iterations: 15, step: 0.02, scale: 0.0, robust: Robust::Tukey };
 const FINE_ITERATIONS: u32 = 15;
-const FINE_STEP: f64 = 0.01;
+/// The error that a step leaves is far smaller than the step.
+const FINE_STEP: f64 = 0.03;
 /// A fit whose distances scatter this many times more than the last one's, or whose overlap is this much smaller, may be
 /// the wrong one: another is looked for.
 const WORSE_SCATTER: f64 = 1.3;
@@ -168,15 +171,22 @@ impl HeadTracker {
             reference.lost = true;
             return Err(Loss::TooFewPoints { found: cloud.len(), needed: params.min_points });
         };
+        let fine = Effort {
+            points: params.points,
+            iterations: FINE_ITERATIONS,
+            step: FINE_STEP,
+            scale: 0.0,
+            robust: Robust::Tukey,
+        };
         let follow = |start: Isometry3<f64>, aligner: &mut Aligner| {
-            let rough = aligner.align(&reference.surface, cloud, &start, &params.align, &ROUGH);
-            let (iterations, step) = (FINE_ITERATIONS, FINE_STEP);
-            let effort =
-                Effort { points: params.points, iterations, step, scale: rough.sd, robust: Robust::Tukey };
-            let start = rough.surface_from_cloud;
-            let mut fine = aligner.align(&reference.surface, cloud, &start, &params.align, &effort);
-            fine.iterations += rough.iterations;
-            fine
+            let surface = &reference.surface;
+            let rough = aligner.approach(surface, cloud, &start, &params.align, &ROUGH);
+            let effort = Effort { scale: rough.sd, ..NEARER };
+            let nearer = aligner.approach(surface, cloud, &rough.surface_from_cloud, &params.align, &effort);
+            let effort = Effort { scale: nearer.sd, ..fine };
+            let mut found = aligner.align(surface, cloud, &nearer.surface_from_cloud, &params.align, &effort);
+            found.iterations += rough.iterations + nearer.iterations;
+            found
         };
         let near = if reference.lost { None } else { reference.near(cloud, &centroid, time) };
         let tracked = near.map(|start| follow(start, aligner));

@@ -1,18 +1,14 @@
-//! Brings a cloud onto a reference surface: iterated weighted least squares of the distances to its patches.
-//!
-//! Each step finds every point's partner (point to quadric, so neither spacing nor curvature biases the distance), leaves
-//! out points over the surface's edge and such as are seen at a grazing angle, weights the rest robustly with
-//! a scale from the median distance, and solves for the movement in the directions that the surface constrains.
+//! The iterations of an alignment, and what is known of where they end.
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Matrix6, Translation3, UnitQuaternion, Vector3, Vector6};
 
+use super::equations::{Equations, Sums};
+use super::misfit::spread;
+use super::robust::Robust;
 use crate::observability::Observability;
 use crate::patch::Place;
 use crate::surface::Surface;
 
-/// Huber's and Tukey's constants: 95 % efficiency where the errors are normal.
-const HUBER: f64 = 1.345;
-const TUKEY: f64 = 4.685;
 /// Standard deviation of normal errors over the median of their absolute values.
 const NORMAL_OVER_MEDIAN: f64 = 1.4826;
 /// Distances below this are rounding of the clouds' 32-bit coordinates, m.
@@ -35,38 +31,16 @@ pub struct AlignParams {
     pub least_sensitivity: f64,
 }
 
-/// How distances are weighted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Robust {
-    /// Huber's: a distant point pulls as one at 1.345 standard deviations does; beyond twice the tolerance it is left
-    /// out. A nose that is still off turns the head.
-    Huber,
-    /// Tukey's: a distant point does not pull. The most exact where the cloud already lies on the surface.
-    Tukey,
+impl AlignParams {
+    /// What a direction must reach on this surface.
+    fn least_sensitivity(&self, surface: &Surface) -> f64 {
+        self.least_sensitivity.max(NOISE_MARGIN * surface.slope_variance())
+    }
 }
 
-impl Robust {
-    /// Weight of a distance, and its derivative's: of the weighted distance by the distance.
-    #[inline]
-    fn weight(self, distance: f64, scale: f64, tolerance: f64) -> (f64, f64) {
-        match self {
-            Self::Huber => {
-                let (size, knee) = (distance.abs(), HUBER * scale);
-                if size <= knee {
-                    (1.0, 1.0)
-                } else if size <= 2.0 * tolerance {
-                    (knee / size, 0.0)
-                } else {
-                    (0.0, 0.0)
-                }
-            }
-            Self::Tukey => {
-                let u = distance / (TUKEY * scale);
-                let inside = (1.0 - u * u).max(0.0);
-                (inside * inside, inside * (1.0 - 5.0 * u * u))
-            }
-        }
-    }
+/// What the patches smooth away is no outlier, however good the camera is: noses and brows hold the turns.
+fn least_scale(surface: &Surface) -> f64 {
+    surface.noise_sd().max(ROUNDING)
 }
 
 /// How many points are used, and how often.
@@ -83,6 +57,17 @@ pub struct Effort {
     pub scale: f64,
     /// How distances are weighted.
     pub robust: Robust,
+}
+
+/// A cloud near its surface: where iterations ended, without what is known of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Approach {
+    /// Into the surface's coordinates, about its centre.
+    pub surface_from_cloud: Isometry3<f64>,
+    /// Robust standard deviation of the distances, m, before the last step.
+    pub sd: f64,
+    /// Iterations done.
+    pub iterations: u32,
 }
 
 /// A cloud on its surface.
@@ -122,18 +107,6 @@ struct Group {
     hit: bool,
 }
 
-/// The normal equations at one place.
-struct Equations {
-    information: Matrix6<f64>,
-    right: Vector6<f64>,
-    weight: f64,
-    squares: f64,
-    /// Sum of the derivative of the weighted distance by the distance, over the sum of the weights.
-    slope: f64,
-    close: usize,
-    used: usize,
-}
-
 /// Whether a pass sums up the groups that the covariance needs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Groups {
@@ -142,6 +115,34 @@ enum Groups {
 }
 
 impl Aligner {
+    /// Brings `cloud` (m, finite, seen from the origin of its frame) nearer to the surface from a start.
+    pub fn approach(
+        &mut self,
+        surface: &Surface,
+        cloud: &[Vector3<f64>],
+        start: &Isometry3<f64>,
+        params: &AlignParams,
+        effort: &Effort,
+    ) -> Approach {
+        let least = params.least_sensitivity(surface);
+        let mut pose = *start;
+        let mut scale = effort.scale.max(least_scale(surface));
+        let mut iterations = 0;
+        while iterations < effort.iterations {
+            iterations += 1;
+            let at = self.pass(surface, cloud, &pose, scale, params, effort, Groups::NotSummed);
+            scale = self.scale().max(least_scale(surface));
+            let seen = Observability::new(&at.information, at.weight, least);
+            let movement = seen.solve(&at.right, at.weight);
+            pose = moved(&pose, &movement, surface.length());
+            let small = movement.norm() < STEP_LEAST.max(effort.step * scale);
+            if small {
+                break;
+            }
+        }
+        Approach { surface_from_cloud: pose, sd: scale, iterations }
+    }
+
     /// Aligns `cloud` (m, finite, seen from the origin of its frame) from a start.
     ///
     /// The result is where the iterations ended: whether it fits, `overlap` and the residuals say.
@@ -153,31 +154,15 @@ impl Aligner {
         params: &AlignParams,
         effort: &Effort,
     ) -> Alignment {
-        let least = params.least_sensitivity.max(NOISE_MARGIN * surface.slope_variance());
-        // What the patches smooth away is no outlier, however good the camera is: noses and brows hold the turns.
-        let scale_least = surface.noise_sd().max(ROUNDING);
-        let mut pose = *start;
-        let mut scale = effort.scale.max(scale_least);
-        let mut iterations = 0;
-        while iterations < effort.iterations {
-            iterations += 1;
-            let at = self.pass(surface, cloud, &pose, scale, params, effort, Groups::NotSummed);
-            scale = self.scale().max(scale_least);
-            let seen = Observability::new(&at.information, at.weight, least);
-            let movement = seen.solve(&at.right, at.weight);
-            pose = moved(&pose, &movement, surface.length());
-            let small = movement.norm() < STEP_LEAST.max(effort.step * scale);
-            if small {
-                break;
-            }
-        }
-        let at = self.pass(surface, cloud, &pose, scale, params, effort, Groups::Summed);
-        let observability = Observability::new(&at.information, at.weight, least);
+        let Approach { surface_from_cloud, sd, iterations } =
+            self.approach(surface, cloud, start, params, effort);
+        let at = self.pass(surface, cloud, &surface_from_cloud, sd, params, effort, Groups::Summed);
+        let observability = Observability::new(&at.information, at.weight, params.least_sensitivity(surface));
         let covariance = self.covariance(&observability, &at);
         let hit = self.groups.iter().filter(|g| g.hit).count();
         let covered = hit as f64 / surface.group_count().max(1) as f64;
         Alignment {
-            surface_from_cloud: pose,
+            surface_from_cloud,
             observability,
             covariance,
             rms: (at.squares / at.weight).sqrt(),
@@ -281,69 +266,6 @@ impl Aligner {
         let inverse = observability.inverse(at.weight) / slope;
         inverse * pulls * inverse * freedom
     }
-}
-
-/// Sums of the normal equations; the symmetric matrix is kept by its lower half.
-#[derive(Default)]
-struct Sums {
-    lower: [f64; 21],
-    right: Vector6<f64>,
-    weight: f64,
-    squares: f64,
-}
-
-impl Sums {
-    #[inline]
-    fn add(&mut self, row: &Vector6<f64>, distance: f64, weight: f64) {
-        let mut place = 0;
-        for i in 0..6 {
-            let weighted = weight * row[i];
-            for j in 0..=i {
-                self.lower[place] += weighted * row[j];
-                place += 1;
-            }
-            // The movement has to undo the distance.
-            self.right[i] -= weighted * distance;
-        }
-        self.weight += weight;
-        self.squares += weight * distance * distance;
-    }
-
-    fn information(&self) -> Matrix6<f64> {
-        Matrix6::from_fn(|i, j| {
-            let (i, j) = (i.max(j), i.min(j));
-            self.lower[i * (i + 1) / 2 + j]
-        })
-    }
-}
-
-/// Mean distance of at most `points` points of the cloud from the surface, each at most `cap` (m): what a start is
-/// chosen by.
-#[must_use]
-pub fn misfit(
-    surface: &Surface,
-    cloud: &[Vector3<f64>],
-    pose: &Isometry3<f64>,
-    cap: f64,
-    points: usize,
-) -> f64 {
-    let rotation: Matrix3<f64> = pose.rotation.to_rotation_matrix().into_inner();
-    let (mut sum, mut used) = (0.0, 0.0);
-    for point in spread(cloud, points) {
-        let at = rotation * point + pose.translation.vector;
-        sum += surface.partner(&at).map_or(cap, |partner| {
-            let beside = if partner.over { 0.0 } else { partner.sight.aside };
-            (partner.sight.distance * partner.sight.distance + beside).sqrt().min(cap)
-        });
-        used += 1.0;
-    }
-    if used > 0.0 { sum / used } else { cap }
-}
-
-/// At most `most` elements, spread evenly.
-fn spread(cloud: &[Vector3<f64>], most: usize) -> impl Iterator<Item = &Vector3<f64>> {
-    let count = cloud.len().min(most);
-    (0..count).map(move |k| &cloud[k * cloud.len() / count])
 }
 
 /// A pose after a movement (translation, rotation times `length`) about the origin, m.

@@ -1,0 +1,19 @@
+//! Brings a cloud onto a reference surface: iterated weighted least squares of the distances to its patches.
+//!
+//! Each step finds every point's partner (point to quadric, so neither spacing nor curvature biases the distance), leaves
+//! out points over the surface's edge and such as are seen at a grazing angle, weights the rest robustly with
+//! a scale from the median distance, and solves for the movement in the directions that the surface constrains.
+//!
+//! - `aligner`: the iterations, and what is known of where they end.
+//! - `robust`: how distances are weighted.
+//! - `equations`: the normal equations.
+//! - `misfit`: how far a cloud is from the surface.
+
+mod aligner;
+mod equations;
+mod misfit;
+mod robust;
+
+pub use aligner::{AlignParams, Aligner, Alignment, Approach, Effort};
+pub use misfit::misfit;
+pub use robust::Robust;
