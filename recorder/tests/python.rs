@@ -12,10 +12,10 @@ mod fixture;
 
 use std::process::Command;
 
-use fixture::{START, cloud, depth, entry, head, opening, pieces, sample, topic};
+use fixture::{START, cloud, depth, entry, grey, head, opening, pieces, sample, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{
-    Cause, DepthImage, Field, HEAD_SIZE, Head, PointCloud, Pose, Primitive, RefKind, Sample, Shape,
+    Cause, DepthImage, Field, GreyImage, HEAD_SIZE, Head, PointCloud, Pose, Primitive, RefKind, Sample, Shape,
 };
 
 const PROBE: &str = "import mcap_ros2, rosbags";
@@ -170,6 +170,7 @@ fn write_every_kind(path: &std::path::Path) -> Expected {
             let bytes = match kind.name {
                 "PointCloud" => cloud(h, 3, 2, &noise),
                 "DepthImage" => depth(h, 3, 2, 450.5, &noise),
+                "GreyImage" => grey(h, 3, 2, &noise),
                 "Journal" => entry(h, i, Cause::Timer, &[fixture::reference(RefKind::Output, 1, 0, i)]),
                 _ => sample(kind, h, &noise),
             };
@@ -214,6 +215,12 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
             let p = of(DepthImage::KIND);
             out.extend(ros_head(&p.head()));
             out.extend(["2", "3", "16UC1", "0", "6"].map(str::to_owned));
+            out.extend(u8s(p.payload));
+        }
+        "GreyImage" => {
+            let p = of(GreyImage::KIND);
+            out.extend(ros_head(&p.head()));
+            out.extend(["2", "3", "mono8", "0", "3"].map(str::to_owned));
             out.extend(u8s(p.payload));
         }
         "Pose" => {

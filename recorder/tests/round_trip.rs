@@ -9,11 +9,11 @@
 
 mod fixture;
 
-use fixture::{cloud, depth, head, opening, pieces, pipeline, sample, samples, topic};
+use fixture::{cloud, depth, grey, head, opening, pieces, pipeline, sample, samples, topic};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
-use stillpoint_samples::{AlignedBytes, DepthImage, Head, PointCloud, Pose, Sample, SampleKind};
+use stillpoint_samples::{AlignedBytes, DepthImage, GreyImage, Head, PointCloud, Pose, Sample, SampleKind};
 
 fn heads() -> impl Strategy<Value = Head> {
     let times = prop_oneof![any::<u64>(), 0..i32::MAX as u64 * 1_000_000_000];
@@ -61,6 +61,12 @@ proptest! {
     fn depth_images_come_back(heads in vec((heads(), any::<f64>()), 1..5), w in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
         let written = distinct(heads.iter().map(|(head, fx)| depth(*head, w, 3, *fx, &noise)).collect());
         prop_assert_eq!(there_and_back(DepthImage::KIND, &written), written);
+    }
+
+    #[test]
+    fn grey_images_come_back(heads in vec(heads(), 1..5), w in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
+        let written = distinct(heads.iter().map(|head| grey(*head, w, 5, &noise)).collect());
+        prop_assert_eq!(there_and_back(GreyImage::KIND, &written), written);
     }
 
     #[test]

@@ -99,6 +99,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::STAGES,
         stillpoint_ingest::STAGES,
+        stillpoint_detect::STAGES,
         stillpoint_segment::STAGES,
         stillpoint_track::STAGES,
         stillpoint_estimate::STAGES,

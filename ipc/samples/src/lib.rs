@@ -18,6 +18,7 @@
 extern crate self as stillpoint_samples;
 
 mod actuation;
+mod boxes;
 mod bytes;
 mod cloud;
 mod clusters;
@@ -28,6 +29,7 @@ mod diagnostics;
 mod duties;
 mod far_end;
 mod gate;
+mod grey;
 mod health;
 mod hull;
 mod journal;
@@ -42,6 +44,7 @@ mod target;
 mod track;
 
 pub use actuation::{Actuation, ActuationElement, ActuationReason, ActuationState};
+pub use boxes::{FaceBox, FaceBoxes, FaceBoxesShape};
 pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
 pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
@@ -52,6 +55,7 @@ pub use diagnostics::{Diagnostics, Metric};
 pub use duties::{Duties, DutiesElement, DutyReason};
 pub use far_end::{FarEnd, FarEndDoing, FarEndElement};
 pub use gate::{Gate, GateElement, GateReason};
+pub use grey::{GreyImage, GreyShape};
 pub use health::{Health, SensorHealth};
 pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
@@ -106,8 +110,10 @@ pub fn all() -> &'static [&'static SampleKind] {
         DepthImage::KIND,
         Diagnostics::KIND,
         Duties::KIND,
+        FaceBoxes::KIND,
         FarEnd::KIND,
         Gate::KIND,
+        GreyImage::KIND,
         Health::KIND,
         Hull::KIND,
         Journal::KIND,

@@ -25,6 +25,8 @@ pub enum PoseStatus {
     TooFewPoints = 5,
     /// The frame was to become the reference and is not fit for it; the next one is tried. No pose.
     CaptureRefused = 6,
+    /// The frame shows no face: no pose.
+    NoFace = 7,
 }
 
 impl PoseStatus {
@@ -37,6 +39,7 @@ impl PoseStatus {
         ("lost", PoseStatus::Lost),
         ("too few points", PoseStatus::TooFewPoints),
         ("capture refused", PoseStatus::CaptureRefused),
+        ("no face", PoseStatus::NoFace),
     ];
 
     /// The status of this number.

@@ -14,6 +14,7 @@
 //! - `cloud`: `PointCloud` as `sensor_msgs/msg/PointCloud2`
 //! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
 //! - `depth`: `DepthImage` as `sensor_msgs/msg/Image`, with a `sensor_msgs/msg/CameraInfo`
+//! - `grey`: `GreyImage` as `sensor_msgs/msg/Image`
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
@@ -21,6 +22,7 @@ mod cdr;
 mod cloud;
 mod decoded;
 mod depth;
+mod grey;
 mod own;
 mod pose;
 pub(crate) mod schema;
@@ -48,8 +50,10 @@ pub(crate) enum Form {
     Cloud,
     /// `geometry_msgs/msg/PoseWithCovarianceStamped`.
     Pose,
-    /// `sensor_msgs/msg/Image`.
+    /// `sensor_msgs/msg/Image`, `16UC1`.
     Depth,
+    /// `sensor_msgs/msg/Image`, `mono8`.
+    Grey,
 }
 
 /// What one channel says about all of its messages.
@@ -74,11 +78,16 @@ pub(crate) struct Envelope {
 impl Form {
     /// The preferred form of a kind, by its exact layout.
     pub fn of(kind: &SampleKind) -> Self {
-        use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample};
-        [(PointCloud::KIND, Self::Cloud), (Pose::KIND, Self::Pose), (DepthImage::KIND, Self::Depth)]
-            .into_iter()
-            .find(|(k, _)| *k == kind)
-            .map_or(Self::Own, |(_, form)| form)
+        use stillpoint_samples::{DepthImage, GreyImage, PointCloud, Pose, Sample};
+        [
+            (PointCloud::KIND, Self::Cloud),
+            (Pose::KIND, Self::Pose),
+            (DepthImage::KIND, Self::Depth),
+            (GreyImage::KIND, Self::Grey),
+        ]
+        .into_iter()
+        .find(|(k, _)| *k == kind)
+        .map_or(Self::Own, |(_, form)| form)
     }
 
     /// Name in a channel's metadata.
@@ -88,12 +97,13 @@ impl Form {
             Self::Cloud => "PointCloud2",
             Self::Pose => "PoseWithCovarianceStamped",
             Self::Depth => "Image",
+            Self::Grey => "GreyImage",
         }
     }
 
     /// The form of this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Own, Self::Cloud, Self::Pose, Self::Depth].into_iter().find(|f| f.name() == name)
+        [Self::Own, Self::Cloud, Self::Pose, Self::Depth, Self::Grey].into_iter().find(|f| f.name() == name)
     }
 
     /// Name and text of the schema.
@@ -102,7 +112,7 @@ impl Form {
             Self::Own => return (kind.schema_name(), kind.ros_schema()),
             Self::Cloud => schema::POINT_CLOUD,
             Self::Pose => schema::POSE,
-            Self::Depth => schema::IMAGE,
+            Self::Depth | Self::Grey => schema::IMAGE,
         };
         (name.to_owned(), text.to_owned())
     }
@@ -120,6 +130,7 @@ impl Form {
             Self::Cloud => cloud::fits(sample).then(BTreeMap::new)?,
             Self::Pose => BTreeMap::new(),
             Self::Depth => depth::extra(sample)?,
+            Self::Grey => grey::fits(sample).then(BTreeMap::new)?,
         };
         Some(Shared { incarnation: head.incarnation, sequence_high: (head.sequence >> 32) as u32, extra })
     }
@@ -131,6 +142,7 @@ impl Form {
             Self::Cloud => cloud::encode(sample, frame, out),
             Self::Pose => pose::encode(sample, frame, out),
             Self::Depth => depth::encode(sample, frame, out),
+            Self::Grey => grey::encode(sample, frame, out),
         }
     }
 
@@ -147,6 +159,7 @@ impl Form {
             Self::Cloud => cloud::decode(shared, envelope, data),
             Self::Pose => pose::decode(shared, envelope, data),
             Self::Depth => depth::decode(shared, envelope, data),
+            Self::Grey => grey::decode(shared, envelope, data),
         }
     }
 }

@@ -84,13 +84,7 @@ pub fn decode_png(bytes: &[u8]) -> Result<DepthImage, DepthError> {
     let info = reader.info();
     let (width, height) = (info.width, info.height);
     if (info.color_type, info.bit_depth) != (png::ColorType::Grayscale, png::BitDepth::Sixteen) {
-        let colour = match info.color_type {
-            png::ColorType::Grayscale => "greyscale",
-            png::ColorType::GrayscaleAlpha => "greyscale with alpha",
-            png::ColorType::Indexed => "palette",
-            png::ColorType::Rgb => "colour",
-            png::ColorType::Rgba => "colour with alpha",
-        };
+        let colour = colour_name(info.color_type);
         return Err(DepthError::PixelType { bits: info.bit_depth as u8, colour });
     }
     let pixels = u64::from(width) * u64::from(height);
@@ -101,6 +95,17 @@ pub fn decode_png(bytes: &[u8]) -> Result<DepthImage, DepthError> {
     reader.next_frame(&mut big_endian)?;
     let counts = big_endian.as_chunks().0.iter().map(|&pair| u16::from_be_bytes(pair)).collect();
     Ok(DepthImage { counts, width: width as usize, height: height as usize })
+}
+
+/// What pixels of a type are called.
+pub(crate) fn colour_name(colour: png::ColorType) -> &'static str {
+    match colour {
+        png::ColorType::Grayscale => "greyscale",
+        png::ColorType::GrayscaleAlpha => "greyscale with alpha",
+        png::ColorType::Indexed => "palette",
+        png::ColorType::Rgb => "colour",
+        png::ColorType::Rgba => "colour with alpha",
+    }
 }
 
 /// Deprojects `counts` (row-major, `width * height` depths) into `points` of the same length, in metres, in the

@@ -5,11 +5,13 @@
 //!
 //! - [`pcd`]: point cloud files, ascii, binary and compressed.
 //! - [`depth`]: 16-bit depth images and their deprojection.
+//! - [`grey`]: 8-bit grey images.
 //! - [`point_cloud2`]: clouds as ROS 2 records them.
 //! - [`pattern`]: which of a folder's files are meant.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd` and `ingest.mcap`; all else knows nothing of pipelines.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.grey` and `ingest.mcap`; all else knows nothing of pipelines.
 
 pub mod depth;
+pub mod grey;
 pub mod operators;
 pub mod pattern;
 pub mod pcd;
@@ -24,5 +26,6 @@ pub const INVALID_POINT: [f32; 3] = [f32::from_bits(0x7fc0_0000); 3];
 pub const STAGES: &[Stage] = &[
     Stage::of::<operators::IngestDepth>(),
     Stage::of::<operators::IngestPcd>(),
+    Stage::of::<operators::IngestGrey>(),
     Stage::of::<operators::IngestMcap>(),
 ];

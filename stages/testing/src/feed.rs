@@ -2,10 +2,13 @@
 
 use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{DepthImage, PointCloud, Pose, Sample, Track};
+use stillpoint_samples::{DepthImage, PointCloud, Pose, Rejection, Sample, Track};
 
 macro_rules! feed {
     ($name:ident, $kind:literal, $sample:ty, $about:literal) => {
+        feed!($name, $kind, $sample, $about, FrameRule::Key);
+    };
+    ($name:ident, $kind:literal, $sample:ty, $about:literal, $frame:expr) => {
         #[doc = $about]
         pub struct $name;
 
@@ -19,7 +22,7 @@ macro_rules! feed {
                 outputs: &[Output {
                     name: "out",
                     sample: <$sample>::KIND,
-                    frame: FrameRule::Key,
+                    frame: $frame,
                     about: "What the bench feeds.",
                 }],
                 timer: Timer::Optional,
@@ -40,7 +43,13 @@ feed!(FeedImage, "feed.image", DepthImage, "Depth images that a bench feeds.");
 feed!(FeedCloud, "feed.cloud", PointCloud, "Clouds that a bench feeds.");
 feed!(FeedPose, "feed.pose", Pose, "Poses that a bench feeds.");
 feed!(FeedTrack, "feed.track", Track, "Tracks that a bench feeds.");
+feed!(FeedRejection, "feed.rejection", Rejection, "Rejections that a bench feeds.", FrameRule::None);
 
 /// The kinds of this file.
-pub const STAGES: &[Stage] =
-    &[Stage::of::<FeedImage>(), Stage::of::<FeedCloud>(), Stage::of::<FeedPose>(), Stage::of::<FeedTrack>()];
+pub const STAGES: &[Stage] = &[
+    Stage::of::<FeedImage>(),
+    Stage::of::<FeedCloud>(),
+    Stage::of::<FeedPose>(),
+    Stage::of::<FeedTrack>(),
+    Stage::of::<FeedRejection>(),
+];

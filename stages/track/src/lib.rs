@@ -16,12 +16,15 @@
 //! - [`uncertainty`]: what is known of a pose.
 //! - [`mod@operator`], `track.centroid`; [`head`], `track.head`.
 //! - [`summit`]: how high the highest place of a cloud is; [`summit_operator`], `track.summit`.
+//! - [`forehead`]: the distance to the forehead of a face in an image; [`forehead_operator`], `track.forehead`.
 
 pub mod align;
 pub mod angles;
 pub mod buckets;
 pub mod capture;
 pub mod centroid;
+pub mod forehead;
+pub mod forehead_operator;
 pub mod head;
 pub mod nearest;
 pub mod observability;
@@ -47,4 +50,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operator::TrackCentroid>(),
     Stage::of::<head::TrackHead>(),
     Stage::of::<summit_operator::TrackSummit>(),
+    Stage::of::<forehead_operator::TrackForehead>(),
 ];

@@ -21,6 +21,7 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_pipeline::STAGES,
     stillpoint_rig::STAGES,
     stillpoint_ingest::STAGES,
+    stillpoint_detect::STAGES,
     stillpoint_segment::STAGES,
     stillpoint_track::STAGES,
     stillpoint_estimate::STAGES,

@@ -7,8 +7,8 @@ use stillpoint_pipeline::operator::{
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
 use stillpoint_samples::{
-    CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement, Sample,
-    Verb,
+    CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
+    PoseStatus, Rejection, Sample, Verb,
 };
 
 use super::params::{CaptureBy, HeadParams, Method, Origin};
@@ -20,6 +20,7 @@ use crate::uncertainty::{Uncertainty, of_three_points};
 
 const FACE: usize = 0;
 const COMMAND: usize = 1;
+const REJECTION: usize = 2;
 const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
@@ -63,6 +64,13 @@ impl Operator for TrackHead {
                 required: false,
                 about: "`capture` makes the next face the reference; other commands are not for it.",
             },
+            Input {
+                name: "rejection",
+                sample: Rejection::KIND,
+                policy: Policy::Queue(1),
+                required: false,
+                about: "Frames without a face: each has a report that says so. Without it, there is silence.",
+            },
         ],
         outputs: &[
             Output {
@@ -87,7 +95,7 @@ impl Operator for TrackHead {
                 name: "report",
                 sample: PoseReport::KIND,
                 frame: FrameRule::KeyOr("face"),
-                about: "How each face's pose was found, its fit, and which directions the surface constrains.",
+                about: "How each frame's pose was found, or why there is none, its fit, and which directions the surface constrains.",
             },
         ],
         timer: Timer::No,
@@ -146,6 +154,10 @@ impl Operator for TrackHead {
         {
             self.capture.command();
         }
+        if activation.fresh::<Rejection>(REJECTION).is_some() {
+            // Where the head was last stays the best guess of where it is.
+            return outputs.send::<PoseReport>(REPORT, &self.without_a_face());
+        }
         let Some(face) = activation.fresh::<PointCloud>(FACE) else { return Ok(()) };
         let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
         self.cloud.clear();
@@ -173,6 +185,11 @@ impl Operator for TrackHead {
 }
 
 impl TrackHead {
+    fn without_a_face(&self) -> PoseReportElement {
+        let (status, reference) = (PoseStatus::NoFace as u32, self.capture.number());
+        PoseReportElement { status, reference, ..report::empty() }
+    }
+
     /// The head's origin at the capture, in the face's frame, m.
     fn origin(&self) -> Vector3<f64> {
         match self.origin {

@@ -5,7 +5,7 @@ use stillpoint_pipeline::files::KeptFiles;
 use stillpoint_pipeline::operator::Stage;
 use stillpoint_samples::{
     CloudShape, Command, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
-    PoseStatus, Verb,
+    PoseStatus, Rejection, RejectionElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -19,7 +19,8 @@ frames: { camera: { parent: couch, at: [1 m, 2 m, 3 m], rotation: [0 deg, 0 deg,
 operators:
   console: { use: console, every: 20 ms }
   feed: { use: feed.cloud, frame: camera }
-  head: { use: track.head, inputs: { face: feed.out, command: console.capture }, frame: couch, params: { capture: first } }
+  why: { use: feed.rejection }
+  head: { use: track.head, inputs: { face: feed.out, command: console.capture, rejection: why.out }, frame: couch, params: { capture: first } }
 ";
 
 fn stages() -> Vec<Stage> {
@@ -291,4 +292,16 @@ fn equal_frames_give_equal_bytes_wherever_the_buffers_lie() {
     let all = |mut bench: Bench| frames.iter().flat_map(|f| feed(&mut bench, f).bytes).collect::<Vec<u8>>();
     let straight = all(bench(str::to_owned));
     assert!(straight == all(bench(str::to_owned).padded(4096)));
+}
+
+#[test]
+fn a_frame_without_a_face_has_a_report_and_the_head_is_followed_on() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    let why = RejectionElement::new(4, "nothing there is a head", 0.0, 100.0);
+    let said = Said::of(&bench.feed::<Rejection>(2, &(), &[why], 0));
+    assert_eq!((said.status(), said.report.reference), (PoseStatus::NoFace, 1));
+    assert!(said.pose.is_none() && said.three_points.is_none() && said.report.overlap.is_nan());
+    let said = feed(&mut bench, &head(&moved([2e-3, 0.0, 0.0], [0.0; 3])));
+    assert_eq!(said.status(), PoseStatus::Tracked);
 }

@@ -1,0 +1,19 @@
+//! Finds faces in grey images: the optional 2-D stage of the source (4.2.2), which used Haar cascades.
+//!
+//! - [`view`]: an image turned upright, made smaller, and back.
+//! - [`detector`]: where a view shows faces.
+//! - [`mod@operator`]: `detect.face`.
+//!
+//! The detector is the crate `rustface` with the model that it ships; see `data/README.md`.
+
+pub mod detector;
+pub mod operator;
+pub mod view;
+
+pub use detector::{DetectParams, Face, FaceDetector};
+pub use view::Top;
+
+use stillpoint_pipeline::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<operator::DetectFace>()];

@@ -1,0 +1,77 @@
+//! `ingest.grey`: grey images out of PNG files, one per tick.
+
+use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{GreyImage, GreyShape, Sample};
+
+use super::files::{self, RecordedFile};
+use super::turn::{AtEnd, Turn};
+use crate::grey::decode_png;
+
+const IMAGE: usize = 0;
+
+/// Parameters of `ingest.grey`.
+#[derive(Clone, Debug, Params)]
+pub struct GreyParams {
+    /// An 8-bit greyscale PNG, or a folder of them.
+    #[param(files)]
+    pub files: String,
+    /// Which files of the folder are read, in the order of their names: `*` stands for any characters.
+    #[param(default = "*.png")]
+    pub names: String,
+    /// What comes after the last file.
+    #[param(default = "stop")]
+    pub at_end: AtEnd,
+    /// Pixels of an image at most: shared memory is laid out by it.
+    #[param(default = 1310720, min = 1, max = 16777216)]
+    pub max_pixels: u32,
+}
+
+/// Sends the image of one file per tick.
+pub struct IngestGrey {
+    /// As they are on disk: compressed ones stay small.
+    files: Vec<RecordedFile>,
+    turn: Turn,
+}
+
+impl Operator for IngestGrey {
+    type Params = GreyParams;
+    const KIND: Kind = Kind {
+        name: "ingest.grey",
+        about: "Grey images out of PNG files, one per tick.",
+        role: Role::Operator,
+        inputs: &[],
+        outputs: &[Output {
+            name: "image",
+            sample: GreyImage::KIND,
+            frame: FrameRule::Key,
+            about: "The image, in the frame of its camera.",
+        }],
+        timer: Timer::Required,
+    };
+
+    fn new(params: GreyParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let files = files::read(setup, &params.files, &params.names)?;
+        for file in &files {
+            let image = decode_png(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
+            let pixels = image.pixels.len();
+            if pixels > params.max_pixels as usize {
+                return Err(SetupError(format!("{}: it has {pixels} pixels: raise `max_pixels`", file.name)));
+            }
+        }
+        Ok(Self { turn: Turn::new(files.len(), params.at_end), files })
+    }
+
+    fn capacities(params: &GreyParams) -> Vec<usize> {
+        vec![params.max_pixels as usize]
+    }
+
+    fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let Some(frame) = self.turn.take() else { return Ok(()) };
+        let file = &self.files[frame];
+        let image = decode_png(&file.bytes).map_err(|e| StepError(format!("{}: {e}", file.name)))?;
+        let length = image.pixels.len() as u32;
+        let shape = GreyShape { width: image.width as u32, height: image.height as u32, reserved: 0, length };
+        outputs.send_slice::<GreyImage>(IMAGE, &shape, &image.pixels)
+    }
+}
