@@ -8,6 +8,7 @@
 //! - `ending`: how runs end
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
+//! - `seeing`: a head followed live, captured by a person
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
 //! - `ledger`: sent = received + accounted loss
@@ -28,5 +29,6 @@ mod live;
 mod recording;
 mod replaying;
 mod seat;
+mod seeing;
 mod tampered;
 mod traps;

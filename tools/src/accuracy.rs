@@ -1,41 +1,91 @@
-//! How far the filtered head position is from the rig's truth, out of a session.
+//! How far the filtered head is from the rig's truth, out of a session.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
 use stillpoint_recorder::Session;
-use stillpoint_samples::{Pieces, Pose, Sample, Standing, Track};
+use stillpoint_samples::{Pieces, Pose, PoseElement, Sample, Standing, Track, TrackElement};
 
-/// Motion of the filtered position against the truth, each about its own mean: a centroid of what the camera sees is not
-/// the head's origin, so only motion can be compared.
+/// Motion of the filtered head against the truth.
+///
+/// A track has another place on the head, and other axes, than the rig: only motion can be compared. Where the track has
+/// rotations, one rigid offset between the two is taken out, the mean one; else the mean of both positions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
     /// The estimate's topic.
     pub topic: String,
     /// Pairs compared.
     pub samples: usize,
-    /// Root mean square per axis of the frame, mm; none where the track does not follow the axis.
+    /// Root mean square per axis of the frame, mm; none where the track does not follow the axis. Of a track with
+    /// rotations, at the rig's place on the head.
     pub rms_mm: [Option<f64>; 3],
     /// Largest distance, mm.
     pub worst_mm: f64,
     /// How far the truth moved from its first place, mm.
     pub moved_mm: f64,
+    /// Rotations, where the track has them.
+    pub turns: Option<Turns>,
+}
+
+/// Rotation of the filtered head against the truth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Turns {
+    /// Root mean square about each axis of the frame, degrees.
+    pub rms_deg: [f64; 3],
+    /// Largest angle, degrees.
+    pub worst_deg: f64,
+    /// How far the truth turned from its first direction, degrees.
+    pub turned_deg: f64,
 }
 
 impl std::fmt::Display for Accuracy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let named = ["x", "y", "z"].into_iter().zip(self.rms_mm);
-        let axes = named
-            .filter_map(|(axis, rms)| Some(format!("{axis} {:.2}", rms?)))
-            .collect::<Vec<_>>()
-            .join(", ");
+        let axes = named.filter_map(|(axis, rms)| Some(format!("{axis} {:.2}", rms?))).collect::<Vec<_>>();
         write!(
             f,
-            "accuracy of {} against the rig's truth, motion only: rms {axes} mm, worst {:.2} mm, \
-             while the head moved up to {:.1} mm ({} samples)",
-            self.topic, self.worst_mm, self.moved_mm, self.samples
-        )
+            "accuracy of {} against the rig's truth, motion only: rms {} mm, worst {:.2} mm, while the head moved up to {:.1} mm",
+            self.topic,
+            axes.join(", "),
+            self.worst_mm,
+            self.moved_mm
+        )?;
+        if let Some(Turns { rms_deg: [x, y, z], worst_deg, turned_deg }) = self.turns {
+            write!(
+                f,
+                "; rms about x {x:.2}, y {y:.2}, z {z:.2} degrees, worst {worst_deg:.2}, while it turned up to {turned_deg:.1}"
+            )?;
+        }
+        write!(f, " ({} samples)", self.samples)
+    }
+}
+
+/// A place and a direction; NaN where they are not known.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    position: Vector3<f64>,
+    rotation: UnitQuaternion<f64>,
+}
+
+impl Place {
+    fn new(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Self {
+        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        Self { position: position.into(), rotation }
+    }
+
+    fn of_pose(pose: &PoseElement) -> Self {
+        Self::new(pose.position, pose.orientation)
+    }
+
+    fn of_track(track: &TrackElement) -> Self {
+        Self::new(track.position, track.orientation)
+    }
+
+    /// All three rotations of a track are known.
+    fn is_turned(&self) -> bool {
+        self.rotation.coords.iter().all(|c| c.is_finite())
     }
 }
 
@@ -47,46 +97,134 @@ pub fn of_session(path: &Path) -> Option<Accuracy> {
         topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;
     let track = topics.iter().find(|t| t.type_name == Track::KIND.type_name() && t.frame == truth.frame)?;
     let (truth_name, track_name) = (truth.name.clone(), track.name.clone());
-    let mut true_at: BTreeMap<u64, [f64; 3]> = BTreeMap::new();
-    let mut tracked: Vec<(u64, [f64; 3])> = Vec::new();
+    let mut true_at: BTreeMap<u64, Place> = BTreeMap::new();
+    let mut tracked: Vec<(u64, Place)> = Vec::new();
     for recorded in session.samples_where(|t| t.name == truth_name || t.name == track_name) {
         let recorded = recorded.ok()?;
         if topics[recorded.topic].name == truth_name {
             let view = Pieces::split(Pose::KIND, &recorded.sample).ok()?.view::<Pose>().ok()?;
-            true_at.insert(view.head.origin, view.first()?.position);
+            true_at.insert(view.head.origin, Place::of_pose(view.first()?));
         } else {
             let view = Pieces::split(Track::KIND, &recorded.sample).ok()?.view::<Track>().ok()?;
             let track = view.first()?;
             if track.standing() != Standing::None {
-                tracked.push((view.head.origin, track.position));
+                tracked.push((view.head.origin, Place::of_track(track)));
             }
         }
     }
     let pairs: Vec<_> = tracked.into_iter().filter_map(|(t, p)| Some((*true_at.get(&t)?, p))).collect();
-    let truths: Vec<_> = pairs.iter().map(|(truth, _)| *truth).collect();
-    let estimates: Vec<_> = pairs.iter().map(|(_, estimate)| *estimate).collect();
-    let (true_mean, mean) = (mean_of(&truths)?, mean_of(&estimates)?);
-    let minus = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (a[i] - b[i]) * 1e3) };
-    let norm = |a: [f64; 3]| (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
-    let (mut squares, mut worst, mut moved) = ([0.0; 3], 0.0f64, 0.0f64);
-    for (truth, estimate) in &pairs {
-        let motion = minus(*truth, true_mean);
-        let error = minus(*estimate, mean);
-        // An axis that the track does not follow has no error.
-        let error = [0, 1, 2].map(|i| error[i] - motion[i]);
-        let error = error.map(|e| if e.is_nan() { 0.0 } else { e });
-        moved = moved.max(norm(minus(*truth, truths[0])));
-        worst = worst.max(norm(error));
-        for i in 0..3 {
-            squares[i] += error[i] * error[i];
-        }
-    }
-    let followed = mean.map(f64::is_finite);
-    let rms_mm = [0, 1, 2].map(|i| followed[i].then(|| (squares[i] / pairs.len() as f64).sqrt()));
-    Some(Accuracy { topic: track_name, samples: pairs.len(), rms_mm, worst_mm: worst, moved_mm: moved })
+    of_pairs(track_name, &pairs)
 }
 
-fn mean_of(points: &[[f64; 3]]) -> Option<[f64; 3]> {
-    let sum = points.iter().fold([0.0; 3], |sum: [f64; 3], p| std::array::from_fn(|i| sum[i] + p[i]));
-    (!points.is_empty()).then(|| sum.map(|s| s / points.len() as f64))
+/// Compares pairs of truth and estimate; `None` where there are none.
+fn of_pairs(topic: String, pairs: &[(Place, Place)]) -> Option<Accuracy> {
+    let first = pairs.first()?.0;
+    let n = pairs.len() as f64;
+    let turned = pairs.iter().all(|(_, estimate)| estimate.is_turned());
+    let errors = if turned { errors_about_offset(pairs) } else { errors_about_mean(pairs) };
+    // An axis that the track does not follow has no error.
+    let known = errors.iter().map(|e| e.map(|c| if c.is_nan() { 0.0 } else { c }));
+    let worst = known.map(|e| e.norm()).fold(0.0, f64::max);
+    let moved = pairs.iter().map(|(truth, _)| (truth.position - first.position).norm()).fold(0.0, f64::max);
+    let rms = |axis: usize| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt() * 1e3;
+    Some(Accuracy {
+        topic,
+        samples: pairs.len(),
+        rms_mm: [0, 1, 2].map(|axis| Some(rms(axis)).filter(|rms| rms.is_finite())),
+        worst_mm: worst * 1e3,
+        moved_mm: moved * 1e3,
+        turns: turned.then(|| turns(pairs, &first)),
+    })
+}
+
+/// Errors of the position, m, each of truth and estimate about its own mean.
+fn errors_about_mean(pairs: &[(Place, Place)]) -> Vec<Vector3<f64>> {
+    let differences: Vec<_> =
+        pairs.iter().map(|(truth, estimate)| estimate.position - truth.position).collect();
+    let mean = differences.iter().sum::<Vector3<f64>>() / differences.len() as f64;
+    differences.iter().map(|difference| difference - mean).collect()
+}
+
+/// Errors of the position, m, of the rig's place on the head: a point that the estimate carries along.
+fn errors_about_offset(pairs: &[(Place, Place)]) -> Vec<Vector3<f64>> {
+    let offset = |(truth, estimate): &(Place, Place)| {
+        estimate.rotation.inverse() * (truth.position - estimate.position)
+    };
+    let mean = pairs.iter().map(offset).sum::<Vector3<f64>>() / pairs.len() as f64;
+    pairs.iter().map(|(truth, e)| e.position + e.rotation * mean - truth.position).collect()
+}
+
+/// Errors of the rotation, with one constant rotation between the axes of the two taken out.
+fn turns(pairs: &[(Place, Place)], first: &Place) -> Turns {
+    let between = |(truth, estimate): &(Place, Place)| estimate.rotation.inverse() * truth.rotation;
+    // The mean of quaternions of one sign: they are close to each other.
+    let one = pairs.first().map_or(UnitQuaternion::identity(), between);
+    let sum = pairs.iter().map(between).fold(Quaternion::default(), |sum, q| {
+        let sign = if q.coords.dot(&one.coords) < 0.0 { -1.0 } else { 1.0 };
+        sum + q.into_inner() * sign
+    });
+    let mean = UnitQuaternion::new_normalize(sum);
+    let errors: Vec<Vector3<f64>> =
+        pairs.iter().map(|(truth, e)| (e.rotation * mean * truth.rotation.inverse()).scaled_axis()).collect();
+    let n = pairs.len() as f64;
+    let rms = |axis: usize| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt().to_degrees();
+    let most = |angles: &mut dyn Iterator<Item = f64>| angles.fold(0.0, f64::max).to_degrees();
+    Turns {
+        rms_deg: [0, 1, 2].map(rms),
+        worst_deg: most(&mut errors.iter().map(|e| e.norm())),
+        turned_deg: most(&mut pairs.iter().map(|(truth, _)| truth.rotation.angle_to(&first.rotation))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A head that nods about a point 0.1 m below the one that is compared, 0.1 rad at most.
+    fn nods() -> Vec<Place> {
+        (0..20)
+            .map(|i| {
+                let rotation =
+                    UnitQuaternion::from_scaled_axis(Vector3::x() * 0.1 * (f64::from(i) * 0.7).sin());
+                Place { position: rotation * Vector3::new(0.0, 0.0, 0.1), rotation }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_pose_of_another_place_on_the_head_is_exact() {
+        let axes = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.2, 1.0));
+        let elsewhere = |truth: &Place| Place {
+            position: truth.position + truth.rotation * Vector3::new(0.02, 0.05, -0.03),
+            rotation: truth.rotation * axes,
+        };
+        let pairs: Vec<_> = nods().iter().map(|truth| (*truth, elsewhere(truth))).collect();
+        let found = of_pairs("it".into(), &pairs).unwrap();
+        let turns = found.turns.unwrap();
+        assert!(found.worst_mm < 1e-9 && turns.worst_deg < 1e-6, "{} {turns:?}", found.worst_mm);
+        assert!(found.moved_mm > 9.0 && turns.turned_deg > 5.0, "{turns:?}");
+        // By its position alone it is not.
+        let position =
+            |place: Place| Place { rotation: Place::new([0.0; 3], [f64::NAN; 4]).rotation, ..place };
+        let pairs: Vec<_> = pairs.into_iter().map(|(truth, e)| (truth, position(e))).collect();
+        let found = of_pairs("it".into(), &pairs).unwrap();
+        assert!(found.worst_mm > 1.0 && found.turns.is_none());
+    }
+
+    #[test]
+    fn errors_are_told_per_axis() {
+        let still = Place { position: Vector3::zeros(), rotation: UnitQuaternion::identity() };
+        let off = |i: i32| if i % 2 == 0 { 1e-3 } else { -1e-3 };
+        let moved = |i| Place {
+            position: Vector3::new(f64::NAN, off(i), 0.0),
+            rotation: Place::new([0.0; 3], [f64::NAN; 4]).rotation,
+        };
+        let found = of_pairs("it".into(), &(0..10).map(|i| (still, moved(i))).collect::<Vec<_>>()).unwrap();
+        assert_eq!(found.rms_mm[0], None);
+        assert!((found.rms_mm[1].unwrap() - 1.0).abs() < 1e-9 && found.rms_mm[2].unwrap().abs() < 1e-9);
+        let turned = |i| Place { rotation: UnitQuaternion::from_scaled_axis(Vector3::z() * off(i)), ..still };
+        let found = of_pairs("it".into(), &(0..10).map(|i| (still, turned(i))).collect::<Vec<_>>()).unwrap();
+        assert!((found.turns.unwrap().rms_deg[2] - 1e-3_f64.to_degrees()).abs() < 1e-9);
+        assert!(of_pairs("it".into(), &[]).is_none());
+    }
 }

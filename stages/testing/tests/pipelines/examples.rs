@@ -1,7 +1,10 @@
 //! `examples/`: each one checks and runs on the data beside it.
 
+use std::collections::BTreeMap;
+
+use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Health, Pose, Standing, Track};
+use stillpoint_samples::{Health, PointCloud, Pose, Standing, Track, View};
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
@@ -87,6 +90,49 @@ fn two_cameras_of_different_rates_become_one_height() {
     let health = run.samples::<Health>("fused.health");
     let used = health.iter().filter(|h| h.elements.iter().all(|s| s.reason() == "used")).count();
     assert!(used * 10 > health.len() * 9, "{used} of {}", health.len());
+}
+
+#[test]
+fn one_camera_follows_a_head_with_six_degrees_of_freedom() {
+    let run = example("head-tracking.yaml", 10_000);
+    let isometry = |position: [f64; 3], [w, x, y, z]: [f64; 4]| {
+        let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        Isometry3::from_parts(Vector3::from(position).into(), turn)
+    };
+    let of_pose = |topic: &str| -> BTreeMap<u64, Isometry3<f64>> {
+        let pose = |p: &View<'_, Pose>| {
+            p.first().map(|e| (p.head.origin, isometry(e.position, e.orientation))).unwrap()
+        };
+        run.samples::<Pose>(topic).iter().map(pose).collect()
+    };
+    let track = |t: &View<'_, Track>| {
+        let element = t.first().unwrap();
+        let known = element.standing() != Standing::None;
+        known.then(|| (t.head.origin, isometry(element.position, element.orientation)))
+    };
+    let filtered: BTreeMap<u64, _> = run.samples::<Track>("filter.state").iter().filter_map(track).collect();
+    let (truth, dense, three) = (of_pose("rig.truth"), of_pose("head.pose"), of_pose("head.three_points"));
+    // Motion since the second second of the rig's place on the head: errors in mm and degrees, root mean square.
+    let errors = |found: &BTreeMap<u64, Isometry3<f64>>| {
+        let mut pairs = found.iter().filter_map(|(t, pose)| Some((*truth.get(t)?, *pose))).skip(10);
+        let (true_start, start) = pairs.next().unwrap();
+        let place = Point3::from(true_start.translation.vector);
+        let errors: Vec<[f64; 2]> = pairs
+            .map(|(now, pose)| {
+                let (moved, seen) = (now * true_start.inverse(), pose * start.inverse());
+                let off = (moved * place - seen * place).norm() * 1e3;
+                [off, moved.rotation.angle_to(&seen.rotation).to_degrees()]
+            })
+            .collect();
+        assert!(errors.len() > 80);
+        [0, 1].map(|i| (errors.iter().map(|e| e[i] * e[i]).sum::<f64>() / errors.len() as f64).sqrt())
+    };
+    let [dense, three, filtered] = [&dense, &three, &filtered].map(errors);
+    eprintln!("rms mm, degrees: dense {dense:.3?}, three points {three:.3?}, filtered {filtered:.3?}");
+    assert!(dense[0] < 0.3 && dense[1] < 0.15 && filtered[0] < 0.3 && filtered[1] < 0.15);
+    assert!(three[0] > dense[0] && three[1] > dense[1], "{three:?} {dense:?}");
+    assert_eq!(run.samples::<PointCloud>("head.reference").len(), 1);
+    assert!(run.bytes("face.rejection").is_empty());
 }
 
 #[test]
