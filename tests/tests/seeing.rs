@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::bench::{Bench, pipeline, text};
+use crate::bench::{Bench, pipeline};
 
 fn samples(bench: &Bench, topic: &str, session: &str) -> Vec<Value> {
     let done = bench.call(&["echo", topic, "--session", session]);

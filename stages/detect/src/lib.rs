@@ -2,7 +2,7 @@
 //!
 //! - [`view`]: an image turned upright, made smaller, and back.
 //! - [`detector`]: where a view shows faces.
-//! - [`mod@operator`]: `detect.face`.
+//! - [`mod@operator`], `detect.face`.
 //!
 //! The detector is the crate `rustface` with the model that it ships; see `data/README.md`.
 

@@ -92,10 +92,13 @@ fn the_face_moves_with_its_pixels_and_is_not_found_upside_down() {
     assert_eq!(find(&image.pixels, image.width, &params)[0], first);
 }
 
+/// Brightness of a pixel by its column and row.
+type Pattern<'p> = &'p dyn Fn(usize, usize) -> u8;
+
 #[test]
 fn patterns_are_no_faces() {
     let (width, height) = (320, 240);
-    let patterns: [(&str, &dyn Fn(usize, usize) -> u8); 5] = [
+    let patterns: [(&str, Pattern<'_>); 5] = [
         ("black", &|_, _| 0),
         ("white", &|_, _| 255),
         ("slope", &|u, v| ((u + v) / 3) as u8),

@@ -92,13 +92,16 @@ pub struct Verdict {
     pub since: u64,
 }
 
+/// Place of what is no [`PoseStatus`] of this build, behind those that are.
+pub const UNKNOWN_STATUS: usize = PoseStatus::ALL.len();
+
 /// What a pose estimate said of itself over time.
 #[derive(Clone, Debug, Default)]
 pub struct Alignments {
     /// Its topic.
     pub topic: String,
     /// Frames by what became of them, in the order of the numbers of a status; the last counts those unknown here.
-    pub statuses: [u64; 8],
+    pub statuses: [u64; UNKNOWN_STATUS + 1],
     /// Frames in which a direction was refused, by how many.
     pub refused: [u64; 7],
     /// Those that have a fit.
@@ -203,8 +206,8 @@ impl Tracking {
 impl Alignments {
     /// Takes the report of a frame that was acquired at `origin`, ns.
     pub fn take(&mut self, origin: u64, report: &PoseReportElement) {
-        let status = PoseStatus::from_number(report.status).map_or(7, |s| s as usize);
-        self.statuses[status.min(7)] += 1;
+        let status = PoseStatus::from_number(report.status).map_or(UNKNOWN_STATUS, |s| s as usize);
+        self.statuses[status.min(UNKNOWN_STATUS)] += 1;
         self.refused[(report.refused & 63).count_ones() as usize] += 1;
         if report.residual_rms.is_finite() {
             self.fits.push(Fit {

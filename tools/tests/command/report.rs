@@ -49,8 +49,12 @@ fn stands_alone(page: &str) {
 #[test]
 fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_alone() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, said) =
-        run(folder.path(), "pipeline.yaml", "8s", &[&SMALL[..], &["rig.motion=raise"]].concat());
+    let (session, said) = run(
+        folder.path(),
+        "tools/tests/command/centroid.yaml",
+        "8s",
+        &[&SMALL[..], &["rig.motion=raise"]].concat(),
+    );
     let (json, page) = report(folder.path(), &session);
     let figures = |id: &str| json["sections"][id]["figures"].clone();
 

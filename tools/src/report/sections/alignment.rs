@@ -9,6 +9,7 @@ use crate::exit::Failure;
 use crate::report::numbers::{count, fixed, percent};
 use crate::report::page::{Block, Cell, Mood, Section, Table};
 use crate::report::recording::{Alignments, Fit, Recording};
+use crate::report::rows::UNKNOWN_STATUS;
 use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
 
@@ -75,8 +76,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
 }
 
 fn tracker(a: &Alignments) -> Tracker {
-    let names =
-        PoseStatus::ALL.iter().map(|(name, status)| (*name, *status as usize)).chain([("unknown", 7)]);
+    let known = PoseStatus::ALL.iter().map(|(name, status)| (*name, *status as usize));
+    let names = known.chain([("unknown", UNKNOWN_STATUS)]);
     let spread = |of: fn(&Fit) -> f64| Spread::of(a.fits.items().iter().map(of));
     Tracker {
         topic: a.topic.clone(),
