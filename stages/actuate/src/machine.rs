@@ -1,8 +1,8 @@
 //! The states of actuation: disarmed, armed, holding, venting, fault.
 //!
-//! A person arms, with everything there. Then commands are followed while nothing is missing. What is missing for a while
-//! (a stale pose, a stale command) brings the safe state and goes by itself: the stage settles and follows again. What is
-//! missing for too long, a pressure above its limit, and numbers that are none are faults: a person has to resume. A person
+//! A person arms, with everything there. Then commands are followed while nothing is missing. What is missing (a stale pose,
+//! a stale command) has it hold, and then brings the safe state. It goes by itself: from holding at once, from venting
+//! when it has settled. What is missing for too long, a pressure above its limit, and numbers that are none are faults: a person has to resume. A person
 //! can vent and disarm at any time.
 //!
 //! Whatever vents first holds, for as long as the beam needs to be told (`lead`): by then the state says why nothing is
@@ -19,7 +19,7 @@ pub struct Rules {
     pub safe: Safe,
     /// How long it holds before it vents, ns.
     pub lead: u64,
-    /// How long all must be there again before commands are followed, ns.
+    /// How long all must be there again, once it vented, before commands are followed, ns.
     pub settle: u64,
     /// How long something may be missing, ns.
     pub patience: u64,
@@ -80,6 +80,8 @@ pub struct Machine {
     halted: Option<u64>,
     /// Since when something is missing, ns, settling included.
     missing: Option<u64>,
+    /// It vented for what is missing.
+    vented: bool,
     /// Since when nothing is missing any more, ns.
     well: Option<u64>,
     faults: u64,
@@ -100,6 +102,7 @@ impl Machine {
             reasons: Reason::NOT_ARMED,
             halted: None,
             missing: None,
+            vented: false,
             well: None,
             faults: 0,
             last_fault: 0,
@@ -118,7 +121,7 @@ impl Machine {
                 match seen.faults | seen.missing | seen.unready {
                     0 => {
                         self.mode = Mode::Armed { reference: seen.reference };
-                        (self.missing, self.well) = (None, None);
+                        self.forget_missing();
                     }
                     lacking => self.refuse(lacking),
                 }
@@ -153,6 +156,7 @@ impl Machine {
                 (true, true) => (ActuationState::Holding, Reason::IDLE, Order::Hold),
                 (false, _) => {
                     let order = self.safe(seen.now);
+                    self.vented |= order == Order::Vent;
                     let state =
                         if order == Order::Vent { ActuationState::Venting } else { ActuationState::Holding };
                     let settling = if seen.missing == 0 { Reason::SETTLING } else { 0 };
@@ -198,19 +202,23 @@ impl Machine {
         self.last_fault = why;
     }
 
-    /// Whether nothing is missing, and has not been for long enough.
+    /// Whether nothing is missing, and after a vent has not been for long enough.
     fn is_well(&mut self, seen: &Seen) -> bool {
         if seen.missing != 0 {
             return false;
         }
-        if self.missing.is_some() {
+        if self.vented {
             let since = *self.well.get_or_insert(seen.now);
             if seen.now.saturating_sub(since) < self.rules.settle {
                 return false;
             }
-            (self.missing, self.well) = (None, None);
         }
+        self.forget_missing();
         true
+    }
+
+    fn forget_missing(&mut self) {
+        (self.missing, self.vented, self.well) = (None, false, None);
     }
 
     /// The safe state, at this time.

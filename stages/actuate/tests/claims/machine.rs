@@ -80,6 +80,16 @@ fn what_is_missing_holds_for_the_lead_and_then_vents_and_goes_by_itself_once_it_
 }
 
 #[test]
+fn what_was_missing_for_less_than_the_lead_is_followed_again_at_once() {
+    let mut machine = armed(Safe::Vent);
+    for ms in [10, 40, 70] {
+        let stale = Seen { missing: Reason::POSE_STALE, ..seen(ms) };
+        assert_eq!((machine.look(&stale), machine.look(&seen(ms + 15))), (Order::Hold, Order::Follow));
+    }
+    assert_eq!(state(&machine), (State::Armed, 0));
+}
+
+#[test]
 fn a_safe_state_of_holding_never_vents_but_for_a_person() {
     let mut machine = armed(Safe::Hold);
     for ms in 1..20_000 {

@@ -197,7 +197,7 @@ fn every_fault_ends_the_lease_before_it_vents_and_vents_within_100_ms() {
         let off = first(&gates, 1_480, |g| g.beam == 0).unwrap();
         let vent = first(&states, 1_480, |a| a.order == 1).unwrap();
         assert!(off <= halted && off < vent, "{name}: off {off}, vent {vent}");
-        assert!(vent >= halted + 20 && vent <= case.seen + 100 - WAY, "{name}: {vent}");
+        assert!(vent >= halted + 60 && vent <= case.seen + 100 - WAY, "{name}: {vent}");
         let (_, vented) = states.iter().find(|(ms, _)| *ms == vent).unwrap();
         assert_eq!((vented.state(), vented.reasons & case.reason), (case.state, case.reason), "{name}");
         // At the far end, too, and nothing is followed again.
@@ -279,6 +279,20 @@ fn a_stage_that_comes_back_is_followed_without_a_jump() {
 }
 
 #[test]
+fn a_frame_that_comes_late_has_the_valves_hold_and_no_more() {
+    // Frames of 1500 to 1700 ms are lost: the pose is stale from 1710 ms on, and the next one comes at 1800 ms.
+    let lost = "fault: silent, from: 1490 ms, to: 1710 ms";
+    for (lead, vents) in [("lead: 80 ms", true), ("pose: { frame_period: 120 ms }", false)] {
+        let run = run(&Said { filter: lost, valves: lead, ..Said::default() }, 2_500);
+        let states = actuation(&run);
+        assert_eq!(states.iter().any(|(_, a)| a.order == 1), vents, "{lead}");
+        let held = first(&states, 1_500, |a| a.state() == State::Holding).unwrap();
+        let again = first(&states, held, |a| a.order == 2).unwrap();
+        assert_eq!(again, if vents { 1_900 } else { 1_800 }, "{lead}");
+    }
+}
+
+#[test]
 fn arming_without_reference_or_extrinsic_or_pose_is_refused_and_said() {
     use ActuationReason as Reason;
     let base = Said::default();
@@ -355,7 +369,7 @@ fn a_pressure_above_its_limit_is_a_fault() {
     let fault = first(&states, 500, |a| a.state() == State::Fault).unwrap();
     let vent = first(&states, 500, |a| a.order == 1).unwrap();
     let (_, last) = states.last().unwrap();
-    assert_eq!((vent - fault, last.fault, last.faults), (20, ActuationReason::PRESSURE, 1));
+    assert_eq!((vent - fault, last.fault, last.faults), (60, ActuationReason::PRESSURE, 1));
     // Venting lowers the estimate, too.
     assert!(last.pressure[0] < 20e3, "{}", last.pressure[0]);
 }
