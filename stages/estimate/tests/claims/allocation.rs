@@ -63,7 +63,7 @@ impl<T: Operator> Quiet<T> {
             output_frames: &[],
             frames: &frames,
             files: &files,
-            inbox: Default::default(),
+            outside: Default::default(),
         };
         let kinds: Vec<_> = T::KIND.outputs.iter().map(|o| o.sample).zip(capacities).collect();
         Self {
