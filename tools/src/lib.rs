@@ -41,6 +41,11 @@ mod show;
 mod simulate;
 mod status_line;
 mod summary;
+#[cfg(feature = "train")]
+mod train;
+#[cfg(not(feature = "train"))]
+#[path = "train_absent.rs"]
+mod train;
 
 use std::process::ExitCode;
 
@@ -84,6 +89,8 @@ enum Command {
     Send(send::Send),
     /// Fit a model to what went into a system and came out, from a session.
     Identify(identify::Identify),
+    /// Train what is learned offline.
+    Train(train::Train),
     /// Show the samples of a topic of a running pipeline or of a session.
     Echo(echo::Echo),
     /// Import, make and show patients to plan.
@@ -136,6 +143,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Schema(c) => c.execute(&registry),
         Command::Send(c) => c.execute(&registry),
         Command::Identify(c) => c.execute(),
+        Command::Train(c) => c.execute(),
         Command::Echo(c) => c.execute(&registry),
         Command::Case(c) => c.execute(),
         Command::Plan(c) => c.execute(),

@@ -1,0 +1,58 @@
+//! Trains what is learned offline. The one crate that stands on candle: what was trained is run by plain code elsewhere.
+//!
+//! - [`excite`]: data of a head on the simulated rig, excited by its valves
+//! - [`dataset`]: samples, windows of them, and what is to be predicted
+//! - [`network`]: the network of `stillpoint-control` as tensors, with gradients
+//! - [`fit`]: descent, validation and early stop
+//! - [`card`]: what a model was trained on, and how well it predicts
+
+#![forbid(unsafe_code)]
+
+pub mod card;
+pub mod dataset;
+pub mod excite;
+pub mod fit;
+pub mod network;
+mod random;
+
+/// Why there is no trained model.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// Too little data.
+    #[error(
+        "there are {found} windows to {what}, and at least {needed} are needed: give more or longer runs"
+    )]
+    TooLittle {
+        /// Train on, or validate on.
+        what: &'static str,
+        /// Windows.
+        found: usize,
+        /// Windows needed.
+        needed: usize,
+    },
+    /// A channel that never moves.
+    #[error("the {0} never changes in the data: excite it")]
+    Still(&'static str),
+    /// An option that cannot be.
+    #[error("{what} is {value}: it must be {must}")]
+    Option {
+        /// Which.
+        what: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// The descent left the finite numbers.
+    #[error("the loss is not finite after epoch {0}: take a smaller learning rate")]
+    RanAway(usize),
+    /// The head on the rig has no rest.
+    #[error("the rig: {0}")]
+    Rig(String),
+    /// What candle says.
+    #[error("training failed: {0}")]
+    Tensor(#[from] candle_core::Error),
+    /// The numbers do not make a model.
+    #[error("the trained numbers make no model: {0}")]
+    Predictor(#[from] stillpoint_control::predictor::PredictorError),
+}
