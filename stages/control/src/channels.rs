@@ -133,6 +133,16 @@ impl Channels {
         Some(self.pick(&[x, y, z, pitch, roll, yaw]))
     }
 
+    /// Numbers in the order of the channels, in the order of all six; zero for those that are not among them.
+    #[must_use]
+    pub fn spread(&self, own: &[f64; 6]) -> [f64; 6] {
+        let mut all = [0.0; 6];
+        for (own, channel) in own.iter().zip(self.iter()) {
+            all[channel.place()] = *own;
+        }
+        all
+    }
+
     /// Of six numbers those of the channels, in their order; zero beyond.
     fn pick(&self, all: &[f64; 6]) -> [f64; 6] {
         let mut picked = [0.0; 6];

@@ -4,6 +4,7 @@ use stillpoint_samples::{Refusal, Standing, TargetElement, TargetStatus, TrackEl
 
 use crate::channels::{Channels, difference};
 use crate::moves::{Leg, Profile};
+use crate::reachability::Reachability;
 
 /// A move that was planned before the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +30,8 @@ pub struct GoalParams {
     pub moves: Vec<PlannedMove>,
     /// Least and greatest distance from the start.
     pub reach: [[f64; 2]; 6],
+    /// What the rig can hold.
+    pub rig: Reachability,
     /// How long estimates are averaged to find the start, ns.
     pub settle: u64,
     /// How long the way to an asked target takes, ns.
@@ -42,6 +45,8 @@ pub struct Asked {
     pub values: [f64; 6],
     /// What stands at the moment.
     pub standing: [f64; 6],
+    /// The bladder that stands in the way of what was asked for last, by its number.
+    pub bladder: Option<usize>,
 }
 
 /// The mean of the first estimates.
@@ -69,6 +74,7 @@ pub struct Goal {
     refusal: Refusal,
     /// Bits of the channels, as samples have them.
     unreachable: u32,
+    bladder: Option<usize>,
     standing: [f64; 6],
 }
 
@@ -86,6 +92,7 @@ impl Goal {
             values: [f64::NAN; 6],
             refusal: Refusal::None,
             unreachable: 0,
+            bladder: None,
             standing: [f64::NAN; 6],
         }
     }
@@ -105,7 +112,7 @@ impl Goal {
     /// What was asked for last, and what stood at the last [`at`](Self::at).
     #[must_use]
     pub fn asked(&self) -> Asked {
-        Asked { values: self.values, standing: self.standing }
+        Asked { values: self.values, standing: self.standing, bladder: self.bladder }
     }
 
     /// Drops the planned moves.
@@ -157,7 +164,7 @@ impl Goal {
         }
         if values.len() != self.params.channels.count() {
             self.asked += 1;
-            (self.refusal, self.unreachable) = (Refusal::WrongNumber, 0);
+            (self.refusal, self.unreachable, self.bladder) = (Refusal::WrongNumber, 0, None);
             return;
         }
         let over = self.params.over;
@@ -167,7 +174,7 @@ impl Goal {
     /// Begins a move at a time, or refuses it.
     fn begin(&mut self, planned: &PlannedMove, time: u64) {
         self.asked += 1;
-        self.unreachable = 0;
+        (self.unreachable, self.bladder) = (0, None);
         let Some((start, _)) = self.start else {
             self.refusal = Refusal::NoStart;
             return;
@@ -184,6 +191,9 @@ impl Goal {
                 self.unreachable |= 1 << channel.place();
             }
         }
+        if finite && self.unreachable == 0 {
+            self.ask_rig(&from, &to);
+        }
         self.refusal = match (finite, self.unreachable) {
             (false, _) => Refusal::NotFinite,
             (true, 0) => Refusal::None,
@@ -191,6 +201,20 @@ impl Goal {
         };
         if self.refusal == Refusal::None {
             self.leg = Leg { begin: time, over: planned.over, profile: planned.profile, from, to };
+        }
+    }
+
+    /// Has the rig look at the way to a target. What it cannot hold is unreachable in all channels that move.
+    fn ask_rig(&mut self, from: &[f64; 6], to: &[f64; 6]) {
+        let channels = &self.params.channels;
+        if let Err(wall) = self.params.rig.check(&channels.spread(from), &channels.spread(to)) {
+            self.bladder = wall.bladder();
+            let moving = channels.iter().enumerate().filter(|(i, _)| from[*i] != to[*i]);
+            self.unreachable = moving.fold(0, |bits, (_, c)| bits | 1 << c.place());
+            // A rig that cannot even hold what stands has nowhere to go: then all channels are named.
+            if self.unreachable == 0 {
+                self.unreachable = channels.bits();
+            }
         }
     }
 

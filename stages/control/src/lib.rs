@@ -6,8 +6,9 @@
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
 //! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
-//! - [`features`], [`lstm`], [`predictor`]: what the adaptive law learns over; a recurrent network, and its file
-//! - [`moves`], [`goal`]: where the head is to be
+//! - [`features`], [`lstm`], [`predictor`], [`tensor_file`]: what the adaptive law learns over; a recurrent network, and its
+//!   file
+//! - [`moves`], [`goal`], [`reachability`]: where the head is to be, and which places the bladders can hold
 //! - [`channels`]: which channels of a pose are controlled, and how they stand in samples
 //! - [`mod@operators`], `control.target`, `control.pi`, `control.lqg` and `control.mrac`
 
@@ -28,8 +29,10 @@ pub mod operators;
 pub mod pi;
 pub mod predictor;
 pub mod projection;
+pub mod reachability;
 pub mod reference;
 pub mod riccati;
+pub mod tensor_file;
 pub mod valves;
 
 use stillpoint_pipeline::Stage;

@@ -9,11 +9,10 @@ use serde_json::{Map, Value, json};
 
 use crate::channels::{Channel, Channels};
 use crate::lstm::{Layer, Lstm, NetworkError};
+use crate::tensor_file::{TensorFile, TensorFileError};
 
 /// Version of the metadata.
 const VERSION: &str = "1";
-/// Greatest file that is read: a network of a thousand times as many numbers as the source's.
-const GREATEST_FILE: usize = 16 << 20;
 /// Most layers.
 const MOST_LAYERS: usize = 16;
 
@@ -50,25 +49,9 @@ pub struct Meaning {
 /// Why a file is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum PredictorError {
-    /// It is no file of this format.
-    #[error("it is no safetensors file: {0}")]
-    Form(String),
-    /// A tensor is not there, or of another form.
-    #[error("the tensor `{name}` {reason}")]
-    Tensor {
-        /// Which.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// An entry of the metadata is not there, or says nothing.
-    #[error("the metadata's `{name}` {reason}; train the model with `stillpoint train controller`")]
-    Metadata {
-        /// Which.
-        name: &'static str,
-        /// What is wrong.
-        reason: String,
-    },
+    /// The file, or what it says.
+    #[error(transparent)]
+    File(#[from] TensorFileError),
     /// The numbers do not make a network.
     #[error(transparent)]
     Network(#[from] NetworkError),
@@ -80,7 +63,8 @@ impl Predictor {
     /// # Errors
     /// They do not fit each other, or a scale is not above zero.
     pub fn new(network: Lstm, meaning: Meaning) -> Result<Self, PredictorError> {
-        let metadata = |name, reason: String| PredictorError::Metadata { name, reason };
+        let metadata =
+            |name, reason: String| PredictorError::File(TensorFileError::Metadata { name, reason });
         let n = meaning.channels.count();
         for (name, scale) in [("scale", &meaning.scale), ("change", &meaning.change)] {
             if scale.len() != n || scale.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
@@ -163,7 +147,7 @@ impl Predictor {
     /// # Errors
     /// [`PredictorError`].
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self, PredictorError> {
-        let file = File::open(bytes)?;
+        let file = TensorFile::open(bytes)?;
         let mut layers = Vec::new();
         while layers.len() < MOST_LAYERS && file.has(&format!("lstm.{}.bias", layers.len())) {
             let name = |part: &str| format!("lstm.{}.{part}", layers.len());
@@ -177,7 +161,7 @@ impl Predictor {
             )?);
         }
         let network = Lstm::new(layers, file.tensor("output.weight")?.0, file.tensor("output.bias")?.0)?;
-        Self::new(network, file.meaning()?)
+        Self::new(network, Meaning::of(&file)?)
     }
 
     /// The file, with numbers of four bytes, and `more` beside the metadata.
@@ -216,93 +200,27 @@ impl Predictor {
     }
 }
 
-/// A file that is being read.
-struct File<'a> {
-    header: Map<String, Value>,
-    numbers: &'a [u8],
-}
-
-impl<'a> File<'a> {
-    fn open(bytes: &'a [u8]) -> Result<Self, PredictorError> {
-        let form = |reason: &str| PredictorError::Form(reason.to_owned());
-        if bytes.len() > GREATEST_FILE {
-            return Err(form("it is larger than 16 MiB"));
-        }
-        let (length, rest) =
-            bytes.split_first_chunk::<8>().ok_or_else(|| form("it ends before its header"))?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        let (header, numbers) = rest.split_at_checked(length).ok_or_else(|| form("its header is cut off"))?;
-        let header = serde_json::from_slice(header).map_err(|e| form(&e.to_string()))?;
-        let Value::Object(header) = header else { return Err(form("its header is no JSON object")) };
-        Ok(Self { header, numbers })
-    }
-
-    fn has(&self, name: &str) -> bool {
-        self.header.contains_key(name)
-    }
-
-    /// The numbers of a tensor, and its shape.
-    fn tensor(&self, name: &str) -> Result<(Vec<f64>, Vec<usize>), PredictorError> {
-        let wrong =
-            |reason: &str| PredictorError::Tensor { name: name.to_owned(), reason: reason.to_owned() };
-        let entry = self.header.get(name).ok_or_else(|| wrong("is missing"))?;
-        let whole = |v: &Value| v.as_u64().and_then(|v| usize::try_from(v).ok());
-        let list =
-            |key: &str| -> Option<Vec<usize>> { entry.get(key)?.as_array()?.iter().map(whole).collect() };
-        let shape = list("shape").ok_or_else(|| wrong("has no shape"))?;
-        let offsets = list("data_offsets").ok_or_else(|| wrong("has no offsets"))?;
-        let [begin, end] = offsets[..] else { return Err(wrong("has no two offsets")) };
-        let bytes = self.numbers.get(begin..end).ok_or_else(|| wrong("lies outside the file"))?;
-        let values: Vec<f64> = match entry.get("dtype").and_then(Value::as_str) {
-            Some("F32") => {
-                bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
-            }
-            Some("F64") => bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
-            _ => return Err(wrong("is neither F32 nor F64")),
-        };
-        let due = shape.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
-        if due != Some(values.len()) {
-            return Err(wrong("has another number of numbers than its shape says"));
-        }
-        Ok((values, shape))
-    }
-
-    fn meaning(&self) -> Result<Meaning, PredictorError> {
-        let version = self.text("stillpoint_predictor")?;
+impl Meaning {
+    fn of(file: &TensorFile<'_>) -> Result<Self, TensorFileError> {
+        let version = file.text("stillpoint_predictor")?;
         if version != VERSION {
             let reason = format!("is {version}; this build reads version {VERSION}");
-            return Err(PredictorError::Metadata { name: "stillpoint_predictor", reason });
+            return Err(TensorFileError::Metadata { name: "stillpoint_predictor", reason });
         }
-        let wrong = |name, reason: String| PredictorError::Metadata { name, reason };
-        let names = self.text("channels")?.split(',');
+        let wrong = |name, reason: String| TensorFileError::Metadata { name, reason };
+        let names = file.text("channels")?.split(',');
         let channels: Option<Vec<Channel>> = names.map(Channel::named).collect();
         let channels =
             channels.ok_or_else(|| wrong("channels", "names a channel that does not exist".into()))?;
-        Ok(Meaning {
+        Ok(Self {
             channels: Channels::new(&channels)
                 .map_err(|e| wrong("channels", format!("cannot be used: {e}")))?,
-            scale: self.numbers("scale")?,
-            change: self.numbers("change")?,
-            duty_scale: self.number("duty_scale")?,
-            bladders: self.number("bladders")?,
-            sample_time: self.number("sample_time_ns")?,
-            window: self.number("window")?,
+            scale: file.numbers("scale")?,
+            change: file.numbers("change")?,
+            duty_scale: file.number("duty_scale")?,
+            bladders: file.number("bladders")?,
+            sample_time: file.number("sample_time_ns")?,
+            window: file.number("window")?,
         })
-    }
-
-    fn text(&self, name: &'static str) -> Result<&str, PredictorError> {
-        let entry = self.header.get("__metadata__").and_then(|m| m.get(name)).and_then(Value::as_str);
-        entry.ok_or_else(|| PredictorError::Metadata { name, reason: "is missing".into() })
-    }
-
-    fn number<T: std::str::FromStr>(&self, name: &'static str) -> Result<T, PredictorError> {
-        let text = self.text(name)?;
-        text.parse().map_err(|_| PredictorError::Metadata { name, reason: format!("is no number: {text}") })
-    }
-
-    fn numbers(&self, name: &'static str) -> Result<Vec<f64>, PredictorError> {
-        let text = self.text(name)?;
-        let wrong = |_| PredictorError::Metadata { name, reason: format!("is no list of numbers: {text}") };
-        text.split(',').map(|v| v.parse().map_err(wrong)).collect()
     }
 }

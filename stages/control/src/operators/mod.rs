@@ -1,6 +1,7 @@
 //! The operators of this family, a file each.
 //!
 //! - `target`: `control.target`, where the head is to be
+//! - `planned`: what a config says of targets, checked
 //! - `pi`, `lqg`, `mrac`: the controllers `control.pi`, `control.lqg` and `control.mrac`
 //! - `params`: parameters that controllers share
 //! - `seat`: what every controller does around its law
@@ -11,6 +12,7 @@ mod lqg;
 mod mrac;
 mod params;
 mod pi;
+mod planned;
 mod seat;
 mod target;
 

@@ -6,9 +6,11 @@ use stillpoint_pipeline::operator::{
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Track};
 
-use crate::channels::{ALL, Channel, Channels};
-use crate::goal::{Asked, Goal, GoalParams, PlannedMove};
+use crate::channels::{Channel, Channels};
+use crate::goal::{Asked, Goal, GoalParams};
 use crate::moves::Profile;
+use crate::operators::planned::{planned, reach, refuse_unheld, refuse_unreachable};
+use crate::reachability::{Reachability, RigKind};
 
 const STATE: usize = 0;
 const COMMAND: usize = 1;
@@ -97,6 +99,13 @@ pub struct TargetParams {
         default = "{ x: [-20 mm, 20 mm], y: [-20 mm, 20 mm], z: [-15 mm, 25 mm], pitch: [-10 deg, 10 deg], roll: [-20 deg, 20 deg], yaw: [-10 deg, 10 deg] }"
     )]
     pub reach: ReachParams,
+    /// The rig, if its mechanics are known: a target that its bladders cannot hold is refused, too. It is taken to start
+    /// with the air that the simulated rig starts with.
+    #[param(default = "unknown")]
+    pub rig: RigKind,
+    /// Mass of the head on the rig.
+    #[param(unit = "kg", default = "5 kg", min = "1 kg", max = "10 kg")]
+    pub head_mass: f64,
     /// How long estimates are averaged to find the start. Until then there is no target.
     #[param(unit = "ns", default = "500 ms", max = "1 min")]
     pub settle: u64,
@@ -167,15 +176,18 @@ impl Operator for ControlTarget {
         let reach = reach(&params.reach, &channels)?;
         let moves = planned(&params.moves, &channels)?;
         let absolute = params.counted_from == CountedFrom::Frame;
+        let rig = Reachability::of(params.rig, params.head_mass)
+            .map_err(|e| SetupError(format!("`head_mass` is {} kg: {e}", params.head_mass)))?;
         if !absolute {
             refuse_unreachable(&moves, &reach, &channels)?;
+            refuse_unheld(&moves, &rig, &channels)?;
         }
         let (settle, over) = (params.settle, params.command_over);
-        Ok(Self { goal: Goal::new(GoalParams { channels, absolute, moves, reach, settle, over }) })
+        Ok(Self { goal: Goal::new(GoalParams { channels, absolute, moves, reach, rig, settle, over }) })
     }
 
     fn capacities(params: &TargetParams) -> Vec<usize> {
-        vec![1, 2 * params.channels.len() + 1]
+        vec![1, 2 * params.channels.len() + 2]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -197,15 +209,17 @@ impl Operator for ControlTarget {
         }
         let element = self.goal.at(activation.time);
         outputs.send::<Target>(REFERENCE, &element)?;
-        let Asked { values, standing } = self.goal.asked();
+        let Asked { values, standing, bladder } = self.goal.asked();
         let mut metrics =
-            [Metric::new("start_known", if self.goal.start().is_some() { 1.0 } else { 0.0 }); 13];
+            [Metric::new("start_known", if self.goal.start().is_some() { 1.0 } else { 0.0 }); 14];
         let count = self.goal.channels().count();
         for (i, channel) in self.goal.channels().iter().enumerate() {
             metrics[1 + i] = Metric::new(ASKED[channel.place()], values[i]);
             metrics[1 + count + i] = Metric::new(TARGET[channel.place()], standing[i]);
         }
-        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics[..=2 * count])
+        let bladder = bladder.map_or(f64::NAN, |b| b as f64);
+        metrics[2 * count + 1] = Metric::new("bladder_in_the_way", bladder);
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics[..2 * count + 2])
     }
 }
 
@@ -213,75 +227,3 @@ const ASKED: [&str; 6] =
     ["asked_x_m", "asked_y_m", "asked_z_m", "asked_pitch_rad", "asked_roll_rad", "asked_yaw_rad"];
 const TARGET: [&str; 6] =
     ["target_x_m", "target_y_m", "target_z_m", "target_pitch_rad", "target_roll_rad", "target_yaw_rad"];
-
-fn reach(params: &ReachParams, channels: &Channels) -> Result<[[f64; 2]; 6], SetupError> {
-    let all = [params.x, params.y, params.z, params.pitch, params.roll, params.yaw];
-    let mut reach = [[f64::NEG_INFINITY, f64::INFINITY]; 6];
-    for (to, channel) in reach.iter_mut().zip(channels.iter()) {
-        let name = channel.name();
-        let Some([low, high]) = all[channel.place()] else {
-            return Err(SetupError(format!(
-                "`reach` lacks {name}, which is held: add `{name}: [-5 {0}, 5 {0}]`",
-                if channel.unit() == "m" { "mm" } else { "deg" }
-            )));
-        };
-        if !(low <= 0.0 && high >= 0.0) {
-            return Err(SetupError(format!(
-                "`reach.{name}` is from {low} to {high} {}: the start, 0, must lie in it",
-                channel.unit()
-            )));
-        }
-        *to = [low, high];
-    }
-    Ok(reach)
-}
-
-fn planned(params: &[MoveParams], channels: &Channels) -> Result<Vec<PlannedMove>, SetupError> {
-    let mut moves: Vec<PlannedMove> = Vec::with_capacity(params.len());
-    for (place, given) in params.iter().enumerate() {
-        let all = [given.x, given.y, given.z, given.pitch, given.roll, given.yaw];
-        let mut to = [None; 6];
-        for (to, channel) in to.iter_mut().zip(channels.iter()) {
-            *to = all[channel.place()];
-        }
-        let named = |c: &Channel| all[c.place()].is_some() && !channels.iter().any(|held| held == *c);
-        if let Some(stray) = ALL.iter().find(|c| named(c)) {
-            let name = stray.name();
-            return Err(SetupError(format!(
-                "`moves[{place}]` moves {name}, which is not held: add {name} to `channels`, or take it out"
-            )));
-        }
-        if to.iter().all(Option::is_none) {
-            return Err(SetupError(format!(
-                "`moves[{place}]` moves nothing: name a channel, such as `z: 5 mm`"
-            )));
-        }
-        if let Some(before) = moves.last().filter(|before| before.at > given.at) {
-            return Err(SetupError(format!(
-                "`moves[{place}]` begins at {} s, before the move above it at {} s: put moves in the order of their times",
-                given.at as f64 * 1e-9,
-                before.at as f64 * 1e-9
-            )));
-        }
-        moves.push(PlannedMove { at: given.at, over: given.over, profile: given.profile, to });
-    }
-    Ok(moves)
-}
-
-fn refuse_unreachable(
-    moves: &[PlannedMove],
-    reach: &[[f64; 2]; 6],
-    channels: &Channels,
-) -> Result<(), SetupError> {
-    for (place, planned) in moves.iter().enumerate() {
-        for ((to, [low, high]), channel) in planned.to.iter().zip(reach).zip(channels.iter()) {
-            if let Some(to) = to.filter(|to| !(*low..=*high).contains(to)) {
-                let (name, unit) = (channel.name(), channel.unit());
-                return Err(SetupError(format!(
-                    "`moves[{place}].{name}` is {to} {unit}, and the bladders reach from {low} to {high} {unit}: move less, or widen `reach.{name}` if the rig can"
-                )));
-            }
-        }
-    }
-    Ok(())
-}

@@ -4,8 +4,8 @@ use proptest::prelude::*;
 use stillpoint_pipeline::Stage;
 use stillpoint_pipeline::files::KeptFiles;
 use stillpoint_samples::{
-    Command, ConsoleCommand, Refusal, Standing, Target, TargetElement, TargetStatus, Track, TrackElement,
-    Verb,
+    Command, ConsoleCommand, Diagnostics, Refusal, Standing, Target, TargetElement, TargetStatus, Track,
+    TrackElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -26,7 +26,7 @@ operators:
 
 fn bench(params: &str) -> Result<Bench, String> {
     let text = TEXT.replace("settle: 0 s", &format!("settle: 0 s, {params}"));
-    let stages: Vec<Stage> = [stillpoint_pipeline::console::STAGES, stillpoint_control::STAGES].concat();
+    let stages: Vec<Stage> = [stillpoint_pipeline::STAGES, stillpoint_control::STAGES].concat();
     Bench::new(&text, "target", &stages, &KeptFiles::default())
 }
 
@@ -71,7 +71,7 @@ fn the_head_is_held_where_it_is_found() {
 #[test]
 fn the_start_is_the_mean_of_the_first_estimates() {
     let text = TEXT.replace("settle: 0 s", "settle: 30 ms");
-    let stages: Vec<Stage> = [stillpoint_pipeline::console::STAGES, stillpoint_control::STAGES].concat();
+    let stages: Vec<Stage> = [stillpoint_pipeline::STAGES, stillpoint_control::STAGES].concat();
     let mut bench = Bench::new(&text, "target", &stages, &KeptFiles::default()).unwrap();
     for z in [0.10, 0.12, 0.14] {
         assert_eq!(see(&mut bench, z, 0.0).status(), TargetStatus::None);
@@ -116,6 +116,30 @@ fn what_is_not_reachable_is_refused_and_the_target_before_stands() {
     }
     let good = ask(&mut bench, &[0.0, 0.0, 0.0]);
     assert_eq!((good.status(), good.refusal, good.asked), (TargetStatus::Held, 0, 7));
+}
+
+#[test]
+fn what_the_rigs_bladders_cannot_hold_is_refused_and_the_bladder_is_named() {
+    let wide = "reach: { z: [-100 mm, 100 mm], pitch: [-90 deg, 90 deg], roll: [-90 deg, 90 deg] }";
+    let mut bench = bench(&format!("{wide}, rig: three_bladders")).unwrap();
+    see(&mut bench, 0.15, 0.0);
+    assert_eq!(ask(&mut bench, &[0.0115, 0.0236, 0.1745]).refusal, 0);
+    let command = Command {
+        verb: Verb::Target as u32,
+        given: 3,
+        values: [0.0115, 0.0236, 1.2, 0.0, 0.0, 0.0],
+        ..Command::default()
+    };
+    let left = bench.feed::<ConsoleCommand>(1, &(), &[command], 0);
+    let refused = target(&left);
+    assert_eq!((refused.refusal, refused.unreachable), (Refusal::Unreachable as u32, 0b1_0000));
+    let view = left.outputs[1].1.pieces().view::<Diagnostics>().unwrap();
+    let bladder = view.elements.iter().find(|m| m.name() == "bladder_in_the_way").unwrap().value;
+    assert!((0.0..3.0).contains(&bladder), "{bladder}");
+    let error = self::bench(&format!("{wide}, rig: three_bladders, moves: [{{ roll: 70 deg }}]"))
+        .map(|_| ())
+        .unwrap_err();
+    assert!(error.contains("`moves[0]` cannot be held: bladder"), "{error}");
 }
 
 #[test]

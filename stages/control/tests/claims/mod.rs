@@ -3,6 +3,8 @@
 //! - `printed_gains`: the gains that the source prints do nothing
 //! - `adaptive`: adaptive laws along the reference trajectories
 //! - `rig_loop`: the adaptive loop on the rig of three bladders
+//! - `allocation`: steps that take nothing from the heap
+//! - `learned`: controllers with an identified plant or a trained network
 //! - `network`: the recurrent network, its file and its features
 //! - `random`: normal random numbers
 //! - `plants`: heads on bladders that answer to duties
@@ -10,8 +12,10 @@
 //! - `loops`: target, controller and head in a loop
 
 mod adaptive;
+mod allocation;
 mod gains;
 mod goals;
+mod learned;
 mod loops;
 mod network;
 mod plants;

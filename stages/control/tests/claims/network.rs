@@ -7,6 +7,7 @@ use serde_json::Value;
 use stillpoint_control::channels::{Channel, Channels};
 use stillpoint_control::lstm::{Layer, Lstm, NetworkError};
 use stillpoint_control::predictor::{Meaning, Predictor, PredictorError};
+use stillpoint_control::tensor_file::TensorFileError;
 
 use super::random::Random;
 use super::vectors::{assert_all_close, assert_close, cases, matrix, number, numbers, vectors};
@@ -138,8 +139,14 @@ fn a_file_of_something_else_is_refused_with_what_is_wrong() {
         let error = text(from, to);
         assert!(error.contains(words), "{error}");
     }
-    assert!(matches!(Predictor::from_safetensors(&bytes[..100]), Err(PredictorError::Form(_))));
-    assert!(matches!(Predictor::from_safetensors(b"abc"), Err(PredictorError::Form(_))));
+    assert!(matches!(
+        Predictor::from_safetensors(&bytes[..100]),
+        Err(PredictorError::File(TensorFileError::Form(_)))
+    ));
+    assert!(matches!(
+        Predictor::from_safetensors(b"abc"),
+        Err(PredictorError::File(TensorFileError::Form(_)))
+    ));
     let nan = Layer::new(1, vec![f64::NAN; 4], vec![0.0; 4], vec![0.0; 4]);
     assert!(matches!(nan, Err(NetworkError::NotFinite(_))));
 }

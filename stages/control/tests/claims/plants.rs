@@ -230,11 +230,7 @@ impl Body {
 
 /// The controllers and the test head.
 pub fn registry() -> Registry {
-    Registry::new(&[
-        stillpoint_pipeline::console::STAGES,
-        stillpoint_control::STAGES,
-        &[Stage::of::<TestHead>()],
-    ])
+    Registry::new(&[stillpoint_pipeline::STAGES, stillpoint_control::STAGES, &[Stage::of::<TestHead>()]])
 }
 
 /// A pipeline of head, target and controller, run for so many seconds.
@@ -250,6 +246,19 @@ pub fn closed_loop_with(
     controller: &str,
     seconds: u64,
 ) -> Run {
+    let run = try_loop(files, head, target, controller, seconds).unwrap();
+    assert!(run.failed().is_empty(), "{:?}", run.failed());
+    run
+}
+
+/// [`closed_loop_with`], or why it cannot be.
+pub fn try_loop(
+    files: &dyn stillpoint_pipeline::setup::Files,
+    head: &str,
+    target: &str,
+    controller: &str,
+    seconds: u64,
+) -> Result<Run, String> {
     let text = format!(
         "
 stillpoint: 1
@@ -261,9 +270,7 @@ operators:
   law: {{ use: {controller}, inputs: {{ state: head.state, target: target.reference }} }}
 "
     );
-    let run = run(&text, &registry(), files, seconds * 1000).unwrap();
-    assert!(run.failed().is_empty(), "{:?}", run.failed());
-    run
+    run(&text, &registry(), files, seconds * 1000)
 }
 
 /// Duties with their times, s since the first.

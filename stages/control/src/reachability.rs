@@ -1,0 +1,159 @@
+//! Which targets the bladders of a rig can hold.
+
+use nalgebra::SVector;
+use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
+use stillpoint_mechanics::plant::{OneDof, Plant, SixDof, ThreeDof};
+use stillpoint_pipeline::Choice;
+
+/// A rig whose mechanics are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum RigKind {
+    /// None is known: only the box of the reach counts.
+    Unknown,
+    /// Height, on one bladder.
+    OneBladder,
+    /// Height, pitch and roll, on three bladders.
+    ThreeBladders,
+    /// All six channels, between eight bladders.
+    EightBladders,
+}
+
+/// Parts of a way that are looked at.
+const PARTS: u32 = 8;
+
+/// A rig at rest where control begins.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reachability {
+    /// Anything.
+    Unknown,
+    /// One bladder.
+    One(Box<At<1, 1, 5>>),
+    /// Three bladders.
+    Three(Box<At<3, 3, 15>>),
+    /// Eight bladders.
+    Eight(Box<At<6, 8, 36>>),
+}
+
+/// A plant, where it rests, and with which pushes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct At<const D: usize, const B: usize, const N: usize> {
+    plant: Plant<D, B, N>,
+    rest: SVector<f64, D>,
+    push: SVector<f64, B>,
+    /// Which of the six channels each coordinate is.
+    channels: [usize; D],
+}
+
+/// What stands in the way of a target, and how far it could be reached: 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{why} (after {percent:.0} % of the way)", percent = part * 100.0)]
+pub struct InTheWay {
+    /// Why.
+    pub why: Unreachable,
+    /// How far.
+    pub part: f64,
+}
+
+impl InTheWay {
+    /// The bladder that stands in the way, by its number among the valves' pairs.
+    #[must_use]
+    pub fn bladder(&self) -> Option<usize> {
+        match self.why {
+            Unreachable::NotFinite => None,
+            Unreachable::Flat { bladder, .. }
+            | Unreachable::Apart { bladder, .. }
+            | Unreachable::Pulls { bladder, .. }
+            | Unreachable::TooHard { bladder, .. } => Some(bladder),
+        }
+    }
+}
+
+impl Reachability {
+    /// A rig under a head of `mass` kg, with the air that it starts with.
+    ///
+    /// # Errors
+    /// The rig does not bear the head.
+    pub fn of(kind: RigKind, mass: f64) -> Result<Self, String> {
+        Ok(match kind {
+            RigKind::Unknown => Self::Unknown,
+            RigKind::OneBladder => {
+                let plant = OneDof::rig(mass);
+                let air = plant.start_air();
+                Self::One(Box::new(At::rest(plant, air, SVector::repeat(0.085), [2])?))
+            }
+            RigKind::ThreeBladders => {
+                let plant = ThreeDof::rig(mass);
+                let air = plant.start_air();
+                Self::Three(Box::new(At::rest(plant, air, SVector::zeros(), [2, 3, 4])?))
+            }
+            RigKind::EightBladders => {
+                let plant = SixDof::rig(mass);
+                let air = plant.start_air();
+                Self::Eight(Box::new(At::rest(plant, air, SVector::zeros(), [0, 1, 2, 3, 4, 5])?))
+            }
+        })
+    }
+
+    /// Whether the rig can hold every pose on the straight way between two, both as distances from where control began
+    /// in x, y, z, pitch, roll and yaw, m and rad.
+    ///
+    /// # Errors
+    /// What stands in the way.
+    pub fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
+        match self {
+            Self::Unknown => Ok(()),
+            Self::One(at) => at.check(from, to),
+            Self::Three(at) => at.check(from, to),
+            Self::Eight(at) => at.check(from, to),
+        }
+    }
+}
+
+impl<const D: usize, const B: usize, const N: usize> At<D, B, N> {
+    fn rest(
+        plant: Plant<D, B, N>,
+        air: SVector<f64, B>,
+        guess: SVector<f64, D>,
+        channels: [usize; D],
+    ) -> Result<Self, String> {
+        let rest = plant.equilibrium(&air, guess).map_err(|e| e.to_string())?;
+        let pressed = plant.bladders(&rest, &air);
+        let push = SVector::from_fn(|j, _| pressed[j].force());
+        Ok(Self { plant, rest, push, channels })
+    }
+
+    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
+        let pose = |moved: &[f64; 6]| SVector::from_fn(|i, _| self.rest[i] + moved[self.channels[i]]);
+        let way = self.plant.reach_along(&pose(from), &pose(to), PARTS, &Limits::RIG, &self.push);
+        way.map_err(|(part, why)| InTheWay { why, part })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DEGREE: f64 = std::f64::consts::PI / 180.0;
+
+    #[test]
+    fn the_sources_step_can_be_held_and_ten_times_of_it_cannot() {
+        let rig = Reachability::of(RigKind::ThreeBladders, 5.0).unwrap();
+        let step = [0.0, 0.0, 0.0115, 1.35 * DEGREE, 10.0 * DEGREE, 0.0];
+        assert_eq!(rig.check(&[0.0; 6], &step), Ok(()));
+        let far = rig.check(&[0.0; 6], &step.map(|v| 10.0 * v)).unwrap_err();
+        assert!(far.part > 0.0 && far.bladder().is_some(), "{far}");
+        assert!(far.to_string().contains("bladder"), "{far}");
+    }
+
+    #[test]
+    fn every_rig_holds_its_head_where_it_begins() {
+        for kind in [RigKind::OneBladder, RigKind::ThreeBladders, RigKind::EightBladders] {
+            for mass in [3.0, 5.0, 6.0] {
+                let rig = Reachability::of(kind, mass).unwrap();
+                assert_eq!(rig.check(&[0.0; 6], &[0.0; 6]), Ok(()), "{kind:?} {mass}");
+            }
+        }
+        let unknown = Reachability::of(RigKind::Unknown, 5.0).unwrap();
+        assert_eq!(unknown.check(&[0.0; 6], &[1.0; 6]), Ok(()));
+    }
+}
