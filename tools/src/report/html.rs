@@ -34,12 +34,25 @@ pub fn page(title: &str, about: &str, sections: &[Section]) -> String {
     let (title, about) = (escape(title), escape(about));
     let mut contents = String::new();
     let mut body = String::new();
-    for section in sections {
+    for section in sections.iter().filter(|s| s.missing.is_none()) {
         let heading = escape(section.title);
         let _ = writeln!(contents, "<li><a href=\"#{}\">{heading}</a></li>", section.id);
         let _ = writeln!(body, "<section id=\"{}\">\n<h2>{heading}</h2>", section.id);
         blocks(&section.blocks, &mut body);
         body.push_str("</section>\n");
+    }
+    let missing: String = sections
+        .iter()
+        .filter_map(|s| {
+            Some(format!("<dt>{}</dt><dd>{}</dd>\n", escape(s.title), escape(s.missing.as_deref()?)))
+        })
+        .collect();
+    if !missing.is_empty() {
+        contents.push_str("<li><a href=\"#missing\">Not in this session</a></li>\n");
+        let _ = write!(
+            body,
+            "<section id=\"missing\">\n<h2>Not in this session</h2>\n<dl>\n{missing}</dl>\n</section>\n"
+        );
     }
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\

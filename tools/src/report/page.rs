@@ -17,6 +17,8 @@ pub struct Section {
     figures: Value,
     /// What is shown, from top to bottom.
     pub blocks: Vec<Block>,
+    /// Why there is nothing to show, where that is so.
+    pub missing: Option<String>,
 }
 
 /// A piece of a section.
@@ -115,12 +117,18 @@ impl Section {
     /// Its figures are no JSON.
     pub fn new(id: &'static str, title: &'static str, figures: &impl Serialize) -> Result<Self, Failure> {
         let figures = serde_json::to_value(figures).map_err(Failure::failed)?;
-        Ok(Self { id, title, figures, blocks: Vec::new() })
+        Ok(Self { id, title, figures, blocks: Vec::new(), missing: None })
     }
 
     /// The section with another block.
     pub fn with(mut self, block: Block) -> Self {
         self.blocks.push(block);
+        self
+    }
+
+    /// The section with nothing to show, and why.
+    pub fn nothing(mut self, why: &str) -> Self {
+        self.missing = Some(why.to_owned());
         self
     }
 
@@ -130,7 +138,8 @@ impl Section {
             Block::Chart(chart, _) => Some(json!(chart)),
             _ => None,
         });
-        json!({ "title": self.title, "figures": self.figures, "charts": charts.collect::<Vec<_>>() })
+        let charts: Vec<_> = charts.collect();
+        json!({ "title": self.title, "missing": self.missing, "figures": self.figures, "charts": charts })
     }
 }
 

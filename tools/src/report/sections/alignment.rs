@@ -36,7 +36,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { trackers: recording.alignments.iter().map(tracker).collect() };
     let mut section = Section::new("alignment", "Fit to the reference surface", &figures)?;
     if figures.trackers.is_empty() {
-        return Ok(section.with(Block::Text("The session keeps no report of a pose estimate.".into())));
+        return Ok(section.nothing("The session keeps no report of a pose estimate."));
     }
     for t in &figures.trackers {
         let mut table = Table::new(t.topic.clone(), &["what became of a frame", "frames", "part"]);

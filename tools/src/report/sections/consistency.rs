@@ -90,7 +90,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let mut section = Section::new("consistency", "Consistency", &figures)?;
     if figures.filters.is_empty() {
         let said = "The session has no filtered track with innovations.";
-        return Ok(section.with(Block::Text(said.into())));
+        return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(
         "NIS is the square of what a measurement adds, over what the filter expects it to be; NEES the same of the error of \

@@ -57,9 +57,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { topics: topics.collect() };
     let mut section = Section::new("diagnostics", "Diagnostics", &figures)?;
     if figures.topics.is_empty() {
-        return Ok(section.with(Block::Text("The session keeps no diagnostics.".into())));
+        return Ok(section.nothing("The session keeps no diagnostics."));
     }
-    let said = "A unit stands at the end of a name: `_s` for seconds, `_m` for metres. The small line goes from the least to \
+    let said = "A unit stands at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
                 the greatest value.";
     section.blocks.push(Block::Text(said.into()));
     for topic in &figures.topics {

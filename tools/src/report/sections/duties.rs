@@ -49,7 +49,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { topics: recording.duties.iter().map(topic).collect() };
     let mut section = Section::new("duties", "Valve duties", &figures)?;
     if figures.topics.iter().all(|t| t.orders == 0) {
-        return Ok(section.with(Block::Text("The session has no duties of valves.".into())));
+        return Ok(section.nothing("The session has no duties of valves."));
     }
     for (t, orders) in figures.topics.iter().zip(&recording.duties) {
         let said = format!(

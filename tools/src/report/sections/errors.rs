@@ -92,17 +92,15 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { errors, histograms, without_truth };
     let mut section = Section::new("errors", "Errors", &figures)?;
     if figures.errors.is_empty() {
-        let said = "No estimate has a truth in its frame: there are no errors to state.";
-        section.blocks.push(Block::Text(said.into()));
-    } else {
-        section.blocks.push(Block::Text(
+        return Ok(section.nothing("No estimate has a truth in its frame: there are no errors to state."));
+    }
+    section.blocks.push(Block::Text(
             "Estimate minus truth, the truth interpolated to the time of acquisition behind the estimate. The offset is \
              their mean difference; all other figures are of what is left."
                 .into(),
-        ));
-        section.blocks.push(Block::Table(table(&figures.errors)));
-    }
-    if !figures.without_truth.is_empty() && !figures.errors.is_empty() {
+    ));
+    section.blocks.push(Block::Table(table(&figures.errors)));
+    if !figures.without_truth.is_empty() {
         let said = format!("Without a truth: {}.", figures.without_truth.join(", "));
         section.blocks.push(Block::Text(said));
     }

@@ -70,7 +70,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let mut section = Section::new("filters", "Filters and fusion", &figures)?;
     if figures.filters.is_empty() && figures.fused.is_empty() {
         let said = "The session has no filter with a recorded measurement, and no fused track, that a truth could judge.";
-        return Ok(section.with(Block::Text(said.into())));
+        return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(format!(
         "Variances of the errors about their mean, without the first {:.0} s of each track.",

@@ -108,9 +108,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { seconds: recording.length(), operators: of(recording) };
     let mut section = Section::new("operators", "Rates and latency", &figures)?;
     if figures.operators.is_empty() {
-        return Ok(
-            section.with(Block::Text("The session has no journal: no rate and no latency is known.".into()))
-        );
+        return Ok(section.nothing("The session has no journal: no rate and no latency is known."));
     }
     section.blocks.push(Block::Text(
         "A step is the time from an activation to the sending of its outputs. The age is that of the oldest image behind \

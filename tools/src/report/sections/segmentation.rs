@@ -45,7 +45,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let mut section = Section::new("segmentation", "Segmentation", &figures)?;
     if cameras.is_empty() {
         let said = "No operator of this session finds a plane or a hull in images that it holds.";
-        return Ok(section.with(Block::Text(said.into())));
+        return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(
         "Depth images as a relief, with the face in orange, the supporting plane in blue and its hull as a green line.".into(),

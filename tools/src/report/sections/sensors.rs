@@ -61,7 +61,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { sensors: sensors.collect(), changes: changes.collect() };
     let section = Section::new("sensors", "Sensors", &figures)?;
     if figures.sensors.is_empty() {
-        return Ok(section.with(Block::Text("The session keeps no health of sensors.".into())));
+        return Ok(section.nothing("The session keeps no health of sensors."));
     }
     let mut sensors = Table::new("", &["topic", "sensor", "used", "changes"]);
     for s in &figures.sensors {

@@ -43,7 +43,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     if figures.topics.is_empty() {
         let said =
             "No operator of this session has stages that were measured: a simulated run measures nothing.";
-        return Ok(section.with(Block::Text(said.into())));
+        return Ok(section.nothing(said));
     }
     let mut table = Table::new(
         "Wall time by stage, as the live run measured it.",

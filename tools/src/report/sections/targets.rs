@@ -48,7 +48,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let mut section = Section::new("targets", "Targets", &figures)?;
     if figures.channels.is_empty() {
         let said = "The session has no target with an estimate in its frame.";
-        return Ok(section.with(Block::Text(said.into())));
+        return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Table(following(&figures.channels)));
     if figures.channels.iter().any(|c| !c.steps.is_empty()) {

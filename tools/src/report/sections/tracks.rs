@@ -39,7 +39,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures { signals: signals.map(figures).collect() };
     let mut section = Section::new("tracks", "Tracks", &figures)?;
     if figures.signals.is_empty() {
-        return Ok(section.with(Block::Text("The session has no pose and no track.".into())));
+        return Ok(section.nothing("The session has no pose and no track."));
     }
     let frames: BTreeSet<Option<String>> = recording.signals.iter().map(|s| s.frame.clone()).collect();
     for frame in frames {
