@@ -92,6 +92,12 @@ fn settled(signal: &Signal) -> &[State] {
     &states[states.partition_point(|s| s.origin < begin)..]
 }
 
+/// The settled states of a fused track at the times of measurements. Between them it knows only what has arrived, and
+/// cannot be compared with a filter that has everything.
+fn at_measurements(signal: &Signal) -> Vec<State> {
+    settled(signal).iter().filter(|s| s.standing == Standing::Measured).copied().collect()
+}
+
 fn errors(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<Vec<f64>> {
     let truth = recording.truth(&signal.frame)?;
     let found = compare(&Truth::of(truth), settled(signal));
@@ -141,8 +147,8 @@ fn filter(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<
 fn fused(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<Fused> {
     signal.tracking.filter(|t| follows(t, channel))?;
     let truth = Truth::of(recording.truth(&signal.frame)?);
-    let states = settled(signal);
-    let found = compare(&truth, states);
+    let states = at_measurements(signal);
+    let found = compare(&truth, &states);
     let (unit, scale) = unit(channel);
     let errors: Vec<f64> = found.errors(channel).map(|(_, e)| e).collect();
     let variance = variance(&errors).filter(|v| *v > 0.0)?;
@@ -190,7 +196,7 @@ fn centralised(recording: &Recording<'_>, fused: &Signal, channel: usize, truth:
     .ok()?;
     let mut waiting = measured.into_iter().peekable();
     let mut estimates = Vec::new();
-    for state in settled(fused).iter().filter(|s| s.standing != Standing::None) {
+    for state in at_measurements(fused) {
         while let Some(z) = waiting.next_if(|z| z.origin <= state.origin) {
             let (value, sd) = (z.channels[channel], z.sd[channel]);
             if value.is_finite() && sd.is_finite() {
@@ -203,7 +209,7 @@ fn centralised(recording: &Recording<'_>, fused: &Signal, channel: usize, truth:
         if let Some(at) = filter.predicted_to(state.origin.max(filter.stamp().unwrap_or(0))) {
             let mut channels = [f64::NAN; 6];
             channels[channel] = at.position.x;
-            estimates.push(State { channels, ..*state });
+            estimates.push(State { channels, ..state });
         }
     }
     let found = compare(truth, &estimates);
@@ -260,8 +266,8 @@ fn fused_table(fused: &[Fused]) -> Table {
         "claimed over actual",
     ];
     let mut table = Table::new(
-        "\"Centralised\" is the filter that has the measurements of all sensors, run here on the recorded measurements with \
-         the standard deviations that they state.",
+        "At the times of measurements. \"Centralised\" is the filter that has the measurements of all sensors, run here on \
+         the recorded ones with the standard deviations that they state.",
         &columns,
     );
     for f in fused {
