@@ -5,6 +5,7 @@ mod far_end;
 mod keys;
 mod lives;
 mod machine;
+mod network;
 mod pages;
 mod pressure;
 mod quiet;
