@@ -16,11 +16,13 @@ pub struct Limits {
     pub push: f64,
     /// Least gap, m.
     pub gap: f64,
+    /// Greatest inner stretch.
+    pub stretch: f64,
 }
 
 impl Limits {
-    /// Those of the rigs: 40 kPa, 0.5 N, and a gap above the foam.
-    pub const RIG: Self = Self { pressure: 40e3, push: 0.5, gap: 0.065 };
+    /// Those of the rigs: 40 kPa, 0.5 N, a gap above the foam, and rubber that is stretched by less than 80 %.
+    pub const RIG: Self = Self { pressure: 40e3, push: 0.5, gap: 0.065, stretch: 1.8 };
 }
 
 /// Poses over two coordinates; the others stay.
@@ -70,8 +72,10 @@ pub enum Unreachable {
         /// The least, m.
         least: f64,
     },
-    /// A bladder would not reach its plates, or only above the greatest pressure.
-    #[error("bladder {bladder} would have to bridge {gap} m, more than it does at {pressure} Pa")]
+    /// A bladder would not reach its plates, or only above the greatest pressure or stretch.
+    #[error(
+        "bladder {bladder} would have to bridge {gap} m, more than it does at {pressure} Pa and its greatest stretch"
+    )]
     Apart {
         /// Which.
         bladder: usize,
@@ -90,10 +94,8 @@ pub enum Unreachable {
         /// The least, N.
         least: f64,
     },
-    /// A bladder would have to push more than it does at the greatest pressure.
-    #[error(
-        "bladder {bladder} would have to push with {force} N, more than the {greatest} N of its greatest pressure"
-    )]
+    /// A bladder would have to push more than it does at the greatest pressure and stretch.
+    #[error("bladder {bladder} would have to push with {force} N, more than the {greatest} N that it can")]
     TooHard {
         /// Which.
         bladder: usize,
@@ -128,7 +130,8 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
                 return Err(Unreachable::Flat { bladder, gap, least: limits.gap });
             }
             let apart = Unreachable::Apart { bladder, gap, pressure: limits.pressure };
-            greatest[bladder] = self.shell.greatest_push(limits.pressure, gap).ok_or(apart)?;
+            let stretched = self.shell.pressed(limits.stretch, gap).force();
+            greatest[bladder] = self.shell.greatest_push(limits.pressure, gap).ok_or(apart)?.min(stretched);
             if greatest[bladder] < limits.push {
                 return Err(apart);
             }
