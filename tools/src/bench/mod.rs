@@ -4,6 +4,7 @@
 //! - `record`: what recording costs
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
+//! - `failsafe`, `casualty`: how long it takes to the safe state when something dies
 //! - `stages`, `clouds`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
@@ -12,8 +13,10 @@
 //! - `folder`: where sessions are written
 
 pub mod bare;
+mod casualty;
 mod clouds;
 mod cores;
+mod failsafe;
 mod figures;
 mod folder;
 mod hop;
@@ -47,6 +50,7 @@ enum What {
     Record(record::Record),
     Ledger(ledger::Ledger),
     Replay(replay::Replay),
+    Failsafe(failsafe::Failsafe),
 }
 
 impl Bench {
@@ -58,6 +62,7 @@ impl Bench {
             What::Record(b) => b.execute(&registry),
             What::Ledger(b) => b.execute(&registry),
             What::Replay(b) => b.execute(&registry),
+            What::Failsafe(b) => b.execute(&registry),
         }
     }
 }
