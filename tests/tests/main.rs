@@ -11,6 +11,7 @@
 //! - `seeing`: a head followed live, captured by a person
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
+//! - `failsafe`: from the last order to the safe state
 //! - `ledger`: sent = received + accounted loss
 //! - `attach`: people at a running pipeline
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
@@ -22,6 +23,7 @@ mod attach;
 mod bench;
 mod conformance;
 mod ending;
+mod failsafe;
 mod laps;
 mod ledger;
 mod link;

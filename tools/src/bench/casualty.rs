@@ -6,6 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use stillpoint_pipeline::clock::realtime;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_recorder::Session;
@@ -78,7 +79,7 @@ impl Fault {
     }
 }
 
-/// Times of a run after its fault, ms from the last state that was seen before it.
+/// Times of a run, ms from its fault.
 #[derive(Debug)]
 pub struct Trial {
     /// When the last order arrived before the far end vented, or at all.
@@ -100,7 +101,8 @@ impl Trial {
         let place = folder.join(number.to_string());
         std::fs::create_dir_all(place.join("data")).map_err(io)?;
         std::fs::write(place.join("data/rig.key"), KEY).map_err(io)?;
-        let mut text = PIPELINE.replace(CAMERA[0], CAMERA[1]);
+        // The head stays where it is, so that the beam stays on.
+        let mut text = PIPELINE.replace(CAMERA[0], CAMERA[1]).replace("at: 2.5 s, z:", "at: 1 h, z:");
         let mut valves = String::new();
         for port in PORTS {
             let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).map_err(io)?.to_string();
@@ -109,22 +111,23 @@ impl Trial {
         }
         std::fs::write(place.join("head.yaml"), text).map_err(io)?;
         let mut run = Casualty::start(&place)?;
-        let fault_at = run.follow(registry)?;
+        run.follow(registry)?;
         // Another moment of the frame's and the timers' periods each time.
         std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
-        let seen = run.newest(registry)?.unwrap_or(fault_at);
+        // Stamps of a live session are of this clock, as it was when the run began.
+        let struck = realtime();
         run.strike(fault, &valves)?;
         std::thread::sleep(WATCHED);
         run.end(fault)?;
-        let trial = Self::read(&place.join("s/head-3dof-0001"), seen);
+        let trial = Self::read(&place.join("s/head-3dof-0001"), struck);
         std::fs::remove_dir_all(&place).map_err(io)?;
         trial
     }
 
-    fn read(session: &Path, seen: u64) -> Result<Self, Failure> {
+    fn read(session: &Path, struck: u64) -> Result<Self, Failure> {
         let session = Session::open_any(session).map_err(Failure::failed)?;
-        let until = seen + WATCHED.as_nanos() as u64;
-        let after = |stamp: u64| stamp as f64 * 1e-6 - seen as f64 * 1e-6;
+        let until = struck + WATCHED.as_nanos() as u64;
+        let after = |stamp: u64| (stamp as f64 - struck as f64) * 1e-6;
         let mut trial = Self {
             last_order_ms: f64::NAN,
             last_pose_ms: f64::NAN,
@@ -146,10 +149,10 @@ impl Trial {
                             continue;
                         }
                         trial.last_order_ms = after(state.arrived);
-                        if stamp > seen && state.doing() == FarEndDoing::Venting {
+                        if stamp > struck && state.doing() == FarEndDoing::Venting {
                             trial.vents_ms = Some(after(stamp));
                         }
-                        if stamp > seen && state.beam == 0 && trial.beam_ms.is_none() {
+                        if stamp > struck && state.beam == 0 && trial.beam_ms.is_none() {
                             trial.beam_ms = Some(after(stamp));
                         }
                     }
@@ -205,27 +208,29 @@ impl Casualty {
         Ok(Self { child, processes: Vec::new() })
     }
 
-    /// Waits until the valves follow and the beam is on; the time of that state.
-    fn follow(&mut self, registry: &Registry) -> Result<u64, Failure> {
+    /// Waits until the valves follow and the beam is on.
+    fn follow(&mut self, registry: &Registry) -> Result<(), Failure> {
         let begun = Instant::now();
         loop {
-            if begun.elapsed() > PATIENCE || self.child.try_wait().map_err(Failure::failed)?.is_some() {
-                return Err(Failure::failed("the run does not come to follow orders with the beam on"));
-            }
-            if let Ok(Some((stamp, true))) = self.look(registry) {
+            let looked = self.look(registry);
+            if let Ok(Some(true)) = looked {
                 self.processes = children(self.child.id());
-                return Ok(stamp);
+                return Ok(());
+            }
+            if begun.elapsed() > PATIENCE || self.child.try_wait().map_err(Failure::failed)?.is_some() {
+                let why = match looked {
+                    Err(e) => e.text,
+                    Ok(None) => "its far end says nothing".to_owned(),
+                    Ok(Some(_)) => "the beam stays off".to_owned(),
+                };
+                return Err(Failure::failed(format!("a run does not come to follow orders: {why}")));
             }
             std::thread::sleep(Duration::from_millis(20));
         }
     }
 
-    fn newest(&self, registry: &Registry) -> Result<Option<u64>, Failure> {
-        Ok(self.look(registry)?.map(|(stamp, _)| stamp))
-    }
-
-    /// The next state of the far end: its time, and whether it follows with the beam on.
-    fn look(&self, registry: &Registry) -> Result<Option<(u64, bool)>, Failure> {
+    /// Whether the far end follows orders with the beam on; `None` where it says nothing.
+    fn look(&self, registry: &Registry) -> Result<Option<bool>, Failure> {
         let attached = Which { run: Some(self.child.id().to_string()) }.attach(registry)?;
         let Some((operator, port)) = attached.graph.topic("far.state") else { return Ok(None) };
         let contract = contracts::output(&attached.graph, operator, port);
@@ -238,8 +243,7 @@ impl Casualty {
                 && let Ok(view) = sample.pieces().view::<FarEnd>()
                 && let Some(state) = view.first()
             {
-                let follows = state.doing() == FarEndDoing::Following && state.beam == 1;
-                return Ok(Some((view.head.stamp, follows)));
+                return Ok(Some(state.doing() == FarEndDoing::Following && state.beam == 1));
             }
             std::thread::sleep(Duration::from_millis(1));
         }
