@@ -12,6 +12,9 @@ use stillpoint_samples::{ActuationReason as Reason, ActuationState};
 
 use crate::message::{Order, Safe};
 
+/// Time with everything there weighs so many times less than time in which something is missing.
+const FADES: u64 = 4;
+
 /// How actuation answers to what happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rules {
@@ -21,7 +24,7 @@ pub struct Rules {
     pub lead: u64,
     /// How long all must be there again, once it vented, before commands are followed, ns.
     pub settle: u64,
-    /// How long something may be missing, ns.
+    /// How long something may be missing, ns: at once, or by and by, where it is for more than a fifth of the time.
     pub patience: u64,
 }
 
@@ -78,8 +81,10 @@ pub struct Machine {
     reasons: u32,
     /// Since when nothing is followed, ns; `None` while commands are.
     halted: Option<u64>,
-    /// Since when something is missing, ns, settling included.
-    missing: Option<u64>,
+    /// When it last looked, ns.
+    looked: Option<u64>,
+    /// How long something was missing, ns; it fades while nothing is.
+    lacked: u64,
     /// It vented for what is missing.
     vented: bool,
     /// Since when nothing is missing any more, ns.
@@ -101,7 +106,8 @@ impl Machine {
             since: 0,
             reasons: Reason::NOT_ARMED,
             halted: None,
-            missing: None,
+            looked: None,
+            lacked: 0,
             vented: false,
             well: None,
             faults: 0,
@@ -121,7 +127,7 @@ impl Machine {
                 match seen.faults | seen.missing | seen.unready {
                     0 => {
                         self.mode = Mode::Armed { reference: seen.reference };
-                        self.forget_missing();
+                        (self.lacked, self.vented, self.well) = (0, false, None);
                     }
                     lacking => self.refuse(lacking),
                 }
@@ -140,7 +146,8 @@ impl Machine {
 
     /// Looks at what there is, and says what the valves are to do.
     pub fn look(&mut self, seen: &Seen) -> Order {
-        self.fail_or_end(seen);
+        let gone = self.looked.replace(seen.now).map_or(0, |looked| seen.now.saturating_sub(looked));
+        self.fail_or_end(seen, gone);
         let present = seen.faults | seen.missing;
         let (state, reasons, order) = match self.mode {
             Mode::Disarmed => {
@@ -176,7 +183,7 @@ impl Machine {
     }
 
     /// Ends being armed where it must end.
-    fn fail_or_end(&mut self, seen: &Seen) {
+    fn fail_or_end(&mut self, seen: &Seen, gone: u64) {
         let Mode::Armed { reference } = self.mode else { return };
         if seen.faults != 0 {
             return self.fail(seen.faults);
@@ -187,12 +194,14 @@ impl Machine {
             self.mode = Mode::Disarmed;
             return;
         }
-        if seen.missing != 0 {
-            self.well = None;
-            let since = *self.missing.get_or_insert(seen.now);
-            if seen.now.saturating_sub(since) >= self.rules.patience {
-                self.fail(seen.missing | Reason::TOO_LONG);
-            }
+        if seen.missing == 0 {
+            self.lacked = self.lacked.saturating_sub(gone / FADES);
+            return;
+        }
+        self.well = None;
+        self.lacked = self.lacked.saturating_add(gone);
+        if self.lacked >= self.rules.patience {
+            self.fail(seen.missing | Reason::TOO_LONG);
         }
     }
 
@@ -213,12 +222,8 @@ impl Machine {
                 return false;
             }
         }
-        self.forget_missing();
+        (self.vented, self.well) = (false, None);
         true
-    }
-
-    fn forget_missing(&mut self) {
-        (self.missing, self.vented, self.well) = (None, false, None);
     }
 
     /// The safe state, at this time.

@@ -28,7 +28,7 @@
 //! silence, and in a new session, duties grow from zero over [`Receives::ramp`]: what the sender sent last is not what
 //! the valves did last.
 //!
-//! **Sessions.** A sender draws a nonce when it starts ([`Session::begun`]). A receiver takes numbers of one session only,
+//! **Sessions.** A sender draws a nonce when it starts ([`Session::begun`](crate::Session::begun)). A receiver takes numbers of one session only,
 //! and each only if it is higher than the last. It goes over to another session only if all of this holds:
 //! - no datagram of the present one lives, so that the far end is in its safe state;
 //! - the new one started later: an old process that wakes up, or a recording, is refused for good;

@@ -55,7 +55,8 @@ pub struct ValvesParams {
     /// How long all must be there again, once it vented, before commands are followed.
     #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]
     pub settle: u64,
-    /// How long something may be missing before it is a fault, which waits for a person.
+    /// How long something may be missing before it is a fault, which waits for a person: at once, or by and by, where it is
+    /// for more than a fifth of the time.
     #[param(unit = "ns", default = "5 s", min = "10 ms", max = "10 min")]
     pub patience: u64,
     /// Greatest duty.

@@ -119,6 +119,23 @@ fn what_is_missing_for_too_long_waits_for_a_person() {
 }
 
 #[test]
+fn what_comes_and_goes_waits_for_a_person_too_where_it_is_missing_for_much_of_the_time() {
+    // Of each second something is missing for so many ms.
+    let fault_after = |missing: u64| {
+        let mut machine = armed(Safe::Vent);
+        (10..200_000).step_by(10).find(|ms| {
+            let bits = if ms % 1_000 < missing { Reason::POSE_STALE } else { 0 };
+            machine.look(&Seen { missing: bits, ..seen(*ms) });
+            machine.state() == State::Fault
+        })
+    };
+    assert_eq!((fault_after(100), fault_after(200)), (None, None));
+    // A half less a quarter of the other half is 0.375 s each second.
+    assert!(fault_after(500).is_some_and(|ms| (12_000..15_000).contains(&ms)), "{:?}", fault_after(500));
+    assert!(fault_after(1_000).is_some_and(|ms| (4_990..5_020).contains(&ms)));
+}
+
+#[test]
 fn numbers_that_are_none_and_pressure_are_faults_at_once() {
     let bits = [Reason::POSE_NOT_FINITE, Reason::COMMAND_NOT_FINITE, Reason::COMMAND_SHAPE, Reason::PRESSURE];
     for bit in bits {
