@@ -4,7 +4,7 @@ use stillpoint_samples::{Refusal, Standing, TargetElement, TargetStatus, TrackEl
 
 use crate::channels::{Channels, difference};
 use crate::moves::{Leg, Profile};
-use crate::reachability::Reachability;
+use crate::rig::Rig;
 
 /// A move that was planned before the run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ pub struct GoalParams {
     /// Least and greatest distance from the start.
     pub reach: [[f64; 2]; 6],
     /// What the rig can hold.
-    pub rig: Reachability,
+    pub rig: Rig,
     /// How long estimates are averaged to find the start, ns.
     pub settle: u64,
     /// How long the way to an asked target takes, ns.

@@ -8,7 +8,8 @@
 //! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
 //! - [`features`], [`lstm`], [`predictor`], [`tensor_file`]: what the adaptive law learns over; a recurrent network, and its
 //!   file
-//! - [`moves`], [`goal`], [`reachability`]: where the head is to be, and which places the bladders can hold
+//! - [`moves`], [`goal`]: where the head is to be
+//! - [`rig`]: rigs whose mechanics are known: what their bladders do, and what they can hold
 //! - [`channels`]: which channels of a pose are controlled, and how they stand in samples
 //! - [`mod@operators`], `control.target`, `control.pi`, `control.lqg` and `control.mrac`
 
@@ -29,9 +30,9 @@ pub mod operators;
 pub mod pi;
 pub mod predictor;
 pub mod projection;
-pub mod reachability;
 pub mod reference;
 pub mod riccati;
+pub mod rig;
 pub mod tensor_file;
 pub mod valves;
 

@@ -6,6 +6,7 @@ use stillpoint_pipeline::operator::SetupError;
 
 use crate::channels::{Channel, Channels};
 use crate::effect::Effect;
+use crate::rig::{Rig, RigKind};
 
 /// A number for each channel that it is given for, in the channel's unit.
 #[derive(Clone, Copy, Debug, PartialEq, Params)]
@@ -90,6 +91,12 @@ pub struct PlantParams {
         default = "[{ z: 13.23 mm/s, pitch: 6.225 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: 11.1 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: -11.1 deg/s }]"
     )]
     pub bladders: Vec<BladderRates>,
+    /// The rig, if its mechanics are known: what the bladders do follows from them, and `bladders` does not count.
+    #[param(default = "unknown")]
+    pub rig: RigKind,
+    /// Mass of the head on the rig.
+    #[param(unit = "kg", default = "5 kg", min = "1 kg", max = "10 kg")]
+    pub head_mass: f64,
     /// What counts as one in each channel: errors of these sizes weigh the same.
     #[param(default = "{ x: 10 mm, y: 10 mm, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg, yaw: 5 deg }")]
     pub scale: PerChannel,
@@ -118,14 +125,15 @@ impl PlantParams {
         let said = |what: &str, e: &dyn std::fmt::Display| SetupError(format!("`plant.{what}`: {e}"));
         let channels = Channels::new(&self.channels).map_err(|e| said("channels", &e))?;
         let scale = self.scale.of(&channels, "plant.scale")?;
-        if self.bladders.len() > MOST_BLADDERS {
-            let (found, most) = (self.bladders.len(), MOST_BLADDERS);
+        let known = Rig::of(self.rig, self.head_mass).and_then(|rig| rig.rates());
+        let listed = || self.bladders.iter().map(|b| [b.x, b.y, b.z, b.pitch, b.roll, b.yaw]).collect();
+        let rates: Vec<[f64; 6]> = known.map_err(|e| said("rig", &e))?.unwrap_or_else(listed);
+        if rates.len() > MOST_BLADDERS {
+            let (found, most) = (rates.len(), MOST_BLADDERS);
             return Err(SetupError(format!(
                 "`plant.bladders` names {found} bladders: there is room for {most}"
             )));
         }
-        let rates: Vec<[f64; 6]> =
-            self.bladders.iter().map(|b| [b.x, b.y, b.z, b.pitch, b.roll, b.yaw]).collect();
         let places: Vec<usize> = channels.iter().map(Channel::place).collect();
         let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
         let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;

@@ -5,7 +5,7 @@ use stillpoint_pipeline::operator::SetupError;
 use crate::channels::{ALL, Channel, Channels};
 use crate::goal::PlannedMove;
 use crate::operators::target::{MoveParams, ReachParams};
-use crate::reachability::Reachability;
+use crate::rig::Rig;
 
 /// Least and greatest distance from the start of each channel that is held.
 pub fn reach(params: &ReachParams, channels: &Channels) -> Result<[[f64; 2]; 6], SetupError> {
@@ -83,11 +83,7 @@ pub fn refuse_unreachable(
 }
 
 /// Refuses moves that the rig's bladders cannot hold.
-pub fn refuse_unheld(
-    moves: &[PlannedMove],
-    rig: &Reachability,
-    channels: &Channels,
-) -> Result<(), SetupError> {
+pub fn refuse_unheld(moves: &[PlannedMove], rig: &Rig, channels: &Channels) -> Result<(), SetupError> {
     let mut from = [0.0; 6];
     for (place, planned) in moves.iter().enumerate() {
         let to = std::array::from_fn(|i| planned.to[i].unwrap_or(from[i]));

@@ -10,7 +10,7 @@ use crate::channels::{Channel, Channels};
 use crate::goal::{Asked, Goal, GoalParams};
 use crate::moves::Profile;
 use crate::operators::planned::{planned, reach, refuse_unheld, refuse_unreachable};
-use crate::reachability::{Reachability, RigKind};
+use crate::rig::{Rig, RigKind};
 
 const STATE: usize = 0;
 const COMMAND: usize = 1;
@@ -176,7 +176,7 @@ impl Operator for ControlTarget {
         let reach = reach(&params.reach, &channels)?;
         let moves = planned(&params.moves, &channels)?;
         let absolute = params.counted_from == CountedFrom::Frame;
-        let rig = Reachability::of(params.rig, params.head_mass)
+        let rig = Rig::of(params.rig, params.head_mass)
             .map_err(|e| SetupError(format!("`head_mass` is {} kg: {e}", params.head_mass)))?;
         if !absolute {
             refuse_unreachable(&moves, &reach, &channels)?;

@@ -29,7 +29,7 @@ fn is_shut(duties: &DutiesElement) -> bool {
 }
 
 /// When the height has gone the tenth and the nine tenths of its way, s.
-fn rise(run: &Run) -> f64 {
+pub fn rise(run: &Run) -> f64 {
     let truth = truth(run);
     let height = |part: f64| truth[0].1[0] + part * 0.0115;
     let when = |level: f64| truth.iter().find(|(_, at)| at[0] >= level).unwrap().0;
@@ -127,6 +127,17 @@ fn one_bladder_holds_one_channel() {
         assert!((end - start - 0.010).abs() < 5e-4, "{law}: {}", (end - start) * 1e3);
         assert_eq!(duties(&run).last().unwrap().1.valves, 2);
     }
+}
+
+#[test]
+fn what_the_bladders_do_follows_from_the_rig() {
+    let law = "control.mrac, every: 10 ms, params: { plant: { rig: three_bladders } }";
+    let worst = worst_after(&closed_loop("kinetics: rig", STEP, law, 70), 60.0);
+    assert!(worst[0] < 0.2 && worst[1] < 0.1 && worst[2] < 0.1, "{worst:?}");
+    let law = "control.mrac, every: 10 ms, params: { plant: { rig: one_bladder, channels: [z] }, rise: 4 s }";
+    let target = "channels: [z], rig: one_bladder, moves: [{ at: 1 s, z: 10 mm }]";
+    let truth = truth(&closed_loop("kinetics: one_bladder", target, law, 30));
+    assert!((truth.last().unwrap().1[0] - truth[0].1[0] - 0.010).abs() < 2e-4);
 }
 
 #[test]

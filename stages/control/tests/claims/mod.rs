@@ -1,4 +1,5 @@
 //! - `vectors`: vector files
+//! - `comparison`: the controllers side by side
 //! - `gains`: Riccati and Lyapunov equations, linear-quadratic control
 //! - `printed_gains`: the gains that the source prints do nothing
 //! - `adaptive`: adaptive laws along the reference trajectories
@@ -13,6 +14,7 @@
 
 mod adaptive;
 mod allocation;
+mod comparison;
 mod gains;
 mod goals;
 mod learned;

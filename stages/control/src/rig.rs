@@ -1,4 +1,4 @@
-//! Which targets the bladders of a rig can hold.
+//! Rigs whose mechanics are known: what their bladders do to the head, and which targets they can hold.
 
 use nalgebra::SVector;
 use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
@@ -8,7 +8,7 @@ use stillpoint_pipeline::Choice;
 /// A rig whose mechanics are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum RigKind {
-    /// None is known: only the box of the reach counts.
+    /// None is known.
     Unknown,
     /// Height, on one bladder.
     OneBladder,
@@ -18,12 +18,14 @@ pub enum RigKind {
     EightBladders,
 }
 
+/// Gauge pressure at which the flow into a bladder counts, Pa.
+const NOMINAL: f64 = 10e3;
 /// Parts of a way that are looked at.
 const PARTS: u32 = 8;
 
 /// A rig at rest where control begins.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Reachability {
+pub enum Rig {
     /// Anything.
     Unknown,
     /// One bladder.
@@ -38,6 +40,7 @@ pub enum Reachability {
 #[derive(Clone, Debug, PartialEq)]
 pub struct At<const D: usize, const B: usize, const N: usize> {
     plant: Plant<D, B, N>,
+    air: SVector<f64, B>,
     rest: SVector<f64, D>,
     push: SVector<f64, B>,
     /// Which of the six channels each coordinate is.
@@ -68,7 +71,7 @@ impl InTheWay {
     }
 }
 
-impl Reachability {
+impl Rig {
     /// A rig under a head of `mass` kg, with the air that it starts with.
     ///
     /// # Errors
@@ -92,6 +95,20 @@ impl Reachability {
                 Self::Eight(Box::new(At::rest(plant, air, SVector::zeros(), [0, 1, 2, 3, 4, 5])?))
             }
         })
+    }
+
+    /// How fast each bladder moves x, y, z, pitch, roll and yaw when its inlet is wide open, m/s and rad/s: how the pose at
+    /// rest moves with its air, times the flow into it (SCIENCE E6, E11). `None` where no rig is known.
+    ///
+    /// # Errors
+    /// The rig does not bear the head with a little less air in a bladder.
+    pub fn rates(&self) -> Result<Option<Vec<[f64; 6]>>, String> {
+        match self {
+            Self::Unknown => Ok(None),
+            Self::One(at) => at.rates().map(Some),
+            Self::Three(at) => at.rates().map(Some),
+            Self::Eight(at) => at.rates().map(Some),
+        }
     }
 
     /// Whether the rig can hold every pose on the straight way between two, both as distances from where control began
@@ -119,7 +136,20 @@ impl<const D: usize, const B: usize, const N: usize> At<D, B, N> {
         let rest = plant.equilibrium(&air, guess).map_err(|e| e.to_string())?;
         let pressed = plant.bladders(&rest, &air);
         let push = SVector::from_fn(|j, _| pressed[j].force());
-        Ok(Self { plant, rest, push, channels })
+        Ok(Self { plant, air, rest, push, channels })
+    }
+
+    fn rates(&self) -> Result<Vec<[f64; 6]>, String> {
+        let slopes = self.plant.pose_by_air(&self.air, self.rest).map_err(|e| e.to_string())?;
+        let flow = self.plant.inlet_flow(NOMINAL);
+        let of_bladder = |j: usize| {
+            let mut rates = [0.0; 6];
+            for (i, channel) in self.channels.iter().enumerate() {
+                rates[*channel] = slopes[(i, j)] * flow;
+            }
+            rates
+        };
+        Ok((0..B).map(of_bladder).collect())
     }
 
     fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
@@ -132,12 +162,14 @@ impl<const D: usize, const B: usize, const N: usize> At<D, B, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::Effect;
+    use nalgebra::DMatrix;
 
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
     #[test]
     fn the_sources_step_can_be_held_and_ten_times_of_it_cannot() {
-        let rig = Reachability::of(RigKind::ThreeBladders, 5.0).unwrap();
+        let rig = Rig::of(RigKind::ThreeBladders, 5.0).unwrap();
         let step = [0.0, 0.0, 0.0115, 1.35 * DEGREE, 10.0 * DEGREE, 0.0];
         assert_eq!(rig.check(&[0.0; 6], &step), Ok(()));
         let far = rig.check(&[0.0; 6], &step.map(|v| 10.0 * v)).unwrap_err();
@@ -149,11 +181,29 @@ mod tests {
     fn every_rig_holds_its_head_where_it_begins() {
         for kind in [RigKind::OneBladder, RigKind::ThreeBladders, RigKind::EightBladders] {
             for mass in [3.0, 5.0, 6.0] {
-                let rig = Reachability::of(kind, mass).unwrap();
+                let rig = Rig::of(kind, mass).unwrap();
                 assert_eq!(rig.check(&[0.0; 6], &[0.0; 6]), Ok(()), "{kind:?} {mass}");
             }
         }
-        let unknown = Reachability::of(RigKind::Unknown, 5.0).unwrap();
+        let unknown = Rig::of(RigKind::Unknown, 5.0).unwrap();
         assert_eq!(unknown.check(&[0.0; 6], &[1.0; 6]), Ok(()));
+    }
+
+    #[test]
+    fn the_bladders_of_every_rig_move_all_of_its_channels() {
+        for (kind, channels) in [
+            (RigKind::OneBladder, &[2][..]),
+            (RigKind::ThreeBladders, &[2, 3, 4]),
+            (RigKind::EightBladders, &[0, 1, 2, 3, 4, 5]),
+        ] {
+            let rates = Rig::of(kind, 5.0).unwrap().rates().unwrap().unwrap();
+            let scale = [0.01, 0.01, 0.0115, 0.0236, 0.1745, 0.0873];
+            let b = DMatrix::from_fn(channels.len(), rates.len(), |i, j| {
+                rates[j][channels[i]] / scale[channels[i]]
+            });
+            let effect = Effect::new(b).unwrap();
+            assert_eq!((effect.channels(), effect.bladders()), (channels.len(), rates.len()));
+        }
+        assert_eq!(Rig::of(RigKind::Unknown, 5.0).unwrap().rates(), Ok(None));
     }
 }
