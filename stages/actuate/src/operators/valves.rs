@@ -215,7 +215,7 @@ impl Operator for ActuateValves {
         if self.drive.is_exceeded() {
             seen.faults |= Reason::PRESSURE;
         }
-        if let Some(asked) = Watch::asked(activation) {
+        for asked in Watch::asked(activation) {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);

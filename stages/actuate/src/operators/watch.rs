@@ -72,9 +72,9 @@ impl Watch {
         }
     }
 
-    /// What a person asks in this activation.
-    pub fn asked(activation: &Activation<'_>) -> Option<Asked> {
-        PEOPLE.iter().enumerate().find_map(|(place, (asked, verb))| {
+    /// What people ask in this activation, the safest last.
+    pub fn asked<'a>(activation: &'a Activation<'_>) -> impl Iterator<Item = Asked> + 'a {
+        PEOPLE.iter().enumerate().filter_map(|(place, (asked, verb))| {
             let sample = activation.fresh::<ConsoleCommand>(ARM + place)?;
             // An input that is connected to another verb's output asks for nothing.
             sample.first().is_some_and(|c| c.verb == *verb as u32).then_some(*asked)
