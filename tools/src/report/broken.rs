@@ -8,9 +8,9 @@ use stillpoint_recorder::{
     Closing, Compression, Opening, PartWriter, Role, Session, Source as Bytes, TopicInfo,
 };
 use stillpoint_samples::{
-    AlignedBytes, ConsoleCommand, DepthImage, Diagnostics, Duties, HEAD_SIZE, Head, Health, Hull, Intrinsics,
-    Journal, Pieces, Plane, PointCloud, Pose, PoseReport, Rejection, Sample, SampleKind, Shape, Target,
-    Track,
+    Actuation, AlignedBytes, ConsoleCommand, DepthImage, Diagnostics, Duties, Gate, HEAD_SIZE, Head, Health,
+    Hull, Intrinsics, Journal, Pieces, Plane, PointCloud, Pose, PoseReport, Rejection, RigState, Sample,
+    SampleKind, Shape, Target, Track,
 };
 use zerocopy::IntoBytes;
 
@@ -21,7 +21,7 @@ use super::html;
 const ELEMENTS: u32 = 12;
 
 /// Topics with their operators: a rig, a segmenter, a tracker, a filter and a fusion.
-const TOPICS: [(&str, &SampleKind); 15] = [
+const TOPICS: [(&str, &SampleKind); 18] = [
     ("rig.depth", DepthImage::KIND),
     ("rig.truth", Pose::KIND),
     ("face.face", PointCloud::KIND),
@@ -36,18 +36,23 @@ const TOPICS: [(&str, &SampleKind); 15] = [
     ("fused.health", Health::KIND),
     ("target.reference", Target::KIND),
     ("law.duties", Duties::KIND),
+    ("rig.state", RigState::KIND),
+    ("valves.state", Actuation::KIND),
+    ("beam.state", Gate::KIND),
     ("console.arm", ConsoleCommand::KIND),
 ];
 
 /// Operators with their inputs.
-const OPERATORS: [(&str, &[&str]); 8] = [
+const OPERATORS: [(&str, &[&str]); 10] = [
     ("rig", &[]),
     ("face", &["rig.depth"]),
     ("head", &["face.face"]),
     ("filter", &["head.pose"]),
     ("fused", &["filter.state", "filter.state"]),
     ("target", &[]),
-    ("law", &["fused.state", "target.reference"]),
+    ("law", &["fused.state", "target.reference", "beam.state"]),
+    ("valves", &["law.duties"]),
+    ("beam", &["fused.state", "valves.state"]),
     ("console", &[]),
 ];
 

@@ -17,6 +17,20 @@ pub fn fixed(value: impl Into<Option<f64>>, digits: usize) -> String {
     }
 }
 
+/// Four digits that count.
+pub fn short(value: impl Into<Option<f64>>) -> String {
+    match value.into() {
+        None => NONE.to_owned(),
+        Some(v) if !v.is_finite() => fixed(v, 0),
+        Some(v) if v == v.trunc() && v.abs() < 1e9 => format!("{v:.0}"),
+        Some(v) if (1e-3..1e5).contains(&v.abs()) => {
+            let digits = (3 - libm::log10(v.abs()).floor() as i64).clamp(0, 6) as usize;
+            format!("{v:.digits$}")
+        }
+        Some(v) => format!("{v:.3e}"),
+    }
+}
+
 /// A part as per cent.
 pub fn percent(part: impl Into<Option<f64>>) -> String {
     match part.into() {
@@ -89,5 +103,13 @@ mod tests {
         assert_eq!(utc(951_782_399_000_000_000), "2000-02-28 23:59:59 UTC");
         assert_eq!(utc(951_868_799_000_000_000), "2000-02-29 23:59:59 UTC");
         assert_eq!(utc(1_795_219_200_000_000_000), "2026-11-21 00:00:00 UTC");
+    }
+
+    #[test]
+    fn numbers_have_four_digits_that_count() {
+        let said =
+            [None, Some(3.0), Some(0.012_346), Some(1234.56), Some(-0.5), Some(1.5e-7), Some(0.1 + 0.2)]
+                .map(short);
+        assert_eq!(said, ["–", "3", "0.01235", "1235", "-0.5000", "1.500e-7", "0.3000"]);
     }
 }

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic, TopicKind};
 use stillpoint_samples::{
-    BytesError, Diagnostics, Duties, DutiesElement, Health, Pieces, Pose, PoseReport, Rejection, Sample,
-    SampleKind, Target, Track,
+    Actuation, ActuationReason, BytesError, Diagnostics, Duties, DutiesElement, Gate, Health, Pieces, Pose,
+    PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
 };
 
 pub use super::rows::{
-    Aims, Alignments, Fit, Metrics, Order, Orders, Part, Refusal, Signal, State, Tracking, Verdict,
+    Aims, Alignments, Fit, Gates, Metrics, Order, Orders, Part, Pressures, Refusal, Signal, State, Tracking,
+    Verdict,
 };
 use super::thinned::Thinned;
 use super::wiring::Wiring;
@@ -40,6 +41,12 @@ pub struct Recording<'s> {
     pub targets: Vec<Aims>,
     /// Duties of valves.
     pub duties: Vec<Orders>,
+    /// What gates of the beam said.
+    pub gates: Vec<Gates>,
+    /// Pressures, as a rig has them or as actuation estimates them.
+    pub pressures: Vec<Pressures>,
+    /// States of actuation and of rigs, where they changed.
+    pub states: Vec<Verdict>,
     /// Frames that gave no result.
     pub refusals: Thinned<Refusal>,
     /// Why samples could not be read, the first of them; and how many could not.
@@ -60,6 +67,9 @@ impl<'s> Recording<'s> {
             alignments: Vec::new(),
             targets: Vec::new(),
             duties: Vec::new(),
+            gates: Vec::new(),
+            pressures: Vec::new(),
+            states: Vec::new(),
             refusals: Thinned::default(),
             unreadable: (Vec::new(), 0),
             wiring,
@@ -114,6 +124,14 @@ impl<'s> Recording<'s> {
             self.duties.push(Orders { topic: topic.name.clone(), ..Orders::default() });
             return Some(self.duties.len() - 1);
         }
+        if is_any_of(topic, &[Gate::KIND]) {
+            self.gates.push(Gates { topic: topic.name.clone(), ..Gates::default() });
+            return Some(self.gates.len() - 1);
+        }
+        if is_any_of(topic, &[Actuation::KIND, RigState::KIND]) {
+            self.pressures.push(Pressures { topic: topic.name.clone(), ..Pressures::default() });
+            return Some(self.pressures.len() - 1);
+        }
         None
     }
 
@@ -152,7 +170,7 @@ impl<'s> Recording<'s> {
             }
         } else if *kind == *Health::KIND {
             for sensor in pieces.view::<Health>()?.elements {
-                self.judge(&topic.name, sensor.name(), sensor.reason(), head.stamp);
+                note(&mut self.verdicts, &topic.name, sensor.name(), sensor.reason(), head.stamp);
             }
         } else if *kind == *PoseReport::KIND {
             let alignments = place.and_then(|p| self.alignments.get_mut(p));
@@ -177,6 +195,37 @@ impl<'s> Recording<'s> {
                     reasons: duties.reasons,
                 });
             }
+        } else if *kind == *Gate::KIND {
+            let gates = place.and_then(|p| self.gates.get_mut(p));
+            if let (Some(gates), Some(gate)) = (gates, pieces.view::<Gate>()?.first()) {
+                gates.values.push((head.stamp, gate.beam != 0, gate.reasons));
+                gates.totals = [gate.leases, gate.on_for, gate.watched_for];
+            }
+        } else if *kind == *Actuation::KIND {
+            if let (Some(place), Some(a)) = (place, pieces.view::<Actuation>()?.first()) {
+                self.press(place, head.stamp, a.pressure, a.valves as usize / 2);
+                let why: Vec<&str> = ActuationReason::words(a.reasons).collect();
+                note(
+                    &mut self.states,
+                    &topic.name,
+                    "",
+                    &with_reasons(a.state().word(), &why.join(", ")),
+                    head.stamp,
+                );
+            }
+        } else if *kind == *RigState::KIND {
+            if let (Some(place), Some(rig)) = (place, pieces.view::<RigState>()?.first()) {
+                self.press(place, head.stamp, rig.pressure, rig.bladders as usize);
+                let mode = match rig.mode() {
+                    RigMode::Waiting => "waiting",
+                    RigMode::Driven => "driven",
+                    RigMode::Holding => "holding",
+                    RigMode::Venting => "venting",
+                };
+                let faults =
+                    if rig.faults == 0 { String::new() } else { format!("faults {:#x}", rig.faults) };
+                note(&mut self.states, &topic.name, "", &with_reasons(mode, &faults), head.stamp);
+            }
         } else if *kind == *Rejection::KIND
             && let Some(rejection) = pieces.view::<Rejection>()?.first()
         {
@@ -186,12 +235,10 @@ impl<'s> Recording<'s> {
         Ok(())
     }
 
-    /// Notes a verdict where it differs from the last one on the same sensor.
-    fn judge(&mut self, topic: &str, sensor: &str, reason: &str, since: u64) {
-        let last = self.verdicts.iter().rev().find(|v| v.topic == topic && v.sensor == sensor);
-        if last.is_none_or(|v| v.reason != reason) && self.verdicts.len() < super::thinned::MOST {
-            let [topic, sensor, reason] = [topic, sensor, reason].map(str::to_owned);
-            self.verdicts.push(Verdict { topic, sensor, reason, since });
+    fn press(&mut self, place: usize, stamp: u64, pressure: [f64; 8], bladders: usize) {
+        if let Some(pressures) = self.pressures.get_mut(place) {
+            pressures.bladders = pressures.bladders.max(bladders.min(pressure.len()));
+            pressures.values.push((stamp, pressure.map(|p| p as f32)));
         }
     }
 
@@ -231,6 +278,9 @@ const READ: &[&SampleKind] = &[
     PoseReport::KIND,
     Target::KIND,
     Duties::KIND,
+    Gate::KIND,
+    Actuation::KIND,
+    RigState::KIND,
     Rejection::KIND,
 ];
 
@@ -243,4 +293,18 @@ pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
 fn span(session: &Session) -> [u64; 2] {
     let stamps = || session.journals().values().flatten().map(|e| e.head.stamp).filter(|t| *t < u64::MAX);
     [stamps().min().unwrap_or(0), stamps().max().unwrap_or(0)]
+}
+
+/// Notes what is said of one of a topic's things where it differs from what was said of it last.
+fn note(verdicts: &mut Vec<Verdict>, topic: &str, sensor: &str, reason: &str, since: u64) {
+    let last = verdicts.iter().rev().find(|v| v.topic == topic && v.sensor == sensor);
+    if last.is_none_or(|v| v.reason != reason) && verdicts.len() < super::thinned::MOST {
+        let [topic, sensor, reason] = [topic, sensor, reason].map(str::to_owned);
+        verdicts.push(Verdict { topic, sensor, reason, since });
+    }
+}
+
+/// A state, and why where there is a reason.
+fn with_reasons(state: &str, why: &str) -> String {
+    if why.is_empty() { state.to_owned() } else { format!("{state}: {why}") }
 }

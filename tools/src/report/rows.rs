@@ -160,6 +160,28 @@ pub struct Order {
     pub reasons: u32,
 }
 
+/// What a gate of the beam said over time.
+#[derive(Clone, Debug, Default)]
+pub struct Gates {
+    /// Its topic.
+    pub topic: String,
+    /// (stamp in ns, whether the beam may be on, reasons against it).
+    pub values: Thinned<(u64, bool, u32)>,
+    /// The last word: leases begun, how long the beam was allowed and watched in all, ns.
+    pub totals: [u64; 3],
+}
+
+/// Pressures in bladders over time.
+#[derive(Clone, Debug, Default)]
+pub struct Pressures {
+    /// Their topic.
+    pub topic: String,
+    /// How many bladders there are.
+    pub bladders: usize,
+    /// (stamp in ns, Pa over the room).
+    pub values: Thinned<(u64, [f32; 8])>,
+}
+
 /// A frame that gave no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::exit::Failure;
+use crate::report::numbers::short;
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
@@ -79,30 +80,4 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         section.blocks.push(Block::Table(table));
     }
     Ok(section)
-}
-
-/// Four digits that count.
-fn short(value: Option<f64>) -> String {
-    match value {
-        None => crate::report::numbers::NONE.to_owned(),
-        Some(v) if v == v.trunc() && v.abs() < 1e9 => format!("{v:.0}"),
-        Some(v) if (1e-3..1e5).contains(&v.abs()) => {
-            let digits = (3 - libm::log10(v.abs()).floor() as i64).clamp(0, 6) as usize;
-            format!("{v:.digits$}")
-        }
-        Some(v) => format!("{v:.3e}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_four_digits_that_count() {
-        let said =
-            [None, Some(3.0), Some(0.012_346), Some(1234.56), Some(-0.5), Some(1.5e-7), Some(0.1 + 0.2)]
-                .map(short);
-        assert_eq!(said, ["–", "3", "0.01235", "1235", "-0.5000", "1.500e-7", "0.3000"]);
-    }
 }

@@ -8,7 +8,7 @@ use stillpoint_samples::Standing;
 
 use crate::exit::Failure;
 use crate::report::motion::{CHANNELS, Truth, compare, unit};
-use crate::report::numbers::{fixed, percent};
+use crate::report::numbers::{fixed, percent, short};
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::ramp::{RAMP_MM_PER_S, Settled};
 use crate::report::recording::{Part, Recording, Signal, State, Tracking};
@@ -241,8 +241,8 @@ fn filter_table(filters: &[Filter]) -> Table {
             Cell::text(&f.topic),
             Cell::text(&f.measurement),
             Cell::text(f.channel),
-            Cell::number(fixed(f.raw_variance, 4)),
-            Cell::number(fixed(f.filtered_variance, 4)),
+            Cell::number(short(f.raw_variance)),
+            Cell::number(short(f.filtered_variance)),
             Cell::text(format!("{}²", f.unit)),
             Cell::number(percent(f.reduction)),
             Cell::number(percent(f.reduction_of_white_noise)),
@@ -275,11 +275,11 @@ fn fused_table(fused: &[Fused]) -> Table {
             Cell::text(&f.topic),
             Cell::text(f.channel),
             Cell::number(f.estimates.to_string()),
-            Cell::number(fixed(f.variance, 4)),
-            Cell::number(fixed(f.centralised_variance, 4)),
+            Cell::number(short(f.variance)),
+            Cell::number(short(f.centralised_variance)),
             Cell::text(format!("{}²", f.unit)),
             Cell::number(fixed(f.over_centralised, 3)),
-            Cell::number(fixed(f.claimed, 4)),
+            Cell::number(short(f.claimed)),
             Cell::number(fixed(f.claimed_over_actual, 3)),
         ]);
     }

@@ -1,6 +1,7 @@
 //! The sections of a report, in their order. To add one, add a file with a function from the source to a section, and
 //! a line in [`ALL`].
 
+mod actuation;
 mod alignment;
 mod consistency;
 mod diagnostics;
@@ -8,6 +9,7 @@ mod duties;
 mod errors;
 mod faults;
 mod filters;
+mod gate;
 mod ledger;
 mod operators;
 mod provenance;
@@ -38,6 +40,8 @@ pub const ALL: &[Make] = &[
     sensors::section,
     targets::section,
     duties::section,
+    actuation::section,
+    gate::section,
     segmentation::section,
     alignment::section,
     operators::section,
