@@ -29,9 +29,10 @@ impl MappedFile {
         if !file.metadata()?.is_file() {
             return Err(io::Error::new(ErrorKind::InvalidInput, "not a plain file"));
         }
+        // It is read as a whole at once, to be checked: its pages are brought in together.
         // SAFETY: the map is private to this type, read-only, and lends bytes no longer than it lives. That nobody
         // writes to the file is the contract above: `publish` never changes a file in place.
-        unsafe { memmap2::MmapOptions::new().map(&file) }.map(Self)
+        unsafe { memmap2::MmapOptions::new().populate().map(&file) }.map(Self)
     }
 
     /// What the file holds.
