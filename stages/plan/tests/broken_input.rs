@@ -12,7 +12,8 @@ use flate2::{Compression, write::ZlibEncoder};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use sha2::{Digest, Sha256};
-use stillpoint_plan::case::{NameTable, Values, from_bytes, import_described, read_nrrd, to_bytes};
+use stillpoint_plan::case::{Case, NameTable, Values, from_bytes, import_described, read_nrrd, to_bytes};
+use stillpoint_plan::objectives::ObjectiveTable;
 
 #[path = "case/small.rs"]
 #[allow(dead_code)]
@@ -183,7 +184,29 @@ proptest! {
             table.find("Bladder_wall");
         }
     }
+
+    #[test]
+    fn broken_objectives_are_refused_or_make_goals(harms in prop::collection::vec(harm(), 1..4)) {
+        let own = r#"{"objectives": [
+            {"match": ["PTV"], "wanted": [{"underdose": {"dose": "100 %", "weight": 9}}, {"homogeneity": {"weight": 1}}]},
+            {"match": ["*"], "wanted": [{"dvh_at_most": {"dose": "20 Gy", "volume": "30 %", "weight": 2}}]}
+        ]}"#;
+        let text = harmed(own.as_bytes().to_vec(), &harms);
+        if let Ok(table) = ObjectiveTable::parse(&String::from_utf8_lossy(&text))
+            && let Ok(aims) = table.for_case(&CASE, CASE.grid())
+            && let Ok(goals) = aims.goals(2)
+        {
+            prop_assert_eq!(goals.rows(), 2 * CASE.grid().len());
+            prop_assert!(goals.problem(&[]).is_ok() || aims.wanted.iter().any(|w| !w.objectives.is_empty()));
+        }
+    }
 }
+
+static CASE: LazyLock<Case> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    small::describe(folder.path(), small::JSON);
+    import_described(&folder.path().join("small.json"), &NameTable::shipped().unwrap()).unwrap().case
+});
 
 #[test]
 fn broken_descriptions_are_refused_or_make_a_whole_case() {

@@ -1,6 +1,6 @@
 //! Charts of a plan: histograms, and how the search went.
 
-use stillpoint_plan::case::Role;
+use stillpoint_plan::objectives::follows;
 
 use super::ground::Ground;
 use super::outcome::Outcome;
@@ -34,11 +34,9 @@ pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>)
         }
     }
     // The least and the most that each structure gets over the set-ups.
-    let moving: Vec<&str> = ground.aims.moving().map(|w| w.name.as_str()).collect();
     let moved: Vec<_> = outcome.gray[1..].iter().map(|gray| ground.on_grid.histograms(gray)).collect();
     for (place, (structure, dvh)) in planned.iter().enumerate() {
-        if structure.role == Role::External || moved.is_empty() || !moving.contains(&structure.name.as_str())
-        {
+        if moved.is_empty() || !follows(structure.role) {
             continue;
         }
         let all = || {

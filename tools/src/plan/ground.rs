@@ -46,7 +46,7 @@ impl<'a> Ground<'a> {
         let aims = request.objectives.for_case(case, &grid).map_err(Failure::failed)?;
         let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
         let mut engines = vec![engine.clone()];
-        let moving = engine.within(&aims.moving_voxels());
+        let moving = engine.within(aims.followed());
         for shift_mm in &request.setups_mm[1..] {
             engines.push(moving.shifted(*shift_mm).map_err(Failure::failed)?);
         }

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use stillpoint_plan::beams::Progress;
 use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::objectives::follows;
 
 use super::ground::Ground;
 use super::request::Request;
@@ -14,11 +15,11 @@ pub struct Outcome<'a> {
     pub run: &'a Run,
     /// Gantry angles, rising, degrees.
     pub angles_deg: Vec<f64>,
-    /// Dose on the dose grid in each set-up, gray, the planned one first. The others hold the voxels that move.
+    /// Dose on the dose grid in each set-up, gray, the planned one first. The others hold the voxels that are followed.
     pub gray: Vec<Vec<f32>>,
     /// Figures of the planned set-up.
     pub figures: Vec<StructureDose>,
-    /// Figures of the other set-ups; of structures that count in them.
+    /// Figures of the other set-ups; of structures that are followed through them.
     pub moved: Vec<Vec<StructureDose>>,
     /// Figures of the dose that came with the case.
     pub reference: Option<Vec<StructureDose>>,
@@ -31,10 +32,9 @@ impl<'a> Outcome<'a> {
         let gray: Vec<Vec<f32>> =
             (0..request.setups_mm.len()).map(|setup| ground.doses.dose(best, setup)).collect();
         let figures = |gray: &[f32]| ground.on_grid.figures(gray, &ground.volumes_at_gy);
-        let moving: Vec<&str> = ground.aims.moving().map(|w| w.name.as_str()).collect();
         let of_moving = |gray: &Vec<f32>| {
             let mut figures = figures(gray);
-            figures.retain(|f| moving.contains(&f.name.as_str()));
+            figures.retain(|f| follows(f.role));
             // The dose around the target is not known there.
             figures.iter_mut().for_each(|f| f.conformity = None);
             figures

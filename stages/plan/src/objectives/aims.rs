@@ -16,6 +16,8 @@ pub struct Aims {
     pub notes: Vec<String>,
     /// Whether each of `wanted` counts in every set-up; the patient's outline counts in the planned one.
     moves: Vec<bool>,
+    /// Voxels that get dose in every set-up, rising.
+    followed: Vec<u32>,
     /// Voxels of the dose grid.
     voxels: usize,
 }
@@ -55,7 +57,13 @@ impl ObjectiveTable {
             Role::External => (4, 0.0),
         };
         order.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal));
-        let mut aims = Aims { wanted: Vec::new(), notes: Vec::new(), moves: Vec::new(), voxels: grid.len() };
+        let followed = case.structures().iter().filter(|s| follows(s.role));
+        let followed: Vec<_> = followed.map(|s| voxels_on(grid, case.grid(), &s.mask)).collect();
+        let mut followed = followed.concat();
+        followed.sort_unstable();
+        followed.dedup();
+        let mut aims =
+            Aims { wanted: Vec::new(), notes: Vec::new(), moves: Vec::new(), followed, voxels: grid.len() };
         let mut taken = vec![false; grid.len()];
         for structure in order {
             let wishes = self.find(&structure.name, structure.role);
@@ -63,7 +71,9 @@ impl ObjectiveTable {
                 continue;
             }
             let prescribed = match structure.role {
-                Role::Target => own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?,
+                Role::Target if wishes.iter().any(Wish::is_relative) => {
+                    own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?
+                }
                 _ => highest,
             };
             let mut voxels = voxels_on(grid, case.grid(), &structure.mask);
@@ -75,7 +85,7 @@ impl ObjectiveTable {
                 ));
                 continue;
             }
-            aims.moves.push(structure.role != Role::External);
+            aims.moves.push(follows(structure.role));
             let objectives = wishes.iter().map(|wish| wish.objective(prescribed)).collect();
             aims.wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
         }
@@ -105,20 +115,31 @@ impl Aims {
         Ok(Goals::new(wanted, setups * self.voxels)?)
     }
 
-    /// What counts in every set-up: all but the patient's outline.
-    pub fn moving(&self) -> impl Iterator<Item = &Wanted> {
-        self.wanted.iter().zip(&self.moves).filter(|(_, moves)| **moves).map(|(wanted, _)| wanted)
-    }
-
-    /// Voxels that count in every set-up, rising.
-    pub fn moving_voxels(&self) -> Vec<u32> {
-        let mut voxels: Vec<u32> = self.moving().flat_map(|wanted| wanted.voxels.iter().copied()).collect();
-        voxels.sort_unstable();
-        voxels
+    /// Voxels of structures that are followed through every set-up, rising.
+    pub fn followed(&self) -> &[u32] {
+        &self.followed
     }
 }
 
+/// Whether a structure of this role is followed through every set-up: all but the outline, whose doses would be most of
+/// the work.
+pub fn follows(role: Role) -> bool {
+    role != Role::External
+}
+
 impl Wish {
+    /// Whether it speaks of the prescription.
+    fn is_relative(&self) -> bool {
+        match self {
+            Self::Overdose { dose, .. }
+            | Self::Underdose { dose, .. }
+            | Self::MeanDose { dose, .. }
+            | Self::DvhAtMost { dose, .. }
+            | Self::DvhAtLeast { dose, .. } => matches!(dose, Dose::OfPrescription(_)),
+            Self::Homogeneity { .. } => false,
+        }
+    }
+
     fn objective(&self, prescribed: f64) -> Objective {
         let gray = |dose: Dose| match dose {
             Dose::Gray(gray) => gray,
@@ -172,7 +193,9 @@ mod tests {
         assert_eq!(goals.rows(), 7 * aims.voxels);
         assert_eq!(goals.wanted().len(), 7 * 5 + 1);
         let all = aims.wanted.iter().map(|w| w.voxels.len()).sum::<usize>();
-        assert_eq!(goals.voxels().len(), all + 6 * aims.moving_voxels().len());
+        let moving: usize = aims.wanted[..5].iter().map(|w| w.voxels.len()).sum();
+        assert_eq!(goals.voxels().len(), all + 6 * moving);
+        assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
         assert_eq!(
             goals.wanted()[6].objectives[0],
             Objective::Underdose { dose: 78.0, weight: 400.0 * (1.0 / 7.0) }

@@ -20,5 +20,5 @@
 mod aims;
 mod table;
 
-pub use aims::{Aims, AimsError};
+pub use aims::{Aims, AimsError, follows};
 pub use table::{ObjectiveTable, TableError};

@@ -48,7 +48,7 @@ fn a_plan_for_all_set_ups_covers_the_target_better_in_the_worst_of_them() {
     let params = DoseParams { bixels: BixelSpec::of_width(10.0), ..DoseParams::over(case.grid(), 8.0) };
     let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
     let aims = ObjectiveTable::shipped().unwrap().for_case(&case, &params.grid).unwrap();
-    let moving = engine.within(&aims.moving_voxels());
+    let moving = engine.within(aims.followed());
     let shifts = [[8.0, 0.0, 0.0], [-8.0, 0.0, 0.0], [0.0, 0.0, 8.0], [0.0, 0.0, -8.0]];
     let mut engines = vec![engine];
     engines.extend(shifts.map(|shift| moving.shifted(shift).unwrap()));
