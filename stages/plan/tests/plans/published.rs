@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
 use stillpoint_plan::case::{Case, NameTable, import_described};
-use stillpoint_plan::dose::{DoseCache, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::evaluation::{OnGrid, StructureDose};
+use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::evaluation::{OnGrid, StructureDose, brought_to};
 use stillpoint_plan::objectives::ObjectiveTable;
 
 const NINE_DEG: [f64; 9] = [0.0, 40.0, 80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0];
@@ -25,9 +25,14 @@ fn planning() -> Option<PathBuf> {
     None
 }
 
-/// Figures of a plan of nine beams.
-fn nine_beams(case: &Case, table: &ObjectiveTable) -> Vec<StructureDose> {
-    let params = DoseParams::over(case.grid(), 5.0);
+/// Figures of a plan of nine beams, and of the dose that came with the case.
+fn nine_beams(
+    case: &Case,
+    table: &ObjectiveTable,
+    bixel_mm: f64,
+) -> (Vec<StructureDose>, Option<Vec<StructureDose>>) {
+    let bixels = BixelSpec::of_width(bixel_mm);
+    let params = DoseParams { bixels, ..DoseParams::over(case.grid(), 5.0) };
     let engine = DoseEngine::of_case(case, Machine::shipped().unwrap(), params).unwrap();
     let ring = Ring::new(90, 5).unwrap();
     let beams = NINE_DEG.map(|angle| ring.nearest(angle));
@@ -39,7 +44,10 @@ fn nine_beams(case: &Case, table: &ObjectiveTable) -> Vec<StructureDose> {
     let mut evaluator = Evaluator::new(&doses, &goals, ring, 9, Budget { solves: 1 });
     let best = choose(&Method::Class(NINE_DEG.to_vec()), &mut evaluator, 0).unwrap().best;
     assert!(best.plan.certificate.relative_excess() < 1e-3, "{:?}", best.plan.certificate);
-    OnGrid::new(case, &params.grid).figures(&doses.dose(&best, 0), &[])
+    let on_grid = OnGrid::new(case, &params.grid);
+    let reference = case.reference_dose_gy().map(|gray| brought_to(&params.grid, case.grid(), gray));
+    let figures = |gray: &[f32]| on_grid.figures(gray, &[]);
+    (figures(&doses.dose(&best, 0)), reference.as_deref().map(figures))
 }
 
 fn of<'a>(figures: &'a [StructureDose], name: &str) -> &'a StructureDose {
@@ -53,8 +61,36 @@ fn the_c_shape_of_tg_119_meets_its_published_goals() {
     let Some(root) = planning() else { return };
     let case = import_described(&root.join("tg119/tg119.json"), &NameTable::shipped().unwrap()).unwrap().case;
     let table = ObjectiveTable::parse(TG119).unwrap().before(ObjectiveTable::shipped().unwrap());
-    let figures = nine_beams(&case, &table);
+    let (figures, _) = nine_beams(&case, &table, 10.0);
     let (ptv, core) = (of(&figures, "PTV"), of(&figures, "Core"));
     println!("PTV D95 {:.2} Gy, D10 {:.2} Gy; core D10 {:.2} Gy", ptv.d95_gy, ptv.d10_gy, core.d10_gy);
     assert!(ptv.d95_gy >= 50.0 && ptv.d10_gy <= 55.0 && core.d10_gy <= 25.0, "{ptv:?} {core:?}");
+}
+
+/// Wide bixels: without optimisation by the compiler narrow ones take minutes.
+#[test]
+fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
+    let Some(root) = planning() else { return };
+    let table = ObjectiveTable::shipped().unwrap();
+    for patient in 1..=4 {
+        let file = root.join(format!("openkbp/openkbp_{patient}.json"));
+        let case = import_described(&file, &NameTable::shipped().unwrap()).unwrap().case;
+        let (ours, reference) = nine_beams(&case, &table, 15.0);
+        let reference = reference.unwrap();
+        for target in case.targets() {
+            let (ours, theirs) = (of(&ours, &target.name), of(&reference, &target.name));
+            let [a, b] = [ours, theirs].map(|t| 100.0 * t.covered.unwrap());
+            println!(
+                "{patient} {}: D95 {:.1} Gy, {a:.1} % covered; reference {:.1} Gy, {b:.1} %",
+                target.name, ours.d95_gy, theirs.d95_gy
+            );
+            assert!(ours.covered.unwrap() > 0.85, "patient {patient}: {ours:?}");
+        }
+        let (ours, theirs) = (of(&ours, "SpinalCord"), of(&reference, "SpinalCord"));
+        println!(
+            "{patient} SpinalCord: D2 {:.1} Gy, largest {:.1} Gy; reference {:.1} Gy, {:.1} Gy",
+            ours.d2_gy, ours.max_gy, theirs.d2_gy, theirs.max_gy
+        );
+        assert!(ours.max_gy < 45.0, "patient {patient}: {ours:?}");
+    }
 }
