@@ -5,7 +5,6 @@ use stillpoint_plan::beams::RingDoses;
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
 use stillpoint_plan::evaluation::{OnGrid, brought_to};
 use stillpoint_plan::fluence::Goals;
-use stillpoint_plan::objectives::Aims;
 
 use super::request::Request;
 use crate::exit::Failure;
@@ -15,9 +14,7 @@ const VOLUMES_AT_GY: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
 
 /// What plans are made on.
 pub struct Ground<'a> {
-    /// What is wanted.
-    pub aims: Aims,
-    /// The same as goals, over all set-ups.
+    /// What is wanted, over all set-ups.
     pub goals: Goals,
     /// The engine of the planned set-up.
     pub engine: DoseEngine,
@@ -57,7 +54,7 @@ impl<'a> Ground<'a> {
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
-        let mut notes = aims.notes.clone();
+        let mut notes = aims.notes;
         notes.extend(doses.replaced().map(|fault| format!("a kept dose was computed again: {fault}")));
         if case.fractions().is_none() {
             notes.push("the case does not say how many fractions; the RTPLAN has one".to_owned());
@@ -66,7 +63,6 @@ impl<'a> Ground<'a> {
             on_grid: OnGrid::new(case, &grid),
             reference: case.reference_dose_gy().map(|gray| brought_to(&grid, case.grid(), gray)),
             volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
-            aims,
             goals,
             engine,
             doses,
