@@ -20,6 +20,7 @@
 //! - [`trajectory`]: scripted head motion
 //! - [`sight`]: all that makes an image, as one
 //! - [`mod@operator`], `rig.camera`
+//! - [`view_operator`], `rig.view`: further cameras over the same head
 //! - [`bladders`]: the head on air bladders, `rig.one_bladder` and its kin
 
 pub mod bladders;
@@ -40,6 +41,7 @@ pub mod shape;
 pub mod sight;
 pub mod trajectory;
 pub mod view;
+pub mod view_operator;
 
 use bladders::operator::{BladderRig, Eight, One, Three};
 use stillpoint_pipeline::Stage;
@@ -47,6 +49,7 @@ use stillpoint_pipeline::Stage;
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[
     Stage::of::<operator::Camera>(),
+    Stage::of::<view_operator::View>(),
     Stage::of::<BladderRig<One>>(),
     Stage::of::<BladderRig<Three>>(),
     Stage::of::<BladderRig<Eight>>(),

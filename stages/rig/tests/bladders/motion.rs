@@ -138,3 +138,26 @@ fn a_rig_that_sucks_for_long_comes_to_rest_on_its_foam() {
     assert!(state.pressure.iter().chain(&state.gap).chain(&state.force).all(|x| x.is_finite()), "{state:?}");
     assert_eq!(state.force[0], 0.0);
 }
+
+#[test]
+fn further_cameras_see_the_same_head_from_their_own_places() {
+    let view = "  view: { use: rig.view, every: 50 ms, frame: above, inputs: { truth: rig.truth }, params: { noise: kinect_v2, width: 160 px, height: 120 px, focal_length: 141 px } }\n";
+    let frame =
+        "frames: { above: { parent: couch, at: [0 mm, 0 mm, 720 mm], rotation: [180 deg, 0 deg, 0 deg] }, ";
+    let text =
+        text("one_bladder", "motion: still", "valves: 2, duty: 0.5").replace("frames: { ", frame) + view;
+    let run = simulate(&text, 3000);
+    let images = run.samples::<DepthImage>("view.depth");
+    assert_eq!((images.len(), run.samples::<DepthImage>("rig.depth").len()), (60, 30));
+    // Straight from above, the face comes nearer by as much as it rises.
+    let depth = |image: usize| {
+        let counts = &images[image].elements;
+        let patch =
+            (0..400).map(|i| f64::from(counts[(50 + i / 20) * 160 + 70 + i % 20])).filter(|c| *c > 0.0);
+        let patch: Vec<f64> = patch.collect();
+        patch.iter().sum::<f64>() / patch.len() as f64 * 1e-4
+    };
+    let heights = heights(&run);
+    let (rise, nearer) = (heights[295] - heights[0], depth(0) - depth(59));
+    assert!(rise > 8e-3 && (nearer - rise).abs() < 2e-3, "{nearer} {rise}");
+}

@@ -1,0 +1,94 @@
+//! `rig.view`: another camera over a rig's head, at its own place, rate and noise.
+
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use stillpoint_pipeline::operator::{
+    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+};
+use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_samples::{DepthImage, Pose, PoseElement, Sample};
+
+use crate::sight::{ImageParams, Noise, Setting, Sight};
+
+const TRUTH: usize = 0;
+const DEPTH: usize = 0;
+
+/// Parameters of `rig.view`.
+#[derive(Clone, Debug, Params)]
+pub struct ViewParams {
+    /// Whose errors the camera has.
+    #[param(default = "structured_light")]
+    pub noise: Noise,
+    /// Pixels in a row.
+    #[param(unit = "px", default = "640 px", min = "16 px", max = "2048 px")]
+    pub width: u32,
+    /// Rows.
+    #[param(unit = "px", default = "480 px", min = "16 px", max = "2048 px")]
+    pub height: u32,
+    /// Focal length.
+    #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
+    pub focal_length: f64,
+    /// What the head is seen to rest on: as the rig has it.
+    #[param(default = "pads")]
+    pub setting: Setting,
+    /// Size of the head: as the rig has it.
+    #[param(default = 1, min = 0.5, max = 1.5)]
+    pub head_scale: f64,
+}
+
+impl ViewParams {
+    fn image(&self) -> ImageParams {
+        let Self { noise, width, height, focal_length, .. } = *self;
+        ImageParams { noise, width, height, focal_length }
+    }
+}
+
+/// Another camera over a rig's head. Its `frame:` places it over the couch.
+///
+/// It shows the head at the newest truth, which a rig sends at each of its ticks: no older than one of them.
+pub struct View {
+    sight: Sight,
+}
+
+impl Operator for View {
+    type Params = ViewParams;
+    const KIND: Kind = Kind {
+        name: "rig.view",
+        about: "Another depth camera over a rig's head, at its own place, rate and noise.",
+        role: Role::Operator,
+        inputs: &[Input {
+            name: "truth",
+            sample: Pose::KIND,
+            policy: Policy::Latest,
+            required: true,
+            about: "Where the head is: the truth of a rig, in the couch's frame.",
+        }],
+        outputs: &[Output {
+            name: "depth",
+            sample: DepthImage::KIND,
+            frame: FrameRule::Key,
+            about: "What the camera measures, in counts of 0.1 mm.",
+        }],
+        timer: Timer::Required,
+    };
+
+    fn new(params: ViewParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        Ok(Self { sight: Sight::new(&params.image(), params.setting, params.head_scale, setup)? })
+    }
+
+    fn capacities(params: &ViewParams) -> Vec<usize> {
+        vec![params.image().pixels()]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let Some(truth) = activation.input::<Pose>(TRUTH) else { return Ok(()) };
+        let Some(pose) = truth.first() else { return Ok(()) };
+        outputs.acquired_at(truth.head.stamp);
+        self.sight.send(&isometry(pose), activation, outputs, DEPTH)
+    }
+}
+
+fn isometry(pose: &PoseElement) -> Isometry3<f64> {
+    let [w, x, y, z] = pose.orientation;
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(pose.position), turn)
+}
