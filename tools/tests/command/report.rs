@@ -155,6 +155,30 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
 }
 
 #[test]
+fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
+    let folder = tempfile::tempdir().unwrap();
+    let (session, _) = run(folder.path(), "examples/head-3dof.yaml", "6s", &[]);
+    let (json, page) = report(folder.path(), &session);
+    stands_alone(&page);
+    let figures = |id: &str| json["sections"][id]["figures"].clone();
+    let channels = figures("targets")["channels"].as_array().unwrap().clone();
+    let names: Vec<&str> = channels.iter().map(|c| c["channel"].as_str().unwrap()).collect();
+    assert_eq!(names, ["z", "pitch", "roll"]);
+    let step = &channels[0]["steps"][0];
+    let height = step["to"].as_f64().unwrap() - step["from"].as_f64().unwrap();
+    assert!((height - 11.5).abs() < 0.01, "{step}");
+    assert!(!figures("duties")["topics"][0]["valves"].as_array().unwrap().is_empty());
+    let bladders = figures("actuation")["bladders"].as_array().unwrap().clone();
+    assert!(bladders.iter().all(|b| (0.0..100.0).contains(&b["pressure_kpa"]["p50"].as_f64().unwrap())));
+    let states = figures("actuation")["changes"].as_array().unwrap().clone();
+    assert!(states.iter().any(|c| c["state"] == "armed"), "{states:?}");
+    let gate = figures("gate")["gates"][0].clone();
+    assert!((0.0..=1.0).contains(&gate["open"].as_f64().unwrap()) && gate["leases"].as_u64().unwrap() > 0);
+    // What is not recorded is named.
+    assert!(json["sections"]["alignment"]["missing"].is_string() && page.contains("Not in this session"));
+}
+
+#[test]
 fn a_session_without_truth_and_without_images_shows_the_rest() {
     let folder = tempfile::tempdir().unwrap();
     let (session, _) = run(folder.path(), "examples/own-recording.yaml", "1s", &[]);
