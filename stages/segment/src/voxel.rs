@@ -65,6 +65,7 @@ impl VoxelGrid {
         let range_squared = (range_max * range_max) as f32;
         // Neighbouring pixels mostly share a cell: sums over such a run stay at hand until it ends.
         let (mut last, mut last_key, mut run) = (NO_VOXEL, None, Sums::default());
+        let (mut before, mut before_key) = (NO_VOXEL, None);
         for (place, &point) in cloud.points.iter().enumerate() {
             let [x, y, z] = point;
             // Not within range, written so that NaN is outside.
@@ -74,12 +75,18 @@ impl VoxelGrid {
             if key != last_key {
                 run.add_to(voxels, last);
                 run = Sums::default();
-                // Next to the pixel before, the one above is the most likely to be in the same cell.
-                let above = place.checked_sub(cloud.width).and_then(|above| voxel_of_point.get(above));
-                last = match above {
-                    Some(&above) if index.keys().get(above as usize) == Some(&found) => above,
-                    _ => index.insert(found),
+                // Noise goes to and fro between two cells; else the pixel above is the most likely to share one.
+                let above = || place.checked_sub(cloud.width).and_then(|above| voxel_of_point.get(above));
+                let voxel = if key == before_key {
+                    before
+                } else {
+                    match above() {
+                        Some(&above) if index.keys().get(above as usize) == Some(&found) => above,
+                        _ => index.insert(found),
+                    }
                 };
+                (before, before_key) = (last, last_key);
+                last = voxel;
                 last_key = key;
             }
             voxel_of_point[place] = last;

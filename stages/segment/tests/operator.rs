@@ -130,6 +130,8 @@ fn outliers_are_removed_and_voxels_smoothed_where_it_is_asked_for() {
     assert_eq!(of(&left, "rejection"), 0.0);
     let plain = self::bench().feed::<PointCloud>(0, &shape(&cloud), &cloud, 0);
     assert!(of(&left, "voxels") < of(&plain, "voxels"));
+    assert_eq!(of(&left, "outlier_voxels"), of(&plain, "voxels") - of(&left, "voxels"));
+    assert_eq!((of(&plain, "outlier_voxels"), of(&plain, "clusters_cut")), (0.0, 0.0));
     assert_eq!(of(&plain, "points_in_range"), cloud.len() as f64);
     assert!((of(&left, "plane_offset_m") - 1.0).abs() < 1e-3);
 }

@@ -113,7 +113,7 @@ fn tracker() -> HeadTracker {
     HeadTracker::new(TrackParams {
         surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
         align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 4000,
+        points: 6000,
         min_points: 500,
         min_overlap: 0.5,
     })

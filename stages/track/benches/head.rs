@@ -25,7 +25,7 @@ const FRAMES: u64 = 20;
 /// The faces of a head that moves by a script, 10 a second.
 fn faces() -> Result<Vec<Vec<Vector3<f64>>>, Box<dyn std::error::Error>> {
     let pinhole = Pinhole::new(566.0, 566.0, 319.5, 239.5, 640, 480)?;
-    let view_from = couch_from_camera(vector![0.0, -0.48, 0.59], [-135f64.to_radians(), 0.0, 0.0]);
+    let view_from = couch_from_camera(vector![0.0, -0.48, 0.59], [45f64.to_radians(), 0.0, 0.0]);
     let mut renderer = Renderer::new(pinhole, &view_from, &Scene::treatment_couch()?, Head::new(1.0)?)?;
     let mut sensor = DepthSensor::new(&pinhole, NoiseModel::new(NoiseParams::structured_light())?);
     let script = Trajectory::new(Motion::Nods, 7, rest_on_pad());
@@ -36,7 +36,11 @@ fn faces() -> Result<Vec<Vec<Vector3<f64>>>, Box<dyn std::error::Error>> {
         sensor.sense(view, &mut ChaCha8Rng::seed_from_u64(frame), &mut counts)?;
         let shown = (0..pinhole.pixels()).filter(|&i| view.label()[i] == Label::Head as u8 && counts[i] > 0);
         let point = |i: usize| pinhole.direction(i % 640, i / 640) * (f64::from(counts[i]) * DEPTH_UNIT_M);
-        faces.push(shown.map(point).collect());
+        let face: Vec<_> = shown.map(point).collect();
+        if face.len() < 5000 {
+            return Err(format!("frame {frame} shows {} points of the head", face.len()).into());
+        }
+        faces.push(face);
     }
     Ok(faces)
 }
@@ -45,7 +49,7 @@ fn tracker() -> HeadTracker {
     HeadTracker::new(TrackParams {
         surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
         align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 4000,
+        points: 6000,
         min_points: 500,
         min_overlap: 0.5,
     })

@@ -99,6 +99,22 @@ fn diagnostics_name_the_couchs_plane() {
 }
 
 #[test]
+fn diagnostics_count_what_was_cut_from_the_head() {
+    let cut = |setting: &str| -> Vec<f64> {
+        let run = default_pipeline(500, |text| {
+            text.replace("noise: structured_light", &format!("noise: structured_light, setting: {setting}"))
+        });
+        let metric = |d: &stillpoint_samples::View<'_, Diagnostics>| {
+            d.elements.iter().find(|m| m.name() == "cut_voxels").unwrap().value
+        };
+        run.samples::<Diagnostics>("face.diagnostics").iter().map(metric).collect()
+    };
+    // Pillow, shoulders and pads are one cluster with the head.
+    let patient = cut("patient");
+    assert!(patient.len() == 5 && patient.iter().all(|voxels| *voxels > 500.0), "{patient:?}");
+}
+
+#[test]
 fn two_runs_send_the_same_bytes_and_another_seed_others() {
     let (a, b) = (default_pipeline(1500, |t| t), default_pipeline(1500, |t| t));
     assert_eq!(a.topics(), b.topics());

@@ -67,7 +67,7 @@ pub struct HeadParams {
     #[param(default = 0.005, min = 0.0001, max = 0.5)]
     pub min_sensitivity: f64,
     /// Points of a face that the last iterations use at most, spread evenly.
-    #[param(default = 4000, min = 500, max = 1000000)]
+    #[param(default = 6000, min = 500, max = 1000000)]
     pub points: u32,
     /// Points that a face needs.
     #[param(default = 500, min = 100, max = 1000000)]
