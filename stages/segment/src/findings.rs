@@ -69,7 +69,7 @@ pub(crate) fn metrics(seen: &Seen<'_>, sent: usize) -> [Metric; METRICS] {
         ("sent_points", sent as f64),
         ("outlier_voxels", seen.outliers as f64),
         ("clusters_cut", cut().count() as f64),
-        ("cut_voxels", cut().map(|row| f64::from(row.voxels - row.face_voxels)).sum()),
+        ("cut_voxels", f64::from(cut().map(|row| row.voxels - row.face_voxels).sum::<u32>())),
     ]
     .map(|(name, value)| Metric::new(name, value))
 }

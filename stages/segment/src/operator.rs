@@ -86,7 +86,7 @@ pub struct SegmentParams {
     /// Distance within which a voxel belongs to the supporting plane.
     #[param(unit = "m", default = "10 mm", min = "0.1 mm", max = "100 mm")]
     pub plane_tolerance: f64,
-    /// Plane hypotheses at most.
+    /// Plane hypotheses at most; eight times as many where no frame before had a plane.
     #[param(default = 500, min = 1, max = 100000)]
     pub iterations: u32,
     /// Height over the plane at which the face starts.

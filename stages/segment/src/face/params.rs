@@ -17,7 +17,7 @@ pub struct FaceParams {
     pub smoothing: Option<MlsParams>,
     /// Distance within which a voxel belongs to the plane.
     pub plane_tolerance: f64,
-    /// Plane hypotheses at most.
+    /// Plane hypotheses at most; eight times as many where no frame before had a plane.
     pub iterations: u32,
     /// Height over the plane at which the face starts.
     pub height_min: f64,

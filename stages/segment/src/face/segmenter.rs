@@ -20,6 +20,9 @@ const BEYOND: f64 = 2.5;
 /// A plane with this part of its inliers' number beneath it, within its hull, supports nothing.
 const BENEATH: f64 = 0.15;
 
+/// So many times more planes are drawn at most where no frame before had one.
+const FIRST: u32 = 8;
+
 /// The chain with its buffers; after the first frames of a size it allocates nothing.
 #[derive(Debug, Clone)]
 pub struct FaceSegmenter {
@@ -161,6 +164,8 @@ impl FaceSegmenter {
     fn find_plane(&mut self, beneath: Beneath, rng: &mut impl Rng) -> Option<PlaneFit> {
         let FaceParams { plane_tolerance: tolerance, iterations, .. } = self.params;
         let voxels = self.grid.centroids();
+        // Where little of the couch is in view, few draws are of it alone; later frames begin with its plane.
+        let iterations = if self.prior.is_some() { iterations } else { iterations.saturating_mul(FIRST) };
         let search = MlesacParams { tolerance, iterations, beneath };
         let fit = self.mlesac.find(voxels, self.prior.as_ref(), &search, rng)?;
         self.heights.clear();
