@@ -4,9 +4,7 @@ use std::path::Path;
 
 use stillpoint_control::channels::{Channel, Channels};
 use stillpoint_recorder::Session;
-use stillpoint_samples::{
-    Duties, DutiesElement, Pieces, Sample as _, SampleKind, Standing, Track, TrackElement,
-};
+use stillpoint_samples::{Duties, DutiesElement, Pieces, SampleKind, Standing, Track, TrackElement};
 use stillpoint_train::dataset::Sample;
 use stillpoint_train::excite::SCALE;
 

@@ -124,6 +124,13 @@ fn the_network_is_fed_as_it_was_trained() {
 }
 
 #[test]
+fn parameters_are_declared_rightly() {
+    for stage in stillpoint_control::STAGES {
+        stillpoint_pipeline::params::verify(stage).unwrap();
+    }
+}
+
+#[test]
 fn controllers_refuse_what_does_not_fit_with_the_place() {
     let mut files = with_network();
     files.files.extend(identified("m").files);
