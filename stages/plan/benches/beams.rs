@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose, class_solution};
 use stillpoint_plan::case::{NameTable, import_described};
-use stillpoint_plan::dose::{CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::dose::{BixelSpec, CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted, voxels_on};
 use stillpoint_plan::objectives::ObjectiveTable;
 
@@ -88,7 +88,8 @@ fn patients(root: &Path, cache: &DoseCache, ring: Ring, threads: NonZeroUsize) {
         let folder = if name == "tg119" { name } else { "openkbp" };
         let described = root.join(folder).join(format!("{name}.json"));
         let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
-        let params = DoseParams::over(case.grid(), 5.0);
+        // Of 15 mm: with more than 3,000 bixels a solve takes minutes.
+        let params = DoseParams { bixels: BixelSpec::of_width(15.0), ..DoseParams::over(case.grid(), 5.0) };
         let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
         let beams: Vec<u16> = (0..9).map(|i| 10 * i).collect();
         let doses = RingDoses::load(cache, &[engine], ring, &beams, threads, || ()).unwrap();
