@@ -131,7 +131,7 @@ pub struct ActuationElement {
     /// Nonce of that session.
     pub session_nonce: u64,
     /// Number of the datagram that goes with this sample.
-    pub sequence: u64,
+    pub datagram: u64,
     /// How long the state has held.
     #[unit("ns")]
     pub since: u64,

@@ -92,7 +92,7 @@ pub struct GateElement {
     /// Leases begun so far.
     pub leases: u64,
     /// Number of the datagram that goes with this sample.
-    pub sequence: u64,
+    pub datagram: u64,
     /// 1 where the beam may be on, else 0.
     pub beam: u32,
     /// Why it may not: bits of [`GateReason`].

@@ -68,12 +68,43 @@ impl PartialEq for SampleKind {
     }
 }
 
+/// Whether a name stands in both tables.
+const fn share_a_name(a: &[Field], b: &[Field]) -> bool {
+    let mut i = 0;
+    while i < a.len() {
+        let mut j = 0;
+        while j < b.len() {
+            if is_same(a[i].name.as_bytes(), b[j].name.as_bytes()) {
+                return true;
+            }
+            j += 1;
+        }
+        i += 1;
+    }
+    false
+}
+
+const fn is_same(a: &[u8], b: &[u8]) -> bool {
+    let mut same = a.len() == b.len();
+    let mut i = 0;
+    while same && i < a.len() {
+        same = a[i] == b[i];
+        i += 1;
+    }
+    same
+}
+
 impl SampleKind {
     /// The run-time form of `S`. Fails to compile where the bytes would not be a CDR body.
     pub const fn of<S: Sample>() -> Self {
         let body = S::Body::FIELDS;
         let body_size = size_of::<S::Body>();
         assert!(body_size == fields_size(body), "the body has padding");
+        assert!(
+            !share_a_name(HEAD_FIELDS, body)
+                && (matches!(S::SHAPE, Shape::Slice) || !share_a_name(HEAD_FIELDS, S::Element::FIELDS)),
+            "a field has the name of another, or of the head's: readers of recordings refuse that"
+        );
         assert!(
             body_size.is_multiple_of(8),
             "the body's size must be a multiple of 8, or the elements lose their alignment"

@@ -255,7 +255,7 @@ impl GateBeam {
             on_for: stats.on,
             watched_for: stats.watched,
             leases: stats.leases,
-            sequence: self.sender.sequence(),
+            datagram: self.sender.sequence(),
             beam: u32::from(is_on),
             reasons,
             ended_by: self.lease.ended_by(),

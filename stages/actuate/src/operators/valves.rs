@@ -240,7 +240,7 @@ impl ActuateValves {
             pressure: self.drive.pressures(),
             session_started: session.started,
             session_nonce: session.nonce,
-            sequence: self.sender.sequence(),
+            datagram: self.sender.sequence(),
             since: now.saturating_sub(self.machine.since()),
             refused,
             faults,

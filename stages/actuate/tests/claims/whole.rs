@@ -131,7 +131,7 @@ fn a_person_arms_the_head_is_held_and_the_beam_goes_on_after_the_dwell() {
     for (datagram, (_, state)) in sent.iter().zip(&states) {
         let message = decode(datagram.elements, &key()).unwrap();
         assert_eq!(message.duty.map(f64::from), state.duty);
-        assert_eq!((message.sequence, message.stamp), (state.sequence, datagram.head.stamp));
+        assert_eq!((message.sequence, message.stamp), (state.datagram, datagram.head.stamp));
         assert_eq!((message.session.started, message.session.nonce), (START, state.session_nonce));
         assert_eq!((message.order as u32, message.reasons), (state.order, state.reasons));
     }
