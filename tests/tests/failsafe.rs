@@ -28,5 +28,5 @@ fn the_rig_is_safe_in_100_ms_when_the_supervisor_is_killed() {
 
 #[test]
 fn the_rig_is_safe_100_ms_after_the_pose_is_stale() {
-    is_safe_in_time("kill-perception");
+    is_safe_in_time("stop-perception");
 }

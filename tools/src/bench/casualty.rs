@@ -176,8 +176,9 @@ impl Trial {
             .map(|(stamp, safe)| (after(*stamp), *safe))
             .find(|(at, safe)| *at >= vents && *safe)
             .map(|(at, _)| at);
+        let watched = vents.min(WATCHED.as_secs_f64() * 1e3);
         let before =
-            poses.iter().filter(|(stamp, _)| after(*stamp) < vents).map(|(_, origin)| after(*origin));
+            poses.iter().filter(|(stamp, _)| after(*stamp) < watched).map(|(_, origin)| after(*origin));
         trial.last_pose_ms = before.fold(f64::NAN, f64::max);
         Ok(trial)
     }

@@ -41,7 +41,7 @@ pub struct Failsafe {
 pub enum Due {
     /// Orders end: safe 100 ms after the last one that arrived.
     OrdersEnd,
-    /// The pose grows stale: safe 100 ms after three frame periods.
+    /// The pose grows stale: safe 100 ms after three frame periods, unless poses come again before.
     PoseStale,
     /// The valves go on following.
     GoesOn,
@@ -101,6 +101,8 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Resul
         let since = |at: Option<f64>| at.map(|at| at - from);
         let good = match fault.due() {
             Due::GoesOn => trial.vents_ms.is_none(),
+            // A stage that comes back before its pose is missed for too long needs no safe state.
+            Due::PoseStale if trial.vents_ms.is_none() => trial.last_pose_ms > 0.0,
             _ => since(trial.valves_ms).is_some_and(|ms| ms <= LIMIT_MS) && trial.beam_ms <= trial.vents_ms,
         };
         safe += usize::from(good);
