@@ -2,7 +2,7 @@
 //!
 //! - [`riccati`], [`lyapunov`]: the matrix equations behind the gains
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
-//! - [`reference`]: how a target is approached
+//! - [`mod@reference`]: how a target is approached
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
 //! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
