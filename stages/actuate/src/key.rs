@@ -7,8 +7,6 @@
 //! datagrams again. **A session holds the key of its run**: who has the one has the other. Give a key to one rig only,
 //! and change it before a session is handed on.
 
-use std::path::Path;
-
 use hmac::{Hmac, Mac};
 use sha2::Sha256;
 
@@ -24,14 +22,6 @@ pub struct Key(Hmac<Sha256>);
 /// Why there is no key.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KeyError {
-    /// The file cannot be read.
-    #[error("the key file {file} cannot be read: {why}")]
-    Unreadable {
-        /// The file.
-        file: String,
-        /// What the system says.
-        why: String,
-    },
     /// A character that is no hexadecimal digit.
     #[error(
         "line {line} of the key file has a character at {column} that is no hexadecimal digit: a key is 64 of 0-9 and a-f"
@@ -51,15 +41,6 @@ pub enum KeyError {
     /// All bytes are the same: nobody drew this key.
     #[error("all 32 bytes of the key are the same: draw one with `openssl rand -hex 32`")]
     Uniform,
-}
-
-/// A key as its file holds it.
-#[derive(Clone, Debug)]
-pub struct KeyFile {
-    /// The key.
-    pub key: Key,
-    /// The file's mode where others than its owner may read or write it: `chmod 600` mends it.
-    pub open_to_others: Option<u32>,
 }
 
 impl Key {
@@ -118,30 +99,4 @@ impl std::fmt::Debug for Key {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("Key(..)")
     }
-}
-
-impl KeyFile {
-    /// Reads a key file from disk, for a program that is no operator; an operator uses [`Key::parse`] on what
-    /// `Setup::file` gives.
-    ///
-    /// # Errors
-    /// The file cannot be read, or holds no key.
-    pub fn load(path: &Path) -> Result<Self, KeyError> {
-        let unreadable =
-            |e: std::io::Error| KeyError::Unreadable { file: path.display().to_string(), why: e.to_string() };
-        let text = std::fs::read(path).map_err(unreadable)?;
-        let mode = mode(&std::fs::metadata(path).map_err(unreadable)?);
-        Ok(Self { key: Key::parse(&text)?, open_to_others: mode.filter(|m| m & 0o077 != 0) })
-    }
-}
-
-#[cfg(unix)]
-fn mode(metadata: &std::fs::Metadata) -> Option<u32> {
-    use std::os::unix::fs::PermissionsExt;
-    Some(metadata.permissions().mode() & 0o777)
-}
-
-#[cfg(not(unix))]
-fn mode(_: &std::fs::Metadata) -> Option<u32> {
-    None
 }

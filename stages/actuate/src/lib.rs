@@ -38,7 +38,7 @@ pub mod shaping;
 
 pub use datagram::{EncodeError, LONGEST, decode, encode};
 pub use far_end::{Doing, FarEnd};
-pub use key::{Key, KeyError, KeyFile};
+pub use key::{Key, KeyError};
 pub use message::{Message, Order, Receiving, Safe, Session, VALVES};
 pub use receiver::{Act, Clock, Receiver, Receives};
 pub use refusal::{Counts, Refusal};

@@ -1,8 +1,6 @@
 //! Keys and their files.
 
-use std::os::unix::fs::PermissionsExt;
-
-use stillpoint_actuate::{Key, KeyError, KeyFile};
+use stillpoint_actuate::{Key, KeyError};
 use stillpoint_pipeline::activation::RandomKey;
 
 use super::sent::key;
@@ -41,20 +39,6 @@ fn the_code_is_that_of_rfc_4231() {
     let code = Key::parse(text.as_bytes()).unwrap().code(b"Hi There");
     let hex: String = code.iter().map(|b| format!("{b:02x}")).collect();
     assert_eq!(hex, "b0344c61d8db38535ca8afceaf0bf12b881dc200c9833da726e9376c2e32cff7");
-}
-
-#[test]
-fn a_key_file_that_others_may_read_is_noted() {
-    let path = std::env::temp_dir().join(format!("stillpoint-key-{}", std::process::id()));
-    std::fs::write(&path, DIGITS).unwrap();
-    let mode = |mode: u32| {
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
-        KeyFile::load(&path).unwrap().open_to_others
-    };
-    let (shut, open) = (mode(0o600), mode(0o644));
-    std::fs::remove_file(&path).unwrap();
-    assert_eq!((shut, open), (None, Some(0o644)));
-    assert!(matches!(KeyFile::load(&path).unwrap_err(), KeyError::Unreadable { .. }));
 }
 
 #[test]
