@@ -11,6 +11,10 @@ use crate::dormand_prince;
 use crate::shell::Shell;
 use crate::shell::air::Air;
 
+/// A valve that is less open than this is shut. Else an opening that follows a duty of zero would fall forever, to numbers
+/// that mean nothing.
+const SHUT: f64 = 1e-12;
+
 /// What a bladder lies on when it is flat: a pad that pushes back where its gap is below `gap`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stop {
@@ -181,7 +185,11 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     /// what a camera sees.
     pub fn advance(&self, state: &State<D, B>, drive: &Drive<D, B>, h: f64) -> State<D, B> {
         let step = dormand_prince::step(|_, y| self.slope(y, drive), 0.0, &state.pack(), h);
-        State::unpack(&step.state)
+        let mut later = State::unpack(&step.state);
+        for opening in later.opening.iter_mut().flatten().filter(|opening| opening.abs() < SHUT) {
+            *opening = 0.0;
+        }
+        later
     }
 }
 
@@ -217,5 +225,26 @@ impl<const D: usize, const B: usize> State<D, B> {
             air: packed.fixed_rows::<B>(2 * D).into_owned(),
             opening: core::array::from_fn(|j| core::array::from_fn(|v| packed[2 * D + B + 2 * j + v])),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::OneDof;
+
+    #[test]
+    fn a_valve_that_was_shut_is_shut_after_a_while() {
+        let plant = OneDof::rig(5.0);
+        let mut state = State::at_rest(SVector::zeros(), plant.start_air());
+        state.opening[0] = [1.0, 0.5];
+        let mut openings = Vec::new();
+        for _ in 0..1000 {
+            state = plant.advance(&state, &plant.idle(), 1e-3);
+            openings.push(state.opening[0]);
+        }
+        // With a lag of 20 ms: 1e-12 after 0.55 s.
+        assert!(openings[500][0] > 1e-12 && openings[500][0] < 1e-10, "{:?}", openings[500]);
+        assert_eq!(openings[999], [0.0; 2]);
     }
 }
