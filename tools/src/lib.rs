@@ -23,6 +23,7 @@ mod chart;
 mod check;
 mod echo;
 mod exit;
+mod hold;
 mod identify;
 mod info;
 mod operators;

@@ -15,7 +15,7 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::{Checked, PipelineFile};
 use crate::simulate::{Place, simulate};
 use crate::status_line::StatusLine;
-use crate::summary;
+use crate::summary::Summary;
 use crate::{RECORDER, WORKER};
 
 /// Length of a run of the default pipeline.
@@ -82,7 +82,8 @@ impl Run {
         };
         let session =
             if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
-        let report = if self.clock == Clock::Simulated || self.lock_step.is_some() {
+        let is_live = self.clock == Clock::Live && self.lock_step.is_none();
+        let report = if !is_live {
             let length = length.ok_or_else(|| {
                 Failure::wrong("a simulated run has no end of its own: say how long, such as `--for 10s`")
             })?;
@@ -93,14 +94,15 @@ impl Run {
             };
             simulate(&checked, &self.pipeline.sets, place, length, session.as_deref())?
         } else {
-            self.live(&checked, length, session.as_deref())?
+            self.live(registry, &checked, length, session.as_deref())?
         };
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"));
+        let summary = Summary::new(&report, &checked.graph, is_live, session.as_deref());
         if self.json {
-            print_json(&summary::to_json(&report, session.as_deref())?)?;
+            print_json(&summary.to_json()?)?;
         } else {
-            summary::print(&report, session.as_deref());
+            summary.print();
         }
         Ok(if good { Exit::Done } else { Exit::Failed })
     }
@@ -112,6 +114,7 @@ impl Run {
 
     fn live(
         &self,
+        registry: &Registry,
         checked: &Checked,
         length: Option<u64>,
         session: Option<&Path>,
@@ -137,11 +140,11 @@ impl Run {
             launch: launch()?,
             identity: identity(),
         };
-        let mut line = StatusLine::new(!self.json);
+        let mut line = StatusLine::new(registry, !self.json);
         let supervisor =
             Supervisor::start(checked.graph.clone(), options, &stop, &mut line).map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
-        line.clear();
+        line.close();
         if let Some(session) = session {
             // What a recorder that died left cut is mended before anyone opens it.
             match stillpoint_recorder::recover_session(session) {

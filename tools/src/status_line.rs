@@ -1,61 +1,151 @@
-//! The live status line of a run.
+//! The live status of a run, on a terminal.
 
 use std::io::{IsTerminal, Write};
 
-use stillpoint_pipeline::live::Fault;
 use stillpoint_pipeline::live::status::OperatorFigures;
+use stillpoint_pipeline::live::{Fault, contracts};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_shm::{Subscriber, Topic};
 
-/// The live status line, on a terminal.
-pub struct StatusLine {
+use crate::attach::{Attached, Which};
+use crate::exit::Failure;
+use crate::hold::Hold;
+
+/// The live status, on a terminal: how the head is held, and rates, steps and losses of all operators.
+pub struct StatusLine<'a> {
+    registry: &'a Registry,
     terminal: bool,
-    shown: bool,
+    /// Lines on the screen.
+    shown: usize,
+    taps: Option<Taps>,
 }
 
-impl StatusLine {
-    /// A status line on standard error, where that is a terminal and `wanted`.
-    pub fn new(wanted: bool) -> Self {
-        Self { terminal: wanted && std::io::stderr().is_terminal(), shown: false }
+/// What says how the head is held, looked at as `echo` does.
+struct Taps {
+    hold: Hold,
+    // Dropped in this order: ports, then topics, then the node.
+    subscribers: Vec<(String, Subscriber)>,
+    _topics: Vec<Topic>,
+    _attached: Attached,
+}
+
+impl Taps {
+    fn open(registry: &Registry) -> Result<Self, Failure> {
+        let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
+        let hold = Hold::of(&attached.graph);
+        let (mut subscribers, mut topics) = (Vec::new(), Vec::new());
+        for name in hold.topics() {
+            let Some((operator, port)) = attached.graph.topic(name) else { continue };
+            let contract = contracts::output(&attached.graph, operator, port);
+            let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+            let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+            subscriber.connect().map_err(Failure::failed)?;
+            subscribers.push((name.to_owned(), subscriber));
+            topics.push(topic);
+        }
+        Ok(Self { hold, subscribers, _topics: topics, _attached: attached })
     }
 
-    /// Takes the line away.
-    pub fn clear(&mut self) {
-        if self.shown {
-            eprint!("\r\x1b[2K");
-            self.shown = false;
+    fn look(&mut self) -> Vec<String> {
+        for (topic, subscriber) in &self.subscribers {
+            while let Ok(Some(sample)) = subscriber.receive() {
+                self.hold.take(topic, sample.pieces());
+            }
+        }
+        self.hold.held().now()
+    }
+}
+
+impl<'a> StatusLine<'a> {
+    /// The status on standard error, where that is a terminal and it is `wanted`.
+    pub fn new(registry: &'a Registry, wanted: bool) -> Self {
+        Self { registry, terminal: wanted && std::io::stderr().is_terminal(), shown: 0, taps: None }
+    }
+
+    /// Takes it away for good.
+    pub fn close(mut self) {
+        self.clear();
+    }
+
+    /// Takes it away.
+    fn clear(&mut self) {
+        for line in 0..self.shown {
+            eprint!("{}\r\x1b[2K", if line > 0 { "\x1b[1A" } else { "" });
+        }
+        self.shown = 0;
+    }
+}
+
+impl stillpoint_pipeline::live::Run for StatusLine<'_> {
+    fn started(&mut self, _: &[(String, u32)]) {
+        if self.terminal {
+            // Without taps the run goes on as well.
+            self.taps = Taps::open(self.registry).ok();
         }
     }
-}
-
-impl stillpoint_pipeline::live::Run for StatusLine {
-    fn started(&mut self, _: &[(String, u32)]) {}
 
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
         if !self.terminal {
             return;
         }
-        let mut line = format!("{seconds:6.1} s");
-        for o in operators.iter().filter(|o| o.activations > 0) {
-            line += &format!("  {} {:.0} Hz", o.operator, o.rate_hz);
-            if o.step_ms[0].is_finite() {
-                line += &format!(" {:.1} ms", o.step_ms[0]);
-            }
-            if o.lost > 0 {
-                line += &format!(" lost {}", o.lost);
-            }
-            if o.errors + o.panics > 0 {
-                line += &format!(" failed {}", o.errors + o.panics);
-            }
-        }
+        let mut parts = vec![format!("{seconds:.1} s")];
+        parts.extend(self.taps.as_mut().map(Taps::look).unwrap_or_default());
+        let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
         let width =
             rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
-        let line: String = line.chars().take(width - 1).collect();
-        eprint!("\r\x1b[2K{line}");
+        let lines = [wrapped(&parts, width - 1), wrapped(&figures, width - 1)].concat();
+        self.clear();
+        eprint!("{}", lines.join("\n"));
         let _ = std::io::stderr().flush();
-        self.shown = true;
+        self.shown = lines.len();
     }
 
     fn failed(&mut self, fault: &Fault) {
         self.clear();
         eprintln!("stillpoint: {}: {}", fault.operator, fault.reason);
+    }
+}
+
+/// An operator's rate, step and losses.
+fn figures(o: &OperatorFigures) -> String {
+    let mut part = format!("{} {:.0} Hz", o.operator, o.rate_hz);
+    if o.step_ms[0].is_finite() {
+        part += &format!(" {:.1} ms", o.step_ms[0]);
+    }
+    for (count, what) in [(o.lost, "lost"), (o.missed, "missed"), (o.errors + o.panics, "failed")] {
+        if count > 0 {
+            part += &format!(" {what} {count}");
+        }
+    }
+    part
+}
+
+/// Parts in lines of at most `width` characters; a part that is longer is cut.
+fn wrapped(parts: &[String], width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for part in parts {
+        let part: String = part.chars().take(width).collect();
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 2 + part.chars().count() <= width => {
+                *line += "  ";
+                *line += &part;
+            }
+            _ => lines.push(part),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_fill_lines_and_none_is_longer_than_the_screen_is_wide() {
+        let parts: Vec<String> =
+            ["filter 10 Hz", "law", "a part that is too long for it"].map(Into::into).into();
+        assert_eq!(wrapped(&parts, 17), ["filter 10 Hz  law", "a part that is to"]);
+        assert_eq!(wrapped(&parts, 200), [parts.join("  ")]);
+        assert!(wrapped(&[], 10).is_empty());
     }
 }

@@ -3,37 +3,120 @@
 use std::path::Path;
 
 use serde_json::{Value, json};
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::{Fault, RunReport};
+use stillpoint_pipeline::operator::Policy;
 
-use crate::accuracy;
+use crate::accuracy::{self, Accuracy};
 use crate::exit::Failure;
+use crate::hold::{Held, Hold};
 
 /// Failures that are shown.
 const MOST_FAULTS: usize = 10;
 
-/// The report as JSON, with the session's path and the accuracy.
-pub fn to_json(report: &RunReport, session: Option<&Path>) -> Result<Value, Failure> {
-    let mut value = serde_json::to_value(report).map_err(Failure::failed)?;
-    if let Some(session) = session {
-        value["session"] = session.display().to_string().into();
-        value["session_bytes"] = size_of(session).into();
-        value["accuracy"] = accuracy::of_session(session).map_or(Value::Null, |a| json!(a));
-    }
-    Ok(value)
+/// A part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
+const SLOW: f64 = 0.05;
+
+/// How a run went, and what its session says of it.
+pub struct Summary<'a> {
+    report: &'a RunReport,
+    session: Option<&'a Path>,
+    held: Option<Held>,
+    accuracy: Option<Accuracy>,
+    too_slow: Vec<String>,
 }
 
-/// Prints the report for people.
-pub fn print(report: &RunReport, session: Option<&Path>) {
-    println!("{}: {:.1} s of session time", report.pipeline, report.seconds);
-    if let Some(reason) = &report.ended_early {
-        println!("ended early: {reason}");
+impl<'a> Summary<'a> {
+    /// Of a run of this graph; whether it was a live one.
+    pub fn new(report: &'a RunReport, graph: &Graph, is_live: bool, session: Option<&'a Path>) -> Self {
+        Self {
+            report,
+            session,
+            held: session.and_then(|session| Hold::of_session(graph, session)),
+            accuracy: session.and_then(accuracy::of_session),
+            too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
+        }
     }
-    for id in &report.swept {
-        println!("swept what the dead run {id} had left");
+
+    /// The report as JSON, with the session's path, how the head was held, and the accuracy.
+    pub fn to_json(&self) -> Result<Value, Failure> {
+        let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
+        value["too_slow"] = json!(self.too_slow);
+        if let Some(session) = self.session {
+            value["session"] = session.display().to_string().into();
+            value["session_bytes"] = size_of(session).into();
+            value["held"] = json!(self.held);
+            value["accuracy"] = json!(self.accuracy);
+        }
+        Ok(value)
     }
+
+    /// Prints it for people.
+    pub fn print(&self) {
+        let report = self.report;
+        println!("{}: {:.1} s of session time", report.pipeline, report.seconds);
+        if let Some(reason) = &report.ended_early {
+            println!("ended early: {reason}");
+        }
+        for id in &report.swept {
+            println!("swept what the dead run {id} had left");
+        }
+        print_operators(report);
+        print_faults(report);
+        print_ledger(report);
+        if !self.too_slow.is_empty() {
+            println!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with something else:");
+        }
+        for slow in &self.too_slow {
+            println!("  {slow}");
+        }
+        if let Some(held) = &self.held {
+            print!("\n{held}");
+        }
+        if let Some(accuracy) = &self.accuracy {
+            println!("\n{accuracy}");
+        }
+        if let Some(session) = self.session {
+            print_session(report, session);
+        }
+    }
+}
+
+/// What did not keep up: timers that missed ticks, and inputs of which not every sample caused the activation that it was
+/// to cause.
+fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut judge = |count: u64, of: u64, what: String| {
+        let part = count as f64 / of.max(1) as f64;
+        if part > SLOW {
+            found.push(format!("{what} {count} of {of} ({:.0} %)", part * 100.0));
+        }
+    };
+    for o in &report.operators {
+        judge(o.missed, o.ticks + o.missed, format!("{} missed ticks of its timer:", o.operator));
+    }
+    for node in &graph.operators {
+        let is_latest = |policy: Policy| matches!(policy, Policy::Latest);
+        // The newest sample is a cause where there is no other.
+        let causes = node.every.is_none() && node.inputs.iter().all(|i| is_latest(i.policy));
+        for (input, port) in node.inputs.iter().zip(node.stage.kind.inputs) {
+            let consumer = format!("{}.{}", node.name, port.name);
+            let Some(line) = report.ledger.iter().find(|line| line.consumer == consumer) else { continue };
+            let skipped = match (is_latest(input.policy), causes) {
+                (true, true) => line.overwritten + line.passed,
+                (true, false) => 0,
+                (false, _) => line.overwritten,
+            };
+            judge(skipped, line.sent, format!("{consumer} skipped samples of {}:", line.topic));
+        }
+    }
+    found
+}
+
+fn print_operators(report: &RunReport) {
     println!();
     println!(
-        "{:<12} {:>8} {:>8} {:>16} {:>16}  failures",
+        "{:<16} {:>8} {:>8} {:>16} {:>16}  failures",
         "operator", "done", "Hz", "step ms p50 p99", "age ms p50 p99"
     );
     for o in &report.operators {
@@ -48,8 +131,9 @@ pub fn print(report: &RunReport, session: Option<&Path>) {
         say(o.errors, "errors");
         say(o.panics, "panics");
         say(u64::from(o.incarnations.saturating_sub(1)), "restarts");
+        say(o.missed, "ticks missed");
         println!(
-            "{:<12} {:>8} {:>8.1} {:>16} {:>16}  {}",
+            "{:<16} {:>8} {:>8.1} {:>16} {:>16}  {}",
             o.operator,
             o.activations,
             o.rate_hz,
@@ -57,15 +141,6 @@ pub fn print(report: &RunReport, session: Option<&Path>) {
             pair(o.age_ms),
             failures.join(", ")
         );
-    }
-    print_faults(report);
-    print_ledger(report);
-    if let Some(session) = session {
-        if let Some(a) = accuracy::of_session(session) {
-            println!();
-            println!("{a}");
-        }
-        print_session(report, session);
     }
 }
 
@@ -93,12 +168,12 @@ fn print_faults(report: &RunReport) {
 fn print_ledger(report: &RunReport) {
     println!();
     println!(
-        "{:<32} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}",
+        "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}",
         "ledger: topic -> input", "sent", "received", "passed", "over", "no mem", "down", "left"
     );
     for line in &report.ledger {
         println!(
-            "{:<32} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}{}",
+            "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}{}",
             format!("{} -> {}", line.topic, line.consumer),
             line.sent,
             line.received,

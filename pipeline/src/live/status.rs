@@ -22,6 +22,10 @@ struct Figures {
     sent: u64,
     lost: u64,
     lost_by_port: Vec<(u32, u32, u64)>,
+    ticks: u64,
+    missed: u64,
+    /// Incarnation and number of the timer's last tick.
+    tick: Option<(u32, u64)>,
     // A histogram that resizes itself takes every value.
     /// From the activation's time to the sending of its outputs, ns.
     step: Histogram<u64>,
@@ -50,6 +54,10 @@ pub struct OperatorFigures {
     pub sent: u64,
     /// Samples on its inputs that were pushed out by newer ones.
     pub lost: u64,
+    /// Activations by its timer.
+    pub ticks: u64,
+    /// Ticks of its timer that passed while it was busy, or its process got no time.
+    pub missed: u64,
     /// Time from the activation to the sending of its outputs, ms: median, 99th percentile.
     pub step_ms: [f64; 2],
     /// Time from the acquisition of the oldest sensor sample behind the outputs to their sending, ms: median, 99th
@@ -71,6 +79,9 @@ impl Status {
             sent: 0,
             lost: 0,
             lost_by_port: Vec::new(),
+            ticks: 0,
+            missed: 0,
+            tick: None,
             step: histogram(),
             age: histogram(),
             before: None,
@@ -96,6 +107,15 @@ impl Status {
             }
             Some(Cause::End) | None => return,
             Some(_) => {}
+        }
+        if entry.cause() == Some(Cause::Timer) {
+            f.ticks += 1;
+            let now = (entry.head.incarnation, entry.body.tick);
+            if let Some((incarnation, tick)) = f.tick.replace(now)
+                && incarnation == now.0
+            {
+                f.missed += now.1.saturating_sub(tick + 1);
+            }
         }
         self.first = self.first.min(entry.head.stamp);
         self.last = self.last.max(entry.head.stamp);
@@ -145,6 +165,8 @@ impl Status {
             incarnations: f.incarnations,
             sent: f.sent,
             lost: f.lost,
+            ticks: f.ticks,
+            missed: f.missed,
             step_ms: quantiles(&f.step),
             age_ms: quantiles(&f.age),
         });

@@ -1,0 +1,295 @@
+//! How a head is held: its estimate against the target, the gate of the beam, the valves. Out of the samples of a run that
+//! goes on, or of a session; no name and no kind of operator has to be known for that.
+
+use std::collections::VecDeque;
+use std::fmt::{Display, Formatter};
+use std::path::Path;
+
+use serde::Serialize;
+use stillpoint_actuate::aim::{Aim, Tolerances};
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_recorder::{Session, TopicKind};
+use stillpoint_samples::{
+    Actuation, ActuationElement, ActuationReason, Gate, GateElement, GateReason, Pieces, Sample, SampleKind,
+    Target, TargetElement, Track,
+};
+
+/// How much of the end of a run its errors are told of, ns.
+const LAST: u64 = 5_000_000_000;
+/// Errors are told, not judged.
+const ANY: Tolerances = Tolerances {
+    position: f64::INFINITY,
+    angle: f64::INFINITY,
+    begin: 1.0,
+    position_sd: f64::INFINITY,
+    angle_sd: f64::INFINITY,
+};
+
+/// What says how a head is held, as far as samples of it were taken.
+pub struct Hold {
+    aims: Vec<Aimed>,
+    gates: Vec<(String, Option<GateElement>)>,
+    valves: Vec<(String, Option<ActuationElement>)>,
+}
+
+/// A target and the estimate that stands against it: the one that its operator counts from.
+struct Aimed {
+    target: String,
+    estimate: String,
+    newest: Option<TargetElement>,
+    /// Times, ns, and estimate less target, m and rad, in the end of what was taken.
+    errors: VecDeque<(u64, [f64; 6])>,
+}
+
+impl Hold {
+    /// What a graph has of targets, gates and valves.
+    pub fn of(graph: &Graph) -> Self {
+        let sent = |kind: &'static SampleKind| {
+            graph.operators.iter().flat_map(move |node| {
+                let ports = node.outputs.iter().zip(node.stage.kind.outputs);
+                ports
+                    .filter(move |(_, port)| *port.sample == *kind)
+                    .map(move |(o, _)| (node, o.topic.clone()))
+            })
+        };
+        let aims = sent(Target::KIND).filter_map(|(node, target)| {
+            let ports = node.inputs.iter().zip(node.stage.kind.inputs);
+            let from = ports.filter(|(_, port)| *port.sample == *Track::KIND).find_map(|(i, _)| i.edge)?;
+            let estimate = graph.operators[from.operator].outputs[from.output].topic.clone();
+            Some(Aimed { target, estimate, newest: None, errors: VecDeque::new() })
+        });
+        Self {
+            aims: aims.collect(),
+            gates: sent(Gate::KIND).map(|(_, topic)| (topic, None)).collect(),
+            valves: sent(Actuation::KIND).map(|(_, topic)| (topic, None)).collect(),
+        }
+    }
+
+    /// The same with the samples of a session. Topics that it does not keep stay without.
+    pub fn of_session(graph: &Graph, path: &Path) -> Option<Held> {
+        let session = Session::open(path).ok()?;
+        let mut hold = Self::of(graph);
+        let topics: Vec<String> = hold.topics().map(str::to_owned).collect();
+        for recorded in session.samples_where(|t| topics.contains(&t.name)) {
+            let recorded = recorded.ok()?;
+            let topic = &session.topics()[recorded.topic];
+            if let TopicKind::Known(kind) = &topic.kind
+                && let Ok(pieces) = Pieces::split(kind, &recorded.sample)
+            {
+                hold.take(&topic.name, pieces);
+            }
+        }
+        Some(hold.held())
+    }
+
+    /// The topics whose samples say it.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
+        let gates = self.gates.iter().map(|(topic, _)| topic.as_str());
+        aims.chain(gates).chain(self.valves.iter().map(|(topic, _)| topic.as_str()))
+    }
+
+    /// Takes a sample. Targets before estimates of the same time.
+    pub fn take(&mut self, topic: &str, pieces: Pieces<'_>) {
+        for aim in &mut self.aims {
+            if aim.target == topic
+                && let Some(target) = pieces.view::<Target>().ok().as_ref().and_then(|v| v.first())
+            {
+                aim.newest = Some(*target);
+            }
+            if aim.estimate == topic
+                && let Some(target) = &aim.newest
+                && let Ok(view) = pieces.view::<Track>()
+                && let Some(track) = view.first()
+            {
+                let now = view.head.stamp;
+                aim.errors.push_back((now, Aim::at(track, target, &ANY, true).error));
+                while aim.errors.front().is_some_and(|(at, _)| at + LAST < now) {
+                    aim.errors.pop_front();
+                }
+            }
+        }
+        let gate = self.gates.iter_mut().find(|(name, _)| name == topic);
+        if let (Some((_, newest)), Ok(view)) = (gate, pieces.view::<Gate>()) {
+            *newest = view.first().copied();
+        }
+        let valves = self.valves.iter_mut().find(|(name, _)| name == topic);
+        if let (Some((_, newest)), Ok(view)) = (valves, pieces.view::<Actuation>()) {
+            *newest = view.first().copied();
+        }
+    }
+
+    /// How it is held.
+    pub fn held(&self) -> Held {
+        let known = |(topic, newest): &(String, Option<GateElement>)| newest.map(|g| Beam::of(topic, &g));
+        let told =
+            |(topic, newest): &(String, Option<ActuationElement>)| newest.map(|a| Valves::of(topic, &a));
+        Held {
+            targets: self.aims.iter().map(Against::of).filter(|a| !a.channels.is_empty()).collect(),
+            gates: self.gates.iter().filter_map(known).collect(),
+            valves: self.valves.iter().filter_map(told).collect(),
+        }
+    }
+}
+
+/// How a head is held.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Held {
+    /// Estimates against their targets.
+    pub targets: Vec<Against>,
+    /// Gates of beams.
+    pub gates: Vec<Beam>,
+    /// Valves.
+    pub valves: Vec<Valves>,
+}
+
+/// An estimate against its target.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Against {
+    /// Topic of the target.
+    pub target: String,
+    /// Topic of the estimate.
+    pub estimate: String,
+    /// The channels that the target holds.
+    pub channels: Vec<Off>,
+}
+
+/// Estimate less target in one channel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Off {
+    /// Name of the channel.
+    pub channel: &'static str,
+    /// `mm` or `deg`.
+    pub unit: &'static str,
+    /// The newest.
+    pub now: f64,
+    /// Root mean square over the last 5 s.
+    pub rms: f64,
+    /// Largest size in the last 5 s.
+    pub worst: f64,
+}
+
+/// The gate of a beam.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Beam {
+    /// Topic of the gate's state.
+    pub topic: String,
+    /// Whether the beam may be on.
+    pub on: bool,
+    /// Why not.
+    pub reasons: Vec<&'static str>,
+    /// Part of the time watched in which it might; none before any was watched.
+    pub duty: Option<f64>,
+    /// How long it was watched, s.
+    pub watched_s: f64,
+    /// Leases begun.
+    pub leases: u64,
+}
+
+/// What actuation is at.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Valves {
+    /// Topic of its state.
+    pub topic: String,
+    /// Disarmed, armed, holding, venting or fault.
+    pub state: &'static str,
+    /// Why, and what else is out of order.
+    pub reasons: Vec<&'static str>,
+    /// Faults so far.
+    pub faults: u64,
+    /// Commands to arm or to resume that were refused so far.
+    pub refused: u64,
+}
+
+impl Against {
+    fn of(aim: &Aimed) -> Self {
+        let channel = |place: usize| {
+            let (unit, scale) = if place < 3 { ("mm", 1e3) } else { ("deg", 1.0_f64.to_degrees()) };
+            let all = aim.errors.iter().map(|(_, error)| error[place] * scale);
+            let known: Vec<f64> = all.filter(|e| e.is_finite()).collect();
+            let squares: f64 = known.iter().map(|e| e * e).sum();
+            Some(Off {
+                channel: ["x", "y", "z", "pitch", "roll", "yaw"][place],
+                unit,
+                now: *known.last()?,
+                rms: (squares / known.len() as f64).sqrt(),
+                worst: known.iter().fold(0.0, |most, e| e.abs().max(most)),
+            })
+        };
+        let channels = (0..6).filter_map(channel).collect();
+        Self { target: aim.target.clone(), estimate: aim.estimate.clone(), channels }
+    }
+}
+
+impl Beam {
+    fn of(topic: &str, gate: &GateElement) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            on: gate.beam == 1,
+            reasons: GateReason::words(gate.reasons).collect(),
+            duty: (gate.watched_for > 0).then(|| gate.on_for as f64 / gate.watched_for as f64),
+            watched_s: gate.watched_for as f64 * 1e-9,
+            leases: gate.leases,
+        }
+    }
+
+    fn word(&self) -> String {
+        because(if self.on { "on" } else { "off" }, &self.reasons)
+    }
+}
+
+impl Valves {
+    fn of(topic: &str, actuation: &ActuationElement) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            state: actuation.state().word(),
+            reasons: ActuationReason::words(actuation.reasons).collect(),
+            faults: actuation.faults,
+            refused: actuation.refused,
+        }
+    }
+
+    fn word(&self) -> String {
+        because(self.state, &self.reasons)
+    }
+}
+
+/// A state and why it is that.
+fn because(state: &str, reasons: &[&str]) -> String {
+    if reasons.is_empty() { state.to_owned() } else { format!("{state} ({})", reasons.join(", ")) }
+}
+
+impl Held {
+    /// How it is held at the moment, in parts of a line.
+    pub fn now(&self) -> Vec<String> {
+        let off = |o: &Off| format!("{} {:+.2} {}", o.channel, o.now, o.unit);
+        let targets = self.targets.iter().flat_map(|a| &a.channels).map(off);
+        let gates = self.gates.iter().map(|g| format!("beam {}", g.word()));
+        targets.chain(gates).chain(self.valves.iter().map(|v| format!("valves {}", v.word()))).collect()
+    }
+}
+
+/// How it was held at the end of a run, a line for each thing.
+impl Display for Held {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        for Against { target, estimate, channels } in &self.targets {
+            let off = |o: &Off| {
+                let Off { channel, unit, now, rms, worst } = o;
+                format!("{channel} {now:+.2} {unit} (rms {rms:.2}, worst {worst:.2})")
+            };
+            let channels = channels.iter().map(off).collect::<Vec<_>>().join(", ");
+            writeln!(f, "{estimate} off {target} at the end (and in the last 5 s): {channels}")?;
+        }
+        for gate in &self.gates {
+            let Beam { topic, duty, watched_s, leases, .. } = gate;
+            let duty = duty.map_or("-".to_owned(), |duty| format!("{:.0} %", duty * 100.0));
+            let word = gate.word();
+            writeln!(f, "{topic}: beam {word}; allowed {duty} of {watched_s:.1} s, in {leases} leases")?;
+        }
+        for valves in &self.valves {
+            let Valves { topic, faults, refused, .. } = valves;
+            writeln!(f, "{topic}: {}; {faults} faults, {refused} commands refused", valves.word())?;
+        }
+        Ok(())
+    }
+}
