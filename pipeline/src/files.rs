@@ -8,29 +8,44 @@ use serde::{Deserialize, Serialize};
 use crate::graph::Graph;
 use crate::setup::Files;
 
-/// Files on disk, beside the pipeline's file.
+/// Files on disk, beside the pipeline's file, and those that come with the program.
+#[derive(Clone, Debug, Default)]
 pub struct DiskFiles {
     base: PathBuf,
+    carried: BTreeMap<String, Vec<u8>>,
 }
 
 impl DiskFiles {
     /// Files named relative to the folder of `pipeline_file`.
     pub fn beside(pipeline_file: &Path) -> Self {
-        Self { base: pipeline_file.parent().map(Path::to_path_buf).unwrap_or_default() }
+        let base = pipeline_file.parent().map(Path::to_path_buf).unwrap_or_default();
+        Self { base, carried: BTreeMap::new() }
     }
-}
 
-impl DiskFiles {
-    /// Where a file is.
+    /// The same with files that come with the program: a name of theirs is not looked for on disk.
+    #[must_use]
+    pub fn carrying(mut self, files: &[(&str, &[u8])]) -> Self {
+        self.carried.extend(files.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
+        self
+    }
+
+    /// Where a file is on disk.
     fn path(&self, name: &str) -> PathBuf {
         self.base.join(name)
     }
 }
 
+/// Where the bytes of a file are.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Place {
+    Disk(PathBuf),
+    Here(Vec<u8>),
+}
+
 /// The files of a run as they were when it began: every process reads these, also one that is started again.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Snapshot {
-    files: BTreeMap<String, PathBuf>,
+    files: BTreeMap<String, Place>,
 }
 
 impl Snapshot {
@@ -39,7 +54,11 @@ impl Snapshot {
         let mut files = BTreeMap::new();
         for name in graph.operators.iter().flat_map(|o| &o.files) {
             for file in disk.list(name).map_err(|e| format!("{name}: {e}"))? {
-                files.insert(file.clone(), disk.path(&file));
+                let place = match disk.carried.get(&file) {
+                    Some(bytes) => Place::Here(bytes.clone()),
+                    None => Place::Disk(disk.path(&file)),
+                };
+                files.insert(file, place);
             }
         }
         Ok(Self { files })
@@ -49,10 +68,14 @@ impl Snapshot {
     pub fn copied_to(&self, folder: &Path) -> Result<Self, String> {
         let mut files = BTreeMap::new();
         std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-        for (number, (name, path)) in self.files.iter().enumerate() {
+        for (number, (name, place)) in self.files.iter().enumerate() {
             let copy = folder.join(number.to_string());
-            std::fs::copy(path, &copy).map_err(|e| format!("{}: {e}", path.display()))?;
-            files.insert(name.clone(), copy);
+            let copied = match place {
+                Place::Disk(path) => std::fs::copy(path, &copy).map(|_| ()),
+                Place::Here(bytes) => std::fs::write(&copy, bytes),
+            };
+            copied.map_err(|e| format!("{name}: {e}"))?;
+            files.insert(name.clone(), Place::Disk(copy));
         }
         Ok(Self { files })
     }
@@ -60,8 +83,10 @@ impl Snapshot {
 
 impl Files for Snapshot {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        let path = self.files.get(name).ok_or("it is not among the files of this run")?;
-        std::fs::read(path).map_err(|e| e.to_string())
+        match self.files.get(name).ok_or("it is not among the files of this run")? {
+            Place::Disk(path) => std::fs::read(path).map_err(|e| e.to_string()),
+            Place::Here(bytes) => Ok(bytes.clone()),
+        }
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
@@ -82,10 +107,16 @@ fn listed<T>(files: &BTreeMap<String, T>, name: &str) -> Option<Vec<String>> {
 
 impl Files for DiskFiles {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        std::fs::read(self.path(name)).map_err(|e| e.to_string())
+        match self.carried.get(name) {
+            Some(bytes) => Ok(bytes.clone()),
+            None => std::fs::read(self.path(name)).map_err(|e| e.to_string()),
+        }
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
+        if let Some(carried) = listed(&self.carried, name) {
+            return Ok(carried);
+        }
         let path = self.path(name);
         if path.is_file() {
             return Ok(vec![name.to_string()]);
@@ -118,5 +149,20 @@ impl Files for KeptFiles {
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
         listed(&self.files, name).ok_or_else(|| "the session does not keep it".to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_comes_with_the_program_goes_before_one_on_disk_and_others_are_looked_for() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let files = DiskFiles::beside(&folder.join("x.yaml")).carrying(&[("Cargo.toml", b"carried")]);
+        assert_eq!(files.read("Cargo.toml").unwrap(), b"carried");
+        assert!(files.read("src/lib.rs").unwrap().len() > 7);
+        assert_eq!(files.list("Cargo.toml").unwrap(), ["Cargo.toml"]);
+        assert!(files.read("nothing").is_err());
     }
 }

@@ -20,8 +20,8 @@ pub struct Check {
 impl Check {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let (source, file) = self.pipeline.read()?;
-        match self.pipeline.check_text(&source, &file, registry, &Machine::here()) {
+        let source = self.pipeline.read()?;
+        match self.pipeline.check_source(&source, registry, &Machine::here()) {
             Ok(graph) => {
                 if self.json {
                     let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();

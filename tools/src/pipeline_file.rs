@@ -13,6 +13,9 @@ use crate::exit::Failure;
 
 /// The default pipeline, for a program that is started away from its source.
 const EMBEDDED: &str = include_str!("../../pipeline.yaml");
+/// The files that it names.
+const EMBEDDED_FILES: &[(&str, &[u8])] =
+    &[("examples/data/rig.key", include_bytes!("../../examples/data/rig.key"))];
 
 /// Which pipeline, and what is changed in it.
 #[derive(Args, Clone, Debug, Default)]
@@ -24,48 +27,61 @@ pub struct PipelineFile {
     pub sets: Vec<String>,
 }
 
+/// A pipeline that was read.
+pub struct Source {
+    /// Its text.
+    pub text: String,
+    /// Name of its file: absolute, so that every process finds it.
+    pub file: PathBuf,
+    /// The files beside it.
+    pub files: DiskFiles,
+}
+
 /// A pipeline that was read and checked.
 pub struct Checked {
-    /// Its text.
-    pub source: String,
-    /// Name of its file: absolute, so that every process finds the files beside it.
-    pub file: PathBuf,
+    /// What was read.
+    pub source: Source,
     /// The graph.
     pub graph: Arc<Graph>,
 }
 
 impl PipelineFile {
-    /// Text and file name.
-    pub fn read(&self) -> Result<(String, PathBuf), Failure> {
+    /// Reads it.
+    pub fn read(&self) -> Result<Source, Failure> {
+        let default = PathBuf::from("pipeline.yaml");
         let path = match &self.file {
             Some(path) => path.clone(),
-            None if Path::new("pipeline.yaml").is_file() => PathBuf::from("pipeline.yaml"),
-            None => return Ok((EMBEDDED.to_string(), PathBuf::from("pipeline.yaml"))),
+            None if default.is_file() => default,
+            None => {
+                let files = DiskFiles::beside(&default).carrying(EMBEDDED_FILES);
+                return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
+            }
         };
-        let source = std::fs::read_to_string(&path)
+        let text = std::fs::read_to_string(&path)
             .map_err(|e| Failure::wrong(format!("{}: {e}; name the file of a pipeline", path.display())))?;
-        Ok((source, std::path::absolute(&path).unwrap_or(path)))
+        let file = std::path::absolute(&path).unwrap_or(path);
+        let files = DiskFiles::beside(&file);
+        Ok(Source { text, file, files })
     }
 
     /// Reads and checks. Faults name the file as the user did.
     pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Failure> {
-        let (source, file) = self.read()?;
-        match self.check_text(&source, &file, registry, machine) {
-            Ok(graph) => Ok(Checked { source, file, graph: Arc::new(graph) }),
+        let source = self.read()?;
+        match self.check_source(&source, registry, machine) {
+            Ok(graph) => Ok(Checked { source, graph: Arc::new(graph) }),
             Err(faults) => Err(Failure::wrong(faults)),
         }
     }
 
-    /// Checks a text that was read.
-    pub fn check_text(
+    /// Checks what was read.
+    pub fn check_source(
         &self,
-        source: &str,
-        file: &Path,
+        source: &Source,
         registry: &Registry,
         machine: &Machine,
     ) -> Result<Graph, Faults> {
         let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
-        let files = DiskFiles::beside(file);
-        spec::check_for(machine, source, &shown.display().to_string(), &self.sets, registry, &files)
+        let name = shown.display().to_string();
+        spec::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
     }
 }

@@ -127,9 +127,10 @@ impl Run {
             create_folder(session).map_err(Failure::failed)?;
         }
         let options = RunOptions {
-            source: checked.source.clone(),
-            file: checked.file.display().to_string(),
+            source: checked.source.text.clone(),
+            file: checked.source.file.display().to_string(),
             sets: self.pipeline.sets.clone(),
+            files: checked.source.files.clone(),
             duration: length,
             session: session.map(Path::to_path_buf),
             compression: if self.compression.is_empty() {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use stillpoint_pipeline::clock::SessionClock;
-use stillpoint_pipeline::files::{DiskFiles, Snapshot};
+use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::ledger::{Ledger, Line};
@@ -44,12 +44,12 @@ pub fn simulate(
 ) -> Result<RunReport, Failure> {
     let _aside = Aside::begin();
     let graph = &checked.graph;
-    let file = checked.file.display().to_string();
-    let snapshot = Snapshot::of(graph, &DiskFiles::beside(&checked.file)).map_err(Failure::failed)?;
+    let file = checked.source.file.display().to_string();
+    let snapshot = Snapshot::of(graph, &checked.source.files).map_err(Failure::failed)?;
     let files: Arc<dyn Files + Send + Sync> = Arc::new(snapshot.clone());
     let hello = Hello {
         process: String::new(),
-        source: checked.source.clone(),
+        source: checked.source.text.clone(),
         file: file.clone(),
         sets: sets.to_vec(),
         files: snapshot,
@@ -88,7 +88,8 @@ pub fn simulate(
             &mut threads
         }
         Place::Processes => {
-            processes = Processes::start(graph.clone(), &launch()?, &checked.source, &file, sets)
+            let source = &checked.source;
+            processes = Processes::start(graph.clone(), &launch()?, &source.text, &file, sets, &source.files)
                 .map_err(Failure::failed)?;
             &mut processes
         }

@@ -1,7 +1,6 @@
 //! Lock-step placement in processes: activations are sent to workers as records, samples go through shared memory.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -37,19 +36,19 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Starts every process of the graph. `source`, `file` and `sets` are what the graph was checked from.
+    /// Starts every process of the graph. `source`, `file`, `sets` and `disk` are what the graph was checked from.
     pub fn start(
         graph: Arc<Graph>,
         launch: &Launch,
         source: &str,
         file: &str,
         sets: &[String],
+        disk: &DiskFiles,
     ) -> Result<Self, String> {
         sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let disk = DiskFiles::beside(Path::new(file));
-        let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
+        let files = Snapshot::of(&graph, disk)?.copied_to(&folder.files())?;
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::children::Launch;
 use super::status::OperatorFigures;
+use crate::files::DiskFiles;
 use crate::ledger::Line;
 
 /// What is to be run, and how.
@@ -18,6 +19,8 @@ pub struct RunOptions {
     pub file: String,
     /// `--set` overrides.
     pub sets: Vec<String>,
+    /// Where the files are that its params name.
+    pub files: DiskFiles,
     /// Length of the run, ns of session time; `None`: until it is stopped.
     pub duration: Option<u64>,
     /// Folder of the session; `None`: nothing is recorded.

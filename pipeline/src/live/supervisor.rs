@@ -6,7 +6,6 @@
 mod ending;
 mod restarts;
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -23,7 +22,7 @@ use super::room::reserve;
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
-use crate::files::{DiskFiles, Snapshot};
+use crate::files::Snapshot;
 use crate::graph::Graph;
 use crate::ledger::Ledger;
 use crate::restarts::Restarts;
@@ -88,8 +87,7 @@ impl Supervisor {
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let disk = DiskFiles::beside(Path::new(&options.file));
-        let files = Snapshot::of(&graph, &disk)?.copied_to(&folder.files())?;
+        let files = Snapshot::of(&graph, &options.files)?.copied_to(&folder.files())?;
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();

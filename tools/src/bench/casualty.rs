@@ -16,8 +16,8 @@ use super::failsafe::Due;
 use crate::attach::Which;
 use crate::exit::Failure;
 
-/// The pipeline, its key, and the ports that it has in the file.
-const PIPELINE: &str = include_str!("../../../examples/head-3dof.yaml");
+/// The default pipeline, its key, and the ports that it has in the file.
+const PIPELINE: &str = include_str!("../../../pipeline.yaml");
 const KEY: &str = include_str!("../../../examples/data/rig.key");
 const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
 /// A quarter of the pixels: a bench of deadlines needs no more.
@@ -99,8 +99,8 @@ impl Trial {
     pub fn of(fault: Fault, number: u64, folder: &Path, registry: &Registry) -> Result<Self, Failure> {
         let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
         let place = folder.join(number.to_string());
-        std::fs::create_dir_all(place.join("data")).map_err(io)?;
-        std::fs::write(place.join("data/rig.key"), KEY).map_err(io)?;
+        std::fs::create_dir_all(place.join("examples/data")).map_err(io)?;
+        std::fs::write(place.join("examples/data/rig.key"), KEY).map_err(io)?;
         // The head stays where it is, so that the beam stays on.
         let mut text = PIPELINE.replace(CAMERA[0], CAMERA[1]).replace("at: 2.5 s, z:", "at: 1 h, z:");
         let mut valves = String::new();
@@ -109,7 +109,7 @@ impl Trial {
             text = text.replace(port, &free);
             valves = if valves.is_empty() { free } else { valves };
         }
-        std::fs::write(place.join("head.yaml"), text).map_err(io)?;
+        std::fs::write(place.join("pipeline.yaml"), text).map_err(io)?;
         let mut run = Casualty::start(&place)?;
         run.follow(registry)?;
         // Another moment of the frame's and the timers' periods each time.
@@ -199,7 +199,7 @@ impl Casualty {
     fn start(place: &Path) -> Result<Self, Failure> {
         let program = std::env::current_exe().map_err(Failure::failed)?;
         let child = Command::new(program)
-            .args(["run", "head.yaml", "--for", "60 s", "--json", "--record", "s"])
+            .args(["run", "--for", "60 s", "--json", "--record", "s"])
             .current_dir(place)
             .stdin(Stdio::null())
             .stdout(Stdio::null())

@@ -68,6 +68,7 @@ impl Window<'_> {
             source: self.pipeline.to_string(),
             file,
             sets: Vec::new(),
+            files,
             duration: Some(self.length.as_nanos() as u64),
             session: self.session.map(|(path, _)| PathBuf::from(path)),
             compression: self.session.map_or("none", |(_, compression)| compression).to_string(),

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod case;
+mod loops;
 mod plan;
 mod report;
 
@@ -75,7 +76,26 @@ fn the_default_pipeline_comes_with_the_command() {
     let out = stillpoint(folder.path(), &["check"]);
     assert!(out.status.success(), "{}", text(&out.stderr));
     assert!(text(&out.stdout).contains("no faults"));
+    // Its key comes with it: into every process, into the session, and from there into replay and report.
+    let small = SMALL_CAMERA.map(|set| ["--set", set]).concat();
+    for place in [&["--clock", "simulated"][..], &["--lock-step=processes"]] {
+        let run = [&["run", "--for", "1s", "--record", "s", "--json"], place, &small].concat();
+        let out = stillpoint(folder.path(), &run);
+        assert!(out.status.success(), "{place:?}: {}{}", text(&out.stdout), text(&out.stderr));
+    }
+    for command in [&["replay", "s/head-3dof-0001"][..], &["report", "s/head-3dof-0002"]] {
+        let out = stillpoint(folder.path(), command);
+        assert!(out.status.success(), "{command:?}: {}{}", text(&out.stdout), text(&out.stderr));
+    }
+    // A key of one's own is looked for on disk.
+    let out = stillpoint(folder.path(), &["check", "--set", "valves.key=own.key"]);
+    assert_eq!(out.status.code(), Some(2));
+    assert!(text(&out.stderr).contains("own.key"), "{}", text(&out.stderr));
 }
+
+/// Images that cost little.
+const SMALL_CAMERA: [&str; 3] =
+    ["rig.camera.width='160 px'", "rig.camera.height='120 px'", "rig.camera.focal_length='141 px'"];
 
 #[test]
 fn a_wrong_pipeline_is_refused_with_place_and_exit_code_2() {
@@ -115,7 +135,7 @@ fn what_is_not_there_is_named_and_nothing_panics() {
 #[test]
 fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
     let folder = tempfile::tempdir().unwrap();
-    let pipeline = root().join("pipeline.yaml").canonicalize().unwrap().display().to_string();
+    let pipeline = root().join("examples/head-tracking.yaml").canonicalize().unwrap().display().to_string();
     let small =
         ["--set", "rig.width='160 px'", "--set", "rig.height='120 px'", "--set", "rig.focal_length='141 px'"];
     let run = [
@@ -134,7 +154,7 @@ fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
     assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
     let fit = |output: &str| {
         let from =
-            ["identify", "s/head-tracking-0001", "--input", "rig.truth:position.2", "--output", output];
+            ["identify", "s/head-tracking-6dof-0001", "--input", "rig.truth:position.2", "--output", output];
         stillpoint(folder.path(), &[&from[..], &["--order", "1", "--json", "--model", "m.json"]].concat())
     };
     // How the filtered height follows the true one: by about as much, and settled within seconds.

@@ -157,10 +157,20 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
 #[test]
 fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, _) = run(folder.path(), "examples/head-3dof.yaml", "6s", &[]);
+    let (session, said) = run(folder.path(), "pipeline.yaml", "6s", &[]);
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
     let figures = |id: &str| json["sections"][id]["figures"].clone();
+    // The run itself says how the head was held at its end.
+    let held = &said["held"];
+    let off = held["targets"][0]["channels"].as_array().unwrap();
+    let names: Vec<&str> = off.iter().map(|c| c["channel"].as_str().unwrap()).collect();
+    assert_eq!(names, ["z", "pitch", "roll"]);
+    // Half of its way: the step was asked for at 3.5 s.
+    let [now, worst] = ["now", "worst"].map(|k| off[0][k].as_f64().unwrap());
+    assert!(now < -1.0 && now > -11.0 && (11.0..12.0).contains(&worst), "{off:?}");
+    assert_eq!((&held["valves"][0]["state"], &held["valves"][0]["faults"]), (&"armed".into(), &0.into()));
+    assert_eq!((&held["gates"][0]["on"], &held["gates"][0]["leases"]), (&false.into(), &1.into()));
     let channels = figures("targets")["channels"].as_array().unwrap().clone();
     let names: Vec<&str> = channels.iter().map(|c| c["channel"].as_str().unwrap()).collect();
     assert_eq!(names, ["z", "pitch", "roll"]);
@@ -173,9 +183,10 @@ fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let states = figures("actuation")["changes"].as_array().unwrap().clone();
     assert!(states.iter().any(|c| c["state"] == "armed"), "{states:?}");
     let gate = figures("gate")["gates"][0].clone();
+    assert_eq!(gate["open"], held["gates"][0]["duty"]);
     assert!((0.0..=1.0).contains(&gate["open"].as_f64().unwrap()) && gate["leases"].as_u64().unwrap() > 0);
     // What is not recorded is named.
-    assert!(json["sections"]["alignment"]["missing"].is_string() && page.contains("Not in this session"));
+    assert!(json["sections"]["sensors"]["missing"].is_string() && page.contains("Not in this session"));
 }
 
 #[test]
@@ -195,7 +206,7 @@ fn a_session_without_truth_and_without_images_shows_the_rest() {
 #[test]
 fn what_is_broken_is_said_and_what_is_left_is_shown() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, _) = run(folder.path(), "pipeline.yaml", "3s", &SMALL);
+    let (session, _) = run(folder.path(), "examples/head-tracking.yaml", "3s", &SMALL);
     let part = session.join("part-000.mcap");
     let whole = std::fs::read(&part).unwrap();
     // Cut in the middle, and a name that is no HTML.

@@ -1,23 +1,118 @@
-//! `pipeline.yaml` at the root.
+//! `pipeline.yaml` at the root: from camera to valve and beam.
 
-use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_samples::{Diagnostics, Pose, PoseReport, PoseStatus, Track};
+use stillpoint_samples::{
+    Actuation, ActuationState, FarEnd, FarEndDoing, Gate, PoseReport, PoseStatus, RigState, Target, Track,
+};
+use stillpoint_testing::run::START;
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
 
-fn default_pipeline(ms: u64, change: impl Fn(String) -> String) -> Run {
+fn default_pipeline(changes: &[(&str, &str)], ms: u64) -> Run {
     let path = from_root("pipeline.yaml");
-    let text = change(std::fs::read_to_string(&path).unwrap());
-    run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap()
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "the pipeline lacks {from}");
+        text = text.replace(from, to);
+    }
+    let run = run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(run.failed(), [] as [&str; 0]);
+    run
+}
+
+/// Time of a sample since the start of the run, s.
+fn seconds(stamp: u64) -> f64 {
+    (stamp - START) as f64 * 1e-9
+}
+
+/// Errors of height in mm, pitch and roll in degrees, against the target at the same time.
+fn errors(run: &Run) -> Vec<(f64, [f64; 3])> {
+    let targets = run.samples::<Target>("target.reference");
+    let newest = |stamp: u64| targets.iter().rev().find(|t| t.head.stamp <= stamp)?.first();
+    run.samples::<Track>("filter.state")
+        .iter()
+        .filter_map(|state| {
+            let (track, target) = (state.first()?, newest(state.head.stamp)?);
+            let [w, x, y, z] = track.orientation;
+            let q = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+            let (pitch, roll, _) = q.euler_angles();
+            let height = (track.position[2] - target.position[2]) * 1e3;
+            let angle = |is: f64, due: f64| (is - due).to_degrees();
+            Some((
+                seconds(state.head.stamp),
+                [height, angle(pitch, target.angles[0]), angle(roll, target.angles[1])],
+            ))
+        })
+        .collect()
+}
+
+#[test]
+fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
+    let run = default_pipeline(&[], 20_000);
+    // Armed by the script's person, and never in want of anything after that.
+    let last_state = |at: f64| {
+        let states = run.samples::<Actuation>("valves.state");
+        states.iter().rev().find(|s| seconds(s.head.stamp) < at).unwrap().first().unwrap().state
+    };
+    assert_eq!(last_state(1.4), ActuationState::Disarmed as u32);
+    assert_eq!(last_state(2.0), ActuationState::Armed as u32);
+    assert_eq!(last_state(20.0), ActuationState::Armed as u32);
+    // The beam is on while the head is held, off while it moves, and on again where it is to be.
+    let beam = |from: f64, until: f64| {
+        let gates = run.samples::<Gate>("gate.state");
+        let within = gates.iter().filter(|g| (from..until).contains(&seconds(g.head.stamp)));
+        let on: Vec<bool> = within.map(|g| g.first().unwrap().beam == 1).collect();
+        on.iter().filter(|on| **on).count() as f64 / on.len() as f64
+    };
+    assert!(beam(2.3, 3.0) > 0.9, "held before the step");
+    assert_eq!(beam(3.7, 8.0), 0.0, "on its way");
+    assert!(beam(14.0, 20.0) > 0.95, "held after the step");
+    let far = run.samples::<FarEnd>("far.state");
+    let last = far.last().unwrap().first().unwrap();
+    assert_eq!((last.doing(), last.beam, last.refused, last.missing), (FarEndDoing::Following, 1, 0, 0));
+    for (time, [height, pitch, roll]) in errors(&run).iter().filter(|(time, _)| *time > 15.0) {
+        assert!(
+            height.abs() < 0.5 && pitch.abs() < 0.2 && roll.abs() < 0.2,
+            "{time} s: {height:.3} mm, {pitch:.3} deg, {roll:.3} deg"
+        );
+    }
+    let states = run.samples::<RigState>("rig.state");
+    assert!(states.iter().all(|s| s.first().unwrap().pressure.iter().all(|p| *p < 40e3)));
+}
+
+#[test]
+fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
+    let blind = ("motion: breathes,", "motion: breathes, faults: [{ kind: blind_camera, at: 4 s }],");
+    let run = default_pipeline(&[blind, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
+    let gates = run.samples::<Gate>("gate.state");
+    let off = gates
+        .iter()
+        .find(|g| seconds(g.head.stamp) > 4.0 && g.first().unwrap().beam == 0)
+        .map(|g| seconds(g.head.stamp))
+        .unwrap();
+    let far = run.samples::<FarEnd>("far.state");
+    let vents = far
+        .iter()
+        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().doing() == FarEndDoing::Venting)
+        .map(|s| seconds(s.head.stamp))
+        .unwrap();
+    let dark = far
+        .iter()
+        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().beam == 0)
+        .map(|s| seconds(s.head.stamp))
+        .unwrap();
+    // The last good frame is of 3.9 s: stale after three frames, and safe 100 ms later.
+    assert!(
+        off <= 4.2 + 1e-9 && dark < vents && vents <= 4.3 + 1e-9,
+        "off {off}, dark {dark}, vents {vents}"
+    );
 }
 
 #[test]
 fn every_frame_of_the_default_pipeline_becomes_a_state() {
-    let run = default_pipeline(3000, |text| text);
-    assert_eq!(run.failed(), [] as [&str; 0]);
+    let run = default_pipeline(&[], 3000);
     for topic in
         ["rig.depth", "rig.truth", "cloud.cloud", "face.face", "head.pose", "head.report", "filter.state"]
     {
@@ -29,105 +124,26 @@ fn every_frame_of_the_default_pipeline_becomes_a_state() {
     assert_eq!((last.first().unwrap().accepted, last.first().unwrap().rejected), (30, 0));
     let statuses = run.samples::<PoseReport>("head.report");
     let status = |i: usize| PoseStatus::from_number(statuses[i].first().unwrap().status).unwrap();
-    assert_eq!(status(0), PoseStatus::Captured);
-    assert!((1..30).all(|i| status(i) == PoseStatus::Tracked));
-}
-
-fn isometry(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Isometry3<f64> {
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Vector3::from(position).into(), rotation)
-}
-
-#[test]
-fn the_filtered_pose_follows_the_head_in_the_couchs_frame() {
-    let run = default_pipeline(12_000, |text| text.replace("motion: nods", "motion: steps"));
-    let truth = run.samples::<Pose>("rig.truth");
-    let states = run.samples::<Track>("filter.state");
-    let true_at = |i: usize| truth[i].first().map(|p| isometry(p.position, p.orientation)).unwrap();
-    let seen_at = |i: usize| states[i].first().map(|s| isometry(s.position, s.orientation)).unwrap();
-    // The motion of the rig's place on the head, by the truth and by what was seen.
-    let place = Point3::from(true_at(90).translation.vector);
-    let moved = true_at(119) * true_at(90).inverse();
-    let seen = seen_at(119) * seen_at(90).inverse();
-    let far = (moved * place - place).norm();
-    assert!(far > 2e-3 && moved.rotation.angle() > 5e-3, "the script has moved the head {moved}");
-    let (off, turned) = ((moved * place - seen * place).norm(), moved.rotation.angle_to(&seen.rotation));
-    eprintln!(
-        "moved {:.2} mm, {:.2} deg; off {:.3} mm, {:.3} deg",
-        far * 1e3,
-        moved.rotation.angle().to_degrees(),
-        off * 1e3,
-        turned.to_degrees()
-    );
-    assert!(off < 0.3e-3 && turned.to_degrees() < 0.2, "{off} m, {turned} rad");
-    // The head's origin, the centroid of the reference, lies in the face: above and in front of the ear canals.
-    let offset = seen_at(90).translation.vector - true_at(90).translation.vector;
-    assert!(offset.x.abs() < 0.02 && offset.z > 0.0 && offset.z < 0.12, "{offset}");
-}
-
-#[test]
-fn a_head_at_rest_has_a_pose_as_exact_as_its_covariance_says() {
-    let run = default_pipeline(6000, |text| text.replace("motion: nods", "motion: still"));
-    let poses: Vec<_> = run.samples::<Pose>("head.pose").iter().map(|p| *p.first().unwrap()).collect();
-    // The first frame is the reference itself.
-    let (first, poses) = poses.split_first().unwrap();
-    let start = isometry(first.position, first.orientation);
-    let n = poses.len() as f64;
-    for channel in 0..6 {
-        let value = |p: &stillpoint_samples::PoseElement| {
-            let turn =
-                (isometry(p.position, p.orientation).rotation * start.rotation.inverse()).scaled_axis();
-            if channel < 3 { p.position[channel] } else { turn[channel - 3] }
-        };
-        let mean = poses.iter().map(value).sum::<f64>() / n;
-        let variance = poses.iter().map(|p| (value(p) - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let said = poses.iter().map(|p| p.covariance[7 * channel]).sum::<f64>() / n;
-        eprintln!("channel {channel}: measured {:.1e}, said {:.1e}", variance.sqrt(), said.sqrt());
-        // Frames err with the reference alike: the covariance has that error in it, the scatter has not.
-        assert!(variance < 1.5 * said, "channel {channel}: {variance}, said {said}");
-    }
-}
-
-#[test]
-fn diagnostics_name_the_couchs_plane() {
-    let run = default_pipeline(1000, |text| text);
-    let plane: Vec<f64> =
-        run.samples::<Diagnostics>("face.diagnostics").iter().map(|d| d.elements[4].value).collect();
-    assert_eq!(plane.len(), 10);
-    // The camera is 590 mm over the couch.
-    assert!(plane.iter().all(|offset| (offset - 0.59).abs() < 2e-3), "{plane:?}");
-}
-
-#[test]
-fn diagnostics_count_what_was_cut_from_the_head() {
-    let cut = |setting: &str| -> Vec<f64> {
-        let run = default_pipeline(500, |text| {
-            text.replace("noise: structured_light", &format!("noise: structured_light, setting: {setting}"))
-        });
-        let metric = |d: &stillpoint_samples::View<'_, Diagnostics>| {
-            d.elements.iter().find(|m| m.name() == "cut_voxels").unwrap().value
-        };
-        run.samples::<Diagnostics>("face.diagnostics").iter().map(metric).collect()
-    };
-    // Pillow, shoulders and pads are one cluster with the head.
-    let patient = cut("patient");
-    assert!(patient.len() == 5 && patient.iter().all(|voxels| *voxels > 500.0), "{patient:?}");
+    // The first face is a reference, and the one after the script's word at 500 ms.
+    let captured: Vec<usize> = (0..30).filter(|i| status(*i) == PoseStatus::Captured).collect();
+    assert!(captured.len() == 2 && captured[0] == 0 && (5..=6).contains(&captured[1]), "{captured:?}");
+    assert!((0..30).all(|i| captured.contains(&i) || status(i) == PoseStatus::Tracked));
 }
 
 #[test]
 fn two_runs_send_the_same_bytes_and_another_seed_others() {
-    let (a, b) = (default_pipeline(1500, |t| t), default_pipeline(1500, |t| t));
+    let (a, b) = (default_pipeline(&[], 1500), default_pipeline(&[], 1500));
     assert_eq!(a.topics(), b.topics());
     for topic in a.topics() {
         assert!(a.bytes(topic) == b.bytes(topic), "{topic} differs");
     }
-    let other = default_pipeline(1500, |t| t.replace("seed: 7", "seed: 8"));
+    let other = default_pipeline(&[("seed: 7", "seed: 8")], 1500);
     assert!(a.bytes("rig.depth") != other.bytes("rig.depth"));
 }
 
 #[test]
 fn the_topics_of_the_default_pipeline_fit_a_small_shared_memory() {
-    let graph = default_pipeline(1, |text| text).graph;
+    let graph = default_pipeline(&[], 1).graph;
     let mut contracts = contracts::all(&graph);
     contracts.sort_by_key(|c| std::cmp::Reverse(c.pool_bytes()));
     for contract in contracts.iter().take(5) {

@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod camera_to_valve;
 mod default_pipeline;
 mod examples;
 mod guide;
+mod head_tracking;
 mod held_head;
 #[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
