@@ -205,6 +205,9 @@ fn overwritten_samples_replay_bit_for_bit_under_load() {
         bench.call(&["run", text(&pipeline("slow.yaml")), "--for", "3 s", "--json", "--record", "s"]).good();
     assert!(line(&report, "slow.queue")["overwritten"].as_u64().unwrap() > 100, "{}", report["ledger"]);
     assert!(figures(&report, "slow")["lost"].as_u64().unwrap() > 100);
+    // The user is told that the machine, or the pipeline, does not keep up.
+    let slow = report["too_slow"].as_array().unwrap();
+    assert!(slow.iter().any(|s| s.as_str().unwrap().starts_with("slow.queue skipped samples")), "{slow:?}");
     let session = report["session"].as_str().unwrap();
     // Four at once on few cores: order and timing of a replay are nobody's input.
     let replays = [(); 4].map(|()| bench.start(&["replay", session, "--json"]));

@@ -91,8 +91,9 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         let mut parts = vec![format!("{seconds:.1} s")];
         parts.extend(self.taps.as_mut().map(Taps::look).unwrap_or_default());
         let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
-        let width =
-            rustix::termios::tcgetwinsize(std::io::stderr()).map_or(80, |w| usize::from(w.ws_col).max(20));
+        // A terminal that does not know how wide it is says 0.
+        let columns = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |w| usize::from(w.ws_col));
+        let width = if columns == 0 { 80 } else { columns.max(20) };
         let lines = [wrapped(&parts, width - 1), wrapped(&figures, width - 1)].concat();
         self.clear();
         eprint!("{}", lines.join("\n"));
