@@ -80,6 +80,7 @@ fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
     }
     let states = run.samples::<RigState>("rig.state");
     assert!(states.iter().all(|s| s.first().unwrap().pressure.iter().all(|p| *p < 40e3)));
+    assert!(states.iter().all(|s| s.first().unwrap().force[..3].iter().all(|f| *f > 0.5)), "none pulls");
 }
 
 #[test]

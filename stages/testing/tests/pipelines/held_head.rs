@@ -208,6 +208,8 @@ fn three_bladders_take_a_breathing_head_along_the_sources_step() {
 #[test]
 fn one_bladder_and_two_cameras_hold_a_height() {
     let run = held("one-dof-lqg.yaml", &[], 34_000);
+    hold_bladders(&run);
+    stays_armed(&run);
     let heights: Vec<f64> = moved(&run).iter().map(|m| m[2]).collect();
     let at = |seconds: f64| (seconds / 11.111_111e-3) as usize;
     // The step is asked for 5 s after the first estimate, at the latest at 5.3 s.
