@@ -197,8 +197,12 @@ pub struct Valves {
     pub reasons: Vec<&'static str>,
     /// Faults so far.
     pub faults: u64,
+    /// What made the last.
+    pub fault: Vec<&'static str>,
     /// Commands to arm or to resume that were refused so far.
     pub refused: u64,
+    /// What was missing at the last.
+    pub lacking: Vec<&'static str>,
 }
 
 impl Against {
@@ -245,7 +249,9 @@ impl Valves {
             state: actuation.state().word(),
             reasons: ActuationReason::words(actuation.reasons).collect(),
             faults: actuation.faults,
+            fault: ActuationReason::words(actuation.fault).collect(),
             refused: actuation.refused,
+            lacking: ActuationReason::words(actuation.lacking).collect(),
         }
     }
 
@@ -287,8 +293,10 @@ impl Display for Held {
             writeln!(f, "{topic}: beam {word}; allowed {duty} of {watched_s:.1} s, in {leases} leases")?;
         }
         for valves in &self.valves {
-            let Valves { topic, faults, refused, .. } = valves;
-            writeln!(f, "{topic}: {}; {faults} faults, {refused} commands refused", valves.word())?;
+            let Valves { topic, faults, fault, refused, lacking, .. } = valves;
+            let faults = because(&format!("faults {faults}"), fault);
+            let refused = because(&format!("refused commands {refused}"), lacking);
+            writeln!(f, "{topic}: {}; {faults}; {refused}", valves.word())?;
         }
         Ok(())
     }
