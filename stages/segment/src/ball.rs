@@ -96,6 +96,11 @@ impl BallSearch {
         Self::default()
     }
 
+    /// The balls of the last search.
+    #[must_use]
+    pub fn balls(&self) -> &[Ball] {
+        &self.balls
+    }
     /// The balls of a radius between the two (metres) that `patches` speak for, the one with the most votes first, in
     /// different places: at most [`BALLS`].
     pub fn find(&mut self, patches: &[Patch], radii: [f64; 2]) -> &[Ball] {

@@ -4,6 +4,7 @@
 //! other join if any point of one is near enough to one of the other. This gives the clusters of single linkage exactly.
 
 use crate::cells::{NO_CELL, SortedCells};
+use crate::forest::root;
 use crate::sweep::Sweep;
 
 /// Marks a point that is in no cluster that was kept.
@@ -106,14 +107,6 @@ fn touch(cells: &SortedCells, points: &[[f32; 3]], a: u32, b: u32, near: f32) ->
 }
 
 /// The cell that stands for `cell`'s cluster, with the path to it halved.
-fn root(parents: &mut [u32], mut cell: u32) -> u32 {
-    while parents[cell as usize] != cell {
-        parents[cell as usize] = parents[parents[cell as usize] as usize];
-        cell = parents[cell as usize];
-    }
-    cell
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -9,10 +9,11 @@
 
 use crate::ball::{Ball, BallSearch};
 use crate::cut::{Lean, MinCut};
+use crate::forest::{root, unite};
+use crate::hills::{Hills, beside};
+use crate::neck::Neck;
 use crate::plane::Plane;
-use crate::summit::Summits;
 use crate::surface::{Patch, Surface};
-use nalgebra::Vector3;
 
 /// What is known of heads, in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,14 +26,27 @@ pub struct HeadParams {
     pub height_min: f64,
 }
 
+impl HeadParams {
+    /// Whether the patches that speak for a ball cover this share of its half that faces the camera.
+    pub(crate) fn is_shown(&self, ball: &Ball, share: f64) -> bool {
+        let side = PATCH * self.leaf;
+        let half_ball = 2.0 * std::f64::consts::PI * ball.radius * ball.radius;
+        ball.voters as f64 * side * side >= share * half_ball
+    }
+}
+
 /// Heads are from this part of the adult radius to that.
 const SIZES: [f64; 2] = [0.6, 1.35];
 /// Width of a patch in voxels.
 const PATCH: f64 = 2.0;
 /// A head shows at least this part of the half of its ball that faces the camera.
-const SHOWN: f64 = 0.4;
+const SHOWN: f64 = 0.35;
+/// In radii of its ball, how high over the plane a head's middle is: of a pillow or a shoulder, less than half would be seen.
+const LYING: f64 = 0.9;
 // Lengths from here on are in radii of the adult head: that of the ball depends on which side is seen.
 
+/// Balls nearer to each other are of one head.
+const ONE_HEAD: f64 = 0.95;
 /// Nothing farther from the ball's centre is the head. A neck ends before.
 const REACH: f64 = 3.0;
 /// How far the surface of a head and its neck is mostly.
@@ -41,14 +55,6 @@ const NEARBY: f64 = 2.0;
 const FOOT: f64 = 1.1;
 /// Over the ball's centre, in its own radii: the surface of the ball that is higher is the head.
 const CAP: f64 = 0.2;
-/// A summit from which the way up leads down this far is of something else ...
-const SUMMIT: f64 = 0.2;
-/// ... where it is this far beside the ball's centre.
-const BESIDE: f64 = 1.0;
-/// ... and which has at least this many patches. Flying pixels have fewer.
-const HILL_PATCHES: u32 = 12;
-/// As far around such a summit, and no farther than it is prominent, all is of that other thing.
-const HILL: f64 = 0.4;
 /// Over the least height: what is lower there meets the couch.
 const FOOT_HEIGHT: f64 = 0.3;
 /// So far may two patches be apart that are seen beside each other, since one hides what is between.
@@ -69,12 +75,11 @@ const LEANING: f64 = 80.0;
 pub struct HeadFinder {
     surface: Surface,
     search: BallSearch,
-    summits: Summits,
     graph: MinCut,
     /// Pairs of patches that border on each other, then those that are seen beside each other.
     edges: Vec<[u32; 2]>,
-    heights: Vec<f64>,
-    hills: Vec<(Vector3<f64>, f64)>,
+    hills: Hills,
+    neck: Option<Neck>,
     parents: Vec<u32>,
     head: Vec<bool>,
     ball: Option<Ball>,
@@ -100,16 +105,20 @@ impl HeadFinder {
         let side = PATCH * params.leaf;
         self.surface.gather(voxels, side);
         let radii = SIZES.map(|size| size * params.radius);
-        let half_ball = |ball: &Ball| 2.0 * std::f64::consts::PI * ball.radius * ball.radius / (side * side);
         let height = |ball: &Ball| plane.normal.dot(&ball.centre);
         // Where several things are round, such as pads and shoulders, the head lies on or over them.
         let balls = self.search.find(self.surface.patches(), radii).iter();
-        self.ball = balls
-            .filter(|ball| ball.voters as f64 >= SHOWN * half_ball(ball))
-            .max_by(|a, b| height(a).total_cmp(&height(b)))
-            .copied();
-        let Some(ball) = self.ball else { return false };
+        let lies_on = |ball: &Ball| height(ball) + plane.offset > LYING * ball.radius;
+        let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball, SHOWN));
+        let highest = shown().max_by(|a, b| height(a).total_cmp(&height(b)));
+        self.ball = highest.copied();
+        let Some(highest) = self.ball else { return false };
+        // A face is round, too, and may be higher than the cranium, which is broader.
+        let near = |ball: &&Ball| (ball.centre - highest.centre).norm() < ONE_HEAD * params.radius;
+        let broadest = shown().filter(near).max_by(|a, b| a.radius.total_cmp(&b.radius)).copied();
         self.collect_edges(seen, params);
+        let ball = self.find_neck(broadest.unwrap_or(highest), highest, plane, params);
+        self.ball = Some(ball);
         self.build(&ball, plane, params);
         self.graph.cut();
         self.keep_what_hangs_together(&ball, plane);
@@ -147,44 +156,53 @@ impl HeadFinder {
         }
     }
 
-    fn build(&mut self, ball: &Ball, plane: &Plane, params: &HeadParams) {
-        let patches = self.surface.patches();
-        let middle = plane.normal.dot(&ball.centre) + plane.offset;
-        let beside = |place: &Vector3<f64>, height: f64| {
-            (place - ball.centre - (height - middle) * plane.normal).norm() / params.radius
-        };
-        self.heights.clear();
-        self.heights.extend(patches.iter().map(|patch| plane.normal.dot(&patch.place) + plane.offset));
-        let prominence = self.summits.find(&self.heights, &self.edges, HILL_PATCHES);
-        self.hills.clear();
-        for ((patch, &height), &prominence) in patches.iter().zip(&self.heights).zip(prominence) {
-            if prominence > SUMMIT * params.radius && beside(&patch.place, height) > BESIDE {
-                self.hills.push((patch.place, prominence.min(HILL * params.radius)));
-            }
+    /// Looks for the neck of the cranium, then of the face, and for what lies beside. Says whose ball it is.
+    fn find_neck(&mut self, cranium: Ball, face: Ball, plane: &Plane, params: &HeadParams) -> Ball {
+        let (patches, radius) = (self.surface.patches(), params.radius);
+        self.hills.measure(patches, plane);
+        // Where one thing hides a part of another, a pixel's step leads over the valley between them: no such steps yet.
+        self.hills.find(self.surface.borders());
+        let (balls, hills) = (self.search.balls(), &mut self.hills);
+        let found = [cranium, face].into_iter().find_map(|ball| {
+            hills.tell(patches, &ball, plane, radius);
+            let neck = Neck::of_face(hills.own(patches, radius), &ball, plane, radius);
+            Some((ball, neck.or_else(|| Neck::of_balls(balls, &ball, plane, params))?))
+        });
+        self.neck = found.map(|(_, neck)| neck);
+        if self.neck.is_none() {
+            self.hills.find(&self.edges);
+            self.hills.tell(patches, &face, plane, radius);
         }
+        self.hills.mark(patches, radius, |patch| self.neck.is_some_and(|neck| neck.holds(patch)));
+        found.map_or(face, |(ball, _)| ball)
+    }
+
+    fn build(&mut self, ball: &Ball, plane: &Plane, params: &HeadParams) {
+        let (patches, neck) = (self.surface.patches(), self.neck);
+        let borders = self.surface.borders().len();
         let side = PATCH * params.leaf;
         let low = params.height_min + FOOT_HEIGHT * params.radius;
         self.graph.start(patches.len());
-        for (number, (patch, &height)) in patches.iter().zip(&self.heights).enumerate() {
+        for (number, (patch, &height)) in patches.iter().zip(self.hills.heights()).enumerate() {
             let from_centre = patch.place - ball.centre;
             let distance = from_centre.norm() / params.radius;
-            let foot = height < low && beside(&patch.place, height) > FOOT;
-            let on_hill = || self.hills.iter().any(|(top, reach)| (patch.place - top).norm() < *reach);
-            let lean = if is_cap(patch, ball, plane) {
+            let foot = height < low && beside(&patch.place, ball, plane) > FOOT * params.radius;
+            let is_head = is_cap(patch, ball, plane) || neck.is_some_and(|neck| neck.is_core(patch));
+            let lean = if is_head {
                 Lean::Source
-            } else if distance > REACH || foot || on_hill() {
+            } else if distance > REACH || foot || self.hills.hold(patch) {
                 Lean::Sink
             } else {
                 // A head's surface faces away from its middle; what it lies on faces up from below.
                 let outward = patch.normal.dot(&from_centre) / from_centre.norm().max(1e-9);
                 let round = (2.0 * outward).clamp(SUPPORT, 1.0);
                 let near = (NEARBY - distance).clamp(-1.0, 1.0);
-                Lean::Cost((LEANING * round.min(near)) as i32)
+                let lean = neck.and_then(|neck| neck.lean(patch)).unwrap_or(round.min(near));
+                Lean::Cost((LEANING * lean) as i32)
             };
             self.graph.lean(number as u32, lean);
         }
         let crease = CREASE * side;
-        let borders = self.surface.borders().len();
         for (number, &[a, b]) in self.edges.iter().enumerate() {
             let [p, q] = [a, b].map(|patch| patches[patch as usize].bend.max(0.0));
             let capacity = if number < borders { FLAT * libm::exp(-(p + q) / 2.0 / crease) } else { SEEN };
@@ -192,7 +210,7 @@ impl HeadFinder {
         }
     }
 
-    /// Keeps what is joined to the cap by patches on the head's side of the cut.
+    /// Keeps what is joined to the cap, or to the neck, by patches on the head's side of the cut.
     fn keep_what_hangs_together(&mut self, ball: &Ball, plane: &Plane) {
         let patches = self.surface.patches();
         self.parents.clear();
@@ -203,8 +221,13 @@ impl HeadFinder {
                 unite(&mut self.parents, a, b);
             }
         }
-        for (number, _) in patches.iter().enumerate().filter(|(_, patch)| is_cap(patch, ball, plane)) {
-            unite(&mut self.parents, number as u32, cap);
+        // A chin may hide where the neck joins the head.
+        let is_neck = |patch: &Patch| self.neck.is_some_and(|neck| neck.holds(patch));
+        for (number, patch) in patches.iter().enumerate() {
+            let number = number as u32;
+            if is_cap(patch, ball, plane) || (is_neck(patch) && self.graph.with_source(number)) {
+                unite(&mut self.parents, number, cap);
+            }
         }
         let head = root(&mut self.parents, cap);
         for &patch in self.surface.patch_of_voxel() {
@@ -212,19 +235,6 @@ impl HeadFinder {
             self.head.push(is);
         }
     }
-}
-
-fn root(parents: &mut [u32], mut node: u32) -> u32 {
-    while parents[node as usize] != node {
-        parents[node as usize] = parents[parents[node as usize] as usize];
-        node = parents[node as usize];
-    }
-    node
-}
-
-fn unite(parents: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(parents, a), root(parents, b));
-    parents[a.max(b) as usize] = a.min(b);
 }
 
 /// Whether a patch is on the upper side of the ball's surface.

@@ -17,7 +17,7 @@
 //! - [`ball`]: where a ball of about a head's size is.
 //! - [`summit`]: summits of a landscape.
 //! - [`cut`]: minimum cut of a graph.
-//! - [`head`]: the head, cut from what it touches.
+//! - [`head`]: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
 //! - [`table`]: what is said of each cluster.
 //! - [`face`]: the chain of these, from cloud to face.
 //! - [`mod@operator`], `segment.face`, the chain as an operator.
@@ -30,10 +30,13 @@ pub mod cluster;
 pub mod cut;
 pub mod face;
 pub mod findings;
+mod forest;
 pub mod head;
+mod hills;
 pub mod hull;
 pub mod mlesac;
 pub mod mls;
+mod neck;
 pub mod neighbours;
 pub mod operator;
 pub mod outliers;

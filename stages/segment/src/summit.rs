@@ -1,6 +1,7 @@
 //! Summits of a landscape: places from which every way to higher ground leads down first, and how far down.
 
-use std::cmp::Reverse;
+use crate::forest::root;
+use std::cmp::{Ordering, Reverse};
 
 /// The search with its buffers; after the first frames of a size it allocates nothing.
 #[derive(Debug, Clone, Default)]
@@ -13,6 +14,7 @@ pub struct Summits {
     /// Nodes of the island of each summit.
     sizes: Vec<u32>,
     prominence: Vec<f64>,
+    basins: Vec<u32>,
 }
 
 const NONE: u32 = u32::MAX;
@@ -50,7 +52,7 @@ impl Summits {
                 if self.parents[other as usize] == NONE {
                     continue;
                 }
-                let (a, b) = (self.summit(node), self.summit(other));
+                let [a, b] = [node, other].map(|n| root(&mut self.parents, n));
                 if a == b {
                     continue;
                 }
@@ -69,6 +71,41 @@ impl Summits {
             }
         }
         &self.prominence
+    }
+
+    /// What the last search found.
+    #[must_use]
+    pub fn prominence(&self) -> &[f64] {
+        &self.prominence
+    }
+
+    /// For each node of the last search the summit that water on it would stand under: the one that its steepest way up
+    /// leads to. A summit less prominent than `least` belongs to the first other one that its surroundings meet.
+    pub fn basins(&mut self, heights: &[f64], least: f64) -> &[u32] {
+        let Self { order, starts, neighbours, prominence, basins, .. } = self;
+        basins.clear();
+        basins.resize(heights.len(), NONE);
+        let key = |n: u32| (heights[n as usize], Reverse(n));
+        let higher = |a: &u32, b: &u32| key(*a).partial_cmp(&key(*b)).unwrap_or(Ordering::Equal);
+        for &node in order.iter() {
+            let [from, to] = [node, node + 1].map(|n| starts[n as usize] as usize);
+            let beside = &neighbours[from..to];
+            let steepest = beside.iter().copied().filter(|&n| basins[n as usize] != NONE).max_by(higher);
+            basins[node as usize] = steepest.map_or(node, |up| root(basins, up));
+            for &other in beside {
+                if basins[other as usize] == NONE {
+                    continue;
+                }
+                let [own, met] = [node, other].map(|n| root(basins, n));
+                if prominence[met as usize] < least {
+                    basins[met as usize] = own;
+                } else if prominence[own as usize] < least {
+                    basins[own as usize] = met;
+                }
+            }
+        }
+        (0..heights.len() as u32).for_each(|node| basins[node as usize] = root(basins, node));
+        &self.basins
     }
 
     fn list_neighbours(&mut self, nodes: usize, edges: &[[u32; 2]]) {
@@ -92,15 +129,6 @@ impl Summits {
         }
         self.starts.pop();
     }
-
-    /// The summit of the island that a node is on, with the path to it halved.
-    fn summit(&mut self, mut node: u32) -> u32 {
-        while self.parents[node as usize] != node {
-            self.parents[node as usize] = self.parents[self.parents[node as usize] as usize];
-            node = self.parents[node as usize];
-        }
-        node
-    }
 }
 
 #[cfg(test)]
@@ -121,5 +149,17 @@ mod tests {
         assert_eq!(summits.find(&[1.0; 3], &[[0, 1], [1, 2]], 1), [f64::INFINITY, 0.0, 0.0]);
         assert_eq!(summits.find(&[2.0, 1.0], &[], 1), [f64::INFINITY; 2]);
         assert!(summits.find(&[], &[], 1).is_empty());
+    }
+
+    #[test]
+    fn basins_part_where_the_way_between_two_summits_is_lowest() {
+        let heights = [1.0, 5.0, 2.0, 4.0, 3.0, 7.0, 0.0];
+        let edges: Vec<_> = (0..6).map(|i| [i, i + 1]).collect();
+        let mut summits = Summits::new();
+        summits.find(&heights, &edges, 1);
+        assert_eq!(summits.basins(&heights, 0.5), [1, 1, 1, 3, 5, 5, 5]);
+        // The middle one is no summit of its own: it goes to the one that its surroundings meet first.
+        assert_eq!(summits.basins(&heights, 2.0), [1, 1, 1, 5, 5, 5, 5]);
+        assert_eq!(summits.basins(&heights, 4.0), [5; 7]);
     }
 }

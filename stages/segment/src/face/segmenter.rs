@@ -20,6 +20,10 @@ const BEYOND: f64 = 2.5;
 /// A plane with this part of its inliers' number beneath it, within its hull, supports nothing.
 const BENEATH: f64 = 0.15;
 
+/// A couch over a floor shows at least this part of what the floor shows, and is as level within this angle in radians.
+const COUCH: f64 = 0.15;
+const LEVEL: f64 = 0.3;
+
 /// So many times more planes are drawn at most where no frame before had one.
 const FIRST: u32 = 8;
 
@@ -151,6 +155,12 @@ impl FaceSegmenter {
         if fit.is_some_and(|fit| self.are_many_beneath(&fit)) {
             fit = self.find_plane(Beneath::Unlikely, rng);
         }
+        // A floor may be in range, and more of it in view than of the couch.
+        if let Some(fit) = &mut fit
+            && let Some(couch) = self.find_couch(fit, rng)
+        {
+            *fit = couch;
+        }
         let fit = fit.ok_or(Rejection::NoPlane { found: 0, needed })?;
         if fit.inliers < needed {
             return Err(Rejection::NoPlane { found: fit.inliers, needed });
@@ -168,10 +178,35 @@ impl FaceSegmenter {
         let iterations = if self.prior.is_some() { iterations } else { iterations.saturating_mul(FIRST) };
         let search = MlesacParams { tolerance, iterations, beneath };
         let fit = self.mlesac.find(voxels, self.prior.as_ref(), &search, rng)?;
+        self.measure(&fit);
+        Some(fit)
+    }
+
+    /// The heights over a plane, and the hull of what lies on it.
+    fn measure(&mut self, fit: &PlaneFit) {
+        let tolerance = self.params.plane_tolerance;
+        let voxels = self.grid.centroids();
         self.heights.clear();
         self.heights.extend(voxels.iter().map(|&voxel| fit.plane.height(voxel)));
         let on = voxels.iter().zip(&self.heights).filter(|(_, height)| height.abs() <= tolerance);
         self.hull.build(&fit.plane, on.map(|(&voxel, _)| voxel));
+    }
+
+    /// The couch over a floor: a level plane among what is higher over `floor` than a head on it reaches.
+    fn find_couch(&mut self, floor: &PlaneFit, rng: &mut impl Rng) -> Option<PlaneFit> {
+        let FaceParams { plane_tolerance: tolerance, iterations, height_max, min_points, .. } = self.params;
+        let voxels = self.grid.centroids().iter().zip(&self.heights);
+        self.above.clear();
+        self.above.extend(voxels.filter(|(_, height)| **height > height_max).map(|(&voxel, _)| voxel));
+        let least = (COUCH * floor.inliers as f64) as usize;
+        if self.above.len() < least.max(min_points) {
+            return None;
+        }
+        let search = MlesacParams { tolerance, iterations, beneath: Beneath::Outliers };
+        let fit = self.mlesac.find(&self.above, self.prior.as_ref(), &search, rng);
+        self.above.clear();
+        let fit = fit.filter(|fit| fit.inliers >= least && fit.plane.angle_to(&floor.plane) < LEVEL)?;
+        self.measure(&fit);
         Some(fit)
     }
 

@@ -1,0 +1,86 @@
+//! Other things beside a head: pads, pillows and shoulders have summits of their own.
+
+use crate::ball::Ball;
+use crate::plane::Plane;
+use crate::summit::Summits;
+use crate::surface::Patch;
+use nalgebra::Vector3;
+
+// Lengths are in radii of the adult head.
+
+/// A summit from which the way up leads down this far is of something else ...
+const SUMMIT: f64 = 0.2;
+/// ... where it is this far beside the ball's centre.
+const BESIDE: f64 = 1.0;
+/// ... and which has at least this many patches. Flying pixels have fewer.
+const PATCHES: u32 = 12;
+/// As far around such a summit, and no farther than it is prominent, all is of that other thing.
+const AROUND: f64 = 0.4;
+
+/// The summits of a frame with their buffers; after the first frames of a size they allocate nothing.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Hills {
+    heights: Vec<f64>,
+    summits: Summits,
+    /// For each patch whether it is the summit of another thing.
+    is_other: Vec<bool>,
+    tops: Vec<(Vector3<f64>, f64)>,
+}
+
+impl Hills {
+    /// Measures the heights of `patches` over `plane`.
+    pub fn measure(&mut self, patches: &[Patch], plane: &Plane) {
+        self.heights.clear();
+        self.heights.extend(patches.iter().map(|patch| plane.normal.dot(&patch.place) + plane.offset));
+    }
+
+    /// Height of each patch over the plane in metres.
+    pub fn heights(&self) -> &[f64] {
+        &self.heights
+    }
+
+    /// Finds the summits of what hangs together by `edges`.
+    pub fn find(&mut self, edges: &[[u32; 2]]) {
+        self.summits.find(&self.heights, edges, PATCHES);
+    }
+
+    /// Tells the summits of other things from those of the head in `ball`. `radius` is that of the adult head in metres.
+    pub fn tell(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64) {
+        self.is_other.clear();
+        let all = patches.iter().zip(self.summits.prominence());
+        self.is_other.extend(all.map(|(patch, &prominence)| {
+            prominence > SUMMIT * radius && beside(&patch.place, ball, plane) > BESIDE * radius
+        }));
+    }
+
+    /// The patches that belong to none of the summits of other things.
+    pub fn own<'a>(
+        &'a mut self,
+        patches: &'a [Patch],
+        radius: f64,
+    ) -> impl Iterator<Item = &'a Patch> + Clone {
+        let basins = self.summits.basins(&self.heights, SUMMIT * radius);
+        let own = patches.iter().zip(basins).filter(|(_, summit)| !self.is_other[**summit as usize]);
+        own.map(|(patch, _)| patch)
+    }
+
+    /// Marks what lies around the summits of other things, but those that `is_head` says are the head's.
+    pub fn mark(&mut self, patches: &[Patch], radius: f64, is_head: impl Fn(&Patch) -> bool) {
+        self.tops.clear();
+        let summits = patches.iter().zip(&self.is_other).zip(self.summits.prominence());
+        for ((patch, _), &prominence) in summits.filter(|((patch, other), _)| **other && !is_head(patch)) {
+            self.tops.push((patch.place, prominence.min(AROUND * radius)));
+        }
+    }
+
+    /// Whether a patch was marked.
+    pub fn hold(&self, patch: &Patch) -> bool {
+        self.tops.iter().any(|(top, reach)| (patch.place - top).norm() < *reach)
+    }
+}
+
+/// How far a place is beside the ball's centre, along the plane, in metres.
+pub(crate) fn beside(place: &Vector3<f64>, ball: &Ball, plane: &Plane) -> f64 {
+    let offset = place - ball.centre;
+    (offset - plane.normal.dot(&offset) * plane.normal).norm()
+}
