@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use crate::error::SessionError;
 use crate::file::{Buffer, Message, Record, next_record};
-use crate::form::{Decoded, Envelope, Form};
-use crate::layout::TopicKind;
+use crate::form::{Decoded, Envelope};
 use crate::part::Use;
 use crate::samples::Recorded;
 use crate::session::{Place, SampleKey, Session};
@@ -78,7 +77,6 @@ impl Session {
         let Some(channel) = part.channels.get(&m.channel) else { return Ok(None) };
         let Use::Samples { form, shared } = &channel.purpose else { return Ok(None) };
         let Some(topic) = self.topic_number(&channel.channel.topic) else { return Ok(None) };
-        let TopicKind::Known(kind) = self.topics[topic].kind else { return Ok(None) };
         let fault = |what: String| SessionError::Message {
             path: part.path.clone(),
             topic: channel.channel.topic.clone(),
@@ -93,10 +91,7 @@ impl Session {
         if self.index.get(&key) != Some(&place) {
             return Ok(None);
         }
-        if *form != Form::Own && *form != Form::of(kind) {
-            return Err(fault(format!("a {} is not recorded as {}", kind.name, form.name())));
-        }
-        let sample = form.decode(kind, shared, Envelope::of(m), m.data).map_err(fault)?;
-        Ok(Some((key, sample)))
+        let sample = self.topics[topic].kind.decode(*form, shared, Envelope::of(m), m.data).map_err(fault)?;
+        Ok(sample.map(|sample| (key, sample)))
     }
 }

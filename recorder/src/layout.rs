@@ -1,12 +1,24 @@
 //! Whether the samples of a recorded topic are a kind of this build, and where not, which fields differ.
 
+use std::sync::Arc;
+
 use stillpoint_samples::{SampleKind, by_name};
+
+use crate::form::{Decoded, Envelope, Fault, Form, Shared};
+use crate::mapping::Mapping;
 
 /// What the samples of a recorded topic are to this build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TopicKind {
     /// A kind of this build.
     Known(&'static SampleKind),
+    /// A kind of this build had another layout when the session was recorded, out of which this build's samples are made.
+    Mapped {
+        /// The kind as this build has it.
+        ours: &'static SampleKind,
+        /// What goes where.
+        mapping: Arc<Mapping>,
+    },
     /// A kind of this build had another layout when the session was recorded.
     Changed {
         /// The kind as this build has it.
@@ -24,9 +36,39 @@ impl TopicKind {
         let name = type_name.split('@').next().unwrap_or_default();
         match by_name(name) {
             Some(kind) if kind.type_name() == type_name => Self::Known(kind),
-            Some(ours) => Self::Changed { ours, difference: difference(schema, &ours.ros_schema()) },
+            Some(ours) => match Mapping::new(schema, ours) {
+                Some(mapping) => Self::Mapped { ours, mapping: Arc::new(mapping) },
+                None => Self::Changed { ours, difference: difference(schema, &ours.ros_schema()) },
+            },
             None => Self::Opaque,
         }
+    }
+
+    /// The kind that its samples are in this build; `None` where it has none to give.
+    pub fn kind(&self) -> Option<&'static SampleKind> {
+        match self {
+            Self::Known(kind) | Self::Mapped { ours: kind, .. } => Some(kind),
+            Self::Changed { .. } | Self::Opaque => None,
+        }
+    }
+
+    /// The sample behind a message; `None` where this build has no kind for it.
+    pub(crate) fn decode<'m>(
+        &self,
+        form: Form,
+        shared: &Shared,
+        envelope: Envelope,
+        data: &'m [u8],
+    ) -> Result<Option<Decoded<'m>>, Fault> {
+        let Some(kind) = self.kind() else { return Ok(None) };
+        if form != Form::Own && form != Form::of(kind) {
+            return Err(format!("a {} is not recorded as {}", kind.name, form.name()));
+        }
+        match self {
+            Self::Mapped { mapping, .. } => mapping.decode(kind, data),
+            _ => form.decode(kind, shared, envelope, data),
+        }
+        .map(Some)
     }
 }
 

@@ -36,7 +36,7 @@
 //! - `session`, `load`, `fetch`: a session, opened; how its parts are read; one sample of it
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
-//! - `layout`: whether a recorded type is a kind of this build
+//! - `layout`, `mapping`: whether a recorded type is a kind of this build; how one of an older layout becomes one
 //! - `complete`: what is missing
 //! - `recover`, `cut`: mends a session whose recorder died, up to where it is consistent
 //! - `file`: MCAP as bytes that nobody vouches for
@@ -57,6 +57,7 @@ mod folder;
 mod form;
 mod layout;
 mod load;
+mod mapping;
 mod opening;
 mod part;
 mod raw;
@@ -74,6 +75,7 @@ pub use file::{CHUNK_SIZE, Source};
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
 pub use layout::TopicKind;
+pub use mapping::Mapping;
 pub use opening::{Attachment, Compression, Opening};
 pub use raw::RawMessage;
 pub use recover::{RecoverError, Report, recover, recover_session};

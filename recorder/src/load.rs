@@ -111,8 +111,8 @@ impl Session {
         let (Role::Journal { .. }, Use::Samples { form: Form::Own, shared }) = (&topic.role, purpose) else {
             return None;
         };
-        let TopicKind::Known(kind) = topic.kind else { return None };
-        let sample = Form::Own.decode(kind, shared, Envelope::of(message), message.data).ok()?.to_bytes();
+        let found = topic.kind.decode(Form::Own, shared, Envelope::of(message), message.data).ok()??;
+        let sample = found.to_bytes();
         let view = Pieces::split(Journal::KIND, &sample).ok()?.view::<Journal>().ok()?;
         Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
     }

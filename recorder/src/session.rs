@@ -97,7 +97,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Opens a session whatever the layout of its topics: those that are not this build's have no samples to give.
+    /// Opens a session whatever the layout of its topics: those that this build cannot read have no samples to give.
     ///
     /// # Errors
     /// It cannot be read or is no session.
@@ -146,7 +146,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Refuses a session of which a topic has another layout than in this build.
+    /// Refuses a session of which a topic has another layout than in this build, and none that maps to it.
     ///
     /// # Errors
     /// The first such topic, with the fields that differ.
@@ -226,7 +226,7 @@ impl Session {
 
     /// The samples of the topics that `choose` says yes to, in the order of recording.
     pub fn samples_where(&self, choose: impl Fn(&Topic) -> bool) -> Samples<'_> {
-        let chosen = self.topics.iter().map(|t| matches!(t.kind, TopicKind::Known(_)) && choose(t)).collect();
+        let chosen = self.topics.iter().map(|t| t.kind.kind().is_some() && choose(t)).collect();
         Samples::new(self, chosen)
     }
 

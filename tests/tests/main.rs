@@ -6,6 +6,7 @@
 //! - `live`: failures in a live run
 //! - `laps`: what a live run measures, and nothing depends on
 //! - `ending`: how runs end
+//! - `releases`: sessions of every release
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
 //! - `seeing`: a head followed live, captured by a person
@@ -29,6 +30,7 @@ mod ledger;
 mod link;
 mod live;
 mod recording;
+mod releases;
 mod replaying;
 mod seat;
 mod seeing;

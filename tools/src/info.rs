@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_recorder::{Completeness, Ended as End, LEDGER_ATTACHMENT, Session};
+use stillpoint_recorder::{Completeness, Ended as End, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
@@ -37,7 +37,7 @@ impl Info {
             let topics: Vec<_> = session
                 .topics()
                 .iter()
-                .map(|t| json!({ "name": t.name, "type": t.type_name, "frame": t.frame, "samples": t.samples, "bytes": t.bytes }))
+                .map(|t| json!({ "name": t.name, "type": t.type_name, "frame": t.frame, "samples": t.samples, "bytes": t.bytes, "layout": layout(t) }))
                 .collect();
             let lost: Vec<_> = session
                 .lost()
@@ -72,11 +72,12 @@ impl Info {
         for t in session.topics() {
             let frame = t.frame.as_ref().map_or_else(String::new, |f| format!(" in {f}"));
             println!(
-                "{:<28} {:>9} {:>10.3}  {}{frame}",
+                "{:<28} {:>9} {:>10.3}  {}{frame}{}",
                 t.name,
                 t.samples,
                 t.bytes as f64 / 1e6,
-                t.type_name
+                t.type_name,
+                layout(t).map_or_else(String::new, |l| format!(" ({l})"))
             );
         }
         println!();
@@ -93,5 +94,19 @@ impl Info {
             }
         }
         Ok(Exit::Done)
+    }
+}
+
+/// How the layout of a topic stands to this build's, where it is another.
+pub fn layout(topic: &Topic) -> Option<String> {
+    match &topic.kind {
+        TopicKind::Known(_) | TopicKind::Opaque => None,
+        TopicKind::Mapped { mapping, .. } if mapping.left_out().is_empty() => {
+            Some("another layout, mapped by name".to_string())
+        }
+        TopicKind::Mapped { mapping, .. } => {
+            Some(format!("another layout, mapped by name; left out: {}", mapping.left_out().join(", ")))
+        }
+        TopicKind::Changed { difference, .. } => Some(format!("another layout, not read: {difference}")),
     }
 }

@@ -18,6 +18,7 @@ use stillpoint_recorder::{Compression, Opening, Session};
 use stillpoint_samples::Entry;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::info::layout;
 
 /// Run a session again from its journals, and compare every recorded topic byte by byte.
 #[derive(Args)]
@@ -103,6 +104,7 @@ impl Replay {
     pub fn execute(&self, registry: &Registry) -> Ended {
         let session = Session::open(&self.session).map_err(Failure::failed)?;
         let (graph, files) = pipeline_of(&session, registry)?;
+        self.warn_of_other_layouts(&session);
         self.warn_of_other_machine(&session);
         let selection = match (&self.only, &self.from) {
             (Some(name), _) => Selection::Only(name.clone()),
@@ -127,6 +129,14 @@ impl Replay {
         };
         drop(aside);
         self.say(&report, begun.elapsed().as_secs_f64())
+    }
+
+    fn warn_of_other_layouts(&self, session: &Session) {
+        for t in session.topics() {
+            if let Some(layout) = layout(t) {
+                eprintln!("stillpoint: {} was recorded in {layout}", t.name);
+            }
+        }
     }
 
     fn warn_of_other_machine(&self, session: &Session) {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_recorder::{Session, TopicKind, session_parts};
+use stillpoint_recorder::{Session, session_parts};
 use stillpoint_samples::{Diagnostics, Field, Pieces, Primitive, Sample, SampleKind};
 
 use crate::exit::Failure;
@@ -44,7 +44,7 @@ pub fn of_session(session: &Session, signal: &str, clock: Clock) -> Result<Serie
             all.join(", ")
         )));
     };
-    let TopicKind::Known(kind) = found.kind else {
+    let Some(kind) = found.kind.kind() else {
         return Err(Failure::wrong(format!(
             "stillpoint: {topic} is no kind of this build: {}",
             found.type_name

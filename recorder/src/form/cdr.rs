@@ -109,6 +109,11 @@ impl<'a> Reader<'a> {
         Ok(&self.body[start..end])
     }
 
+    /// Bytes that were not read.
+    pub fn rest(&self) -> usize {
+        self.body.len() - self.at
+    }
+
     fn array<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
         let bytes = self.raw(N, N)?;
         bytes.try_into().map_err(|_| "it is too short".to_owned())

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic, TopicKind};
+use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic};
 use stillpoint_samples::{
     Actuation, ActuationReason, BytesError, Diagnostics, Duties, DutiesElement, Gate, Health, Pieces, Pose,
     PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
@@ -148,7 +148,7 @@ impl<'s> Recording<'s> {
     }
 
     fn take(&mut self, topic: &Topic, place: Option<usize>, r: &Recorded) -> Result<(), BytesError> {
-        let TopicKind::Known(kind) = topic.kind else { return Ok(()) };
+        let Some(kind) = topic.kind.kind() else { return Ok(()) };
         let pieces = Pieces::split(kind, &r.sample)?;
         let head = pieces.head();
         if *kind == *Pose::KIND {
@@ -286,7 +286,7 @@ const READ: &[&SampleKind] = &[
 
 /// Whether the samples of a topic are of one of these kinds, as this build has them.
 pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
-    matches!(topic.kind, TopicKind::Known(kind) if kinds.iter().any(|k| **k == *kind))
+    topic.kind.kind().is_some_and(|kind| kinds.iter().any(|k| **k == *kind))
 }
 
 /// First and last time of the journals; where there are none, nothing.

@@ -31,6 +31,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         topic: t.name.clone(),
         kind: match &t.kind {
             TopicKind::Known(kind) => kind.name.to_owned(),
+            TopicKind::Mapped { ours, .. } => format!("{} of another layout, mapped by name", ours.name),
             TopicKind::Changed { ours, .. } => format!("{} of another layout: not read", ours.name),
             TopicKind::Opaque => format!("{}: not a kind of this build", t.type_name),
         },
