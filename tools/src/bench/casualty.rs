@@ -13,6 +13,7 @@ use stillpoint_recorder::Session;
 use stillpoint_samples::{FarEnd, FarEndDoing, Pieces, RigState, Sample, Track};
 
 use super::failsafe::Due;
+use super::processes::children;
 use crate::attach::Which;
 use crate::exit::Failure;
 
@@ -308,20 +309,4 @@ impl Drop for Casualty {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-/// The processes that a supervisor started, by name.
-fn children(supervisor: u32) -> Vec<(String, Pid)> {
-    let path = format!("/proc/{supervisor}/task");
-    let Ok(tasks) = std::fs::read_dir(path) else { return Vec::new() };
-    let lists = tasks.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
-    let numbers =
-        lists.flat_map(|l| l.split_whitespace().filter_map(|n| n.parse().ok()).collect::<Vec<i32>>());
-    numbers
-        .filter_map(|number| {
-            let line = std::fs::read(format!("/proc/{number}/cmdline")).ok()?;
-            let name = String::from_utf8_lossy(line.split(|b| *b == 0).nth(2)?).into_owned();
-            Some((name, Pid::from_raw(number)?))
-        })
-        .collect()
 }

@@ -4,13 +4,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use clap::Args;
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Signal, kill_process};
 use serde::Serialize;
 use stillpoint_pipeline::ledger::Line;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run};
 use stillpoint_pipeline::operator::Registry;
 
+use super::processes::{Chance, children};
 use super::window::Window;
 use crate::exit::{Ended, Exit, print_json};
 
@@ -141,30 +142,17 @@ impl Run for Count<'_> {
 
 /// Kills a worker now and then, which one and when by chance.
 fn kill(every_ms: u64, stop: &AtomicBool, kills: &AtomicU64) {
-    let mut chance = stillpoint_pipeline::clock::realtime();
-    let mut draw = |below: u64| {
-        chance = chance.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (chance >> 33) % below.max(1)
-    };
+    let mut chance = Chance::new();
     loop {
-        let wait = Duration::from_micros(every_ms * 500 + draw(every_ms * 1000));
+        let wait = Duration::from_micros(every_ms * 500 + chance.draw(every_ms * 1000));
         std::thread::sleep(wait);
         if stop.load(Ordering::Relaxed) {
             return;
         }
-        let children = children();
-        let Some(child) = children.get(draw(children.len() as u64) as usize) else { continue };
+        let children = children(std::process::id());
+        let Some((_, child)) = children.get(chance.draw(children.len() as u64) as usize) else { continue };
         if kill_process(*child, Signal::KILL).is_ok() {
             kills.fetch_add(1, Ordering::Relaxed);
         }
     }
-}
-
-/// The processes that this one started and that still run.
-fn children() -> Vec<Pid> {
-    let Ok(tasks) = std::fs::read_dir("/proc/self/task") else { return Vec::new() };
-    let lists = tasks.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
-    let numbers =
-        lists.flat_map(|l| l.split_whitespace().filter_map(|n| n.parse().ok()).collect::<Vec<i32>>());
-    numbers.filter_map(Pid::from_raw).collect()
 }

@@ -2,12 +2,14 @@
 //!
 //! - `hop`: from stage to stage, against bare iceoryx2
 //! - `record`: what recording costs
+//! - `killed`: what a session keeps of a recorder that was killed
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
 //! - `failsafe`, `casualty`: how long it takes to the safe state when something dies
 //! - `stages`, `clouds`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
+//! - `processes`: the processes of a run, and chances to kill one
 //! - `cores`: which cores are used
 //! - `figures`: quantiles and ratios
 //! - `folder`: where sessions are written
@@ -20,7 +22,9 @@ mod failsafe;
 mod figures;
 mod folder;
 mod hop;
+mod killed;
 mod ledger;
+mod processes;
 mod record;
 mod replay;
 mod stages;
@@ -48,6 +52,7 @@ pub struct Bench {
 enum What {
     Hop(hop::Hop),
     Record(record::Record),
+    Killed(killed::Killed),
     Ledger(ledger::Ledger),
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
@@ -60,6 +65,7 @@ impl Bench {
         match &self.what {
             What::Hop(b) => b.execute(&registry),
             What::Record(b) => b.execute(&registry),
+            What::Killed(b) => b.execute(&registry),
             What::Ledger(b) => b.execute(&registry),
             What::Replay(b) => b.execute(&registry),
             What::Failsafe(b) => b.execute(&registry),

@@ -1,0 +1,35 @@
+//! The processes of a run, and chances to kill one.
+
+use rustix::process::Pid;
+
+/// The processes that a supervisor started and that still run, by name.
+pub fn children(supervisor: u32) -> Vec<(String, Pid)> {
+    let path = format!("/proc/{supervisor}/task");
+    let Ok(tasks) = std::fs::read_dir(path) else { return Vec::new() };
+    let lists = tasks.flatten().filter_map(|t| std::fs::read_to_string(t.path().join("children")).ok());
+    let numbers =
+        lists.flat_map(|l| l.split_whitespace().filter_map(|n| n.parse().ok()).collect::<Vec<i32>>());
+    numbers
+        .filter_map(|number| {
+            let line = std::fs::read(format!("/proc/{number}/cmdline")).ok()?;
+            let name = String::from_utf8_lossy(line.split(|b| *b == 0).nth(2)?).into_owned();
+            Some((name, Pid::from_raw(number)?))
+        })
+        .collect()
+}
+
+/// Numbers that are other ones in each run.
+pub struct Chance(u64);
+
+impl Chance {
+    /// From the time of day.
+    pub fn new() -> Self {
+        Self(stillpoint_pipeline::clock::realtime())
+    }
+
+    /// A number below this one.
+    pub fn draw(&mut self, below: u64) -> u64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) % below.max(1)
+    }
+}
