@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 use stillpoint_samples::{Cause, Entry, RefKind};
 
-use crate::account::{END_RECORD, Lost};
+use crate::account::{END_RECORD, Lost, RECOVERED_RECORD};
+use crate::part::Part;
+use crate::recover::DAMAGED_PLACES;
 use crate::session::{Ended, Session};
 use crate::topic::Role;
 
@@ -85,6 +87,7 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
         for d in &part.damage {
             gaps.push(Gap::Damaged { part: part.path.clone(), offset: d.offset, what: d.what.clone() });
         }
+        gaps.extend(mended_damage(part));
     }
     for (name, value) in session.metadata().get(END_RECORD).into_iter().flatten() {
         if name.starts_with("gap.") {
@@ -129,6 +132,19 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
         }
     }
     gaps
+}
+
+/// What mending a part dropped for good: the mended part shows no damage any more.
+fn mended_damage(part: &Part) -> Option<Gap> {
+    let records = part.scan.metadata.iter().filter(|(name, _)| name == RECOVERED_RECORD);
+    let places = |entries: &BTreeMap<String, String>| entries.get(DAMAGED_PLACES)?.parse::<u64>().ok();
+    let dropped: u64 = records.filter_map(|(_, entries)| places(entries)).fold(0, u64::saturating_add);
+    let path = part.path.display();
+    (dropped > 0).then(|| {
+        Gap::Stated(format!(
+            "{path}: {dropped} places were damaged when it was mended: what they held is lost"
+        ))
+    })
 }
 
 /// Incarnations that were over when the recording went on in the next part: nothing says whether entries followed the

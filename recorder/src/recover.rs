@@ -16,6 +16,9 @@ use crate::session::{Ended, Session};
 use crate::topic::Role;
 use crate::writer::LIBRARY;
 
+/// Entry of the record that says what mending did.
+pub(crate) const DAMAGED_PLACES: &str = "damaged_places";
+
 /// Why a session cannot be mended.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
@@ -198,7 +201,7 @@ fn entries(report: &Report) -> BTreeMap<String, String> {
         ("messages", report.messages),
         ("entries_dropped", report.entries_dropped),
         ("outputs_dropped", report.outputs_dropped),
-        ("damaged_places", report.damage.len() as u64),
+        (DAMAGED_PLACES, report.damage.len() as u64),
     ]
     .into_iter()
     .map(|(name, value)| (name.to_owned(), value.to_string()))

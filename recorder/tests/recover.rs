@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 use fixture::{Written, pipeline, samples};
 use stillpoint_recorder::{
-    Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part, create_session,
-    recover, recover_session,
+    Completeness, Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part,
+    create_session, recover, recover_session,
 };
 
 fn mend(bytes: &[u8]) -> (Vec<u8>, Report) {
@@ -110,6 +110,23 @@ fn a_mended_file_is_not_said_to_have_ended_in_order() {
     let session = Session::from_bytes([mended.into()]).unwrap();
     assert!(matches!(session.ended(), Ended::Cut { .. }));
     assert!(session.metadata().contains_key("stillpoint.recovered"));
+}
+
+#[test]
+fn a_damaged_file_that_was_mended_does_not_call_itself_complete() {
+    let (bytes, _) = pipeline(Compression::None, 25);
+    let mut damaged = bytes.clone();
+    // In the middle of the records of a chunk that says of no channel what it is.
+    let chunks: Vec<_> = boundaries(&bytes).into_iter().filter(|at| bytes.get(*at) == Some(&6)).collect();
+    damaged[chunks[2] + 2000] ^= 1;
+    let (mended, report) = mend(&damaged);
+    assert_eq!(report.damage.len(), 1, "{report}");
+    let again = mend(&mended).0;
+    for file in [mended, again] {
+        let session = Session::from_bytes([file.into()]).unwrap();
+        let Completeness::Gaps(gaps) = session.completeness() else { panic!("it lacks what was damaged") };
+        assert!(gaps.iter().any(|g| g.to_string().contains("1 places were damaged")), "{gaps:?}");
+    }
 }
 
 #[test]

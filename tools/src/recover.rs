@@ -3,21 +3,45 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 use stillpoint_recorder::recover_session;
 
-use crate::exit::{Ended, Exit, Failure};
+use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// Mend a session whose recorder was cut off.
 #[derive(Args)]
 pub struct Recover {
     /// The session: a folder of parts, or one file.
     session: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 impl Recover {
     /// Does it.
     pub fn execute(&self) -> Ended {
         let mended = recover_session(&self.session).map_err(Failure::failed)?;
+        if self.json {
+            let all: Vec<_> = mended
+                .iter()
+                .map(|(part, r)| {
+                    json!({
+                        "part": part.display().to_string(),
+                        "messages": r.messages,
+                        "attachments": r.attachments,
+                        "metadata": r.metadata,
+                        "entries_dropped": r.entries_dropped,
+                        "outputs_dropped": r.outputs_dropped,
+                        "damage": r.damage,
+                        "bytes": r.bytes,
+                        "bytes_cut": r.bytes_cut,
+                    })
+                })
+                .collect();
+            print_json(&all)?;
+            return Ok(Exit::Done);
+        }
         if mended.is_empty() {
             println!("{}: nothing to mend", self.session.display());
         }

@@ -133,6 +133,37 @@ fn what_is_not_there_is_named_and_nothing_panics() {
 }
 
 #[test]
+fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipeline =
+        root().join("examples/one-dof-tracking.yaml").canonicalize().unwrap().display().to_string();
+    let run = ["run", &pipeline, "--clock", "simulated", "--for", "2s", "--record", "s", "--json"];
+    let out = stillpoint(folder.path(), &run);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let part = folder.path().join("s/one-dof-tracking-0001/part-000.mcap");
+    let bytes = std::fs::read(&part).unwrap();
+    std::fs::write(&part, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    let call = |command: &[&str]| {
+        let out = stillpoint(folder.path(), &[command, &["s/one-dof-tracking-0001"]].concat());
+        (out.status.code(), text(&out.stdout))
+    };
+    let (code, said) = call(&["info"]);
+    assert!(code == Some(0) && said.contains("mend it with `stillpoint recover`"), "{said}");
+    let (code, said) = call(&["recover", "--json"]);
+    let mended: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!((code, mended.as_array().unwrap().len()), (Some(0), 1), "{said}");
+    assert!(
+        mended[0]["messages"].as_u64().unwrap() > 0 && mended[0]["bytes_cut"].as_u64().unwrap() > 0,
+        "{said}"
+    );
+    assert_eq!(call(&["recover", "--json"]), (Some(0), "[]\n".to_owned()), "it is whole now");
+    let (code, said) = call(&["replay", "--json"]);
+    let replay: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!((code, replay["differences"].as_u64()), (Some(4), Some(0)), "{said}");
+    assert!(replay["activations"].as_u64().unwrap() > 0);
+}
+
+#[test]
 fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
     let folder = tempfile::tempdir().unwrap();
     let pipeline = root().join("examples/head-tracking.yaml").canonicalize().unwrap().display().to_string();
