@@ -6,10 +6,11 @@ use std::collections::BTreeMap;
 use stillpoint_samples::{HEAD_SIZE, Intrinsics, Pieces};
 use zerocopy::{FromBytes, IntoBytes};
 
-use super::cdr::{Reader, Writer};
+use super::cdr::Writer;
+use super::image::{Encoding, Image};
 use super::{Decoded, Envelope, Fault, Shared};
 
-const PIXEL: u32 = size_of::<u16>() as u32;
+const ENCODING: Encoding = Encoding { name: "16UC1", pixel: size_of::<u16>() as u32 };
 
 fn intrinsics(sample: &Pieces<'_>) -> Option<Intrinsics> {
     Intrinsics::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
@@ -28,10 +29,7 @@ fn numbers(i: &Intrinsics) -> [(&'static str, f64); 5] {
 /// The intrinsics as texts that read back exactly. `None`: they do not, or the image is no grid.
 pub(super) fn extra(sample: &Pieces<'_>) -> Option<BTreeMap<String, String>> {
     let i = intrinsics(sample)?;
-    let grid = i.reserved == 0
-        && u64::from(i.width) * u64::from(i.height) == u64::from(i.length)
-        && i.width.checked_mul(PIXEL).is_some()
-        && u32::try_from(sample.payload.len()).is_ok();
+    let grid = i.reserved == 0 && image(&i, sample).is_grid(i.length, &ENCODING);
     let mut extra = BTreeMap::new();
     for (name, value) in numbers(&i) {
         let text = value.to_string();
@@ -42,32 +40,17 @@ pub(super) fn extra(sample: &Pieces<'_>) -> Option<BTreeMap<String, String>> {
     grid.then_some(extra)
 }
 
+fn image<'a>(i: &Intrinsics, sample: &Pieces<'a>) -> Image<'a> {
+    Image { stamp: sample.head().stamp, width: i.width, height: i.height, pixels: sample.payload }
+}
+
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let i = intrinsics(sample).unwrap_or_default();
-    let mut w = Writer::new(out);
-    w.header(sample.head().stamp, frame);
-    w.u32(i.height);
-    w.u32(i.width);
-    w.text("16UC1");
-    w.u8(0);
-    w.u32(i.width.wrapping_mul(PIXEL));
-    w.bytes(sample.payload);
+    image(&i, sample).encode(frame, &ENCODING, out);
 }
 
 pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
-    let mut r = Reader::new(data)?;
-    let stamp = r.header()?;
-    let (height, width) = (r.u32()?, r.u32()?);
-    let encoding = r.text()?;
-    let (big_endian, _step) = (r.u8()?, r.u32()?);
-    let pixels = r.bytes()?;
-    let count = u64::from(width) * u64::from(height);
-    if encoding != "16UC1" || big_endian != 0 || pixels.len() as u64 != count.saturating_mul(u64::from(PIXEL))
-    {
-        let encoding = encoding.escape_debug();
-        return Err(format!("{} bytes of `{encoding}` are not {width} x {height} depths", pixels.len()));
-    }
-    let length = u32::try_from(count).map_err(|_| format!("{count} pixels are too many"))?;
+    let (Image { stamp, width, height, pixels }, length) = Image::decode(&ENCODING, data)?;
     let mut i = Intrinsics { width, height, length, ..Intrinsics::default() };
     for (to, (name, _)) in [&mut i.fx, &mut i.fy, &mut i.cx, &mut i.cy, &mut i.depth_unit]
         .into_iter()

@@ -15,6 +15,7 @@
 //! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
 //! - `depth`: `DepthImage` as `sensor_msgs/msg/Image`, with a `sensor_msgs/msg/CameraInfo`
 //! - `grey`: `GreyImage` as `sensor_msgs/msg/Image`
+//! - `image`: the message of both
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
@@ -23,6 +24,7 @@ mod cloud;
 mod decoded;
 mod depth;
 mod grey;
+mod image;
 mod own;
 mod pose;
 pub(crate) mod schema;
