@@ -93,6 +93,19 @@ fn the_default_pipeline_comes_with_the_command() {
     assert!(text(&out.stderr).contains("own.key"), "{}", text(&out.stderr));
 }
 
+#[test]
+fn ticks_that_a_busy_operator_misses_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let busy =
+        "stillpoint: 1\nname: busy\noperators:\n  console: { use: console, every: 10 ms, latency: 25 ms }\n";
+    std::fs::write(folder.path().join("busy.yaml"), busy).unwrap();
+    let run = ["run", "busy.yaml", "--clock", "simulated", "--for", "1s", "--no-record", "--json"];
+    let report: serde_json::Value = serde_json::from_slice(&stillpoint(folder.path(), &run).stdout).unwrap();
+    let [ticks, missed] = ["ticks", "missed"].map(|key| report["operators"][0][key].as_u64().unwrap());
+    // A step takes two and a half periods, and ticks go from 0 to 1 s.
+    assert!(ticks < 45 && (99..=101).contains(&(ticks + missed)), "{ticks} {missed}");
+}
+
 /// Images that cost little.
 const SMALL_CAMERA: [&str; 3] =
     ["rig.camera.width='160 px'", "rig.camera.height='120 px'", "rig.camera.focal_length='141 px'"];
