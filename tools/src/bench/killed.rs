@@ -20,13 +20,14 @@ use super::processes::Chance;
 use super::window::Window;
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// A small sample often, a large one now and then, and one that is computed.
+/// A small sample often, a longer one now and then, and one that is computed: so little that no chunk is full before it is
+/// time to flush, which is when most is lost.
 const PIPELINE: &str = "
 stillpoint: 1
 name: bench-killed
 operators:
   often: { use: bench.source, every: 2 ms, params: { words: 64 } }
-  large: { use: bench.source, every: 40 ms, params: { words: 40000 } }
+  large: { use: bench.source, every: 40 ms, params: { words: 400 } }
   relay: { use: bench.relay, inputs: { load: often.load }, params: { words: 64 } }
 record: { topics: all }
 ";
