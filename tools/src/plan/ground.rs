@@ -5,6 +5,7 @@ use stillpoint_plan::beams::RingDoses;
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
 use stillpoint_plan::evaluation::{OnGrid, brought_to};
 use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::objectives::Aims;
 
 use super::request::Request;
 use crate::exit::Failure;
@@ -14,7 +15,9 @@ const VOLUMES_AT_GY: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
 
 /// What plans are made on.
 pub struct Ground<'a> {
-    /// What is wanted, over all set-ups.
+    /// What is wanted of each structure: objectives in gray, on the voxels that count for it.
+    pub aims: Aims,
+    /// The same over all set-ups.
     pub goals: Goals,
     /// The engine of the planned set-up.
     pub engine: DoseEngine,
@@ -40,7 +43,7 @@ impl<'a> Ground<'a> {
         let params = DoseParams { bixels: BixelSpec::of_width(request.bixel_mm), ..over };
         let engine = DoseEngine::of_case(case, request.machine.clone(), params).map_err(Failure::failed)?;
         let grid = engine.params().grid;
-        let aims = request.objectives.for_case(case, &grid).map_err(Failure::failed)?;
+        let mut aims = request.objectives.for_case(case, &grid).map_err(Failure::failed)?;
         let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
         let mut engines = vec![engine.clone()];
         let moving = engine.within(aims.followed());
@@ -54,7 +57,7 @@ impl<'a> Ground<'a> {
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
-        let mut notes = aims.notes;
+        let mut notes = std::mem::take(&mut aims.notes);
         notes.extend(doses.replaced().map(|fault| format!("a kept dose was computed again: {fault}")));
         if case.fractions().is_none() {
             notes.push("the case does not say how many fractions; the RTPLAN has one".to_owned());
@@ -63,6 +66,7 @@ impl<'a> Ground<'a> {
             on_grid: OnGrid::new(case, &grid),
             reference: case.reference_dose_gy().map(|gray| brought_to(&grid, case.grid(), gray)),
             volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
+            aims,
             goals,
             engine,
             doses,

@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use stillpoint_plan::beams::Progress;
 use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::fluence::Wanted;
 use stillpoint_plan::objectives::follows;
 
 use super::ground::Ground;
@@ -78,6 +79,7 @@ impl<'a> Outcome<'a> {
                 "bixel_mm": params.bixels.width_mm,
                 "cutoff_mm": params.cutoff_mm,
             },
+            "wanted": ground.aims.wanted.iter().map(wanted).collect::<Vec<_>>(),
             "method": self.run.way,
             "seed": request.seed,
             "objective": best.cost,
@@ -91,6 +93,11 @@ impl<'a> Outcome<'a> {
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),
         })
     }
+}
+
+/// Objectives as they were solved: doses in gray, over the voxels of the dose grid that count for the structure.
+fn wanted(wanted: &Wanted) -> Value {
+    json!({ "structure": wanted.name, "voxels": wanted.voxels.len(), "objectives": wanted.objectives })
 }
 
 fn search(request: &Request, run: &Run) -> Value {

@@ -1,15 +1,19 @@
 //! What can be wanted of a structure, and what it adds to a problem.
 
+use serde::Serialize;
+
 use super::goals::GoalsError;
 use super::problem::{Side, Term};
 use super::rows::Csr;
 
 /// One wish for a structure of `v` voxels. Doses are in gray; each costs nothing where it is fulfilled.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Objective {
     /// `weight / v sum max(0, d - dose)^2`.
     Overdose {
         /// Gray.
+        #[serde(rename = "dose_gy")]
         dose: f64,
         /// Weight.
         weight: f64,
@@ -17,6 +21,7 @@ pub enum Objective {
     /// `weight / v sum max(0, dose - d)^2`.
     Underdose {
         /// Gray.
+        #[serde(rename = "dose_gy")]
         dose: f64,
         /// Weight.
         weight: f64,
@@ -24,6 +29,7 @@ pub enum Objective {
     /// `weight max(0, mean - dose)^2`.
     MeanDose {
         /// Gray.
+        #[serde(rename = "dose_gy")]
         dose: f64,
         /// Weight.
         weight: f64,
@@ -37,6 +43,7 @@ pub enum Objective {
     /// `dose` and `d_v` cost `weight / v (d - dose)^2`; the hottest `volume` is free. Not convex.
     DvhAtMost {
         /// Gray.
+        #[serde(rename = "dose_gy")]
         dose: f64,
         /// Fraction of the structure.
         volume: f64,
@@ -47,6 +54,7 @@ pub enum Objective {
     /// coldest `1 - volume` is free. Not convex.
     DvhAtLeast {
         /// Gray.
+        #[serde(rename = "dose_gy")]
         dose: f64,
         /// Fraction of the structure.
         volume: f64,
