@@ -53,6 +53,10 @@ impl Import {
         for note in notes {
             println!("note: {note}");
         }
+        if let Some(folder) = self.out.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|e| Failure::failed(format!("{}: {e}", folder.display())))?;
+        }
         let hash = write(&case, &self.out).map_err(Failure::failed)?;
         let targets: Vec<_> = case.targets().map(|t| t.name.as_str()).collect();
         println!(
