@@ -1,19 +1,17 @@
 //! Choosing beams of a pelvis from doses in the cache: how long, and how good.
 //!
 //! `cargo bench -p stillpoint-plan --bench beams -- [BUDGET]`. The doses of 90 beams (about 1 GB) are kept in
-//! `target/doses`, so that a second run finds them; one row begins at the image, with nothing kept. Then patients with
-//! nine given beams each.
+//! `target/doses`, so that a second run finds them; one row begins at the image, with nothing kept.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 use rustix::time::{ClockId, clock_gettime};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose, class_solution};
+use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose, class_solution};
 use stillpoint_plan::case::{NameTable, import_described};
-use stillpoint_plan::dose::{BixelSpec, CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::dose::{CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted, voxels_on};
-use stillpoint_plan::objectives::ObjectiveTable;
 
 const BEAMS: usize = 5;
 
@@ -75,37 +73,6 @@ fn main() {
             evaluator.solves(),
             evaluator.prices(),
             angles.join(" ")
-        );
-    }
-    patients(&root, &cache, ring, two);
-}
-
-/// Nine beams, 40 degrees apart, with the objectives that come with the project.
-fn patients(root: &Path, cache: &DoseCache, ring: Ring, threads: NonZeroUsize) {
-    println!("| patient | voxels | bixels | s | Newton steps | cost | proved excess |");
-    println!("| --- | --- | --- | --- | --- | --- | --- |");
-    for name in ["openkbp_1", "openkbp_2", "openkbp_3", "openkbp_4", "tg119"] {
-        let folder = if name == "tg119" { name } else { "openkbp" };
-        let described = root.join(folder).join(format!("{name}.json"));
-        let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
-        // Of 15 mm: with more than 3,000 bixels a solve takes minutes.
-        let params = DoseParams { bixels: BixelSpec::of_width(15.0), ..DoseParams::over(case.grid(), 5.0) };
-        let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
-        let beams: Vec<u16> = (0..9).map(|i| 10 * i).collect();
-        let doses = RingDoses::load(cache, &[engine], ring, &beams, threads, || ()).unwrap();
-        let goals =
-            ObjectiveTable::shipped().unwrap().for_case(&case, &params.grid).unwrap().goals(1).unwrap();
-        let began = seconds(ClockId::Monotonic);
-        let mut evaluator = Evaluator::new(&doses, &goals, ring, 9, Budget { solves: 1 });
-        let best = evaluator.evaluate(&ring.set(&beams).unwrap(), None).unwrap();
-        println!(
-            "| {name} | {} | {} | {:.2} | {} | {:.3} | {:.1e} |",
-            goals.voxels().len(),
-            best.plan.weights.len(),
-            seconds(ClockId::Monotonic) - began,
-            best.plan.steps,
-            best.cost,
-            best.plan.certificate.relative_excess()
         );
     }
 }

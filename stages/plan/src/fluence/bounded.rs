@@ -28,7 +28,7 @@ pub struct Reached {
 }
 
 /// Parts of a step that are tried along its projection before the step is cut.
-const PARTS: [f64; 4] = [1.0, 0.4, 0.16, 0.06];
+const PARTS: [f64; 7] = [1.0, 0.4, 0.16, 0.06, 0.025, 0.01, 0.004];
 
 /// Lessens `g^T (z - x) + (z - x)^T H (z - x) / 2` over `z >= 0`, from `z = x`; `gradient` is `g` at `x`.
 ///

@@ -2,6 +2,7 @@
 
 use faer::Mat;
 
+use super::blocks::Blocks;
 use super::bounded::{Curvature, sum_of_products};
 use super::cholesky::Cholesky;
 use super::problem::Problem;
@@ -58,11 +59,13 @@ pub struct ByProducts<'a> {
     /// Its matrix is `A`.
     pub problem: &'a Problem,
     /// Curvature of each row at the point.
-    pub curvature: Vec<f64>,
+    pub curvature: &'a [f64],
     /// Scale of each column.
     pub scale: &'a [f64],
+    /// Its diagonal blocks.
+    pub blocks: &'a Blocks,
     /// Added to the diagonal.
-    pub damping: f64,
+    pub damping: Vec<f64>,
 }
 
 /// Most iterations of conjugate gradients for one system, and the part of the right side to which they bring it.
@@ -77,18 +80,20 @@ impl Curvature for ByProducts<'_> {
             matrix.add_outer(row, *curvature, &scaled, out);
         }
         for (j, out) in out.iter_mut().enumerate() {
-            *out = *out * self.scale[j] + self.damping * p[j];
+            *out = *out * self.scale[j] + self.damping[j] * p[j];
         }
     }
 
     fn solve_free(&self, free: &[usize], right: &mut [f64]) -> bool {
         let n = right.len();
+        let Some(factors) = self.blocks.factor(free, |j| self.damping[j]) else { return false };
         let mut inside = vec![0.0; n];
         free.iter().for_each(|&j| inside[j] = 1.0);
-        let (mut solution, mut image) = (vec![0.0; n], vec![0.0; n]);
         let mut residual: Vec<f64> = right.iter().zip(&inside).map(|(r, inside)| r * inside).collect();
-        let mut direction = residual.clone();
-        let mut square = sum_of_products(&residual, &residual);
+        let (mut solution, mut image, mut direction) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        factors.solve(&residual, &mut direction);
+        let mut ahead = direction.clone();
+        let mut square = sum_of_products(&residual, &ahead);
         let target = GRADIENTS.1 * GRADIENTS.1 * square;
         for _ in 0..GRADIENTS.0 {
             if square <= target {
@@ -104,9 +109,10 @@ impl Curvature for ByProducts<'_> {
                 solution[j] += t * direction[j];
                 residual[j] -= t * image[j] * inside[j];
             }
-            let next = sum_of_products(&residual, &residual);
-            for (direction, residual) in direction.iter_mut().zip(&residual) {
-                *direction = residual + next / square * *direction;
+            factors.solve(&residual, &mut ahead);
+            let next = sum_of_products(&residual, &ahead);
+            for (direction, ahead) in direction.iter_mut().zip(&ahead) {
+                *direction = ahead + next / square * *direction;
             }
             square = next;
         }

@@ -20,20 +20,13 @@ pub struct Gram {
     standing: Vec<f64>,
     /// Largest diagonal since the last rebuild.
     peak: Vec<f64>,
-    panel: Mat<f64>,
 }
 
 impl Gram {
     /// No row stands in it yet.
     pub fn new(rows: usize, scale: Vec<f64>) -> Self {
         let n = scale.len();
-        Self {
-            matrix: Mat::zeros(n, n),
-            scale,
-            standing: vec![0.0; rows],
-            peak: vec![0.0; n],
-            panel: Mat::zeros(n, PANEL),
-        }
+        Self { matrix: Mat::zeros(n, n), scale, standing: vec![0.0; rows], peak: vec![0.0; n] }
     }
 
     /// Brings it to the curvatures at these doses: only rows that changed are added or taken away, unless so much has
@@ -78,27 +71,42 @@ impl Gram {
     }
 
     /// Adds `sign * change * a a^T` for each row.
+    ///
+    /// Rows that follow each other are voxels side by side: the few columns that any of them has are packed together,
+    /// and the product is of those alone.
     fn add(&mut self, problem: &Problem, rows: &[(usize, f64)], sign: f64) {
+        let mut touched = vec![false; self.scale.len()];
+        for (row, _) in rows {
+            problem.matrix().row(*row).0.iter().for_each(|c| touched[*c as usize] = true);
+        }
+        let columns: Vec<usize> = (0..touched.len()).filter(|j| touched[*j]).collect();
+        let mut place = vec![0; touched.len()];
+        columns.iter().enumerate().for_each(|(k, j)| place[*j] = k);
+        let mut panel = Mat::<f64>::zeros(columns.len(), rows.len());
         for (k, (row, change)) in rows.iter().enumerate() {
-            let column = self.panel.col_as_slice_mut(k);
-            column.fill(0.0);
-            let root = change.sqrt();
+            let (column, root) = (panel.col_as_slice_mut(k), change.sqrt());
             let (columns, values) = problem.matrix().row(*row);
             for (c, v) in columns.iter().zip(values) {
-                column[*c as usize] = root * self.scale[*c as usize] * f64::from(*v);
+                column[place[*c as usize]] = root * self.scale[*c as usize] * f64::from(*v);
             }
         }
-        let panel = self.panel.as_ref().subcols(0, rows.len());
+        let mut packed = Mat::<f64>::zeros(columns.len(), columns.len());
         triangular::matmul(
-            self.matrix.as_mut(),
+            packed.as_mut(),
             BlockStructure::TriangularLower,
-            Accum::Add,
-            panel,
+            Accum::Replace,
+            panel.as_ref(),
             BlockStructure::Rectangular,
             panel.transpose(),
             BlockStructure::Rectangular,
             sign,
             Par::Seq,
         );
+        for (k, j) in columns.iter().enumerate() {
+            let (from, to) = (&packed.col_as_slice(k)[k..], self.matrix.col_as_slice_mut(*j));
+            for (from, i) in from.iter().zip(&columns[k..]) {
+                to[*i] += from;
+            }
+        }
     }
 }

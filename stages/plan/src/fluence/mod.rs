@@ -5,11 +5,12 @@
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid
 //! - `rows`: the dose matrix of a plan by rows
-//! - `newton`: the solver; `bounded`, `curvature`, `gram`, `cholesky`, `line` are its parts
+//! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
 //! - `admm`: the source's solver, corrected
 //! - `certificate`: how far from the optimum a point is
 
 pub mod admm;
+mod blocks;
 mod bounded;
 mod certificate;
 mod cholesky;

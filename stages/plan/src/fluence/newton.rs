@@ -4,6 +4,7 @@
 //! over weights that are not negative, goes along the way there to the exact minimum of the objective, and changes the
 //! Gram matrix by the rows whose terms switched. On the right piece one step ends it.
 
+use super::blocks::Blocks;
 use super::bounded::{self, Effort, Reached};
 use super::certificate::Certificate;
 use super::curvature::{ByProducts, Dense};
@@ -24,7 +25,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_steps: 400, dense_columns: 3000 }
+        Self { tolerance: 1e-8, max_steps: 400, dense_columns: 6000 }
     }
 }
 
@@ -51,6 +52,11 @@ const UNSEEN: f64 = 1e-14;
 const NOTHING: f64 = 1e-22;
 /// Work on the quadratic of one step.
 const EFFORT: Effort = Effort { solves: 8, reduction: 1e-2 };
+/// Steps after which it is the quadratics that are hard, and the work on them then.
+const HARD_FROM: usize = 25;
+const HARD: Effort = Effort { solves: 64, reduction: 1e-2 };
+/// Work on the last quadratic: beside large weights the small ones are seen only here.
+const LAST: Effort = Effort { solves: 24, reduction: 1e-9 };
 
 /// Steps after which weights are capped, and the factor by which the cap then rises.
 const PATIENCE: usize = 50;
@@ -69,7 +75,10 @@ pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solu
     let (mut cap, largest) = weights.fold((f64::INFINITY, 0.0), |(a, b), w| (w.min(a), w.max(b)));
     while cap < largest && found.steps < options.max_steps {
         cap *= CAP;
-        let left = Options { max_steps: options.max_steps - found.steps, ..options };
+        // What a capped problem leaves undone, the next one does.
+        let left = options.max_steps - found.steps;
+        let max_steps = if cap < largest { left.min(PATIENCE) } else { left };
+        let left = Options { max_steps, ..options };
         let next = descend(&problem.capped(cap), Some(&found.x), left);
         found = Solution { steps: found.steps + next.steps, ..next };
     }
@@ -86,7 +95,7 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
     let mut model = if n <= options.dense_columns {
         Model::Dense(Gram::new(matrix.rows(), scale.clone()))
     } else {
-        Model::ByProducts
+        Model::ByProducts(Blocks::new(matrix.rows(), scale.clone()))
     };
     let (mut pull, mut change) = (vec![0.0; matrix.rows()], vec![0.0; matrix.rows()]);
     let (mut gradient, mut u, mut z, mut way) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -101,7 +110,13 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
             gradient[j] *= scale[j];
             u[j] = if scale[j] > 0.0 { x[j] / scale[j] } else { 0.0 };
         }
-        let reached = model.minimise(problem, &dose, &scale, damping, &gradient, &u, &mut z);
+        let effort = match steps {
+            _ if settled => LAST,
+            ..=HARD_FROM => EFFORT,
+            _ => HARD,
+        };
+        let around = Around { dose: &dose, scale: &scale, damping, gradient: &gradient, u: &u };
+        let reached = model.minimise(problem, &around, effort, &mut z);
         if reached.decrease <= 0.0 && !reached.solved {
             if damping >= DAMPING[2] {
                 break;
@@ -126,20 +141,24 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
         if unseen > 4 || objective <= nothing {
             break;
         }
+        if settled && unseen > 0 && Certificate::of(problem, &x).relative_excess() <= options.tolerance {
+            break;
+        }
         if reached.solved && reached.decrease <= 0.1 * options.tolerance * objective {
-            if settled || damping <= DAMPING[0] {
+            if settled {
                 break;
             }
-            // Near enough; one more step without damping makes the certificate as tight.
+            // Near enough; one more step, exact and without damping, makes the certificate as tight.
             (settled, damping) = (true, DAMPING[0]);
             continue;
         }
-        let factor = if t >= 0.9 {
-            0.1
-        } else if t < 0.3 {
-            4.0
-        } else {
-            1.0
+        settled = false;
+        // A quadratic that was too hard is made easier, also where the step was a good one.
+        let factor = match (reached.solved, t) {
+            (false, _) => 10.0,
+            (true, 0.9..) => 0.1,
+            (true, ..0.3) => 4.0,
+            (true, _) => 1.0,
         };
         damping = (factor * damping).clamp(DAMPING[0], DAMPING[2]);
     }
@@ -172,32 +191,38 @@ fn begin(problem: &Problem, scale: &[f64], start: Option<&[f64]>) -> (Vec<f64>, 
 /// How the quadratic is held.
 enum Model {
     Dense(Gram),
-    ByProducts,
+    ByProducts(Blocks),
+}
+
+/// Where a quadratic is taken, with what of it is known.
+struct Around<'a> {
+    dose: &'a [f64],
+    scale: &'a [f64],
+    /// Relative to the diagonal.
+    damping: f64,
+    gradient: &'a [f64],
+    /// Weights over their scale.
+    u: &'a [f64],
 }
 
 impl Model {
-    /// Lessens the quadratic around `u` over `z >= 0`.
-    #[expect(clippy::too_many_arguments)]
-    fn minimise(
-        &mut self,
-        problem: &Problem,
-        dose: &[f64],
-        scale: &[f64],
-        damping: f64,
-        gradient: &[f64],
-        u: &[f64],
-        z: &mut [f64],
-    ) -> Reached {
+    /// Lessens the quadratic over `z >= 0`.
+    fn minimise(&mut self, problem: &Problem, around: &Around<'_>, effort: Effort, z: &mut [f64]) -> Reached {
+        let Around { dose, scale, damping, gradient, u } = *around;
         match self {
             Self::Dense(gram) => {
                 gram.update(problem, dose);
                 let damping = gram.diagonal().map(|g| damping * g.max(LEAST_DIAGONAL)).collect();
-                bounded::minimise(&Dense { gram: &gram.matrix, damping }, gradient, u, EFFORT, z)
+                bounded::minimise(&Dense { gram: &gram.matrix, damping }, gradient, u, effort, z)
             }
-            Self::ByProducts => {
-                let curvature = (0..dose.len()).map(|row| problem.curvature(row, dose[row])).collect();
-                let model = ByProducts { problem, curvature, scale, damping };
-                bounded::minimise(&model, gradient, u, EFFORT, z)
+            Self::ByProducts(blocks) => {
+                let curvature: Vec<f64> =
+                    dose.iter().enumerate().map(|(row, d)| problem.curvature(row, *d)).collect();
+                blocks.update(problem, &curvature);
+                let damping =
+                    (0..u.len()).map(|j| damping * blocks.diagonal(j).max(LEAST_DIAGONAL)).collect();
+                let model = ByProducts { problem, curvature: &curvature, scale, blocks, damping };
+                bounded::minimise(&model, gradient, u, effort, z)
             }
         }
     }

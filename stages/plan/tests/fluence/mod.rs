@@ -2,5 +2,6 @@
 
 mod data;
 mod goals;
+mod independent;
 mod problems;
 mod vectors;

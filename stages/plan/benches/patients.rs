@@ -1,0 +1,70 @@
+//! The fluence of nine given beams for scans and patients: how large, how long, how good.
+//!
+//! `cargo bench -p stillpoint-plan --bench patients -- [NAME|WIDTH_MM]...`. Bixels are 10 mm wide where no width is given,
+//! and all cases are solved where none is named. The doses are kept in `target/doses`; seconds are CPU time of this process, for the solve alone.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
+use rustix::time::{ClockId, clock_gettime};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use stillpoint_plan::beams::{Budget, Evaluator, Ring, RingDoses};
+use stillpoint_plan::case::{NameTable, import_described};
+use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::objectives::ObjectiveTable;
+
+const NAMES: [&str; 5] = ["tg119", "openkbp_1", "openkbp_2", "openkbp_3", "openkbp_4"];
+
+fn main() {
+    let given: Vec<String> = std::env::args().skip(1).collect();
+    let mut widths_mm: Vec<f64> = given.iter().filter_map(|a| a.parse().ok()).collect();
+    if widths_mm.is_empty() {
+        widths_mm.push(10.0);
+    }
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
+    if !root.is_dir() {
+        println!("no planning data; STILLPOINT_DATA names the folder that holds `planning`");
+        return;
+    }
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or("target".into(), PathBuf::from);
+    let cache = DoseCache::in_folder(&target.join("doses")).unwrap();
+    let ring = Ring::new(90, 5).unwrap();
+    let beams: Vec<u16> = (0..9).map(|i| 10 * i).collect();
+    println!("| patient | bixel, mm | voxels | bixels | CPU s | Newton steps | cost | proved excess |");
+    println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    for width_mm in widths_mm {
+        let asked = |name: &&str| {
+            given.iter().any(|g| g == name) || !given.iter().any(|g| NAMES.contains(&g.as_str()))
+        };
+        for name in NAMES.into_iter().filter(asked) {
+            let folder = name.split('_').next().unwrap();
+            let described = root.join(folder).join(format!("{name}.json"));
+            let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
+            let bixels = BixelSpec::of_width(width_mm);
+            let params = DoseParams { bixels, ..DoseParams::over(case.grid(), 5.0) };
+            let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
+            let two = NonZeroUsize::new(2).unwrap();
+            let doses = RingDoses::load(&cache, &[engine], ring, &beams, two, || ()).unwrap();
+            let table = ObjectiveTable::shipped().unwrap();
+            let goals = table.for_case(&case, &params.grid).unwrap().goals(1).unwrap();
+            let began = cpu_seconds();
+            let mut evaluator = Evaluator::new(&doses, &goals, ring, 9, Budget { solves: 1 });
+            let best = evaluator.evaluate(&ring.set(&beams).unwrap(), None).unwrap();
+            println!(
+                "| {name} | {width_mm} | {} | {} | {:.2} | {} | {:.6} | {:.1e} |",
+                goals.voxels().len(),
+                best.plan.weights.len(),
+                cpu_seconds() - began,
+                best.plan.steps,
+                best.cost,
+                best.plan.certificate.relative_excess()
+            );
+        }
+    }
+}
+
+fn cpu_seconds() -> f64 {
+    let now = clock_gettime(ClockId::ProcessCPUTime);
+    now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
+}
