@@ -67,6 +67,7 @@ impl Part {
         let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
         for number in 0..part.scan.blocks.len() {
             if !part.load(number, &mut bytes, &mut stored)? {
+                part.add_repeated(&mut bytes, &mut stored)?;
                 continue;
             }
             let offset = part.scan.blocks[number].offset;
@@ -106,6 +107,19 @@ impl Part {
                 false
             }
         })
+    }
+
+    /// Adds the schemas and channels that stand again behind the data: those of a damaged chunk may be among them.
+    fn add_repeated(&mut self, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<()> {
+        for block in std::mem::take(&mut self.scan.repeated) {
+            block.load(&self.source, bytes, stored)?;
+            let _ = match next_record(bytes, &mut 0) {
+                Some((_, Ok(Record::Schema(schema)))) => self.add_schema(schema),
+                Some((_, Ok(Record::Channel(channel)))) => self.add_channel(channel),
+                _ => None,
+            };
+        }
+        Ok(())
     }
 
     /// Puts the records of a block, as it was when the part was opened, into `bytes`; nothing where they are damaged.

@@ -130,6 +130,23 @@ fn a_damaged_file_that_was_mended_does_not_call_itself_complete() {
 }
 
 #[test]
+fn a_damaged_chunk_takes_no_channel_with_it_where_the_summary_is_there() {
+    let (bytes, written) = pipeline(Compression::Lz4, 25);
+    let chunks: Vec<_> = boundaries(&bytes).into_iter().filter(|at| bytes.get(*at) == Some(&6)).collect();
+    for chunk in &chunks[..2] {
+        let mut damaged = bytes.clone();
+        damaged[chunk + 200] ^= 1;
+        let session = Session::from_bytes([damaged.clone().into()]).unwrap();
+        let kept = session.samples().count();
+        assert!(kept >= written.len() / 3 && kept <= written.len(), "{kept} of {}", written.len());
+        let (mended, report) = mend(&damaged);
+        assert_eq!(report.damage.len(), 1, "{report}");
+        assert_eq!(samples(&mended).len(), kept);
+        opens_in_the_ordinary_reader(&mended);
+    }
+}
+
+#[test]
 fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_and_counted() {
     use fixture::{cloud, depth, entry, head, opening, pieces, reference, topic};
     use stillpoint_recorder::{PartWriter, Role};

@@ -4,7 +4,7 @@ use std::io::{self, Read};
 
 use super::buffer::Buffer;
 use super::frame::without_checksum;
-use super::record::ChunkHeader;
+use super::record::{ChunkHeader, RECORD_HEADER};
 use super::source::Source;
 
 /// No chunk may grow beyond this: a chunk is 1 MiB and one sample.
@@ -68,6 +68,12 @@ impl Block {
             compressed,
             cut: header.compressed_size > there,
         })
+    }
+
+    /// One record that stands at `offset` outside any chunk, with a body of `len` bytes.
+    pub fn of_record(offset: u64, len: u64) -> Self {
+        let size = RECORD_HEADER as u64 + len;
+        Self { offset, stored: size, size, crc: 0, compressed: Compressed::No, cut: false }
     }
 
     /// Largest size that the stored bytes can justify.

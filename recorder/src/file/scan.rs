@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 
-use super::block::{Block, Compressed};
+use super::block::Block;
 use super::record::{AttachmentRecord, RECORD_HEADER, Record, chunk_header, op, opcode_and_length, parse};
 use super::source::Source;
 
@@ -27,6 +27,8 @@ pub(crate) struct Scan {
     pub attachments: Vec<AttachmentRecord>,
     pub metadata: Vec<(String, BTreeMap<String, String>)>,
     pub blocks: Vec<Block>,
+    /// Schemas and channels that stand again behind the data.
+    pub repeated: Vec<Block>,
     /// Where the last whole record ends.
     pub whole: u64,
     /// The file ends in a footer.
@@ -67,15 +69,13 @@ pub(crate) fn scan(source: &Source) -> io::Result<Option<Scan>> {
                 }
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE => {
-                let size = RECORD_HEADER as u64 + len;
-                let block =
-                    Block { offset: at, stored: size, size, crc: 0, compressed: Compressed::No, cut: false };
-                found.blocks.push(block);
+                found.blocks.push(Block::of_record(at, len));
             }
             // What follows repeats what came before.
             op::DATA_END => {
                 found.footer = ends_in_footer(source, size)?;
                 found.whole = body + len;
+                found.repeated = repeated(source, found.whole, size)?;
                 break;
             }
             op::FOOTER => found.footer = true,
@@ -84,6 +84,18 @@ pub(crate) fn scan(source: &Source) -> io::Result<Option<Scan>> {
         found.whole = body + len;
     }
     Ok(Some(found))
+}
+
+/// The schemas and channels that begin at `at`.
+fn repeated(source: &Source, mut at: u64, size: u64) -> io::Result<Vec<Block>> {
+    let mut found = Vec::new();
+    while let Some((op::SCHEMA | op::CHANNEL, len)) = opcode_and_length(&source.read(at, RECORD_HEADER)?) {
+        let end = (at + RECORD_HEADER as u64).checked_add(len).filter(|end| *end <= size);
+        let Some(end) = end else { break };
+        found.push(Block::of_record(at, len));
+        at = end;
+    }
+    Ok(found)
 }
 
 fn add_chunk(found: &mut Scan, bytes: &[u8], body: u64, len: u64, there: u64) {
