@@ -25,6 +25,10 @@ pub struct DutiesElement {
     pub idle: u32,
     /// What is out of order, as the bits of [`DutyReason`]; zero where nothing is.
     pub reasons: u32,
+    /// 1 where the air is to go out into the room, with the outlets open and never into a vacuum, else 0.
+    pub vent: u32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// What is out of order behind duties. The first five make a controller idle.
@@ -75,6 +79,15 @@ impl DutiesElement {
     /// All valves of this many shut, for these reasons.
     pub fn shut(valves: u32, reasons: u32) -> Self {
         Self { valves, idle: 1, reasons, ..Self::default() }
+    }
+
+    /// All air of this many valves let out into the room: inlets shut, outlets open.
+    pub fn vented(valves: u32) -> Self {
+        let mut vented = Self { valves, vent: 1, ..Self::default() };
+        let count = (valves as usize).min(Self::ROOM);
+        vented.duty[..count].iter_mut().skip(1).step_by(2).for_each(|outlet| *outlet = 1.0);
+        vented.net[..count / 2].fill(-1.0);
+        vented
     }
 
     /// The reasons in words.

@@ -182,7 +182,7 @@ fn duties(act: Act, valves: usize) -> (DutiesElement, FarEndDoing) {
     let doing = match act {
         Act::Hold => FarEndDoing::Holding,
         Act::Vent => {
-            duties.duty.iter_mut().take(valves).skip(1).step_by(2).for_each(|outlet| *outlet = 1.0);
+            duties = DutiesElement::vented(valves as u32);
             FarEndDoing::Venting
         }
         Act::Follow(opening) => {

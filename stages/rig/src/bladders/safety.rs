@@ -2,6 +2,9 @@
 
 use stillpoint_samples::{DutiesElement, RigMode};
 
+/// Inlet and outlet of a bladder whose air goes out.
+const VENTED: [f64; 2] = [0.0, 1.0];
+
 /// What the valves do when duties stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Safe {
@@ -17,9 +20,20 @@ pub struct Safety<const B: usize> {
     /// How long duties are good for, ns.
     time_to_live: u64,
     safe: Safe,
-    /// Stamp, ns, and duties, of the last that were accepted.
-    last: Option<(u64, [[f64; 2]; B])>,
+    /// The last that were accepted.
+    last: Option<Accepted<B>>,
     refused: u64,
+}
+
+/// Duties that were accepted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Accepted<const B: usize> {
+    /// ns.
+    stamp: u64,
+    /// Inlet and outlet of each bladder.
+    duty: [[f64; 2]; B],
+    /// They ask for the air to go out into the room.
+    vents: bool,
 }
 
 impl<const B: usize> Safety<B> {
@@ -33,23 +47,33 @@ impl<const B: usize> Safety<B> {
     pub fn take(&mut self, duties: &DutiesElement, stamp: u64, now: u64) {
         let valves = &duties.duty[..(2 * B).min(DutiesElement::ROOM)];
         let sound = duties.valves as usize == 2 * B && valves.iter().all(|d| (0.0..=1.0).contains(d));
-        if !sound || self.last.is_some_and(|(last, _)| stamp < last) {
+        if !sound || self.last.is_some_and(|last| stamp < last.stamp) {
             self.refused += 1;
             return;
         }
-        let shut = duties.idle != 0;
+        let (shut, vents) = (duties.idle != 0, duties.vent != 0);
         let duty = core::array::from_fn(|j| {
-            core::array::from_fn(|v| if shut { 0.0 } else { valves.get(2 * j + v).copied().unwrap_or(0.0) })
+            core::array::from_fn(|v| match (shut, vents) {
+                (true, _) => 0.0,
+                (_, true) => VENTED[v],
+                _ => valves.get(2 * j + v).copied().unwrap_or(0.0),
+            })
         });
         // A stamp of the future would be good for too long.
-        self.last = Some((stamp.min(now), duty));
+        self.last = Some(Accepted { stamp: stamp.min(now), duty, vents: vents && !shut });
     }
 
     /// What moves the valves at a time, ns.
     pub fn mode(&self, now: u64) -> RigMode {
         match self.last {
             None => RigMode::Waiting,
-            Some((stamp, _)) if now.saturating_sub(stamp) <= self.time_to_live => RigMode::Driven,
+            Some(last) if now.saturating_sub(last.stamp) <= self.time_to_live => {
+                if last.vents {
+                    RigMode::Venting
+                } else {
+                    RigMode::Driven
+                }
+            }
             Some(_) if self.safe == Safe::Vent => RigMode::Venting,
             Some(_) => RigMode::Holding,
         }
@@ -58,15 +82,15 @@ impl<const B: usize> Safety<B> {
     /// Duty of each bladder's inlet and outlet at a time, ns.
     pub fn duty(&self, now: u64) -> [[f64; 2]; B] {
         match (self.mode(now), self.last) {
-            (RigMode::Driven, Some((_, duty))) => duty,
-            (RigMode::Venting, _) => [[0.0, 1.0]; B],
+            (RigMode::Driven, Some(last)) => last.duty,
+            (RigMode::Venting, _) => [VENTED; B],
             _ => [[0.0; 2]; B],
         }
     }
 
     /// Age of the duties, ns.
     pub fn age(&self, now: u64) -> Option<u64> {
-        self.last.map(|(stamp, _)| now.saturating_sub(stamp))
+        self.last.map(|last| now.saturating_sub(last.stamp))
     }
 
     /// How many duties were refused.
@@ -99,6 +123,15 @@ mod tests {
         assert_eq!((safety.mode(1061), safety.duty(1061)), (RigMode::Venting, [[0.0, 1.0]]));
         safety.take(&duties(0.1), 1100, 1100);
         assert_eq!(safety.duty(1100), [[0.1, 0.0]]);
+    }
+
+    #[test]
+    fn duties_that_vent_open_the_outlets_to_the_room_whatever_else_they_say() {
+        let mut safety = Safety::<1>::new(60, Safe::Hold);
+        safety.take(&DutiesElement { vent: 1, ..duties(0.4) }, 1000, 1000);
+        assert_eq!((safety.mode(1010), safety.duty(1010)), (RigMode::Venting, [[0.0, 1.0]]));
+        safety.take(&duties(0.4), 1020, 1020);
+        assert_eq!((safety.mode(1020), safety.duty(1020)), (RigMode::Driven, [[0.4, 0.0]]));
     }
 
     #[test]
