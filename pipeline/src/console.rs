@@ -29,6 +29,8 @@ pub enum Said {
     Resume,
     /// Let all pressure out.
     Vent,
+    /// Break something on a simulated rig.
+    Fault,
 }
 
 impl Said {
@@ -40,6 +42,7 @@ impl Said {
             Self::Target => Verb::Target,
             Self::Resume => Verb::Resume,
             Self::Vent => Verb::Vent,
+            Self::Fault => Verb::Fault,
         }
     }
 }
@@ -93,6 +96,7 @@ impl Operator for Console {
             verb("target", "Move to a target: up to six values, SI units."),
             verb("resume", "Go on after a fault."),
             verb("vent", "Let all pressure out."),
+            verb("fault", "Break something on a simulated rig, or mend it."),
         ],
         timer: Timer::Required,
     };

@@ -6,7 +6,7 @@ use clap::Args;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_samples::{Command, ConsoleCommand, HEAD_SIZE, Head, Sample, Verb};
+use stillpoint_samples::{Command, ConsoleCommand, HEAD_SIZE, Head, RigFault, Sample, Verb};
 use stillpoint_shm::Topic;
 use zerocopy::IntoBytes;
 
@@ -21,9 +21,10 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub struct Send {
     /// Console and verb, such as `console.arm`.
     command: String,
-    /// Up to six values, SI units.
+    /// Up to six values, SI units. Of a fault: its name (or `mend`), the number of the valve or bladder, the diameter of a
+    /// leak or what is left of supply or duties, and for how many seconds.
     #[arg(allow_negative_numbers = true)]
-    values: Vec<f64>,
+    values: Vec<String>,
     #[command(flatten)]
     which: Which,
 }
@@ -43,58 +44,102 @@ impl Send {
                 words.collect::<Vec<_>>().join(", ")
             ))
         })?;
-        let mut command =
-            Command { verb: verb as u32, given: self.values.len() as u32, ..Command::default() };
-        if self.values.len() > command.values.len() || self.values.iter().any(|v| !v.is_finite()) {
-            return Err(Failure::wrong("a command has at most six values, all of them finite"));
-        }
-        command.values[..self.values.len()].copy_from_slice(&self.values);
-        let who = std::env::var("USER").unwrap_or_default();
-        let n = who.len().min(command.by.len());
-        command.by[..n].copy_from_slice(&who.as_bytes()[..n]);
-        let Attached { graph, domain, .. } = self.which.attach(registry)?;
-        let operator = graph
-            .operator(console)
-            .filter(|o| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME)
-            .ok_or_else(|| Failure::wrong(format!("the pipeline has no console `{console}`: add `{console}: {{ use: console, every: 20 ms }}`")))?;
-        let port = Verb::ALL.iter().position(|(w, _)| *w == word).unwrap_or_default();
-        let contract = contracts::output(&graph, operator, port);
-        let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
-        let answer = answer.subscriber(contract.buffer).map_err(Failure::failed)?;
-        answer.connect().map_err(Failure::failed)?;
-        let topic = Topic::open(&domain, &contracts::inbox(&graph, operator)).map_err(Failure::failed)?;
-        let publisher = topic.publisher().map_err(Failure::failed)?;
-        publisher.connect().map_err(Failure::failed)?;
-        let loan = publisher.loan(1).map_err(Failure::failed)?;
-        let mut loan = loan.ok_or_else(|| Failure::failed("the console's inbox is full: try again"))?;
-        let (meta, payload) = loan.parts_mut();
-        meta[..HEAD_SIZE].copy_from_slice(Head { count: 1, ..Head::default() }.as_bytes());
-        payload.copy_from_slice(command.as_bytes());
-        let reached = publisher.send(loan).map_err(Failure::failed)?;
-        if reached == 0 {
-            return Err(Failure::failed(format!("{console} does not listen: is its process running?")));
-        }
-        // The sample lives in this process until the console has it, and only what the console sends is recorded.
-        let begun = Instant::now();
-        while begun.elapsed() < PATIENCE {
-            while let Some(sample) = answer.receive().map_err(Failure::failed)? {
-                let pieces = sample.pieces();
-                if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
-                    println!(
-                        "sent {} (sample {} of {})",
-                        self.command,
-                        sample.head().sequence,
-                        contract.topic
-                    );
-                    return Ok(Exit::Done);
-                }
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        Err(Failure::failed(format!(
-            "{console} has not sent {} on within {} s, and may still do so: is its process running?",
-            self.command,
-            PATIENCE.as_secs()
-        )))
+        let values = self.numbers(verb)?;
+        println!("{}", deliver(registry, &self.which, console, verb, &values)?);
+        Ok(Exit::Done)
     }
+}
+
+/// Sends a command, and says what became of it.
+pub fn deliver(
+    registry: &Registry,
+    which: &Which,
+    console: &str,
+    verb: Verb,
+    values: &[f64],
+) -> Result<String, Failure> {
+    let mut command = Command { verb: verb as u32, given: values.len() as u32, ..Command::default() };
+    if values.len() > command.values.len() || values.iter().any(|v| !v.is_finite()) {
+        return Err(Failure::wrong("a command has at most six values, all of them finite"));
+    }
+    command.values[..values.len()].copy_from_slice(values);
+    let who = std::env::var("USER").unwrap_or_default();
+    let n = who.len().min(command.by.len());
+    command.by[..n].copy_from_slice(&who.as_bytes()[..n]);
+    let Attached { graph, domain, .. } = which.attach(registry)?;
+    let operator = graph
+        .operator(console)
+        .filter(|o| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME)
+        .ok_or_else(|| {
+            Failure::wrong(format!(
+                "the pipeline has no console `{console}`: add `{console}: {{ use: console, every: 20 ms }}`"
+            ))
+        })?;
+    let port = Verb::ALL.iter().position(|(_, v)| *v == verb).unwrap_or_default();
+    let word = format!("{console}.{}", Verb::ALL[port].0);
+    let contract = contracts::output(&graph, operator, port);
+    let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
+    let answer = answer.subscriber(contract.buffer).map_err(Failure::failed)?;
+    answer.connect().map_err(Failure::failed)?;
+    let topic = Topic::open(&domain, &contracts::inbox(&graph, operator)).map_err(Failure::failed)?;
+    let publisher = topic.publisher().map_err(Failure::failed)?;
+    publisher.connect().map_err(Failure::failed)?;
+    let loan = publisher.loan(1).map_err(Failure::failed)?;
+    let mut loan = loan.ok_or_else(|| Failure::failed("the console's inbox is full: try again"))?;
+    let (meta, payload) = loan.parts_mut();
+    meta[..HEAD_SIZE].copy_from_slice(Head { count: 1, ..Head::default() }.as_bytes());
+    payload.copy_from_slice(command.as_bytes());
+    let reached = publisher.send(loan).map_err(Failure::failed)?;
+    if reached == 0 {
+        return Err(Failure::failed(format!("{console} does not listen: is its process running?")));
+    }
+    // The sample lives in this process until the console has it, and only what the console sends is recorded.
+    let begun = Instant::now();
+    while begun.elapsed() < PATIENCE {
+        while let Some(sample) = answer.receive().map_err(Failure::failed)? {
+            let pieces = sample.pieces();
+            if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
+                let number = sample.head().sequence;
+                return Ok(format!("sent {word} (sample {number} of {})", contract.topic));
+            }
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    Err(Failure::failed(format!(
+        "{console} has not sent {word} on within {} s, and may still do so: is its process running?",
+        PATIENCE.as_secs()
+    )))
+}
+
+/// What mends all that `fault` broke.
+const MEND: &str = "mend";
+
+impl Send {
+    /// The values as numbers; the first of a fault is its name.
+    fn numbers(&self, verb: Verb) -> Result<Vec<f64>, Failure> {
+        let number = |text: &String| {
+            text.parse()
+                .map_err(|_| Failure::wrong(format!("`{text}` is no number: values are numbers in SI units")))
+        };
+        let (name, rest) = match self.values.split_first() {
+            Some((name, rest)) if verb == Verb::Fault => (name, rest),
+            None if verb == Verb::Fault => return Err(Failure::wrong(format!("which fault? {}", faults()))),
+            _ => return self.values.iter().map(number).collect(),
+        };
+        let kind = match RigFault::ALL.iter().find(|(word, _)| word == name) {
+            Some((_, fault)) => f64::from(*fault as u32),
+            None if name == MEND => 0.0,
+            None => {
+                let near = nearest(name, RigFault::ALL.iter().map(|(word, _)| *word).chain([MEND]));
+                let near = near.map_or_else(String::new, |n| format!(", did you mean {n}?"));
+                return Err(Failure::wrong(format!("there is no fault `{name}`{near}; {}", faults())));
+            }
+        };
+        std::iter::once(Ok(kind)).chain(rest.iter().map(number)).collect()
+    }
+}
+
+fn faults() -> String {
+    let words: Vec<&str> = RigFault::ALL.iter().map(|(word, _)| *word).collect();
+    format!("there are {}, and `{MEND}` for all of them", words.join(", "))
 }

@@ -23,6 +23,9 @@ pub enum Verb {
     Resume = 5,
     /// Let all pressure out.
     Vent = 6,
+    /// Break something on a simulated rig: the number of a [`RigFault`](crate::RigFault), which part, how much, and for
+    /// how many seconds; 0 mends all that was broken so.
+    Fault = 7,
 }
 
 impl Verb {
@@ -34,6 +37,7 @@ impl Verb {
         ("target", Verb::Target),
         ("resume", Verb::Resume),
         ("vent", Verb::Vent),
+        ("fault", Verb::Fault),
     ];
 
     /// The verb of this word.

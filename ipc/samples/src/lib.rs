@@ -65,7 +65,7 @@ pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
 pub use rejection::{Rejection, RejectionElement};
-pub use rig_state::{RigMode, RigState, RigStateElement};
+pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
 pub use stillpoint_derive::Layout;
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};

@@ -17,7 +17,7 @@ pub enum RigMode {
     Driven = 1,
     /// Duties stopped: the valves are shut.
     Holding = 2,
-    /// Duties stopped: the air is let out into the room.
+    /// Duties stopped, or ask for it: the air is let out into the room.
     Venting = 3,
 }
 
@@ -53,6 +53,36 @@ pub struct RigStateElement {
     pub faults: u32,
     /// Bit i is set where bladder i is pressed or emptied beyond what its model covers.
     pub unmodelled: u32,
+}
+
+/// What breaks on a rig, as its bit in [`RigStateElement::faults`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum RigFault {
+    /// A valve keeps the opening that it has.
+    StuckValve = 1,
+    /// A bladder has a hole to the room.
+    Leak = 2,
+    /// The supply's pressure falls.
+    WeakSupply = 4,
+    /// The camera's images are empty.
+    BlindCamera = 8,
+    /// The camera sends nothing.
+    SilentCamera = 16,
+    /// Duties get lost on their way.
+    LostDuties = 32,
+}
+
+impl RigFault {
+    /// All of them with the words that people type.
+    pub const ALL: &'static [(&'static str, RigFault)] = &[
+        ("stuck_valve", RigFault::StuckValve),
+        ("leak", RigFault::Leak),
+        ("weak_supply", RigFault::WeakSupply),
+        ("blind_camera", RigFault::BlindCamera),
+        ("silent_camera", RigFault::SilentCamera),
+        ("lost_duties", RigFault::LostDuties),
+    ];
 }
 
 impl RigStateElement {

@@ -1,5 +1,7 @@
 //! What can break on a rig, and when.
 
+use stillpoint_samples::{Command, RigFault};
+
 /// What breaks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
@@ -34,15 +36,80 @@ pub enum Fault {
 impl Fault {
     /// Its bit in a [`RigState`](stillpoint_samples::RigState).
     pub fn bit(&self) -> u32 {
-        match self {
-            Self::StuckValve { .. } => 1,
-            Self::Leak { .. } => 2,
-            Self::WeakSupply { .. } => 4,
-            Self::BlindCamera => 8,
-            Self::SilentCamera => 16,
-            Self::LostDuties { .. } => 32,
-        }
+        let fault = match self {
+            Self::StuckValve { .. } => RigFault::StuckValve,
+            Self::Leak { .. } => RigFault::Leak,
+            Self::WeakSupply { .. } => RigFault::WeakSupply,
+            Self::BlindCamera => RigFault::BlindCamera,
+            Self::SilentCamera => RigFault::SilentCamera,
+            Self::LostDuties { .. } => RigFault::LostDuties,
+        };
+        fault as u32
     }
+}
+
+/// What a person says to a rig.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Said {
+    /// Break this, for so many ns, or until it is mended.
+    Break(Fault, Option<u64>),
+    /// Mend all that a person broke.
+    Mend,
+}
+
+impl Said {
+    /// What a command says: fault, part, amount and seconds, as far as they are given.
+    ///
+    /// # Errors
+    /// What is wrong with a value.
+    pub fn of(command: &Command) -> Result<Self, String> {
+        let given = (command.given as usize).min(command.values.len());
+        let value = |i: usize| command.values[..given].get(i).copied();
+        let Some(kind) = value(0) else {
+            return Err("a fault has no name: give one, or 0 to mend all".into());
+        };
+        if kind == 0.0 {
+            return Ok(Self::Mend);
+        }
+        let which =
+            whole(value(1).unwrap_or(0.0)).ok_or("which part it is must be a whole number, from 0")?;
+        let left = || {
+            let left = value(2).unwrap_or(0.0);
+            (0.0..=1.0).contains(&left).then_some(left).ok_or("what is left must be from 0 to 1")
+        };
+        let known =
+            RigFault::ALL.iter().map(|(_, fault)| *fault).find(|fault| f64::from(*fault as u32) == kind);
+        let fault = match known.ok_or_else(|| format!("there is no fault {kind}"))? {
+            RigFault::StuckValve => Fault::StuckValve { valve: which },
+            RigFault::Leak => {
+                let diameter = value(2).unwrap_or(LEAK);
+                if !(diameter > 0.0 && diameter <= LARGEST_LEAK) {
+                    return Err(format!("a leak has a diameter above 0 m, up to {LARGEST_LEAK} m"));
+                }
+                Fault::Leak { bladder: which, diameter }
+            }
+            RigFault::WeakSupply => Fault::WeakSupply { left: left()? },
+            RigFault::BlindCamera => Fault::BlindCamera,
+            RigFault::SilentCamera => Fault::SilentCamera,
+            RigFault::LostDuties => Fault::LostDuties { left: left()? },
+        };
+        let lasts = match value(3) {
+            None => None,
+            Some(seconds) if seconds > 0.0 && seconds <= LONGEST => Some((seconds * 1e9) as u64),
+            Some(_) => return Err(format!("a fault lasts longer than 0 s, up to {LONGEST} s")),
+        };
+        Ok(Self::Break(fault, lasts))
+    }
+}
+
+/// Diameter of a leak where none is given, m.
+const LEAK: f64 = 0.5e-3;
+const LARGEST_LEAK: f64 = 10e-3;
+/// s.
+const LONGEST: f64 = 36e6;
+
+fn whole(value: f64) -> Option<usize> {
+    (value >= 0.0 && value <= 255.0 && value.fract() == 0.0).then_some(value as usize)
 }
 
 /// A fault with its time.
@@ -60,5 +127,43 @@ impl Scheduled {
     /// Whether it acts at a time, ns after the rig's start.
     pub fn acts(&self, at: u64) -> bool {
         (self.begin..self.end).contains(&at)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn said(values: &[f64]) -> Result<Said, String> {
+        let mut command = Command { given: values.len() as u32, ..Command::default() };
+        command.values[..values.len()].copy_from_slice(values);
+        Said::of(&command)
+    }
+
+    #[test]
+    fn a_command_says_what_breaks_and_for_how_long() {
+        let leak = Fault::Leak { bladder: 2, diameter: 1e-3 };
+        assert_eq!(said(&[2.0, 2.0, 1e-3, 1.5]), Ok(Said::Break(leak, Some(1_500_000_000))));
+        assert_eq!(said(&[1.0, 5.0]), Ok(Said::Break(Fault::StuckValve { valve: 5 }, None)));
+        assert_eq!(said(&[4.0, 0.0, 0.8]), Ok(Said::Break(Fault::WeakSupply { left: 0.8 }, None)));
+        assert_eq!(said(&[16.0]), Ok(Said::Break(Fault::SilentCamera, None)));
+        assert_eq!(said(&[0.0]), Ok(Said::Mend));
+    }
+
+    #[test]
+    fn a_command_that_makes_no_sense_is_refused_with_words() {
+        let bad: [&[f64]; 8] = [
+            &[],
+            &[3.0],
+            &[f64::NAN],
+            &[1.0, 0.5],
+            &[2.0, 0.0, 0.0],
+            &[4.0, 0.0, 1.1],
+            &[8.0, 0.0, 0.0, 0.0],
+            &[8.0, 0.0, 0.0, f64::INFINITY],
+        ];
+        for values in bad {
+            assert!(said(values).is_err(), "{values:?}");
+        }
     }
 }

@@ -8,9 +8,9 @@ use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{DepthImage, Duties, Pose, RigState, Sample};
+use stillpoint_samples::{Cause, ConsoleCommand, DepthImage, Duties, Pose, RigState, Sample};
 
-use super::fault::Fault;
+use super::fault::{Fault, Said};
 use super::params::BladderParams;
 use super::rigs;
 use super::simulation::{Rig, StartError};
@@ -18,6 +18,7 @@ use crate::setting;
 use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
 const DUTIES: usize = 0;
+const FAULT: usize = 1;
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
 const STATE: usize = 2;
@@ -98,13 +99,22 @@ impl<K: Bladders> Operator for BladderRig<K> {
         name: K::NAME,
         about: K::ABOUT,
         role: Role::Operator,
-        inputs: &[Input {
-            name: "duties",
-            sample: Duties::KIND,
-            policy: Policy::Latest,
-            required: false,
-            about: "How far the valves are to be open. Without it they stay shut.",
-        }],
+        inputs: &[
+            Input {
+                name: "duties",
+                sample: Duties::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "How far the valves are to be open. Without it they stay shut.",
+            },
+            Input {
+                name: "fault",
+                sample: ConsoleCommand::KIND,
+                policy: Policy::Queue(16),
+                required: false,
+                about: "What people break while it runs: `console.fault`.",
+            },
+        ],
         outputs: &[
             Output {
                 name: "depth",
@@ -149,6 +159,10 @@ impl<K: Bladders> Operator for BladderRig<K> {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if activation.cause != Cause::Timer && self.begin.is_none() {
+            // Before its first tick there is no time at the rig: what a person breaks acts from its start.
+            return self.obey(activation);
+        }
         let (begin, first_tick) = *self.begin.get_or_insert((activation.time, activation.tick));
         let now = activation.time.saturating_sub(begin);
         self.rig.advance(now);
@@ -157,6 +171,9 @@ impl<K: Bladders> Operator for BladderRig<K> {
             && !self.is_lost(activation)
         {
             self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
+        }
+        if activation.cause != Cause::Timer {
+            return self.obey(activation);
         }
         outputs.lap(PLANT_LAP);
         // A camera measures now, however old the duties are that moved the head.
@@ -174,6 +191,21 @@ impl<K: Bladders> Operator for BladderRig<K> {
 }
 
 impl<K: Bladders> BladderRig<K> {
+    /// Breaks or mends what a person says.
+    fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
+        let command = activation.fresh::<ConsoleCommand>(FAULT);
+        let Some(command) = command.as_ref().and_then(|view| view.first()) else { return Ok(()) };
+        match Said::of(command).map_err(StepError)? {
+            Said::Break(fault, lasts) => {
+                self.rig.break_now(fault, lasts).map_err(|e| StepError(e.to_string()))
+            }
+            Said::Mend => {
+                self.rig.mend();
+                Ok(())
+            }
+        }
+    }
+
     /// Whether the duties that arrive with this activation got lost on their way.
     fn is_lost(&self, activation: &Activation<'_>) -> bool {
         let arriving = self.rig.arriving();

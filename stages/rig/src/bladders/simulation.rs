@@ -30,7 +30,13 @@ pub enum StartError {
         /// How many there are.
         count: usize,
     },
+    /// A person broke too much.
+    #[error("people broke {MOST_BROKEN} things already: mend them first")]
+    TooMuchBroken,
 }
+
+/// Things that people may break at a time.
+const MOST_BROKEN: usize = 64;
 
 /// A push at the head: how far it would move a head that nothing else moves, while the valves stay shut.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,6 +77,8 @@ pub struct Simulation<const D: usize, const B: usize, const N: usize> {
     hold: SMatrix<f64, D, D>,
     /// The opening at which each stuck valve stuck, fault by fault.
     stuck: Vec<Option<f64>>,
+    /// How many faults are of the script; those behind them are people's.
+    scripted: usize,
     now: u64,
 }
 
@@ -92,14 +100,7 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
             return Err(StartError::Step(surroundings.step));
         }
         for (index, scheduled) in surroundings.faults.iter().enumerate() {
-            let (part, number, count) = match scheduled.fault {
-                Fault::StuckValve { valve } => ("valve", valve, 2 * B),
-                Fault::Leak { bladder, .. } => ("bladder", bladder, B),
-                _ => continue,
-            };
-            if number >= count {
-                return Err(StartError::NoSuchPart { index, part, number, count });
-            }
+            Self::check(index, &scheduled.fault)?;
         }
         let start = plant.equilibrium(&air, guess)?;
         let (_, slope) = plant.static_force(&start, &air);
@@ -110,10 +111,21 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
             start,
             hold: -slope,
             stuck: vec![None; surroundings.faults.len()],
+            scripted: surroundings.faults.len(),
             surroundings,
             plant,
             now: 0,
         })
+    }
+
+    /// Whether the rig has the part that a fault names.
+    fn check(index: usize, fault: &Fault) -> Result<(), StartError> {
+        let (part, number, count) = match *fault {
+            Fault::StuckValve { valve } => ("valve", valve, 2 * B),
+            Fault::Leak { bladder, .. } => ("bladder", bladder, B),
+            _ => return Ok(()),
+        };
+        if number < count { Ok(()) } else { Err(StartError::NoSuchPart { index, part, number, count }) }
     }
 
     /// Force of the person and of others on the head: that which would move it by their offsets if the valves stayed
@@ -171,6 +183,13 @@ pub trait Rig: Send {
     fn couch_from_head(&self, rest: &Isometry3<f64>) -> Isometry3<f64>;
     /// Pressures, air, valves and faults.
     fn state(&self) -> RigStateElement;
+    /// Breaks something now, for so many ns or until it is mended.
+    ///
+    /// # Errors
+    /// [`StartError`] where the rig does not have the part, or too much is broken.
+    fn break_now(&mut self, fault: Fault, lasts: Option<u64>) -> Result<(), StartError>;
+    /// Mends what [`break_now`](Self::break_now) broke.
+    fn mend(&mut self);
     /// The faults that act, as the bits of [`RigStateElement::faults`].
     fn faults(&self) -> u32;
     /// The part of the duties that arrives, 0 to 1.
@@ -230,6 +249,30 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
             element.unmodelled |= u32::from(!pressed.is_modelled(&self.plant.shell)) << j;
         }
         element
+    }
+
+    fn break_now(&mut self, fault: Fault, lasts: Option<u64>) -> Result<(), StartError> {
+        let faults = &mut self.surroundings.faults;
+        Self::check(faults.len(), &fault)?;
+        // What is over makes room.
+        for index in (self.scripted..faults.len()).rev() {
+            if faults[index].end <= self.now {
+                faults.remove(index);
+                self.stuck.remove(index);
+            }
+        }
+        if faults.len() >= self.scripted + MOST_BROKEN {
+            return Err(StartError::TooMuchBroken);
+        }
+        let end = lasts.map_or(u64::MAX, |lasts| self.now.saturating_add(lasts));
+        faults.push(Scheduled { fault, begin: self.now, end });
+        self.stuck.push(None);
+        Ok(())
+    }
+
+    fn mend(&mut self) {
+        self.surroundings.faults.truncate(self.scripted);
+        self.stuck.truncate(self.scripted);
     }
 
     fn faults(&self) -> u32 {

@@ -101,3 +101,60 @@ fn duties_that_all_get_lost_end_in_the_safe_state_until_they_come_again() {
     assert_eq!((mode(90), mode(120), mode(299)), (RigMode::Driven, RigMode::Venting, RigMode::Driven));
     assert_eq!(run.samples::<RigState>("rig.state")[120].first().unwrap().faults, 32);
 }
+
+/// The rig of `text`, with a console that says these lines.
+fn with_console(params: &str, script: &str, lines: &str) -> String {
+    let console =
+        format!("operators:\n  hand: {{ use: console, every: 20 ms, params: {{ script: [{lines}] }} }}");
+    text("three_bladders", params, script)
+        .replace("operators:", &console)
+        .replace("duties: script.duties", "duties: script.duties, fault: hand.fault")
+}
+
+fn simulate_with_console(text: &str, ms: u64) -> stillpoint_testing::Run {
+    let registry = Registry::new(&[stillpoint_pipeline::STAGES, stillpoint_rig::STAGES, STAGES]);
+    run(text, &registry, &KeptFiles::default(), ms).unwrap()
+}
+
+#[test]
+fn what_a_person_breaks_acts_until_it_is_over_or_mended() {
+    // A leak of 1 mm in bladder 0 for 500 ms, then a stuck valve until it is mended.
+    let lines = "{ at: 1 s, say: fault, values: [2, 0, 0.001, 0.5] }, { at: 2 s, say: fault, values: [1, 3] }, \
+                 { at: 2500 ms, say: fault, values: [0] }";
+    let run = simulate_with_console(&with_console("motion: still", "duty: 0", lines), 3000);
+    assert!(run.failed().is_empty(), "{:?}", run.failed());
+    let states = run.samples::<RigState>("rig.state");
+    let acting = |ms: usize| states[ms / 10].first().unwrap().faults;
+    assert_eq!([acting(980), acting(1100), acting(1480), acting(1540)], [0, 2, 2, 0]);
+    assert_eq!([acting(1980), acting(2100), acting(2480), acting(2540)], [0, 1, 1, 0]);
+    let heights = heights(&run);
+    assert!(heights[150] < heights[99] - 1e-4, "{} {}", heights[150], heights[99]);
+    // A command brings no tick of its own.
+    assert_eq!(states.len(), 300);
+}
+
+#[test]
+fn a_fault_that_makes_no_sense_fails_its_activation_and_nothing_else() {
+    let lines = "{ at: 1 s, say: fault, values: [1, 6] }, { at: 1200 ms, say: fault, values: [3] }";
+    let run = simulate_with_console(&with_console("motion: still", "", lines), 2000);
+    assert_eq!(run.failed(), ["rig", "rig"]);
+    assert_eq!(run.samples::<RigState>("rig.state").len(), 200);
+}
+
+#[test]
+fn a_far_end_that_vents_lets_the_air_out_into_the_room() {
+    // Duties that ask for the vent come without end; no bladder goes below the room's pressure.
+    for kind in ["three_bladders", "eight_bladders"] {
+        let valves = if kind == "three_bladders" { 6 } else { 16 };
+        let script = format!("valves: {valves}, duty: 0, vent_from: 1 s");
+        let run = simulate(&text(kind, "motion: still", &script), 6000);
+        let states = run.samples::<RigState>("rig.state");
+        assert_eq!(states[150].first().unwrap().mode(), RigMode::Venting, "{kind}");
+        let bladders = valves / 2;
+        let lowest = states.iter().flat_map(|s| s.first().unwrap().pressure[..bladders].to_vec());
+        let lowest = lowest.fold(f64::INFINITY, f64::min);
+        assert!(lowest > -1e3, "{kind}: {lowest} Pa");
+        let last = last_state(&run);
+        assert!(last.pressure[..bladders].iter().all(|p| p.abs() < 3e3), "{kind}: {:?}", last.pressure);
+    }
+}

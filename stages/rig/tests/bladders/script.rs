@@ -26,6 +26,9 @@ struct ScriptParams {
     /// Until when.
     #[param(unit = "ns", default = "2500 ms")]
     to: u64,
+    /// When it begins to ask for the air to go out.
+    #[param(unit = "ns", default = "1 h")]
+    vent_from: u64,
     /// When the script falls silent.
     #[param(unit = "ns", default = "1 h")]
     silent_from: u64,
@@ -61,6 +64,9 @@ impl Operator for Script {
         let p = &self.params;
         if since >= p.silent_from {
             return Ok(());
+        }
+        if since >= p.vent_from {
+            return outputs.send::<Duties>(0, &DutiesElement::vented(p.valves));
         }
         let mut element = DutiesElement { valves: p.valves, ..Default::default() };
         element.duty[p.valve as usize] = if (p.from..p.to).contains(&since) { p.duty } else { 0.0 };
