@@ -44,8 +44,8 @@ pub struct OperatorNode {
     pub outputs: Vec<OutputNode>,
     /// Number of its process.
     pub process: usize,
-    /// Where it listens for datagrams in a live run, if it is the far end of a link.
-    pub listens: Option<SocketAddr>,
+    /// What it is the far end of in a live run, if it is that of a link.
+    pub far_end: Option<Wire>,
     /// Files and folders that its params name, relative to the pipeline's file.
     pub files: Vec<String>,
 }
@@ -83,8 +83,17 @@ pub struct OutputNode {
     pub frame: Option<String>,
     /// The most elements in a sample.
     pub capacity: usize,
-    /// Where its samples go as datagrams. Only a live graph has any: see [`Graph::live`].
-    pub links: Vec<SocketAddr>,
+    /// What its samples leave by. Only a live graph has any: see [`Graph::live`].
+    pub links: Vec<Wire>,
+}
+
+/// What a link's samples go over in a live run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// A datagram each; the far end listens.
+    Udp(SocketAddr),
+    /// A stream of whole samples; the producer serves it.
+    Tcp(SocketAddr),
 }
 
 /// What happens when a process ends without being asked.
@@ -125,6 +134,8 @@ pub struct ProcessNode {
     pub priority: Priority,
     /// How long it goes on after its supervisor died, ns: what it drives can be brought to a safe end.
     pub outlives: u64,
+    /// The host that it runs on where the pipeline is run in parts: see [`Graph::part`].
+    pub host: String,
 }
 
 /// What a recording keeps besides the journal.
@@ -139,17 +150,25 @@ pub enum Record {
 }
 
 impl Graph {
-    /// The graph of a live run: the edges into the far ends of links are cut, and their producers send datagrams instead.
+    /// The graph of a live run: the edges into the far ends of links are cut, and their producers send over wires
+    /// instead.
     pub fn live(mut self) -> Self {
+        self.cut(|_, _| true);
+        self
+    }
+
+    /// Cuts the edges into far ends for which `which` holds, of producer and far end.
+    pub(crate) fn cut(&mut self, which: impl Fn(&OperatorNode, &OperatorNode) -> bool) {
         for far in 0..self.operators.len() {
-            let Some(address) = self.operators[far].listens else { continue };
-            let edges: Vec<Edge> =
-                self.operators[far].inputs.iter_mut().filter_map(|i| i.edge.take()).collect();
-            for edge in edges {
-                self.operators[edge.operator].outputs[edge.output].links.push(address);
+            let Some(wire) = self.operators[far].far_end else { continue };
+            for input in 0..self.operators[far].inputs.len() {
+                let Some(edge) = self.operators[far].inputs[input].edge else { continue };
+                if which(&self.operators[edge.operator], &self.operators[far]) {
+                    self.operators[far].inputs[input].edge = None;
+                    self.operators[edge.operator].outputs[edge.output].links.push(wire);
+                }
             }
         }
-        self
     }
 
     /// How long something of this run may go on after its supervisor died, ns.

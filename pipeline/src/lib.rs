@@ -18,6 +18,7 @@ pub mod console;
 pub mod files;
 pub mod frames;
 pub mod graph;
+pub mod hosts;
 pub mod intake;
 pub mod keep;
 pub mod ledger;
@@ -37,6 +38,7 @@ pub mod setup;
 pub mod shelf;
 pub mod spec;
 pub mod stdout;
+pub mod stream;
 
 pub use activation::Activation;
 pub use operator::{Operator, Registry, Stage};
@@ -45,4 +47,4 @@ pub use params::{Choice, Params};
 pub use setup::Setup;
 
 /// The kinds of operators that come with every pipeline.
-pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE];
+pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, stream::DEPTH, stream::GREY];

@@ -1,19 +1,20 @@
 //! What reaches sources from outside the pipeline while a live run goes on.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use stillpoint_samples::Command;
 
 /// Datagrams that may wait for their operator; a burst beyond them costs the oldest.
-const MOST_ARRIVALS: usize = 256;
+pub const MOST_DATAGRAMS: usize = 256;
 
 /// What reaches an operator from outside.
 #[derive(Clone, Default)]
 pub struct Outside {
     /// Commands of people, for a console.
     pub inbox: Inbox,
-    /// Datagrams from other processes and machines, for the far end of a link; `None` where nothing comes over a wire.
+    /// Datagrams or samples from other processes and machines, for the far end of a link; `None` where nothing comes over
+    /// a wire.
     pub arrivals: Option<Arrivals>,
 }
 
@@ -33,9 +34,12 @@ impl Inbox {
     }
 }
 
-/// Datagrams that arrived and were not taken yet.
-#[derive(Clone, Default)]
-pub struct Arrivals(Arc<Mutex<Waiting>>);
+/// Datagrams or samples that arrived and were not taken yet.
+#[derive(Clone)]
+pub struct Arrivals {
+    waiting: Arc<Mutex<Waiting>>,
+    most: usize,
+}
 
 #[derive(Default)]
 struct Waiting {
@@ -46,10 +50,19 @@ struct Waiting {
 }
 
 impl Arrivals {
-    /// Adds a datagram.
+    /// Room for so many; what comes on top costs the oldest.
+    pub fn at_most(most: usize) -> Self {
+        Self { waiting: Arc::default(), most }
+    }
+
+    fn waiting(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds one.
     pub fn put(&self, bytes: &[u8]) {
-        let mut waiting = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut buffer = if waiting.datagrams.len() >= MOST_ARRIVALS {
+        let mut waiting = self.waiting();
+        let mut buffer = if waiting.datagrams.len() >= self.most {
             waiting.dropped += 1;
             waiting.datagrams.pop_front().unwrap_or_default()
         } else {
@@ -60,19 +73,19 @@ impl Arrivals {
         waiting.datagrams.push_back(buffer);
     }
 
-    /// The oldest datagram.
+    /// The oldest.
     pub fn take(&self) -> Option<Vec<u8>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).datagrams.pop_front()
+        self.waiting().datagrams.pop_front()
     }
 
-    /// Gives the buffer of a datagram back.
+    /// Gives a buffer back.
     pub fn give_back(&self, buffer: Vec<u8>) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).spare.push(buffer);
+        self.waiting().spare.push(buffer);
     }
 
-    /// Datagrams that went because too many waited, since the last call.
+    /// How many went because too many waited, since the last call.
     pub fn dropped(&self) -> u64 {
-        std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner).dropped)
+        std::mem::take(&mut self.waiting().dropped)
     }
 }
 
@@ -82,8 +95,8 @@ mod tests {
 
     #[test]
     fn a_burst_costs_the_oldest_and_says_how_many() {
-        let arrivals = Arrivals::default();
-        for i in 0..MOST_ARRIVALS as u32 + 3 {
+        let arrivals = Arrivals::at_most(256);
+        for i in 0..259_u32 {
             arrivals.put(&i.to_le_bytes());
         }
         assert_eq!(arrivals.dropped(), 3);

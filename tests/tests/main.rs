@@ -14,12 +14,14 @@
 //! - `link`: edges that leave as datagrams
 //! - `failsafe`: from the last order to the safe state
 //! - `ledger`: sent = received + accounted loss
+//! - `apart`: the bedside as a program of its own
 //! - `attach`: people at a running pipeline
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
 // A test stops at the first surprise; clippy knows test functions, but not what they call.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod apart;
 mod attach;
 mod bench;
 mod conformance;

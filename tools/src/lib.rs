@@ -34,6 +34,7 @@ mod quantity;
 mod recover;
 mod replay;
 mod report;
+mod rig;
 mod run;
 mod schema;
 mod send;
@@ -72,6 +73,8 @@ struct Arguments {
 enum Command {
     /// Run a pipeline and record it.
     Run(run::Run),
+    /// Run the far end of a pipeline as a program of its own.
+    Rig(rig::Rig),
     /// Check a pipeline and show every fault of it.
     Check(check::Check),
     /// Run a session again from its journals, and compare every recorded topic byte by byte.
@@ -135,6 +138,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
     let arguments = Arguments::parse();
     let done = match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
         Command::Run(c) => c.execute(&registry),
+        Command::Rig(c) => c.execute(&registry),
         Command::Check(c) => c.execute(&registry),
         Command::Replay(c) => c.execute(&registry),
         Command::Info(c) => c.execute(),

@@ -30,6 +30,10 @@ pub struct Run {
     /// ends after 20 s.
     #[arg(long = "for", value_name = "TIME")]
     length: Option<String>,
+    /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
+    /// placed on none is on `main`.
+    #[arg(long, value_name = "NAME")]
+    host: Option<String>,
     /// Who says when activations happen.
     #[arg(long, value_enum, default_value_t)]
     clock: Clock,
@@ -68,8 +72,29 @@ enum LockStep {
 }
 
 impl Run {
+    /// A live run of what the pipeline places on a host.
+    pub fn part(
+        pipeline: PipelineFile,
+        host: &str,
+        length: Option<String>,
+        record: PathBuf,
+        no_record: bool,
+        json: bool,
+    ) -> Self {
+        Self { pipeline, length, host: Some(host.to_owned()), record, no_record, json, ..Self::default() }
+    }
+
     /// Does it.
-    pub fn execute(&self, registry: &Registry) -> Ended {
+    pub fn execute(mut self, registry: &Registry) -> Ended {
+        if let Some(host) = &self.host {
+            if self.clock == Clock::Simulated || self.lock_step.is_some() {
+                return Err(Failure::wrong(
+                    "a part of a pipeline only runs live: leave --host away to run all of it in another way",
+                ));
+            }
+            // Whoever reads the pipeline of this run reads of this part.
+            self.pipeline.sets.push(format!("host={host}"));
+        }
         // In one process no core is asked for.
         let in_processes = self.lock_step != Some(LockStep::Threads)
             && (self.clock == Clock::Live || self.lock_step.is_some());
@@ -77,7 +102,8 @@ impl Run {
         let checked = self.pipeline.check(registry, &machine)?;
         let length = match (&self.length, &self.pipeline.file) {
             (Some(text), _) => Some(time(text)?),
-            (None, None) => Some(time(DEFAULT_LENGTH)?),
+            (None, None) if self.host.is_none() => Some(time(DEFAULT_LENGTH)?),
+            (None, None) => None,
             (None, Some(_)) => None,
         };
         let session =

@@ -35,7 +35,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
         name: "n".into(),
         stage: Stage::of::<Nothing>(),
         params: CheckedParams { value: std::sync::Arc::new(()), resolved: serde_json::Value::Null },
-        listens: None,
+        far_end: None,
         files: Vec::new(),
         every,
         latency: 0,

@@ -35,10 +35,8 @@ pub struct Member {
     /// Time of the last activation: stamps of an operator rise.
     last: u64,
     sent_before: u64,
-    /// The datagram that is being sent.
-    wire: Vec<u8>,
-    /// Why a datagram could not be sent, until it is told.
-    pub unsent: Option<String>,
+    /// Why nothing goes over a link, or comes, until it is told.
+    pub unlinked: Option<String>,
     /// It panicked, and a new incarnation begins later.
     pub down: Option<Down>,
     /// Keeps the services alive while this process has ports on them.
@@ -131,7 +129,7 @@ impl Member {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
-            let mouth = Mouth::open(&node.outputs[port].links)?;
+            let mouth = Mouth::open(node, port)?;
             ports.push(Outlet { publisher: topic.publisher().map_err(text)?, notifier, sent: false, mouth });
             topics.push(topic);
         }
@@ -163,8 +161,7 @@ impl Member {
             epoch: 0,
             last: 0,
             sent_before: 0,
-            wire: Vec::new(),
-            unsent: None,
+            unlinked: None,
             down: None,
             _topics: topics,
         })
@@ -220,8 +217,10 @@ impl Member {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
-        if let Some(ear) = &self.ear {
-            ear.listen()?;
+        if let Some(ear) = &self.ear
+            && let Some(reason) = ear.listen()?
+        {
+            self.unlinked = Some(reason);
         }
         let due = self
             .every
@@ -284,19 +283,13 @@ impl Member {
         for draft in self.cell.take_drafts() {
             if let Buffer::Shared(loan) = draft.buffer {
                 let outlet = &mut self.outlets.ports[draft.port];
-                if outlet.mouth.is_some() {
-                    self.wire.clear();
-                    let pieces = loan.pieces();
-                    let length = pieces.payload.len().min(pieces.head().count as usize);
-                    self.wire.extend_from_slice(&pieces.payload[..length]);
+                if let Some(mouth) = &mut outlet.mouth
+                    && let Some(reason) = mouth.send(loan.pieces())
+                {
+                    self.unlinked = Some(reason);
                 }
                 outlet.publisher.send(loan).map_err(|e| e.to_string())?;
                 outlet.sent = true;
-                if let Some(mouth) = &mut outlet.mouth
-                    && let Some(reason) = mouth.send(&self.wire)
-                {
-                    self.unsent = Some(reason);
-                }
             }
         }
         for outlet in &mut self.outlets.ports {

@@ -8,7 +8,7 @@
 //! - `report`: what a run is asked for, and how it went
 //! - `room`: what runs take of shared memory, and leave to each other
 //! - `run_folder`: where a run is found by others, and how a dead one is swept
-//! - `watch`: the watch over deadlines
+//! - `wire`: the two ends of links
 //! - `worker`: a process of operators
 //! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
@@ -16,6 +16,7 @@
 //! - `member`: one operator in a worker
 //! - `recorder`: the process that records
 //! - `seat`: core and scheduling class of a process
+//! - `serving`: samples of any size from one program to another
 //! - `status`: what a run looks like from its journals
 //! - `stopwatch`: how long the stages of a step took
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
@@ -33,6 +34,7 @@ mod report;
 mod room;
 pub mod run_folder;
 mod seat;
+mod serving;
 pub mod status;
 mod stopwatch;
 mod supervisor;

@@ -3,20 +3,36 @@
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
-use crate::graph::OperatorNode;
-use crate::link::LONGEST;
-use crate::outside::Arrivals;
+use stillpoint_samples::{Pieces, SampleKind};
 
-/// Where datagrams come in for the far end of a link.
-pub struct Ear {
-    socket: UdpSocket,
-    arrivals: Arrivals,
+use super::serving::{Client, Server, greeting};
+use crate::graph::{OperatorNode, Wire};
+use crate::link::LONGEST;
+use crate::outside::{Arrivals, MOST_DATAGRAMS};
+use crate::stream;
+
+/// Where things come in for the far end of a link.
+pub enum Ear {
+    /// Datagrams.
+    Socket(UdpSocket, Arrivals),
+    /// Samples of a stream.
+    Stream(Client),
 }
 
 impl Ear {
     /// Listens, if this operator is the far end of a link.
     pub fn open(node: &OperatorNode) -> Result<Option<Self>, String> {
-        let Some(address) = node.listens else { return Ok(None) };
+        let address = match node.far_end {
+            None => return Ok(None),
+            Some(Wire::Udp(address)) => address,
+            Some(Wire::Tcp(address)) => {
+                let kind = node.stage.kind.outputs[stream::SAMPLE].sample;
+                let output = &node.outputs[stream::SAMPLE];
+                let longest = kind.meta_size() + output.capacity * kind.element_size;
+                let greeting = greeting(kind, output.frame.as_deref());
+                return Ok(Some(Self::Stream(Client::start(address, greeting, longest))));
+            }
+        };
         let socket = UdpSocket::bind(address).and_then(|s| s.set_nonblocking(true).map(|()| s));
         let socket = socket.map_err(|e| {
             format!(
@@ -24,22 +40,29 @@ impl Ear {
                 node.name
             )
         })?;
-        Ok(Some(Self { socket, arrivals: Arrivals::default() }))
+        Ok(Some(Self::Socket(socket, Arrivals::at_most(MOST_DATAGRAMS))))
     }
 
     /// What arrived, for the operator.
     pub fn arrivals(&self) -> Arrivals {
-        self.arrivals.clone()
+        match self {
+            Self::Socket(_, arrivals) => arrivals.clone(),
+            Self::Stream(client) => client.arrivals(),
+        }
     }
 
-    /// Takes what has arrived.
-    pub fn listen(&self) -> Result<(), String> {
+    /// Takes what has arrived. `Some`: why nothing comes, said once.
+    pub fn listen(&self) -> Result<Option<String>, String> {
+        let (socket, arrivals) = match self {
+            Self::Socket(socket, arrivals) => (socket, arrivals),
+            Self::Stream(client) => return Ok(client.complaint()),
+        };
         // One byte more than the longest: what is cut here is seen to be too long.
         let mut bytes = [0; LONGEST + 1];
         loop {
-            match self.socket.recv_from(&mut bytes) {
-                Ok((length, _)) => self.arrivals.put(&bytes[..length]),
-                Err(e) if e.kind() == ErrorKind::WouldBlock => return Ok(()),
+            match socket.recv_from(&mut bytes) {
+                Ok((length, _)) => arrivals.put(&bytes[..length]),
+                Err(e) if e.kind() == ErrorKind::WouldBlock => return Ok(None),
                 // An answer to something that somebody sent from this port: nothing was lost here.
                 Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionReset) => {}
                 Err(e) => return Err(format!("datagrams cannot be taken: {e}")),
@@ -48,17 +71,58 @@ impl Ear {
     }
 }
 
-/// Where samples of an output leave as datagrams.
+/// Where samples of an output leave.
 pub struct Mouth {
+    kind: &'static SampleKind,
+    datagrams: Option<Datagrams>,
+    servers: Vec<Server>,
+}
+
+impl Mouth {
+    /// What is needed to send over the links of an output, if it has any.
+    pub fn open(node: &OperatorNode, port: usize) -> Result<Option<Self>, String> {
+        let output = &node.outputs[port];
+        let kind = node.stage.kind.outputs[port].sample;
+        if output.links.is_empty() {
+            return Ok(None);
+        }
+        let (mut addresses, mut servers) = (Vec::new(), Vec::new());
+        for link in &output.links {
+            match link {
+                Wire::Udp(address) => addresses.push(*address),
+                Wire::Tcp(address) => {
+                    let greeting = greeting(kind, output.frame.as_deref());
+                    servers.push(Server::start(*address, greeting).map_err(|e| {
+                        format!(
+                            "{} cannot be served at {address}: {e}; end who serves there, or give the link another port",
+                            output.topic
+                        )
+                    })?);
+                }
+            }
+        }
+        Ok(Some(Self { kind, datagrams: Datagrams::open(addresses)?, servers }))
+    }
+
+    /// Sends a sample to every far end. `Some`: the first of a row could not be sent, and why.
+    pub fn send(&mut self, pieces: Pieces<'_>) -> Option<String> {
+        let Ok(sample) = pieces.check(self.kind) else { return None };
+        for server in &self.servers {
+            server.put(sample);
+        }
+        self.datagrams.as_mut()?.send(sample.payload)
+    }
+}
+
+struct Datagrams {
     socket: UdpSocket,
     addresses: Vec<SocketAddr>,
     /// The last datagram could not be sent: this is said once.
     is_refused: bool,
 }
 
-impl Mouth {
-    /// A socket to send from, if the output has links.
-    pub fn open(addresses: &[SocketAddr]) -> Result<Option<Self>, String> {
+impl Datagrams {
+    fn open(addresses: Vec<SocketAddr>) -> Result<Option<Self>, String> {
         let Some(first) = addresses.first() else { return Ok(None) };
         let any = match first {
             SocketAddr::V4(_) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
@@ -66,11 +130,10 @@ impl Mouth {
         };
         let socket = UdpSocket::bind((any, 0)).and_then(|s| s.set_nonblocking(true).map(|()| s));
         let socket = socket.map_err(|e| format!("no datagrams can be sent to {first}: {e}"))?;
-        Ok(Some(Self { socket, addresses: addresses.to_vec(), is_refused: false }))
+        Ok(Some(Self { socket, addresses, is_refused: false }))
     }
 
-    /// Sends a datagram to every far end. `Some`: the first of a row could not be sent, and why.
-    pub fn send(&mut self, bytes: &[u8]) -> Option<String> {
+    fn send(&mut self, bytes: &[u8]) -> Option<String> {
         let mut refused = None;
         for address in &self.addresses {
             if let Err(e) = self.socket.send_to(bytes, address) {

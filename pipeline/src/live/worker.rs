@@ -288,7 +288,7 @@ impl Worker {
 fn report(member: &mut Member, outcome: Outcome, graph: &Graph) -> Result<(), String> {
     let operator = || graph.operators[member.operator].name.clone();
     let incarnation = member.cell.incarnation();
-    if let Some(reason) = member.unsent.take() {
+    if let Some(reason) = member.unlinked.take() {
         tell(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
     }
     if outcome == Outcome::Done {

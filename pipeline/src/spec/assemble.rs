@@ -12,9 +12,11 @@ use super::record::Parsed;
 use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
-use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record};
+use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Wire};
+use crate::hosts::MAIN;
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
+use crate::stream;
 
 /// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
 /// each.
@@ -49,6 +51,7 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
             core: parsed.core.as_ref().map(|core| core.value),
             priority: parsed.priority,
             outlives: parsed.outlives,
+            host: parsed.host.value.clone(),
         });
     }
     for parsed in &document.processes {
@@ -85,6 +88,7 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
                 core: None,
                 priority: Priority::Normal,
                 outlives: 0,
+                host: MAIN.to_owned(),
             });
         }
     }
@@ -203,9 +207,10 @@ pub fn graph(
             inputs: inputs.collect(),
             outputs: outputs.collect(),
             process: process_of[new],
-            listens: parsed.link,
+            far_end: parsed.link,
         });
     }
+    lay_out_far_ends(&mut operators);
     Some(Graph {
         name: document.name,
         seed: document.seed,
@@ -214,4 +219,16 @@ pub fn graph(
         processes,
         record,
     })
+}
+
+/// What comes off a stream may be as large as what its producer sends.
+fn lay_out_far_ends(operators: &mut [OperatorNode]) {
+    for far in 0..operators.len() {
+        if let (Some(Wire::Tcp(_)), Some(edge)) =
+            (operators[far].far_end, operators[far].inputs.first().and_then(|i| i.edge))
+        {
+            let capacity = operators[edge.operator].outputs[edge.output].capacity;
+            operators[far].outputs[stream::SAMPLE].capacity = capacity;
+        }
+    }
 }

@@ -9,7 +9,7 @@ use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::Entry;
 use super::wiring::Wired;
-use super::{assemble, order, port_frames, sets, sync, wiring, yaml};
+use super::{assemble, hosts, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::{Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
@@ -79,9 +79,9 @@ fn pass(
         }
         return None;
     };
-    let seed = sets::apply(&mut root, sets, findings);
+    let whole = sets::apply(&mut root, sets, findings);
     let mut document = document::read(&root, findings)?;
-    document.seed = seed.unwrap_or(document.seed);
+    document.seed = whole.seed.unwrap_or(document.seed);
     let wired = wiring::connect(&document, registry, findings);
     let mut checked = Vec::new();
     for (parsed, wired) in document.operators.iter().zip(&wired) {
@@ -96,12 +96,17 @@ fn pass(
     let order = order::upstream_first(&document, &wired, findings);
     let frames = port_frames::resolve(&document, &wired, findings);
     let processes = assemble::processes(&document, findings);
-    machine.check(&document, findings);
+    hosts::check(&document, &wired, &processes, whole.host.as_ref(), findings);
+    machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);
     let record = assemble::record(&document, &wired, findings);
     if !findings.is_empty() {
         return None;
     }
-    assemble::graph(document, wired, checked, policies, frames, order, processes, record)
+    let graph = assemble::graph(document, wired, checked, policies, frames, order, processes, record)?;
+    Some(match whole.host {
+        Some(host) => graph.part(&host.value),
+        None => graph,
+    })
 }
 
 fn params(

@@ -46,6 +46,7 @@ pub enum Code {
     FileMissing,
     ProcessShared,
     CoreMissing,
+    Host,
     Policy,
     Set,
 }
@@ -88,6 +89,7 @@ impl Code {
         Code::FileMissing,
         Code::ProcessShared,
         Code::CoreMissing,
+        Code::Host,
         Code::Policy,
         Code::Set,
     ];

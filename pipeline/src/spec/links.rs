@@ -1,8 +1,9 @@
-//! The section `links`: edges whose samples leave the machine's memory as datagrams.
+//! The section `links`: edges whose samples leave the machine's memory.
 //!
 //! A link stands for an operator of its own at the far end, named after the topic (`valves_datagram`), and everybody who
-//! takes the topic takes it from there. In a live run the producer's process sends each sample as a UDP datagram, and
-//! the far end listens; anywhere else the link is an edge with a delay.
+//! takes the topic takes it from there. In a live run the producer's process sends each sample as a UDP datagram, for
+//! which the far end listens, or serves samples of any size as a stream, which the far end takes; anywhere else the link
+//! is an edge with a delay.
 
 use std::net::SocketAddr;
 
@@ -13,14 +14,15 @@ use super::near::shown;
 use super::operators::ParsedOperator;
 use super::source::Marked;
 use super::tree::{Entry, Keys, Node};
-use crate::link;
+use crate::graph::Wire;
+use crate::{link, stream};
 
 /// Keys of a link.
-pub const KEYS: &[&str] = &["udp", "delay"];
+pub const KEYS: &[&str] = &["udp", "tcp", "delay"];
 
 /// Reads the section, adds the far ends to the operators and connects those who take the topics to them.
 pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, findings: &Findings) {
-    let due = "a mapping from topics to { udp: address:port }";
+    let due = "a mapping from topics to { udp: address:port }, or { tcp: address:port }";
     for entry in node.map("`links`", due, findings).unwrap_or_default() {
         if let Some(far) = far_end(entry, operators, findings) {
             operators.push(far);
@@ -37,13 +39,7 @@ fn far_end<'t>(
     let what = shown(&entry.key.value);
     let entries = entry.value.map(&what, "{ udp: 127.0.0.1:5005, delay: 2 ms }", findings)?;
     let keys = Keys::of(entries, KEYS, "a link", findings);
-    let address = match keys.get("udp") {
-        Some(e) => address(&e.value, findings),
-        None => {
-            missing("a link", "udp", "127.0.0.1:5005", entry.key.span, findings);
-            None
-        }
-    };
+    let wire = wire(&keys, entry, findings);
     let delay = keys.get("delay").and_then(|e| time(e, findings)).map_or(0, |t| t.value);
     let name = format!("{}_{}", topic.value.operator.value, topic.value.port.value);
     if let Some(other) = operators.iter().find(|o| o.name.value == name) {
@@ -54,6 +50,9 @@ fn far_end<'t>(
             "give the operator another name",
         );
     }
+    // Of which kind the far end of a stream is follows from what is sent: `wiring` knows it.
+    let is_stream = keys.get("udp").is_none() && keys.get("tcp").is_some();
+    let port = if is_stream { stream::PORT } else { "datagram" };
     let same =
         |t: &Topic| t.operator.value == topic.value.operator.value && t.port.value == topic.value.port.value;
     let mut taken = false;
@@ -61,7 +60,7 @@ fn far_end<'t>(
         if let Some(from) = input.from.as_mut().filter(|from| same(&from.value)) {
             taken = true;
             from.value.operator.value.clone_from(&name);
-            from.value.port.value = "datagram".to_owned();
+            from.value.port.value = port.to_owned();
         }
     }
     if !taken {
@@ -74,14 +73,14 @@ fn far_end<'t>(
     }
     let span = entry.key.span;
     let input = ParsedInput {
-        name: Marked::new("datagram".to_owned(), span),
+        name: Marked::new(port.to_owned(), span),
         from: Some(topic),
-        policy: Some(Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
+        policy: (!is_stream).then(|| Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
         delay,
     };
     Some(ParsedOperator {
         name: Marked::new(name, span),
-        kind: Some(Marked::new(link::KIND_NAME.to_owned(), span)),
+        kind: (!is_stream).then(|| Marked::new(link::KIND_NAME.to_owned(), span)),
         params: None,
         has_unreadable_inputs: false,
         inputs: vec![input],
@@ -91,12 +90,33 @@ fn far_end<'t>(
         has_frame: None,
         latency: 0,
         deadline: None,
-        link: address,
+        link: wire,
     })
 }
 
-fn address(node: &Node, findings: &Findings) -> Option<SocketAddr> {
-    let text = node.scalar("`udp`", "an address and a port", findings)?;
+fn wire(keys: &Keys<'_>, entry: &Entry, findings: &Findings) -> Option<Wire> {
+    match (keys.get("udp"), keys.get("tcp")) {
+        (Some(e), None) => address(e, findings).map(Wire::Udp),
+        (None, Some(e)) => address(e, findings).map(Wire::Tcp),
+        (Some(_), Some(second)) => {
+            findings.say(
+                second.key.span,
+                Code::WrongShape,
+                "a link goes one way, but here is a second one",
+                "keep `udp` for datagrams, or `tcp` for samples of any size",
+            );
+            None
+        }
+        (None, None) => {
+            missing("a link", "udp", "127.0.0.1:5005", entry.key.span, findings);
+            None
+        }
+    }
+}
+
+fn address(entry: &Entry, findings: &Findings) -> Option<SocketAddr> {
+    let node = &entry.value;
+    let text = node.scalar(&shown(&entry.key.value), "an address and a port", findings)?;
     let address = text.parse::<SocketAddr>().ok().filter(|a| a.port() != 0);
     if address.is_none() {
         findings.say(

@@ -24,11 +24,12 @@ impl Machine {
         Self { cores: cores.into_iter().collect() }
     }
 
-    /// Finds what a pipeline asks for and this machine does not have.
-    pub(super) fn check(&self, document: &Document<'_>, findings: &Findings) {
+    /// Finds what a pipeline, or the part of it that runs on `host`, asks for and this machine does not have.
+    pub(super) fn check(&self, document: &Document<'_>, host: Option<&str>, findings: &Findings) {
         // Where the system does not say which cores there are, the run will.
         let Some(nearest) = self.cores.last() else { return };
-        for core in document.processes.iter().filter_map(|p| p.core.as_ref()) {
+        let here = document.processes.iter().filter(|p| host.is_none_or(|host| p.host.value == host));
+        for core in here.filter_map(|p| p.core.as_ref()) {
             if !self.cores.contains(&core.value) {
                 findings.say(
                     core.span,

@@ -25,7 +25,7 @@
 //!
 //! Parsed to checked pipeline:
 //! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
-//!   each port; `order`: upstream before downstream, cycles; `assemble`: the graph
+//!   each port; `hosts`: what crosses from one host to another; `order`: upstream before downstream, cycles; `assemble`: the graph
 //!
 //! What is said about it:
 //! - `faults`, `render`, `near`: faults for people and programs, nearest names
@@ -37,6 +37,7 @@ mod decimal;
 mod document;
 pub mod faults;
 mod frames;
+mod hosts;
 mod inputs;
 mod links;
 pub mod machine;

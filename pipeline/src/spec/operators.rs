@@ -5,6 +5,7 @@ use super::faults::{Code, Findings};
 use super::inputs::{self, ParsedInput};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
+use crate::graph::Wire;
 
 /// Keys of an operator.
 pub const KEYS: &[&str] = &["use", "params", "inputs", "every", "frame", "latency", "deadline"];
@@ -33,8 +34,8 @@ pub struct ParsedOperator<'t> {
     pub latency: u64,
     /// Longest step, ns.
     pub deadline: Option<u64>,
-    /// Where it listens, if it is the far end of a link.
-    pub link: Option<std::net::SocketAddr>,
+    /// What it is the far end of, if it is that of a link.
+    pub link: Option<Wire>,
 }
 
 /// Reads the section.

@@ -7,9 +7,10 @@ use super::quantity;
 use super::source::Marked;
 use super::tree::{Entry, Keys, Node, Value};
 use crate::graph::{Priority, Restart};
+use crate::hosts::MAIN;
 
 /// Keys of a process.
-pub const KEYS: &[&str] = &["operators", "restart", "core", "priority", "outlives"];
+pub const KEYS: &[&str] = &["operators", "restart", "core", "priority", "outlives", "host"];
 /// What happens to a process that ends without being asked, where the config does not say.
 pub const RESTART: Restart = Restart::OnFault { limit: 5, backoff: 100_000_000 };
 /// Most cores that a machine is thought to have.
@@ -32,6 +33,8 @@ pub struct ParsedProcess {
     pub priority: Priority,
     /// How long it goes on after its supervisor died, ns.
     pub outlives: u64,
+    /// The host that it runs on.
+    pub host: Marked<String>,
 }
 
 /// Reads the section.
@@ -45,6 +48,7 @@ fn process(entry: &Entry, findings: &Findings) -> ParsedProcess {
     let name = entry.key.clone();
     check_name(&name, "a process", findings);
     let mut parsed = ParsedProcess {
+        host: Marked::new(MAIN.to_owned(), name.span),
         name,
         operators: Vec::new(),
         restart: RESTART,
@@ -69,6 +73,12 @@ fn process(entry: &Entry, findings: &Findings) -> ParsedProcess {
     parsed.priority =
         keys.get("priority").and_then(|e| priority(&e.value, findings)).unwrap_or(Priority::Normal);
     parsed.outlives = keys.get("outlives").and_then(|e| outlives(e, findings)).unwrap_or(0);
+    if let Some(e) = keys.get("host")
+        && let Some(text) = e.value.scalar("`host`", "the name of a host", findings)
+    {
+        parsed.host = Marked::new(text.to_owned(), e.value.span);
+        check_name(&parsed.host, "a host", findings);
+    }
     parsed
 }
 

@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use super::quantity::or;
 use super::units::find;
 use super::{document, frames, inputs, links, operators, processes, record};
+use crate::hosts::MAIN;
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
 use crate::params::{ParamField, ParamType, Presence};
 
@@ -121,15 +122,19 @@ fn input() -> Value {
 }
 
 fn links() -> Value {
-    let link = closed(links::KEYS, &["udp"], |key| match key {
+    let link = closed(links::KEYS, &[], |key| match key {
         "udp" => json!({
             "type": "string", "pattern": r"^\S+:[0-9]{1,5}$",
-            "description": "Address and port of the far end, which listens there in a live run.",
+            "description": "Address and port of the far end, which listens there for datagrams in a live run.",
         }),
-        _ => quantity("ns", "How long a datagram is on its way where the run is not live."),
+        "tcp" => json!({
+            "type": "string", "pattern": r"^\S+:[0-9]{1,5}$",
+            "description": "Address and port where the producer serves samples of any size in a live run.",
+        }),
+        _ => quantity("ns", "How long a sample is on its way where the run is not live."),
     });
     json!({
-        "type": "object", "description": "Topics that leave as datagrams, and where to.",
+        "type": "object", "description": "Topics that leave the machine's memory, and how.",
         "propertyNames": { "pattern": TOPIC }, "additionalProperties": link,
     })
 }
@@ -149,6 +154,10 @@ fn process() -> Value {
         "core" => json!({
             "type": "integer", "minimum": 0, "maximum": processes::MOST_CORES - 1,
             "description": "Core that it is bound to.",
+        }),
+        "host" => json!({
+            "type": "string", "default": MAIN,
+            "description": "Where it runs when the pipeline is run in parts (`run --host`, `rig`).",
         }),
         "outlives" => quantity("ns", "How long it goes on after its supervisor died, at most 10 s."),
         _ => json!({

@@ -8,9 +8,18 @@ use super::source::{Marked, Span};
 use super::tree::{Entry, Node, Value};
 use super::yaml;
 
-/// Applies the arguments to the tree, in their order. Returns the seed where `seed=N` is among them.
-pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Option<u64> {
-    let mut seed = None;
+/// What arguments say of the pipeline as a whole.
+#[derive(Default)]
+pub struct Whole {
+    /// `seed=N`.
+    pub seed: Option<u64>,
+    /// `host=NAME`: the part that runs.
+    pub host: Option<Marked<String>>,
+}
+
+/// Applies the arguments to the tree, in their order. Returns what they say of the whole.
+pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Whole {
+    let mut whole = Whole::default();
     for (number, text) in sets.iter().enumerate() {
         let source = number + 1;
         let all = Span { source, start: 0, end: text.len(), line: 1, column: 1 };
@@ -29,12 +38,15 @@ pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Option<u6
             continue;
         };
         if path == "seed" {
-            seed = document::seed(&node, findings);
+            whole.seed = document::seed(&node, findings);
+        } else if path == "host" {
+            let name = node.scalar("`host`", "the name of a host", findings);
+            whole.host = name.map(|name| Marked::new(name.to_owned(), node.span));
         } else {
             put(root, path, node, all, findings);
         }
     }
-    seed
+    whole
 }
 
 /// Puts a value at `operator.key` or `operator.param.field`.

@@ -11,8 +11,9 @@ use super::inputs::{ParsedInput, Topic};
 use super::near::{listed, nearest, shown, suggestion};
 use super::operators::ParsedOperator;
 use super::source::{Marked, Span};
-use crate::graph::Edge;
+use crate::graph::{Edge, Wire};
 use crate::operator::{Registry, Stage, TIMING, Timer};
+use crate::stream;
 
 /// Topics that a help line names.
 const LISTED: usize = 4;
@@ -45,9 +46,15 @@ impl Wired {
 
 /// Looks up kinds and connects inputs.
 pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings) -> Vec<Wired> {
-    let stages: Vec<Option<Stage>> =
+    let mut stages: Vec<Option<Stage>> =
         document.operators.iter().map(|o| stage(o, registry, findings)).collect();
-    let lookup = Lookup { document, stages: &stages, numbers: numbers(document), registry, findings };
+    let numbers = numbers(document);
+    for far in 0..stages.len() {
+        if let Some(Wire::Tcp(_)) = document.operators[far].link {
+            stages[far] = far_end(&document.operators[far], &numbers, &stages, findings);
+        }
+    }
+    let lookup = Lookup { document, stages: &stages, numbers, registry, findings };
     let wired: Vec<Vec<WiredInput>> = (0..stages.len()).map(|i| lookup.inputs(i)).collect();
     stages.into_iter().zip(wired).map(|(stage, inputs)| Wired { stage, inputs }).collect()
 }
@@ -62,6 +69,29 @@ fn stage(parsed: &ParsedOperator<'_>, registry: &Registry, findings: &Findings) 
             Code::UnknownKind,
             format!("there is no kind of operator {}", shown(&kind.value)),
             suggestion(&kind.value, kinds.iter().copied(), "kinds", findings),
+        );
+    }
+    found
+}
+
+/// The far end of a stream: of the kind that takes what is sent. What is wrong with the topic is said elsewhere.
+fn far_end(
+    parsed: &ParsedOperator<'_>,
+    numbers: &BTreeMap<&str, usize>,
+    stages: &[Option<Stage>],
+    findings: &Findings,
+) -> Option<Stage> {
+    let from = parsed.inputs.first()?.from.as_ref()?;
+    let producer = stages[*numbers.get(from.value.operator.value.as_str())?].as_ref()?;
+    let sample = producer.kind.outputs.iter().find(|o| o.name == from.value.port.value)?.sample;
+    let found = stream::carrier(sample);
+    if found.is_none() {
+        let names = stream::STAGES.iter().map(|s| s.kind.inputs[stream::SAMPLE].sample.name);
+        findings.say(
+            from.span,
+            Code::TypeMismatch,
+            format!("no stream carries {}", with_article(sample.name)),
+            format!("link one of {}", names.collect::<Vec<_>>().join(", ")),
         );
     }
     found

@@ -12,6 +12,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("head.yaml", include_str!("../good/head.yaml")),
     ("fusion.yaml", include_str!("../good/fusion.yaml")),
     ("images.yaml", include_str!("../good/images.yaml")),
+    ("apart.yaml", include_str!("../good/apart.yaml")),
 ];
 
 /// The graph of a good file.

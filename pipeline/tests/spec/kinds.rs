@@ -200,5 +200,5 @@ const ALL: &[Stage] = &[
 
 /// All of them.
 pub fn registry() -> Registry {
-    Registry::new(&[ALL, &[stillpoint_pipeline::link::STAGE]])
+    Registry::new(&[ALL, &[stillpoint_pipeline::link::STAGE], stillpoint_pipeline::stream::STAGES])
 }

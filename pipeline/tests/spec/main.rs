@@ -7,6 +7,7 @@ mod broken;
 mod disk;
 mod garbage;
 mod good;
+mod hosts;
 mod kinds;
 mod machine;
 mod others;

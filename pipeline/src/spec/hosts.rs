@@ -1,0 +1,63 @@
+//! A pipeline in parts: every edge from one host to another is a link, and the host that is asked for is there.
+
+use super::document::Document;
+use super::faults::{Code, Findings};
+use super::near::{shown, suggestion};
+use super::source::Marked;
+use super::wiring::Wired;
+use crate::graph::ProcessNode;
+use crate::hosts::MAIN;
+
+/// Checks it. Numbers of operators are their places in the file.
+pub fn check(
+    document: &Document<'_>,
+    wired: &[Wired],
+    processes: &[ProcessNode],
+    chosen: Option<&Marked<String>>,
+    findings: &Findings,
+) {
+    let mut homes = vec![MAIN; document.operators.len()];
+    for process in processes {
+        for operator in &process.operators {
+            homes[*operator] = &process.host;
+        }
+    }
+    for (number, (operator, wired)) in document.operators.iter().zip(wired).enumerate() {
+        if operator.link.is_some() {
+            continue;
+        }
+        for input in &wired.inputs {
+            let Some(edge) = input.edge.filter(|e| homes[e.operator] != homes[number]) else { continue };
+            let producer = &document.operators[edge.operator];
+            let Some(from) = input.parsed.and_then(|p| operator.inputs[p].from.as_ref()) else { continue };
+            let (there, here) = (homes[edge.operator], homes[number]);
+            let name = &operator.name.value;
+            let (message, help) = match producer.link {
+                Some(_) => (
+                    format!("`{name}` runs on the host `{here}`, but the far end of this link on `{there}`"),
+                    format!("name `{}` in a process of the host `{here}`", producer.name.value),
+                ),
+                None => (
+                    format!(
+                        "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
+                    ),
+                    format!("add `{}.{}` to `links`", from.value.operator.value, from.value.port.value),
+                ),
+            };
+            findings.say(from.span, Code::Host, message, help);
+        }
+    }
+    if let Some(host) = chosen
+        && !homes.contains(&host.value.as_str())
+    {
+        let mut names = homes;
+        names.sort_unstable();
+        names.dedup();
+        findings.say(
+            host.span,
+            Code::Host,
+            format!("nothing of this pipeline runs on the host {}", shown(&host.value)),
+            suggestion(&host.value, names.iter().copied(), "hosts", findings),
+        );
+    }
+}

@@ -1,0 +1,110 @@
+//! The bedside as a program of its own: it outlives who controls it, and is safe when they die.
+
+use std::net::TcpListener;
+use std::path::PathBuf;
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::bench::{Bench, Running, text, wait_for};
+
+const PIPELINE: &str = include_str!("../../examples/head-3dof-apart.yaml");
+const KEY: &str = include_str!("../../examples/data/rig.key");
+/// From the last datagram to the safe state, ns.
+const LIMIT: u64 = 100_000_000;
+
+/// The example at ports that nobody uses, with a camera of fewer pixels, and a head that is held where it is.
+fn apart(bench: &Bench) -> PathBuf {
+    let camera = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";
+    let mut yaml =
+        PIPELINE.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
+    // Held until all are chosen, so that no two are the same.
+    let held: Vec<TcpListener> = (0..3).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
+    for (port, free) in ["127.0.0.1:5005", "127.0.0.1:5006", "127.0.0.1:5007"].iter().zip(&held) {
+        yaml = yaml.replace(port, &free.local_addr().unwrap().to_string());
+    }
+    std::fs::create_dir(bench.path("data")).unwrap();
+    std::fs::write(bench.path("data/rig.key"), KEY).unwrap();
+    std::fs::write(bench.path("apart.yaml"), yaml).unwrap();
+    bench.path("apart.yaml")
+}
+
+fn control(bench: &Bench, file: &std::path::Path) -> Running {
+    bench.start(&["run", text(file), "--host", "main", "--json", "--record", "s"])
+}
+
+fn states(lines: &str) -> Vec<Value> {
+    lines.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+}
+
+/// Waits until the far end does this, with the beam as it is to be.
+fn wait_until(bench: &Bench, what: &str, doing: u64, beam: u64) {
+    wait_for(what, || {
+        let done = bench.call(&["echo", "--run", "head-3dof-apart-rig", "far.state", "--count", "1"]);
+        let state = states(&done.out).pop()?["elements"][0].clone();
+        (state["doing"] == doing && state["beam"] == beam).then_some(())
+    });
+}
+
+/// How long an operator that ticks every few ms was kept from it, ns.
+fn stood(states: &[Value], from: u64, until: u64) -> u64 {
+    let stamps: Vec<u64> = states.iter().map(|s| s["stamp"].as_u64().unwrap()).collect();
+    let pauses = stamps.windows(2).filter(|pair| pair[1] > from && pair[0] < until);
+    pauses.map(|pair| (pair[1] - pair[0]).saturating_sub(10_000_000)).sum()
+}
+
+const VENTING: u64 = 1;
+const FOLLOWING: u64 = 2;
+
+#[test]
+fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
+    let bench = Bench::new();
+    let file = apart(&bench);
+    let rig = bench.start(&["rig", text(&file), "--json", "--record", "s"]);
+    let first = control(&bench, &file);
+    wait_until(&bench, "the beam", FOLLOWING, 1);
+    // All of the program, supervisor included.
+    first.signal_group(Signal::KILL);
+    drop(first);
+    wait_until(&bench, "the vent", VENTING, 0);
+    let second = control(&bench, &file);
+    wait_until(&bench, "the beam of the next program", FOLLOWING, 1);
+    let controlled = second.stop().good();
+    let bedside = rig.stop().good();
+    for report in [&controlled, &bedside] {
+        assert_eq!(report["balanced"], true, "{}", report["ledger"]);
+        let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
+        assert_eq!(replay["identical_all"], true);
+    }
+
+    let session = bedside["session"].as_str().unwrap();
+    let far = states(&bench.call(&["echo", "far.state", "--session", session]).out);
+    let valves = states(&bench.call(&["echo", "rig.state", "--session", session]).out);
+    // Where it stopped following without having been told to hold: the first program's death.
+    let vents: Vec<(u64, u64)> = far
+        .windows(2)
+        .filter(|pair| {
+            pair[0]["elements"][0]["doing"] == FOLLOWING && pair[1]["elements"][0]["doing"] != FOLLOWING
+        })
+        .map(|pair| (pair[1]["elements"][0]["arrived"].as_u64().unwrap(), pair[1]["stamp"].as_u64().unwrap()))
+        .collect();
+    assert!(!vents.is_empty());
+    let (arrived, _) = vents[0];
+    let safe = valves.iter().find(|state| {
+        let opening = state["elements"][0]["opening"].as_array().unwrap();
+        let at = |i: usize| opening[i].as_f64().unwrap();
+        state["stamp"].as_u64().unwrap() > arrived
+            && (0..3).all(|b| at(2 * b) <= 0.05 && at(2 * b + 1) >= 0.5)
+    });
+    let safe = safe.unwrap()["stamp"].as_u64().unwrap();
+    // The bedside stands for hardware of its own: for as long as this machine gave it no core, nobody waits.
+    let stood: u64 = [&far, &valves].iter().map(|states| stood(states, arrived, safe)).sum();
+    let took = (safe - arrived) / 1_000_000;
+    assert!(
+        safe - arrived <= LIMIT + stood,
+        "safe {took} ms after the last order, {stood} ns without a core"
+    );
+    // Nothing of the beam is left then.
+    let dark = far.iter().find(|s| s["stamp"].as_u64().unwrap() >= safe).unwrap();
+    assert_eq!(dark["elements"][0]["beam"], 0);
+}
