@@ -135,8 +135,11 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         _ => {}
     }
     quiet_panics();
+    if std::env::args().nth(1).as_deref() == Some(bench::RUN) {
+        return ended(bench::run_main(extra));
+    }
     let arguments = Arguments::parse();
-    let done = match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
+    ended(match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
         Command::Run(c) => c.execute(&registry),
         Command::Rig(c) => c.execute(&registry),
         Command::Check(c) => c.execute(&registry),
@@ -153,7 +156,10 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Case(c) => c.execute(),
         Command::Plan(c) => c.execute(),
         Command::Bench(c) => c.execute(extra),
-    };
+    })
+}
+
+fn ended(done: exit::Ended) -> ExitCode {
     match done {
         Ok(exit) => exit.into(),
         Err(failure) => {

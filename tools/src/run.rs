@@ -52,6 +52,9 @@ pub struct Run {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
+    /// How its children are started, where not as this program.
+    #[arg(skip)]
+    launch: Option<Launch>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -82,6 +85,11 @@ impl Run {
         json: bool,
     ) -> Self {
         Self { pipeline, length, host: Some(host.to_owned()), record, no_record, json, ..Self::default() }
+    }
+
+    /// The same with children that are started so.
+    pub fn launched_by(self, launch: Launch) -> Self {
+        Self { launch: Some(launch), ..self }
     }
 
     /// Does it.
@@ -164,7 +172,7 @@ impl Run {
             } else {
                 self.compression.clone()
             },
-            launch: launch()?,
+            launch: self.launch.clone().map_or_else(launch, Ok)?,
             identity: identity(),
         };
         let mut line = StatusLine::new(registry, !self.json);

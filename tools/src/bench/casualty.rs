@@ -1,35 +1,33 @@
-//! One live run in which something dies, stops or is flooded, and what its session says about it.
+//! One live run in which something dies, stops, breaks or is flooded, and what its session says about it.
 
 use std::net::UdpSocket;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 use stillpoint_pipeline::clock::realtime;
-use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_recorder::Session;
-use stillpoint_samples::{FarEnd, FarEndDoing, Pieces, RigState, Sample, Track};
+use stillpoint_samples::{FarEndDoing, RigFault, Verb};
 
-use super::failsafe::Due;
-use super::processes::children;
-use crate::attach::Which;
+use super::evidence::Evidence;
+use super::program::{self, Program, SUPERVISOR, treats};
 use crate::exit::Failure;
+use crate::send::deliver;
 
-/// The default pipeline, its key, and the ports that it has in the file.
-const PIPELINE: &str = include_str!("../../../pipeline.yaml");
-const KEY: &str = include_str!("../../../examples/data/rig.key");
-const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
-/// A quarter of the pixels: a bench of deadlines needs no more.
-const CAMERA: [&str; 2] = [
-    "camera: { every: 100 ms }",
-    "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }",
+/// What is changed in the pipeline's text: a quarter of the pixels, and a head that stays where it is, so that the beam
+/// stays on.
+const CHANGES: &[(&str, &str)] = &[
+    (
+        "camera: { every: 100 ms }",
+        "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }",
+    ),
+    ("at: 2.5 s, z:", "at: 1 h, z:"),
 ];
-/// How long a run may take to follow orders, and to end.
-const PATIENCE: Duration = Duration::from_secs(30);
 /// How long the effect of a fault is watched.
 const WATCHED: Duration = Duration::from_millis(700);
+/// Datagrams of a burst, and of each millisecond of a flood.
+const BURST: usize = 500;
+const FLOOD: usize = 200;
 
 /// What happens to a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,15 +36,34 @@ pub enum Fault {
     Kill(&'static str),
     /// SIGSTOP to it.
     Stop(&'static str),
-    /// Datagrams that nobody of this run has sent.
+    /// The camera falls silent.
+    Silence,
+    /// The pose is no number any more.
+    Poison,
+    /// Datagrams that nobody of this run has sent, at once.
     Garbage,
+    /// The same without end: every queue on the way is full.
+    Flood,
 }
 
-/// Name of the process that started the others.
-const SUPERVISOR: &str = "supervisor";
+/// What is due after a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Due {
+    /// Orders end: safe 100 ms after the last one that arrived.
+    OrdersEnd,
+    /// Orders to follow end: safe 100 ms after the last of them was obeyed.
+    FollowingEnds,
+    /// The pose grows stale: safe 100 ms after three frame periods, unless poses come again before.
+    PoseStale,
+    /// The valves go on following.
+    GoesOn,
+    /// They go on, or are safe 100 ms after the last order that got through.
+    GoesOnOrEnds,
+}
 
 impl Fault {
-    /// All that are tried: every process but those at the bedside.
+    /// All that are tried: every process but those at the bedside, and what comes over the wires.
     pub const ALL: &'static [Self] = &[
         Self::Kill("control"),
         Self::Stop("control"),
@@ -58,255 +75,168 @@ impl Fault {
         Self::Stop("recorder"),
         Self::Kill("console"),
         Self::Stop("console"),
+        Self::Silence,
+        Self::Poison,
         Self::Garbage,
+        Self::Flood,
     ];
 
     /// What it is called.
-    pub fn name(&self) -> String {
+    pub fn name(self) -> String {
         match self {
             Self::Kill(process) => format!("kill-{process}"),
             Self::Stop(process) => format!("stop-{process}"),
+            Self::Silence => "silent-camera".to_owned(),
+            Self::Poison => "non-finite-pose".to_owned(),
             Self::Garbage => "garbage".to_owned(),
+            Self::Flood => "full-queue".to_owned(),
         }
     }
 
     /// What is due after it.
-    pub fn due(&self) -> Due {
+    pub fn due(self) -> Due {
         match self {
             Self::Kill("control" | SUPERVISOR) | Self::Stop("control") => Due::OrdersEnd,
-            Self::Kill("perception") | Self::Stop("perception") => Due::PoseStale,
+            Self::Poison => Due::FollowingEnds,
+            Self::Kill("perception") | Self::Stop("perception") | Self::Silence => Due::PoseStale,
+            Self::Flood => Due::GoesOnOrEnds,
             _ => Due::GoesOn,
         }
     }
-}
 
-/// Times of a run, ms from its fault.
-#[derive(Debug)]
-pub struct Trial {
-    /// When the last order arrived before the far end vented, or at all.
-    pub last_order_ms: f64,
-    /// When the frame of the last pose before that was taken.
-    pub last_pose_ms: f64,
-    /// When the far end first vented; none where it did not.
-    pub vents_ms: Option<f64>,
-    /// When the valves were first safe after that: inlets shut, outlets at least half open.
-    pub valves_ms: Option<f64>,
-    /// When the beam was first off; none where it stayed on or never was.
-    pub beam_ms: Option<f64>,
-}
-
-impl Trial {
-    /// Makes one.
-    pub fn of(fault: Fault, number: u64, folder: &Path, registry: &Registry) -> Result<Self, Failure> {
-        let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
-        let place = folder.join(number.to_string());
-        std::fs::create_dir_all(place.join("examples/data")).map_err(io)?;
-        std::fs::write(place.join("examples/data/rig.key"), KEY).map_err(io)?;
-        // The head stays where it is, so that the beam stays on.
-        let mut text = PIPELINE.replace(CAMERA[0], CAMERA[1]).replace("at: 2.5 s, z:", "at: 1 h, z:");
-        let mut valves = String::new();
-        for port in PORTS {
-            let free = UdpSocket::bind("127.0.0.1:0").and_then(|s| s.local_addr()).map_err(io)?.to_string();
-            text = text.replace(port, &free);
-            valves = if valves.is_empty() { free } else { valves };
-        }
-        std::fs::write(place.join("pipeline.yaml"), text).map_err(io)?;
-        let mut run = Casualty::start(&place)?;
-        run.follow(registry)?;
-        // Another moment of the frame's and the timers' periods each time.
-        std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
-        // Stamps of a live session are of this clock, as it was when the run began.
-        let struck = realtime();
-        run.strike(fault, &valves)?;
-        std::thread::sleep(WATCHED);
-        run.end(fault)?;
-        let trial = Self::read(&place.join("s/head-3dof-0001"), struck);
-        std::fs::remove_dir_all(&place).map_err(io)?;
-        trial
+    /// Whether it is the bedside itself that is kept busy.
+    pub fn is_flood(self) -> bool {
+        matches!(self, Self::Garbage | Self::Flood)
     }
 
-    fn read(session: &Path, struck: u64) -> Result<Self, Failure> {
-        let session = Session::open_any(session).map_err(Failure::failed)?;
-        let until = struck + WATCHED.as_nanos() as u64;
-        let after = |stamp: u64| (stamp as f64 - struck as f64) * 1e-6;
-        let mut trial = Self {
-            last_order_ms: f64::NAN,
-            last_pose_ms: f64::NAN,
-            vents_ms: None,
-            valves_ms: None,
-            beam_ms: None,
+    /// Whether what failed is followed again when it comes back, without a person.
+    fn comes_back(self) -> bool {
+        matches!(self, Self::Stop("control" | "perception") | Self::Silence)
+    }
+
+    /// The pipeline with what it needs to fail so.
+    fn prepare(self, mut text: String) -> String {
+        for (from, to) in CHANGES {
+            text = text.replace(from, to);
+        }
+        text = match self {
+            Self::Poison => text
+                .replace("state: filter.state", "state: poison.state")
+                .replace("operators:\n", "operators:\n  poison: { use: bench.poison, inputs: { state: filter.state, said: console.fault } }\n")
+                .replace("control: [target,", "control: [poison, target,"),
+            _ => text.replace("duties: far.duties }", "duties: far.duties, fault: console.fault }"),
         };
-        let mut rig = Vec::new();
-        let mut poses = Vec::new();
-        for topic in ["far.state", "rig.state", "filter.state"] {
-            for recorded in session.samples_where(|t| t.name == topic) {
-                let recorded = recorded.map_err(Failure::failed)?;
-                let bytes = &recorded.sample;
-                match topic {
-                    "far.state" => {
-                        let view = view::<FarEnd>(bytes)?;
-                        let (Some(state), stamp) = (view.first(), view.head.stamp) else { continue };
-                        if stamp > until || trial.vents_ms.is_some() {
-                            continue;
-                        }
-                        trial.last_order_ms = after(state.arrived);
-                        if stamp > struck && state.doing() == FarEndDoing::Venting {
-                            trial.vents_ms = Some(after(stamp));
-                        }
-                        if stamp > struck && state.beam == 0 && trial.beam_ms.is_none() {
-                            trial.beam_ms = Some(after(stamp));
-                        }
-                    }
-                    "rig.state" => {
-                        let view = view::<RigState>(bytes)?;
-                        let Some(state) = view.first() else { continue };
-                        let valves = &state.opening[..2 * (state.bladders as usize).min(8)];
-                        let safe = valves.chunks_exact(2).all(|pair| pair[0] <= 0.05 && pair[1] >= 0.5);
-                        rig.push((view.head.stamp, safe));
-                    }
-                    _ => {
-                        let view = view::<Track>(bytes)?;
-                        poses.push((view.head.stamp, view.head.origin));
-                    }
-                }
+        text.replace("rig.truth,", "rig.truth, far.duties, far.diagnostics,")
+    }
+
+    fn strike(self, run: &Program, valves: &str, registry: &Registry) -> Result<(), Failure> {
+        let silence = f64::from(RigFault::SilentCamera as u32);
+        match self {
+            Self::Kill(process) => run.signal(process, Signal::KILL),
+            Self::Stop(process) => run.signal(process, Signal::STOP),
+            Self::Silence | Self::Poison => {
+                deliver(registry, &run.which(), "console", Verb::Fault, &[silence]).map(|_| ())
             }
-        }
-        let vents = trial.vents_ms.unwrap_or(f64::INFINITY);
-        trial.valves_ms = rig
-            .iter()
-            .map(|(stamp, safe)| (after(*stamp), *safe))
-            .find(|(at, safe)| *at >= vents && *safe)
-            .map(|(at, _)| at);
-        let watched = vents.min(WATCHED.as_secs_f64() * 1e3);
-        let before =
-            poses.iter().filter(|(stamp, _)| after(*stamp) < watched).map(|(_, origin)| after(*origin));
-        trial.last_pose_ms = before.fold(f64::NAN, f64::max);
-        Ok(trial)
-    }
-}
-
-fn view<S: Sample>(bytes: &[u8]) -> Result<stillpoint_samples::View<'_, S>, Failure> {
-    Pieces::split(S::KIND, bytes).and_then(|p| p.view::<S>()).map_err(Failure::failed)
-}
-
-/// A run in a process of its own: its supervisor is to die.
-struct Casualty {
-    child: Child,
-    /// Its processes by name.
-    processes: Vec<(String, Pid)>,
-}
-
-impl Casualty {
-    fn start(place: &Path) -> Result<Self, Failure> {
-        let program = std::env::current_exe().map_err(Failure::failed)?;
-        let child = Command::new(program)
-            .args(["run", "--for", "60 s", "--json", "--record", "s"])
-            .current_dir(place)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(Failure::failed)?;
-        Ok(Self { child, processes: Vec::new() })
-    }
-
-    /// Waits until the valves follow and the beam is on.
-    fn follow(&mut self, registry: &Registry) -> Result<(), Failure> {
-        let begun = Instant::now();
-        loop {
-            let looked = self.look(registry);
-            if let Ok(Some(true)) = looked {
-                self.processes = children(self.child.id());
-                return Ok(());
+            Self::Garbage => {
+                let mut noise = Noise::to(valves)?;
+                (0..BURST).try_for_each(|length| noise.send(length % 200))
             }
-            if begun.elapsed() > PATIENCE || self.child.try_wait().map_err(Failure::failed)?.is_some() {
-                let why = match looked {
-                    Err(e) => e.text,
-                    Ok(None) => "its far end says nothing".to_owned(),
-                    Ok(Some(_)) => "the beam stays off".to_owned(),
-                };
-                return Err(Failure::failed(format!("a run does not come to follow orders: {why}")));
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
-    /// Whether the far end follows orders with the beam on; `None` where it says nothing.
-    fn look(&self, registry: &Registry) -> Result<Option<bool>, Failure> {
-        let attached = Which { run: Some(self.child.id().to_string()) }.attach(registry)?;
-        let Some((operator, port)) = attached.graph.topic("far.state") else { return Ok(None) };
-        let contract = contracts::output(&attached.graph, operator, port);
-        let topic = stillpoint_shm::Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
-        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
-        subscriber.connect().map_err(Failure::failed)?;
-        let begun = Instant::now();
-        while begun.elapsed() < Duration::from_millis(200) {
-            if let Some(sample) = subscriber.receive().map_err(Failure::failed)?
-                && let Ok(view) = sample.pieces().view::<FarEnd>()
-                && let Some(state) = view.first()
-            {
-                return Ok(Some(state.doing() == FarEndDoing::Following && state.beam == 1));
-            }
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        Ok(None)
-    }
-
-    fn pid(&self, process: &str) -> Result<Pid, Failure> {
-        if process == SUPERVISOR {
-            return i32::try_from(self.child.id())
-                .ok()
-                .and_then(Pid::from_raw)
-                .ok_or_else(|| Failure::failed("no process"));
-        }
-        let found = self.processes.iter().find(|(name, _)| name == process);
-        found.map(|(_, pid)| *pid).ok_or_else(|| Failure::failed(format!("the run has no process {process}")))
-    }
-
-    fn strike(&self, fault: Fault, valves: &str) -> Result<(), Failure> {
-        match fault {
-            Fault::Kill(process) => kill_process(self.pid(process)?, Signal::KILL).map_err(Failure::failed),
-            Fault::Stop(process) => kill_process(self.pid(process)?, Signal::STOP).map_err(Failure::failed),
-            Fault::Garbage => {
-                let socket = UdpSocket::bind("127.0.0.1:0").map_err(Failure::failed)?;
-                let mut noise = 0x9e37_79b9_u32;
-                for length in 0..500 {
-                    let bytes: Vec<u8> = (0..length % 200)
-                        .map(|_| {
-                            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                            (noise >> 24) as u8
-                        })
-                        .collect();
-                    socket.send_to(&bytes, valves).map_err(Failure::failed)?;
+            Self::Flood => {
+                let (begun, mut noise) = (Instant::now(), Noise::to(valves)?);
+                while begun.elapsed() < WATCHED {
+                    (0..FLOOD).try_for_each(|_| noise.send(84))?;
+                    std::thread::sleep(Duration::from_millis(1));
                 }
                 Ok(())
             }
         }
     }
 
-    /// Ends the run, and waits until all of it is over.
-    fn end(&mut self, fault: Fault) -> Result<(), Failure> {
-        if let Fault::Stop(process) = fault {
-            kill_process(self.pid(process)?, Signal::CONT).map_err(Failure::failed)?;
+    /// Takes it back, as far as that can be done from outside.
+    fn mend(self, run: &Program, registry: &Registry) -> Result<(), Failure> {
+        match self {
+            Self::Stop(process) => run.signal(process, Signal::CONT),
+            Self::Silence => deliver(registry, &run.which(), "console", Verb::Fault, &[0.0]).map(|_| ()),
+            _ => Ok(()),
         }
-        let _ = kill_process(self.pid(SUPERVISOR)?, Signal::INT);
-        let begun = Instant::now();
-        let lives = |pid: &Pid| Path::new(&format!("/proc/{}", pid.as_raw_nonzero())).exists();
-        while self.child.try_wait().map_err(Failure::failed)?.is_none()
-            || self.processes.iter().any(|(_, pid)| lives(pid))
-        {
-            if begun.elapsed() > PATIENCE {
-                return Err(Failure::failed("the run does not end"));
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        Ok(())
     }
 }
 
-impl Drop for Casualty {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+/// Times of a run, ms from its fault, and what its session says.
+#[derive(Debug)]
+pub struct Trial {
+    /// What the session holds.
+    pub evidence: Evidence,
+    /// What failed came back, and was followed again.
+    pub came_back: Option<bool>,
+}
+
+impl Trial {
+    /// Makes one.
+    pub fn of(fault: Fault, number: u64, folder: &Path, registry: &Registry) -> Result<Self, Failure> {
+        let place = folder.join(number.to_string());
+        let valves = program::write(&place, |text| fault.prepare(text))?;
+        let mut run = Program::start(&place, &["--for", "60 s", "--record", "s"])?;
+        run.wait(registry, treats)?;
+        // Another moment of the frame's and the timers' periods each time.
+        std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
+        // Stamps of a live session are of this clock, as it was when the run began.
+        let struck = realtime();
+        fault.strike(&run, &valves, registry)?;
+        std::thread::sleep(WATCHED.saturating_sub(Duration::from_nanos(realtime().saturating_sub(struck))));
+        fault.mend(&run, registry)?;
+        let came_back = fault
+            .comes_back()
+            .then(|| run.wait(registry, |state| state.doing() == FarEndDoing::Following).is_ok());
+        if came_back == Some(true) {
+            // The ramp of what came back.
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        run.end()?;
+        let evidence = Evidence::read(&place, struck, WATCHED);
+        std::fs::remove_dir_all(&place).map_err(Failure::failed)?;
+        Ok(Self { evidence: evidence?, came_back })
+    }
+
+    /// Whether the session says why: a death, a reason of actuation, or what was refused.
+    pub fn says_why(&self, fault: Fault) -> bool {
+        use stillpoint_samples::ActuationReason as Reason;
+        let e = &self.evidence;
+        match fault {
+            Fault::Kill(SUPERVISOR) => e.gaps.iter().any(|gap| gap.contains("supervisor died")),
+            Fault::Kill("recorder") => e.parts > 1,
+            Fault::Kill(process) => e.restarted.iter().any(|p| p == process),
+            Fault::Stop("control") => e.reasons & Reason::GAP != 0,
+            Fault::Stop("perception") | Fault::Silence => {
+                e.vents_ms.is_none() || e.reasons & (Reason::POSE_STALE | Reason::NO_POSE) != 0
+            }
+            Fault::Poison => e.reasons & (Reason::POSE_NOT_FINITE | Reason::COMMAND_NOT_FINITE) != 0,
+            Fault::Garbage | Fault::Flood => e.refused > 0,
+            // Nothing happened to the valves: there is nothing to say.
+            Fault::Stop(_) => true,
+        }
+    }
+}
+
+/// Datagrams of noise.
+struct Noise {
+    socket: UdpSocket,
+    to: String,
+    state: u32,
+}
+
+impl Noise {
+    fn to(address: &str) -> Result<Self, Failure> {
+        let socket = UdpSocket::bind("127.0.0.1:0").map_err(Failure::failed)?;
+        Ok(Self { socket, to: address.to_owned(), state: 0x9e37_79b9 })
+    }
+
+    fn send(&mut self, length: usize) -> Result<(), Failure> {
+        let mut bytes = [0; 256];
+        for byte in &mut bytes[..length.min(256)] {
+            self.state = self.state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            *byte = (self.state >> 24) as u8;
+        }
+        self.socket.send_to(&bytes[..length.min(256)], &self.to).map(|_| ()).map_err(Failure::failed)
     }
 }

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_pipeline::operator::Registry;
 
-use super::casualty::{Fault, Trial};
+use super::casualty::{Due, Fault, Trial};
 use super::figures::median;
 use super::folder::Folder;
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -15,10 +15,15 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 const LIMIT_MS: f64 = 100.0;
 /// How long a pose is fresh: three frame periods, ms.
 const FRESH_MS: f64 = 300.0;
+/// Far end and rig stand for hardware that nobody else uses: a trial in which they got no core for so long says nothing
+/// about them, and is made again, up to so many times as often as is asked for.
+const STOOD_MS: f64 = 10.0;
+const TRIES: usize = 3;
 
-/// Run the example from camera to valve, live, and kill or stop one of its processes, or flood it with datagrams, at a
-/// random moment; then say from the session how long it took from the last order that arrived, or from when the pose was
-/// stale, until the far end vented and the rig's valves were safe: inlets shut, outlets open.
+/// Run the default pipeline, live, and kill or stop one of its processes, silence its camera, poison its pose or flood
+/// it with datagrams, at a random moment; then say from the session how long it took from the last order that arrived,
+/// or from when the pose was stale, until the far end vented and the rig's valves were safe: inlets shut, outlets open.
+/// The session has to say why, and what comes back has to be followed without a jump of the duties.
 #[derive(Args)]
 pub struct Failsafe {
     /// Trials of each fault.
@@ -35,24 +40,14 @@ pub struct Failsafe {
     json: bool,
 }
 
-/// What is due after a fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Due {
-    /// Orders end: safe 100 ms after the last one that arrived.
-    OrdersEnd,
-    /// The pose grows stale: safe 100 ms after three frame periods, unless poses come again before.
-    PoseStale,
-    /// The valves go on following.
-    GoesOn,
-}
-
 #[derive(Serialize)]
 struct Row {
     fault: String,
     due: Due,
     trials: usize,
     safe: usize,
+    /// Trials that were made again, because the bedside got no core.
+    starved: usize,
     /// From the last order, or from when the pose was stale, to the far end's venting, ms.
     ordered_ms: [f64; 2],
     /// The same to the rig's valves being safe, ms.
@@ -70,7 +65,7 @@ impl Failsafe {
         let chosen = |f: &&Fault| self.fault.as_ref().is_none_or(|name| *name == f.name());
         let faults: Vec<&Fault> = Fault::ALL.iter().filter(chosen).collect();
         if faults.is_empty() {
-            let names: Vec<String> = Fault::ALL.iter().map(Fault::name).collect();
+            let names: Vec<String> = Fault::ALL.iter().map(|f| f.name()).collect();
             return Err(Failure::wrong(format!(
                 "stillpoint: there is no such fault; there are {}",
                 names.join(", ")
@@ -91,33 +86,47 @@ impl Failsafe {
 
 fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Result<Row, Failure> {
     let (mut ordered, mut valves, mut beam) = (Vec::new(), Vec::new(), Vec::new());
-    let (mut safe, mut first_failure) = (0, None);
-    for number in 0..trials {
+    let (mut safe, mut starved, mut first_failure) = (0, 0, None);
+    let mut number = 0;
+    while number < trials + starved {
         let trial = Trial::of(fault, number as u64, folder, registry)?;
+        number += 1;
+        let e = &trial.evidence;
         let from = match fault.due() {
-            Due::PoseStale => trial.last_pose_ms + FRESH_MS,
-            _ => trial.last_order_ms,
+            Due::PoseStale => e.last_pose_ms + FRESH_MS,
+            Due::FollowingEnds => e.last_followed_ms,
+            _ => e.last_order_ms,
         };
         let since = |at: Option<f64>| at.map(|at| at - from);
-        let good = match fault.due() {
-            Due::GoesOn => trial.vents_ms.is_none(),
+        let ends = since(e.valves_ms).is_some_and(|ms| ms <= LIMIT_MS) && e.beam_ms <= e.vents_ms;
+        let in_time = match fault.due() {
+            Due::GoesOn => e.vents_ms.is_none(),
+            Due::GoesOnOrEnds if e.vents_ms.is_none() => true,
             // A stage that comes back before its pose is missed for too long needs no safe state.
-            Due::PoseStale if trial.vents_ms.is_none() => trial.last_pose_ms > 0.0,
-            _ => since(trial.valves_ms).is_some_and(|ms| ms <= LIMIT_MS) && trial.beam_ms <= trial.vents_ms,
+            Due::PoseStale if e.vents_ms.is_none() => e.last_pose_ms > 0.0,
+            _ => ends,
         };
+        let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);
+        // What floods the bedside does not excuse it.
+        if !good && e.bedside_stood_ms > STOOD_MS && !fault.is_flood() && starved < (TRIES - 1) * trials {
+            starved += 1;
+            continue;
+        }
         safe += usize::from(good);
         if !good && first_failure.is_none() {
-            first_failure = Some(format!("trial {number}: {trial:?}"));
+            let why = if trial.says_why(fault) { "" } else { "the session does not say why; " };
+            first_failure = Some(format!("trial {number}: {why}{trial:?}"));
         }
-        ordered.extend(since(trial.vents_ms));
-        valves.extend(since(trial.valves_ms));
-        beam.extend(since(trial.beam_ms));
+        ordered.extend(since(e.vents_ms));
+        valves.extend(since(e.valves_ms));
+        beam.extend(since(e.beam_ms));
     }
     Ok(Row {
         fault: fault.name(),
         due: fault.due(),
         trials,
         safe,
+        starved,
         ordered_ms: spread(&ordered),
         valves_ms: spread(&valves),
         beam_ms: spread(&beam),
@@ -135,23 +144,26 @@ fn spread(all: &[f64]) -> [f64; 2] {
 
 fn print(rows: &[Row]) {
     println!(
-        "{:<18} {:>6} {:>6}   {:>16} {:>16} {:>16}   median and greatest, ms",
-        "fault", "trials", "safe", "far end vents", "valves safe", "beam off"
+        "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   median and greatest, ms",
+        "fault", "trials", "safe", "starved", "far end vents", "valves safe", "beam off"
     );
     let pair = |[m, w]: [f64; 2]| if m.is_nan() { "-".to_owned() } else { format!("{m:.0}, {w:.0}") };
     for r in rows {
         println!(
-            "{:<18} {:>6} {:>6}   {:>16} {:>16} {:>16}   {}",
+            "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   {}",
             r.fault,
             r.trials,
             r.safe,
+            r.starved,
             pair(r.ordered_ms),
             pair(r.valves_ms),
             pair(r.beam_ms),
             match r.due {
                 Due::OrdersEnd => "since the last order",
                 Due::PoseStale => "since three frames after the last pose",
+                Due::FollowingEnds => "since an order was last followed",
                 Due::GoesOn => "goes on",
+                Due::GoesOnOrEnds => "goes on, or since the last order that got through",
             }
         );
         if let Some(failure) = &r.first_failure {

@@ -5,8 +5,10 @@
 //! - `killed`: what a session keeps of a recorder that was killed
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
-//! - `failsafe`, `casualty`: how long it takes to the safe state when something dies
-//! - `stages`, `clouds`: the bench's own kinds of operators
+//! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies
+//! - `closed_loop`: how long it takes from an image to the datagram that it has moved
+//! - `program`: the default pipeline as a program of its own
+//! - `stages`, `clouds`, `poison`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `processes`: the processes of a run, and chances to kill one
@@ -16,15 +18,19 @@
 
 pub mod bare;
 mod casualty;
+mod closed_loop;
 mod clouds;
 mod cores;
+mod evidence;
 mod failsafe;
 mod figures;
 mod folder;
 mod hop;
 mod killed;
 mod ledger;
+mod poison;
 mod processes;
+mod program;
 mod record;
 mod replay;
 mod stages;
@@ -40,6 +46,8 @@ use crate::exit::{Ended, Failure};
 pub const WORKER: &str = "__bench_worker";
 /// Argument that makes this program the recorder of a bench.
 pub const RECORDER: &str = "__bench_recorder";
+/// Argument that makes this program a run of a bench.
+pub const RUN: &str = "__bench_run";
 
 /// Measure how fast and how exact this build is on this machine.
 #[derive(Args)]
@@ -56,6 +64,7 @@ enum What {
     Ledger(ledger::Ledger),
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
+    Loop(closed_loop::ClosedLoop),
 }
 
 impl Bench {
@@ -69,17 +78,32 @@ impl Bench {
             What::Ledger(b) => b.execute(&registry),
             What::Replay(b) => b.execute(&registry),
             What::Failsafe(b) => b.execute(&registry),
+            What::Loop(b) => b.execute(&registry),
         }
     }
 }
 
 /// The kinds that a bench knows: the command's, and its own.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
-    let lists: Vec<&[Stage]> = extra.iter().copied().chain([stages::STAGES, clouds::STAGES]).collect();
+    let lists: Vec<&[Stage]> =
+        extra.iter().copied().chain([stages::STAGES, clouds::STAGES, &[poison::STAGE]]).collect();
     crate::registry(&lists)
 }
 
 fn launch() -> Result<Launch, Failure> {
     let program = std::env::current_exe().map_err(Failure::failed)?;
     Ok(Launch { program, worker: WORKER, recorder: RECORDER })
+}
+
+/// A run of a bench, with the arguments of `run` behind [`RUN`]: it knows the bench's kinds.
+#[derive(clap::Parser)]
+struct BenchRun {
+    #[command(flatten)]
+    run: crate::run::Run,
+}
+
+/// The body of a run of a bench.
+pub fn run_main(extra: &[&[Stage]]) -> Ended {
+    let BenchRun { run } = clap::Parser::parse_from(std::env::args().skip(1));
+    run.launched_by(launch()?).execute(&registry(extra))
 }

@@ -1,0 +1,169 @@
+//! The default pipeline as a program of its own, which a bench looks at from outside, and strikes.
+
+use std::net::UdpSocket;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use stillpoint_pipeline::live::contracts;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement};
+
+use super::RUN;
+use super::processes::children;
+use crate::attach::{Attached, Which};
+use crate::exit::Failure;
+
+/// The pipeline, its key, and the ports that it has in the file: that of the valves, and that of the beam.
+const PIPELINE: &str = include_str!("../../../pipeline.yaml");
+const KEY: &[u8] = include_bytes!("../../../examples/data/rig.key");
+const KEY_FILE: &str = "examples/data/rig.key";
+const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
+/// Name of the pipeline's file.
+const FILE: &str = "loop.yaml";
+/// Name of the process that started the others.
+pub const SUPERVISOR: &str = "supervisor";
+/// How long a run may take to follow orders, and to end.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Writes the pipeline into a folder, changed, at ports that nobody uses. Gives where datagrams for the valves go.
+pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String, Failure> {
+    let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
+    let key = folder.join(KEY_FILE);
+    std::fs::create_dir_all(key.parent().unwrap_or(folder)).map_err(io)?;
+    std::fs::write(key, KEY).map_err(io)?;
+    let mut text = change(PIPELINE.to_owned());
+    // Held until all are chosen, so that no two are the same.
+    let mut held = Vec::new();
+    for port in PORTS {
+        let socket = UdpSocket::bind("127.0.0.1:0").map_err(io)?;
+        text = text.replace(port, &socket.local_addr().map_err(io)?.to_string());
+        held.push(socket);
+    }
+    std::fs::write(folder.join(FILE), text).map_err(io)?;
+    held[0].local_addr().map(|a| a.to_string()).map_err(io)
+}
+
+/// A run of it. Its supervisor is a process of its own, too: it may be struck.
+pub struct Program {
+    child: Child,
+    /// Its processes by name.
+    processes: Vec<(String, Pid)>,
+}
+
+impl Program {
+    /// Starts what stands in the folder, with these arguments besides.
+    pub fn start(folder: &Path, arguments: &[&str]) -> Result<Self, Failure> {
+        let program = std::env::current_exe().map_err(Failure::failed)?;
+        let child = Command::new(program)
+            .args([RUN, FILE, "--json"])
+            .args(arguments)
+            .current_dir(folder)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .map_err(Failure::failed)?;
+        Ok(Self { child, processes: Vec::new() })
+    }
+
+    /// Which run it is.
+    pub fn which(&self) -> Which {
+        Which { run: Some(self.child.id().to_string()) }
+    }
+
+    /// Joins it.
+    pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
+        self.which().attach(registry)
+    }
+
+    /// Waits until the far end is as it is to be; says why it is not, if that takes too long or the run ends.
+    pub fn wait(
+        &mut self,
+        registry: &Registry,
+        is_so: impl Fn(&FarEndElement) -> bool,
+    ) -> Result<(), Failure> {
+        let begun = Instant::now();
+        loop {
+            let looked = self.look(registry);
+            if let Ok(Some(state)) = &looked
+                && is_so(state)
+            {
+                self.processes = children(self.child.id());
+                return Ok(());
+            }
+            if begun.elapsed() > PATIENCE || self.child.try_wait().map_err(Failure::failed)?.is_some() {
+                let why = match looked {
+                    Err(e) => e.text,
+                    Ok(None) => "its far end says nothing".to_owned(),
+                    Ok(Some(state)) => format!("its far end says {state:?}"),
+                };
+                return Err(Failure::failed(format!("a run does not come to follow orders: {why}")));
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// What the far end says; `None` where it says nothing.
+    fn look(&self, registry: &Registry) -> Result<Option<FarEndElement>, Failure> {
+        let attached = self.attach(registry)?;
+        let Some((operator, port)) = attached.graph.topic("far.state") else { return Ok(None) };
+        let contract = contracts::output(&attached.graph, operator, port);
+        let topic = stillpoint_shm::Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+        subscriber.connect().map_err(Failure::failed)?;
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_millis(200) {
+            if let Some(sample) = subscriber.receive().map_err(Failure::failed)?
+                && let Ok(view) = sample.pieces().view::<FarEnd>()
+            {
+                return Ok(view.first().copied());
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(None)
+    }
+
+    /// Sends a signal to one of its processes.
+    pub fn signal(&self, process: &str, signal: Signal) -> Result<(), Failure> {
+        kill_process(self.pid(process)?, signal).map_err(Failure::failed)
+    }
+
+    fn pid(&self, process: &str) -> Result<Pid, Failure> {
+        if process == SUPERVISOR {
+            let number = i32::try_from(self.child.id()).ok();
+            return number.and_then(Pid::from_raw).ok_or_else(|| Failure::failed("no process"));
+        }
+        let found = self.processes.iter().find(|(name, _)| name == process);
+        found.map(|(_, pid)| *pid).ok_or_else(|| Failure::failed(format!("the run has no process {process}")))
+    }
+
+    /// Ends the run, and waits until all of it is over.
+    pub fn end(&mut self) -> Result<(), Failure> {
+        let _ = self.signal(SUPERVISOR, Signal::INT);
+        let begun = Instant::now();
+        let lives = |pid: &Pid| Path::new(&format!("/proc/{}", pid.as_raw_nonzero())).exists();
+        while self.child.try_wait().map_err(Failure::failed)?.is_none()
+            || self.processes.iter().any(|(_, pid)| lives(pid))
+        {
+            if begun.elapsed() > PATIENCE {
+                return Err(Failure::failed("the run does not end"));
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        Ok(())
+    }
+}
+
+/// Whether orders are followed with the beam on.
+pub fn treats(state: &FarEndElement) -> bool {
+    state.doing() == FarEndDoing::Following && state.beam == 1
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
