@@ -155,13 +155,18 @@ impl Running {
     }
 
     /// Waits for its end.
-    pub fn finish(mut self) -> Done {
+    pub fn finish(self) -> Done {
+        self.finish_within(PATIENCE)
+    }
+
+    /// The same for what takes longer.
+    pub fn finish_within(mut self, patience: Duration) -> Done {
         let begun = Instant::now();
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(begun.elapsed() < PATIENCE, "it does not end: {}", self.errors());
+            assert!(begun.elapsed() < patience, "it does not end: {}", self.errors());
             std::thread::sleep(Duration::from_millis(2));
         };
         let out = std::fs::read_to_string(&self.out).unwrap();

@@ -17,6 +17,10 @@ const EMBEDDED: &str = include_str!("../../pipeline.yaml");
 const EMBEDDED_FILES: &[(&str, &[u8])] =
     &[("examples/data/rig.key", include_bytes!("../../examples/data/rig.key"))];
 
+/// The pipeline in two programs that comes with the command, and what it names.
+const APART: &str = include_str!("../../examples/head-3dof-apart.yaml");
+const APART_FILES: &[(&str, &[u8])] = &[("data/rig.key", include_bytes!("../../examples/data/rig.key"))];
+
 /// Which pipeline, and what is changed in it.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PipelineFile {
@@ -25,6 +29,9 @@ pub struct PipelineFile {
     /// Change a parameter: `--set operator.param=value`.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     pub sets: Vec<String>,
+    /// A part of it is meant: without a file, of the one in two programs that comes with the command.
+    #[arg(skip)]
+    pub in_parts: bool,
 }
 
 /// A pipeline that was read.
@@ -51,6 +58,11 @@ impl PipelineFile {
         let default = PathBuf::from("pipeline.yaml");
         let path = match &self.file {
             Some(path) => path.clone(),
+            None if self.in_parts => {
+                let file = PathBuf::from("head-3dof-apart.yaml");
+                let files = DiskFiles::beside(&file).carrying(APART_FILES);
+                return Ok(Source { text: APART.to_string(), file, files });
+            }
             None if default.is_file() => default,
             None => {
                 let files = DiskFiles::beside(&default).carrying(EMBEDDED_FILES);

@@ -14,7 +14,8 @@ const HOST: &str = "rig";
 
 /// Run the far end of a pipeline as a program of its own: what its file places on the host `rig`. It takes datagrams,
 /// runs the plant in real time, serves its camera, and vents by itself when datagrams stop. It goes on until Ctrl-C,
-/// whatever becomes of the program that controls it: `stillpoint run FILE --host main`.
+/// whatever becomes of the program that controls it: `stillpoint run --host main`. Without a pipeline it is the one in two
+/// programs that comes with the command.
 #[derive(Args)]
 pub struct Rig {
     #[command(flatten)]

@@ -31,7 +31,7 @@ pub struct Run {
     #[arg(long = "for", value_name = "TIME")]
     length: Option<String>,
     /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
-    /// placed on none is on `main`.
+    /// placed on none is on `main`. Without a pipeline, of the one in two programs that comes with the command.
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
     /// Who says when activations happen.
@@ -100,6 +100,7 @@ impl Run {
                     "a part of a pipeline only runs live: leave --host away to run all of it in another way",
                 ));
             }
+            self.pipeline.in_parts = true;
             // Whoever reads the pipeline of this run reads of this part.
             self.pipeline.sets.push(format!("host={host}"));
         }

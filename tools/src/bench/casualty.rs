@@ -119,24 +119,25 @@ impl Fault {
         for (from, to) in CHANGES {
             text = text.replace(from, to);
         }
-        text = match self {
-            Self::Poison => text
+        if self == Self::Poison {
+            let poison =
+                "  poison: { use: bench.poison, inputs: { state: filter.state, said: console.fault } }\n";
+            text = text
                 .replace("state: filter.state", "state: poison.state")
-                .replace("operators:\n", "operators:\n  poison: { use: bench.poison, inputs: { state: filter.state, said: console.fault } }\n")
-                .replace("control: [target,", "control: [poison, target,"),
-            _ => text.replace("duties: far.duties }", "duties: far.duties, fault: console.fault }"),
-        };
+                .replace("operators:\n", &format!("operators:\n{poison}"))
+                .replace("control: [target,", "control: [poison, target,");
+        }
         text.replace("rig.truth,", "rig.truth, far.duties, far.diagnostics,")
     }
 
     fn strike(self, run: &Program, valves: &str, registry: &Registry) -> Result<(), Failure> {
-        let silence = f64::from(RigFault::SilentCamera as u32);
+        let say = |value: f64| deliver(registry, &run.which(), "console", Verb::Fault, &[value]).map(|_| ());
         match self {
             Self::Kill(process) => run.signal(process, Signal::KILL),
             Self::Stop(process) => run.signal(process, Signal::STOP),
-            Self::Silence | Self::Poison => {
-                deliver(registry, &run.which(), "console", Verb::Fault, &[silence]).map(|_| ())
-            }
+            Self::Silence => say(f64::from(RigFault::SilentCamera as u32)),
+            // Any command: the rig has nothing to mend.
+            Self::Poison => say(0.0),
             Self::Garbage => {
                 let mut noise = Noise::to(valves)?;
                 (0..BURST).try_for_each(|length| noise.send(length % 200))
