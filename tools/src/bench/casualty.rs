@@ -10,7 +10,7 @@ use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FarEndDoing, RigFault, Verb};
 
 use super::evidence::Evidence;
-use super::program::{self, Program, SUPERVISOR, treats};
+use super::program::{self, Program, SUPERVISOR};
 use crate::exit::Failure;
 use crate::send::deliver;
 
@@ -178,7 +178,7 @@ impl Trial {
         let place = folder.join(number.to_string());
         let valves = program::write(&place, |text| fault.prepare(text))?;
         let mut run = Program::start(&place, &["--for", "60 s", "--record", "s"])?;
-        run.wait(registry, treats)?;
+        run.treat(registry)?;
         // Another moment of the frame's and the timers' periods each time.
         std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
         // Stamps of a live session are of this clock, as it was when the run began.

@@ -8,12 +8,13 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement};
+use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement, Verb};
 
 use super::RUN;
 use super::processes::children;
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
+use crate::send::deliver;
 
 /// The pipeline, its key, and the ports that it has in the file: that of the valves, and that of the beam.
 const PIPELINE: &str = include_str!("../../../pipeline.yaml");
@@ -26,6 +27,8 @@ const FILE: &str = "loop.yaml";
 pub const SUPERVISOR: &str = "supervisor";
 /// How long a run may take to follow orders, and to end.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long it is waited for the beam before a person arms once more.
+const NUDGE: Duration = Duration::from_secs(4);
 
 /// Writes the pipeline into a folder, changed, at ports that nobody uses. Gives where datagrams for the valves go.
 pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String, Failure> {
@@ -78,13 +81,35 @@ impl Program {
         self.which().attach(registry)
     }
 
+    /// Waits until orders are followed with the beam on. Where the script's arm came too early for a busy machine, a
+    /// person arms.
+    pub fn treat(&mut self, registry: &Registry) -> Result<(), Failure> {
+        let treats = |state: &FarEndElement| state.doing() == FarEndDoing::Following && state.beam == 1;
+        self.wait_with(registry, treats, &mut |which| {
+            for verb in [Verb::Resume, Verb::Arm] {
+                // It may not be there yet: it is said again.
+                let _ = deliver(registry, which, "console", verb, &[]);
+            }
+        })
+    }
+
     /// Waits until the far end is as it is to be; says why it is not, if that takes too long or the run ends.
     pub fn wait(
         &mut self,
         registry: &Registry,
         is_so: impl Fn(&FarEndElement) -> bool,
     ) -> Result<(), Failure> {
+        self.wait_with(registry, is_so, &mut |_| {})
+    }
+
+    fn wait_with(
+        &mut self,
+        registry: &Registry,
+        is_so: impl Fn(&FarEndElement) -> bool,
+        nudge: &mut dyn FnMut(&Which),
+    ) -> Result<(), Failure> {
         let begun = Instant::now();
+        let mut nudged = begun;
         loop {
             let looked = self.look(registry);
             if let Ok(Some(state)) = &looked
@@ -100,6 +125,10 @@ impl Program {
                     Ok(Some(state)) => format!("its far end says {state:?}"),
                 };
                 return Err(Failure::failed(format!("a run does not come to follow orders: {why}")));
+            }
+            if nudged.elapsed() > NUDGE {
+                nudge(&self.which());
+                nudged = Instant::now();
             }
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -154,11 +183,6 @@ impl Program {
         }
         Ok(())
     }
-}
-
-/// Whether orders are followed with the beam on.
-pub fn treats(state: &FarEndElement) -> bool {
-    state.doing() == FarEndDoing::Following && state.beam == 1
 }
 
 impl Drop for Program {

@@ -109,7 +109,7 @@ const LARGEST_LEAK: f64 = 10e-3;
 const LONGEST: f64 = 36e6;
 
 fn whole(value: f64) -> Option<usize> {
-    (value >= 0.0 && value <= 255.0 && value.fract() == 0.0).then_some(value as usize)
+    ((0.0..=255.0).contains(&value) && value.fract() == 0.0).then_some(value as usize)
 }
 
 /// A fault with its time.
