@@ -61,7 +61,7 @@ impl Ear {
         let mut bytes = [0; LONGEST + 1];
         loop {
             match socket.recv_from(&mut bytes) {
-                Ok((length, _)) => arrivals.put(&bytes[..length]),
+                Ok((length, sender)) => arrivals.put_from(sender, &bytes[..length]),
                 Err(e) if e.kind() == ErrorKind::WouldBlock => return Ok(None),
                 // An answer to something that somebody sent from this port: nothing was lost here.
                 Err(e) if matches!(e.kind(), ErrorKind::Interrupted | ErrorKind::ConnectionReset) => {}

@@ -14,7 +14,7 @@ use crate::exit::Failure;
 
 /// How fast duties grow from rest: by the default of the sender's slew, and by that of the far end's ramp, 1/s.
 const GROWTH: f64 = 10.0;
-/// Period of the sender, s: its first order is as far grown.
+/// Period of the sender, s: its first order is as far grown, and its orders are on their way for no longer.
 const PERIOD: f64 = 0.01;
 /// Inlets are safe when they are this far open at most, outlets when they are this far open at least.
 const SHUT: f64 = 0.05;
@@ -156,7 +156,8 @@ impl Tracks {
         let mut rested = self.far.first()?.0;
         for (stamp, state) in &self.far {
             if state.doing() != FarEndDoing::Following {
-                rested = *stamp;
+                // A sender that holds grows its duties from its last order to hold on, a far end from when nothing lived.
+                rested = if state.ends > *stamp { state.arrived } else { *stamp };
                 continue;
             }
             let Some(duties) = self.duties.get(stamp) else { continue };
