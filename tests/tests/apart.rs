@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use rustix::process::Signal;
 use serde_json::Value;
+use stillpoint_pipeline::clock::realtime;
 
 use crate::bench::{Bench, Running, text, wait_for};
 
@@ -72,7 +73,8 @@ fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     let rig = bench.start(&["rig", text(&file), "--json", "--record", "s"]);
     let first = control(&bench, &file);
     wait_until(&bench, "the beam", FOLLOWING, 1);
-    // All of the program, supervisor included.
+    // All of the program, supervisor included. Stamps of a live session are of this clock.
+    let killed = realtime();
     first.signal_group(Signal::KILL);
     drop(first);
     wait_until(&bench, "the vent", VENTING, 0);
@@ -89,16 +91,9 @@ fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     let session = bedside["session"].as_str().unwrap();
     let far = states(&bench.call(&["echo", "far.state", "--session", session]).out);
     let valves = states(&bench.call(&["echo", "rig.state", "--session", session]).out);
-    // Where it stopped following without having been told to hold: the first program's death.
-    let vents: Vec<(u64, u64)> = far
-        .windows(2)
-        .filter(|pair| {
-            pair[0]["elements"][0]["doing"] == FOLLOWING && pair[1]["elements"][0]["doing"] != FOLLOWING
-        })
-        .map(|pair| (pair[1]["elements"][0]["arrived"].as_u64().unwrap(), pair[1]["stamp"].as_u64().unwrap()))
-        .collect();
-    assert!(!vents.is_empty());
-    let (arrived, _) = vents[0];
+    let since = |state: &&Value| state["stamp"].as_u64().unwrap() >= killed;
+    let vent = far.iter().filter(since).find(|s| s["elements"][0]["doing"] == VENTING).unwrap();
+    let arrived = vent["elements"][0]["arrived"].as_u64().unwrap();
     let safe = valves.iter().find(|state| {
         let opening = state["elements"][0]["opening"].as_array().unwrap();
         let at = |i: usize| opening[i].as_f64().unwrap();
