@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{Pieces, Pose, PoseElement, Sample, Standing, Track, TrackElement};
+
+use crate::offset::mean_offset;
 
 /// Motion of the filtered head against the truth.
 ///
@@ -83,6 +85,10 @@ impl Place {
         Self::new(track.position, track.orientation)
     }
 
+    fn pose(&self) -> Isometry3<f64> {
+        Isometry3::from_parts(self.position.into(), self.rotation)
+    }
+
     /// All three rotations of a track are known.
     fn is_turned(&self) -> bool {
         self.rotation.coords.iter().all(|c| c.is_finite())
@@ -121,7 +127,12 @@ fn of_pairs(topic: String, pairs: &[(Place, Place)]) -> Option<Accuracy> {
     let first = pairs.first()?.0;
     let n = pairs.len() as f64;
     let turned = pairs.iter().all(|(_, estimate)| estimate.is_turned());
-    let errors = if turned { errors_about_offset(pairs) } else { errors_about_mean(pairs) };
+    let compared = if turned { about_offset(pairs) } else { Vec::new() };
+    let errors = if turned {
+        compared.iter().map(|(truth, e)| e.translation.vector - truth.translation.vector).collect()
+    } else {
+        errors_about_mean(pairs)
+    };
     // An axis that the track does not follow has no error.
     let known = errors.iter().map(|e| e.map(|c| if c.is_nan() { 0.0 } else { c }));
     let worst = known.map(|e| e.norm()).fold(0.0, f64::max);
@@ -133,7 +144,7 @@ fn of_pairs(topic: String, pairs: &[(Place, Place)]) -> Option<Accuracy> {
         rms_mm: [0, 1, 2].map(|axis| Some(rms(axis)).filter(|rms| rms.is_finite())),
         worst_mm: worst * 1e3,
         moved_mm: moved * 1e3,
-        turns: turned.then(|| turns(pairs, &first)),
+        turns: turns(&compared),
     })
 }
 
@@ -145,35 +156,26 @@ fn errors_about_mean(pairs: &[(Place, Place)]) -> Vec<Vector3<f64>> {
     differences.iter().map(|difference| difference - mean).collect()
 }
 
-/// Errors of the position, m, of the rig's place on the head: a point that the estimate carries along.
-fn errors_about_offset(pairs: &[(Place, Place)]) -> Vec<Vector3<f64>> {
-    let offset = |(truth, estimate): &(Place, Place)| {
-        estimate.rotation.inverse() * (truth.position - estimate.position)
-    };
-    let mean = pairs.iter().map(offset).sum::<Vector3<f64>>() / pairs.len() as f64;
-    pairs.iter().map(|(truth, e)| e.position + e.rotation * mean - truth.position).collect()
+/// The estimates with the mean rigid offset put behind them, beside their truths.
+fn about_offset(pairs: &[(Place, Place)]) -> Vec<(Isometry3<f64>, Isometry3<f64>)> {
+    let poses: Vec<_> = pairs.iter().map(|(truth, estimate)| (truth.pose(), estimate.pose())).collect();
+    let offset = mean_offset(&poses).unwrap_or_default();
+    poses.into_iter().map(|(truth, estimate)| (truth, estimate * offset)).collect()
 }
 
 /// Errors of the rotation, with one constant rotation between the axes of the two taken out.
-fn turns(pairs: &[(Place, Place)], first: &Place) -> Turns {
-    let between = |(truth, estimate): &(Place, Place)| estimate.rotation.inverse() * truth.rotation;
-    // The mean of quaternions of one sign: they are close to each other.
-    let one = pairs.first().map_or(UnitQuaternion::identity(), between);
-    let sum = pairs.iter().map(between).fold(Quaternion::default(), |sum, q| {
-        let sign = if q.coords.dot(&one.coords) < 0.0 { -1.0 } else { 1.0 };
-        sum + q.into_inner() * sign
-    });
-    let mean = UnitQuaternion::new_normalize(sum);
+fn turns(compared: &[(Isometry3<f64>, Isometry3<f64>)]) -> Option<Turns> {
+    let first = compared.first()?.0.rotation;
     let errors: Vec<Vector3<f64>> =
-        pairs.iter().map(|(truth, e)| (e.rotation * mean * truth.rotation.inverse()).scaled_axis()).collect();
-    let n = pairs.len() as f64;
+        compared.iter().map(|(truth, e)| (e.rotation * truth.rotation.inverse()).scaled_axis()).collect();
+    let n = compared.len() as f64;
     let rms = |axis: usize| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt().to_degrees();
     let most = |angles: &mut dyn Iterator<Item = f64>| angles.fold(0.0, f64::max).to_degrees();
-    Turns {
+    Some(Turns {
         rms_deg: [0, 1, 2].map(rms),
         worst_deg: most(&mut errors.iter().map(|e| e.norm())),
-        turned_deg: most(&mut pairs.iter().map(|(truth, _)| truth.rotation.angle_to(&first.rotation))),
-    }
+        turned_deg: most(&mut compared.iter().map(|(truth, _)| truth.rotation.angle_to(&first))),
+    })
 }
 
 #[cfg(test)]

@@ -26,6 +26,7 @@ mod exit;
 mod hold;
 mod identify;
 mod info;
+mod offset;
 mod operators;
 mod picture;
 mod pipeline_file;

@@ -1,8 +1,8 @@
 //! Estimates against the truth: what of the difference is a constant offset, and what is error.
 //!
 //! What a camera tracks is not the head's origin: a centroid, a highest place, a reference surface have one of their
-//! own. So the mean difference is told apart as an offset, and an estimate with all six channels is first given the
-//! truth's own origin on the head, at the first time that both have.
+//! own. So the mean difference is told apart as an offset: of an estimate with all six channels the mean rigid one, so that
+//! a turn of the head is no error of position, and of others the mean of each channel.
 
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -11,6 +11,7 @@ use stillpoint_track::PoseNumbers;
 
 use super::recording::{Signal, State};
 use super::statistics::{Histogram, mean, quantile};
+use crate::offset::mean_offset;
 
 /// Names of the channels.
 pub const CHANNELS: [&str; 6] = ["x", "y", "z", "pitch", "roll", "yaw"];
@@ -85,25 +86,23 @@ pub struct Pair {
 pub struct Comparison {
     /// The estimates that have a truth, with the offset taken from their errors.
     pub pairs: Vec<Pair>,
-    /// Mean of estimate minus truth, m and rad; none where the channel is not known.
+    /// The offset, m and rad; none where the channel is not known. Of an estimate with all six channels the truth's pose on
+    /// the head that the estimate follows, else the mean of estimate minus truth.
     pub offset: [Option<f64>; 6],
 }
 
 /// Compares the states of an estimate with the truth.
 pub fn compare(truth: &Truth<'_>, estimate: &[State]) -> Comparison {
-    let mut head_from_own: Option<Isometry3<f64>> = None;
-    let mut pairs: Vec<Pair> = Vec::new();
-    for state in estimate.iter().filter(|s| s.standing != Standing::None) {
-        let Some(at) = truth.at(state.origin) else { continue };
-        let mut channels = state.channels;
-        if channels.iter().chain(&at).all(|c| c.is_finite()) {
-            let pose = pose(channels);
-            let own = head_from_own.get_or_insert_with(|| pose.inverse() * self::pose(at));
-            channels = numbers(&(pose * *own));
-        }
-        let error = std::array::from_fn(|i| difference(i, channels[i], at[i]));
-        pairs.push(Pair { origin: state.origin, truth: at, error, sd: state.sd });
+    let known = estimate.iter().filter(|s| s.standing != Standing::None);
+    let states: Vec<(&State, [f64; 6])> = known.filter_map(|s| Some((s, truth.at(s.origin)?))).collect();
+    let whole = |(state, at): &(&State, [f64; 6])| state.channels.iter().chain(at).all(|c| c.is_finite());
+    if !states.is_empty() && states.iter().all(whole) {
+        let poses: Vec<_> = states.iter().map(|(s, at)| (pose(*at), pose(s.channels))).collect();
+        let offset = mean_offset(&poses).unwrap_or_default();
+        let moved = states.iter().map(|(s, at)| pair(s, *at, numbers(&(pose(s.channels) * offset))));
+        return Comparison { pairs: moved.collect(), offset: numbers(&offset).map(Some) };
     }
+    let mut pairs: Vec<Pair> = states.iter().map(|(s, at)| pair(s, *at, s.channels)).collect();
     let offset: [Option<f64>; 6] = std::array::from_fn(|i| {
         mean(&pairs.iter().map(|p| p.error[i]).filter(|e| e.is_finite()).collect::<Vec<_>>())
     });
@@ -111,6 +110,12 @@ pub fn compare(truth: &Truth<'_>, estimate: &[State]) -> Comparison {
         pair.error = std::array::from_fn(|i| pair.error[i] - offset[i].unwrap_or(0.0));
     }
     Comparison { pairs, offset }
+}
+
+/// A state with these channels beside the truth.
+fn pair(state: &State, truth: [f64; 6], channels: [f64; 6]) -> Pair {
+    let error = std::array::from_fn(|i| difference(i, channels[i], truth[i]));
+    Pair { origin: state.origin, truth, error, sd: state.sd }
 }
 
 fn pose(channels: [f64; 6]) -> Isometry3<f64> {
@@ -124,7 +129,7 @@ fn numbers(pose: &Isometry3<f64>) -> [f64; 6] {
     [x, y, z, n.pitch, n.roll, n.yaw]
 }
 
-/// Figures of the errors of one channel about their mean, in mm or degrees.
+/// Figures of the errors of one channel about the offset, in mm or degrees.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErrorFigures {
     /// The estimate's topic.
@@ -135,7 +140,7 @@ pub struct ErrorFigures {
     pub unit: &'static str,
     /// Estimates that have a truth.
     pub samples: usize,
-    /// Mean of estimate minus truth: another point of the head, and what a sensor makes of a surface.
+    /// What was taken from it: another point of the head, and what a sensor makes of a surface.
     pub offset: f64,
     /// Root mean square of the error about the offset.
     pub rms: f64,
@@ -243,6 +248,25 @@ mod tests {
         for channel in 0..6 {
             assert!(found.figures("e", channel).unwrap().worst < 1e-9, "{channel}");
         }
+    }
+
+    #[test]
+    fn the_first_estimate_counts_no_more_than_others() {
+        // The head turns to and fro; the first estimate is off by 5 mm, the others by none.
+        let true_pose = |k: u64| [0.0, 0.0, 0.1, 0.2 * (k as f64 * 0.1).sin(), 0.0, 0.0];
+        let truth = signal((0..200).map(|k| state(k, true_pose(k))));
+        let own = pose([0.03, -0.08, 0.05, 0.3, -0.2, 0.1]);
+        let estimate = |k: u64| {
+            let mut channels = numbers(&(pose(true_pose(k)) * own));
+            channels[0] += if k == 0 { 5e-3 } else { 0.0 };
+            state(k, channels)
+        };
+        let found = compare(&Truth::of(&truth), &(0..200).map(estimate).collect::<Vec<_>>());
+        let x = found.figures("e", 0).unwrap();
+        assert!((x.worst - 5.0).abs() < 0.05 && (x.rms - 5.0 / 200.0_f64.sqrt()).abs() < 0.05, "{x:?}");
+        // The truth's origin on the head that the estimate follows.
+        let expected = numbers(&own.inverse());
+        assert!((x.offset - expected[0] * 1e3).abs() < 0.1, "{x:?}");
     }
 
     #[test]

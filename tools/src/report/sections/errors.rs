@@ -96,7 +96,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     }
     section.blocks.push(Block::Text(
             "Estimate minus truth, the truth interpolated to the time of acquisition behind the estimate. The offset is \
-             their mean difference; all other figures are of what is left."
+             their mean difference, of an estimate with six channels the mean rigid one; all other figures are of what \
+             is left."
                 .into(),
     ));
     section.blocks.push(Block::Table(table(&figures.errors)));
