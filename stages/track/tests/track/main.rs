@@ -7,5 +7,6 @@ mod head;
 mod rendered;
 mod shapes;
 mod simulated;
+mod summit;
 mod tracking;
 mod vectors;
