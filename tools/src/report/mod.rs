@@ -28,7 +28,7 @@ mod page;
 mod picture;
 mod ramp;
 mod recording;
-mod response;
+pub mod response;
 mod rows;
 mod sections;
 mod source;

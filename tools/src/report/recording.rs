@@ -257,9 +257,16 @@ impl<'s> Recording<'s> {
         self.signals.iter().filter(move |s| s.part == part && !s.states.items().is_empty())
     }
 
-    /// The truth of a frame.
-    pub fn truth(&self, frame: &Option<String>) -> Option<&Signal> {
-        self.signals_of(Part::Truth).find(|s| s.frame == *frame)
+    /// The truth of an estimate: that of the rig whose images it is made of, in its frame; where no rig can be told, the
+    /// first truth in its frame.
+    pub fn truth_of(&self, estimate: &Signal) -> Option<&Signal> {
+        let upstream = self.wiring.upstream(&estimate.topic);
+        let makes = |truth: &&Signal| {
+            let rig = self.wiring.producer(&truth.topic);
+            rig.is_some_and(|(rig, _)| rig.outputs.iter().any(|o| upstream.contains(&o.as_str())))
+        };
+        let of_frame = || self.signals_of(Part::Truth).filter(|s| s.frame == estimate.frame);
+        of_frame().find(makes).or_else(|| of_frame().next())
     }
 
     /// Whether only one of several samples was kept of some topic.

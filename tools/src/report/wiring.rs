@@ -43,6 +43,11 @@ impl Wiring {
         self.stages.iter().find_map(|s| Some((s, s.outputs.iter().position(|o| o == topic)?)))
     }
 
+    /// Who takes a topic.
+    pub fn consumers<'a>(&'a self, topic: &'a str) -> impl Iterator<Item = &'a Stage> {
+        self.stages.iter().filter(move |s| s.inputs.iter().any(|i| i == topic))
+    }
+
     /// The topics that a topic is made of, the nearest first; itself first of all.
     pub fn upstream<'a>(&'a self, topic: &'a str) -> Vec<&'a str> {
         let (mut found, mut seen) = (vec![topic], BTreeSet::from([topic]));
@@ -81,5 +86,6 @@ mod tests {
         assert_eq!(wiring.upstream("law.duty"), ["law.duty", "cloud.cloud", "rig.depth"]);
         assert_eq!(wiring.producer("rig.truth").map(|(s, port)| (s.name.as_str(), port)), Some(("rig", 1)));
         assert_eq!(wiring.upstream("nobody.port"), ["nobody.port"]);
+        assert_eq!(wiring.consumers("cloud.cloud").map(|s| s.name.as_str()).collect::<Vec<_>>(), ["law"]);
     }
 }

@@ -44,7 +44,7 @@ pub fn compared<'r>(recording: &'r Recording<'_>) -> Vec<Compared<'r>> {
     let parts = [Part::Raw, Part::Filtered, Part::Fused];
     let estimates = parts.into_iter().flat_map(|part| recording.signals_of(part));
     let with_truth = estimates.filter_map(|signal| {
-        let truth = recording.truth(&signal.frame)?;
+        let truth = recording.truth_of(signal)?;
         let found = compare(&Truth::of(truth), signal.states.items());
         (!found.pairs.is_empty()).then_some(Compared { signal, found })
     });

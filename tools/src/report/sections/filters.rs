@@ -99,7 +99,7 @@ fn at_measurements(signal: &Signal) -> Vec<State> {
 }
 
 fn errors(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<Vec<f64>> {
-    let truth = recording.truth(&signal.frame)?;
+    let truth = recording.truth_of(signal)?;
     let found = compare(&Truth::of(truth), settled(signal));
     let errors: Vec<f64> = found.errors(channel).map(|(_, e)| e).collect();
     (errors.len() > 2).then_some(errors)
@@ -146,7 +146,7 @@ fn filter(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<
 
 fn fused(recording: &Recording<'_>, signal: &Signal, channel: usize) -> Option<Fused> {
     signal.tracking.filter(|t| follows(t, channel))?;
-    let truth = Truth::of(recording.truth(&signal.frame)?);
+    let truth = Truth::of(recording.truth_of(signal)?);
     let states = at_measurements(signal);
     let found = compare(&truth, &states);
     let (unit, scale) = unit(channel);

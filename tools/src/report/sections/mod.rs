@@ -4,6 +4,7 @@
 mod actuation;
 mod alignment;
 mod consistency;
+mod controllers;
 mod diagnostics;
 mod duties;
 mod errors;
@@ -39,6 +40,7 @@ pub const ALL: &[Make] = &[
     consistency::section,
     sensors::section,
     targets::section,
+    controllers::section,
     duties::section,
     actuation::section,
     gate::section,

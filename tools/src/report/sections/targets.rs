@@ -36,7 +36,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
     let (mut channels, mut charts) = (Vec::new(), Vec::new());
     for aims in &recording.targets {
-        let Some(estimate) = last_estimate(recording, aims) else { continue };
+        let Some(estimate) = followed_by(recording, aims) else { continue };
         for channel in 0..6 {
             if let Some((figures, chart)) = follow(recording, aims, estimate, channel) {
                 channels.push(figures);
@@ -58,10 +58,18 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     Ok(section)
 }
 
-/// The estimate that stands last in the frame of a target: fused, or filtered, or raw.
-fn last_estimate<'r>(recording: &'r Recording<'_>, aims: &Aims) -> Option<&'r Signal> {
+/// The estimate that whoever follows a target takes beside it; else the one that stands last in the target's frame: fused,
+/// or filtered, or raw.
+fn followed_by<'r>(recording: &'r Recording<'_>, aims: &Aims) -> Option<&'r Signal> {
     let parts = [Part::Fused, Part::Filtered, Part::Raw];
-    parts.into_iter().find_map(|part| recording.signals_of(part).find(|s| s.frame == aims.frame))
+    let fits = |s: &&Signal| s.frame == aims.frame;
+    let beside = |s: &&Signal| {
+        fits(s) && recording.wiring.consumers(&aims.topic).any(|stage| stage.inputs.contains(&s.topic))
+    };
+    let first = |of: &dyn Fn(&&'r Signal) -> bool| {
+        parts.into_iter().find_map(|part| recording.signals_of(part).find(|s| of(s)))
+    };
+    first(&beside).or_else(|| first(&fits))
 }
 
 fn follow(

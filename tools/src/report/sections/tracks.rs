@@ -41,11 +41,18 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     if figures.signals.is_empty() {
         return Ok(section.nothing("The session has no pose and no track."));
     }
-    let frames: BTreeSet<Option<String>> = recording.signals.iter().map(|s| s.frame.clone()).collect();
-    for frame in frames {
-        let all: Vec<&Signal> = recording.signals.iter().filter(|s| s.frame == frame).collect();
+    let shown = || recording.signals.iter().filter(|s| !s.states.items().is_empty());
+    let truth_of = |s: &Signal| match s.part {
+        Part::Truth => Some(s.topic.clone()),
+        _ => recording.truth_of(s).map(|t| t.topic.clone()),
+    };
+    // One for each frame, and for each truth in it.
+    let groups: BTreeSet<(Option<String>, Option<String>)> =
+        shown().map(|s| (s.frame.clone(), truth_of(s))).collect();
+    for (frame, truth) in groups {
+        let all: Vec<&Signal> = shown().filter(|s| s.frame == frame && truth_of(s) == truth).collect();
         let name = frame.as_deref().unwrap_or("no frame");
-        let truth = recording.truth(&frame);
+        let truth = all.iter().copied().find(|s| s.part == Part::Truth);
         section.blocks.push(Block::Heading(format!("In the frame {name}")));
         section.blocks.push(Block::Text(match truth {
             Some(t) => format!(
