@@ -5,13 +5,19 @@
 //! - `killed`: what a session keeps of a recorder that was killed
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
+//! - `step`: the source's step, with many seeds
+//! - `robust`: the same while something is broken
+//! - `tune`, `search`: the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies
 //! - `closed_loop`: how long it takes from an image to the datagram that it has moved
 //! - `program`: the default pipeline as a program of its own
-//! - `stages`, `clouds`, `poison`: the bench's own kinds of operators
+//! - `stages`, `clouds`, `noise`, `poison`: the bench's own kinds of operators
 //! - `window`: one pipeline, live for a while
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `processes`: the processes of a run, and chances to kill one
+//! - `course`: one closed loop, simulated, and what of it is kept
+//! - `laws`: the laws that take the place of the pipeline's
+//! - `crew`: runs in several threads
 //! - `cores`: which cores are used
 //! - `figures`: quantiles and ratios
 //! - `folder`: where sessions are written
@@ -21,19 +27,27 @@ mod casualty;
 mod closed_loop;
 mod clouds;
 mod cores;
+mod course;
+mod crew;
 mod evidence;
 mod failsafe;
 mod figures;
 mod folder;
 mod hop;
 mod killed;
+mod laws;
 mod ledger;
+mod noise;
 mod poison;
 mod processes;
 mod program;
 mod record;
 mod replay;
+mod robust;
+mod search;
 mod stages;
+mod step;
+mod tune;
 mod window;
 
 use clap::{Args, Subcommand};
@@ -65,6 +79,9 @@ enum What {
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
     Loop(closed_loop::ClosedLoop),
+    Step(step::Step),
+    Robust(robust::Robust),
+    Tune(tune::Tune),
 }
 
 impl Bench {
@@ -79,14 +96,20 @@ impl Bench {
             What::Replay(b) => b.execute(&registry),
             What::Failsafe(b) => b.execute(&registry),
             What::Loop(b) => b.execute(&registry),
+            What::Step(b) => b.execute(&registry),
+            What::Robust(b) => b.execute(&registry),
+            What::Tune(b) => b.execute(&registry),
         }
     }
 }
 
 /// The kinds that a bench knows: the command's, and its own.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
-    let lists: Vec<&[Stage]> =
-        extra.iter().copied().chain([stages::STAGES, clouds::STAGES, &[poison::STAGE]]).collect();
+    let lists: Vec<&[Stage]> = extra
+        .iter()
+        .copied()
+        .chain([stages::STAGES, clouds::STAGES, noise::STAGES, &[poison::STAGE]])
+        .collect();
     crate::registry(&lists)
 }
 

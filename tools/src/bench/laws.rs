@@ -1,0 +1,56 @@
+//! The laws that a bench puts in the place of the pipeline's.
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::course::{PIPELINE, Plan};
+
+/// A control law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Law {
+    /// Proportional and integral.
+    Pi,
+    /// Linear-quadratic with an integrator.
+    Lqg,
+    /// Model-reference adaptive.
+    Mrac,
+}
+
+impl Law {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Pi, Self::Lqg, Self::Mrac];
+
+    /// Its kind of operator.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Self::Pi => "control.pi",
+            Self::Lqg => "control.lqg",
+            Self::Mrac => "control.mrac",
+        }
+    }
+}
+
+/// Name of the operator in the pipeline that has a law, and the law.
+pub fn in_pipeline() -> (&'static str, Law) {
+    let found = PIPELINE.lines().find_map(|line| {
+        let law = Law::ALL.into_iter().find(|law| line.contains(&format!("use: {}", law.kind())))?;
+        Some((line.split(':').next()?.trim(), law))
+    });
+    found.unwrap_or(("law", Law::Mrac))
+}
+
+/// The pipeline with a law, a rise of its reference model, and the seed of camera and person.
+pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
+    let (name, now) = in_pipeline();
+    let use_of = |law: Law| format!("use: {},", law.kind());
+    let changes = law.map(|law| (use_of(now), use_of(law)));
+    let whole = Plan::from_camera_to_valve();
+    let sets = [format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
+    Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets.to_vec()].concat(), ..whole }
+}
+
+/// A quarter of the camera's pixels.
+pub fn small() -> [String; 3] {
+    ["width=320 px", "height=240 px", "focal_length=283 px"].map(|set| format!("rig.camera.{set}"))
+}
