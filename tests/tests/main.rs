@@ -12,6 +12,7 @@
 //! - `seeing`: a head followed live, captured by a person
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
+//! - `controllers`: three loops in one pipeline
 //! - `failsafe`: from the last order to the safe state
 //! - `ledger`: sent = received + accounted loss
 //! - `apart`: the bedside as a program of its own
@@ -25,6 +26,7 @@ mod apart;
 mod attach;
 mod bench;
 mod conformance;
+mod controllers;
 mod ending;
 mod failsafe;
 mod laps;

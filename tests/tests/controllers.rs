@@ -1,0 +1,31 @@
+//! Three laws side by side, each with a rig of its own: `examples/compare-controllers.yaml`.
+
+use crate::bench::Bench;
+
+const EXAMPLE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/compare-controllers.yaml");
+
+#[test]
+fn simulated_and_lock_step_write_the_same_bytes() {
+    crate::conformance::placements_agree(EXAMPLE);
+}
+
+#[test]
+fn it_runs_live_and_the_session_replays_bit_for_bit() {
+    let bench = Bench::new();
+    let report = bench.call(&["run", EXAMPLE, "--for", "3 s", "--json", "--record", "s"]).good();
+    assert_eq!(report["balanced"], true, "{}", report["ledger"]);
+    let session = report["session"].as_str().unwrap();
+    let replay = bench.call(&["replay", session, "--json"]).good();
+    assert_eq!(replay["identical_all"], true, "{replay}");
+    assert_eq!(replay["open"], serde_json::json!([]));
+    // All three came to see and to act.
+    let compared = bench.call(&["report", session, "--json"]).good();
+    let controllers =
+        compared["sections"]["controllers"]["figures"]["controllers"].as_array().unwrap().clone();
+    let names: Vec<&str> = controllers.iter().map(|c| c["controller"].as_str().unwrap()).collect();
+    assert_eq!(names, ["pi", "lqi", "mrac"]);
+    for c in &controllers {
+        assert_eq!(c["truth"], format!("{}_rig.truth", c["controller"].as_str().unwrap()));
+        assert!(c["valves_open"].as_f64().unwrap() > 0.0, "{c}");
+    }
+}
