@@ -18,8 +18,14 @@ fn it_runs_live_and_the_session_replays_bit_for_bit() {
     let replay = bench.call(&["replay", session, "--json"]).good();
     assert_eq!(replay["identical_all"], true, "{replay}");
     assert_eq!(replay["open"], serde_json::json!([]));
-    // All three came to see and to act.
-    let compared = bench.call(&["report", session, "--json"]).good();
+}
+
+#[test]
+fn the_report_has_all_three_beside_the_truth_of_their_own_rigs() {
+    let bench = Bench::new();
+    let arguments = ["run", EXAMPLE, "--clock", "simulated", "--for", "4 s", "--json", "--record", "s"];
+    let report = bench.call(&arguments).good();
+    let compared = bench.call(&["report", report["session"].as_str().unwrap(), "--json"]).good();
     let controllers =
         compared["sections"]["controllers"]["figures"]["controllers"].as_array().unwrap().clone();
     let names: Vec<&str> = controllers.iter().map(|c| c["controller"].as_str().unwrap()).collect();
@@ -27,5 +33,9 @@ fn it_runs_live_and_the_session_replays_bit_for_bit() {
     for c in &controllers {
         assert_eq!(c["truth"], format!("{}_rig.truth", c["controller"].as_str().unwrap()));
         assert!(c["valves_open"].as_f64().unwrap() > 0.0, "{c}");
+        assert_eq!(c["person"], "nods, seed 7");
     }
+    let charts = compared["sections"]["controllers"]["charts"].as_array().unwrap();
+    let gains = charts.iter().find(|c| c["title"] == "Adaptive gains of mrac").unwrap();
+    assert_eq!(gains["series"].as_array().unwrap().len(), 3);
 }

@@ -139,8 +139,11 @@ impl Course {
     }
 }
 
-/// Greatest |truth - target| of some points.
+/// Greatest |truth - target| of some points; NaN where there are none.
 pub fn worst(points: &[Point]) -> [f64; 3] {
+    if points.is_empty() {
+        return [f64::NAN; 3];
+    }
     points.iter().fold([0.0; 3], |most, p| {
         let error = p.error();
         // `max` would pass over a NaN.

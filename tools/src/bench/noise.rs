@@ -23,6 +23,9 @@ pub struct NoiseParams {
     /// One pose in so many passes.
     #[param(default = 1, min = 1, max = 1000000)]
     keep: u64,
+    /// Part of these that gets lost.
+    #[param(default = 0, min = 0, max = 1)]
+    lost: f64,
     /// The covariance is that of the noise; else the pose keeps the one that it claims.
     #[param(default = false)]
     told: bool,
@@ -65,6 +68,9 @@ impl Operator for Noise {
             return Ok(());
         }
         let mut random = activation.random();
+        if f64::from(random.next_u32()) < self.0.lost * (f64::from(u32::MAX) + 1.0) {
+            return Ok(());
+        }
         let position = std::array::from_fn(|i| pose.position[i] + self.0.position[i] * normal(&mut random));
         let turn = Vector3::from_fn(|i, _| self.0.angles[i] * normal(&mut random));
         let [w, x, y, z] = pose.orientation;

@@ -289,9 +289,9 @@ fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -
             style: Style::Line,
         })
         .collect();
-    let (first, way) = all().next()?;
+    let (_, way) = all().next()?;
     series.push(Series {
-        name: first.aims.topic.clone(),
+        name: "target".to_owned(),
         points: for_a_line(&way.target, LINE),
         style: Style::Steps,
     });
