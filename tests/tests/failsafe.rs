@@ -1,5 +1,5 @@
 //! From the last order to the safe state: asserted from the stamps of sessions, live. `stillpoint bench failsafe` makes
-//! a hundred trials of each fault, and the project's own checks (`.ci/run`) a tenth of them.
+//! a hundred trials of each fault.
 
 use std::sync::Mutex;
 use std::time::Duration;
