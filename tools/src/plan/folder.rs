@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use rustix::fs::Access;
+
 use super::charts;
 use super::export;
 use super::ground::Ground;
@@ -15,6 +17,15 @@ use crate::picture::{Plane, Wash, wash};
 /// The upper end of the scale of doses, as a part of the prescription.
 const SCALE: f64 = 1.1;
 
+/// Makes the folder, or says before any work is done that it cannot be written.
+pub fn make_ready(folder: &Path) -> Result<(), Failure> {
+    let fault = |e: &dyn std::fmt::Display| {
+        Failure::failed(format!("{}: {e}; give another folder with --out", folder.display()))
+    };
+    std::fs::create_dir_all(folder).map_err(|e| fault(&e))?;
+    rustix::fs::access(folder, Access::WRITE_OK | Access::EXEC_OK).map_err(|e| fault(&e))
+}
+
 /// Writes it, and says which files it has.
 pub fn write(
     request: &Request,
@@ -23,9 +34,6 @@ pub fn write(
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     let folder = Folder { path: &request.out };
-    std::fs::create_dir_all(folder.path).map_err(|e| {
-        Failure::failed(format!("{}: {e}; give another folder with --out", folder.path.display()))
-    })?;
     let mut files = Vec::new();
     let told = serde_json::to_string_pretty(&outcome.told(request, ground, runs)).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", told.as_bytes())?);

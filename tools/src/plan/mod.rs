@@ -94,6 +94,7 @@ impl Plan {
     /// Does it.
     pub fn execute(&self) -> Ended {
         let request = Request::new(self)?;
+        folder::make_ready(&request.out)?;
         let began = Instant::now();
         let ground = Ground::new(&request)?;
         let ready_s = began.elapsed().as_secs_f64();

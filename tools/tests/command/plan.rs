@@ -137,6 +137,11 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
     assert!(said(&["--angles", "0,10"]).contains("--angles 10: angles are multiples of 4 degrees"));
     assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));
+    assert!(said(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100"));
+    std::fs::write(folder.path().join("file"), "").unwrap();
+    let out = said(&["--out", "file/plan"]);
+    assert!(out.contains("give another folder with --out"), "{out}");
+    assert!(!folder.path().join("doses").exists(), "nothing is computed before it is known where to write");
     assert!(said(&["--robust", "0mm"]).contains("above 0 mm"));
     assert!(said(&["--budget", "0"]).contains("at least one solve a beam"));
     assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));

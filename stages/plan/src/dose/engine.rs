@@ -202,13 +202,14 @@ fn covering(image: &Grid, spacing_mm: f64) -> Grid {
 }
 
 fn check_grid(what: &'static str, grid: &Grid) -> Result<(), DoseError> {
-    let voxels = grid.counts.iter().try_fold(1, |product: usize, &count| product.checked_mul(count));
-    if !voxels.is_some_and(|voxels| (1..=MOST_VOXELS).contains(&voxels)) {
-        return Err(DoseError::Voxels { what, counts: grid.counts, most: MOST_VOXELS });
-    }
+    // First: the counts of a grid that is made to cover an image follow from its spacing.
     for axis in 0..3 {
         in_range("spacing of voxels", grid.spacing_mm[axis], 0.1..=100.0)?;
         in_range("place of a grid", grid.origin_mm[axis], -1e5..=1e5)?;
+    }
+    let voxels = grid.counts.iter().try_fold(1, |product: usize, &count| product.checked_mul(count));
+    if !voxels.is_some_and(|voxels| (1..=MOST_VOXELS).contains(&voxels)) {
+        return Err(DoseError::Voxels { what, counts: grid.counts, most: MOST_VOXELS });
     }
     Ok(())
 }
