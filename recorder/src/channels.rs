@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 
-use crate::file::FileWriter;
+use mcap::write::NoSeek;
+
 use crate::form::{Form, Shared, schema};
 use crate::topic::TopicInfo;
 use crate::writer::WriteError;
@@ -19,6 +20,9 @@ pub(crate) struct Topic {
     pub last: Option<(Form, Shared, u16)>,
     pub camera_info: BTreeMap<Shared, u16>,
 }
+
+/// The file.
+pub(crate) type Out<W> = mcap::Writer<NoSeek<W>>;
 
 impl Topic {
     pub fn new(info: TopicInfo) -> Self {
@@ -36,7 +40,7 @@ impl Topic {
     /// The channel for samples in this form that share this, made where there is none yet.
     pub fn channel<W: Write>(
         &mut self,
-        out: &mut FileWriter<W>,
+        out: &mut Out<W>,
         form: Form,
         shared: Shared,
     ) -> Result<u16, WriteError> {
@@ -70,7 +74,7 @@ impl Topic {
     /// The channel of the camera infos beside the images that share this.
     pub fn camera_info_channel<W: Write>(
         &mut self,
-        out: &mut FileWriter<W>,
+        out: &mut Out<W>,
         shared: Shared,
     ) -> Result<u16, WriteError> {
         if let Some(channel) = self.camera_info.get(&shared) {
@@ -93,11 +97,11 @@ pub(crate) fn qos() -> BTreeMap<String, String> {
 
 /// The channel of this topic, schema and metadata.
 pub(crate) fn add_channel<W: Write>(
-    out: &mut FileWriter<W>,
+    out: &mut Out<W>,
     topic: &str,
     (name, text): (&str, &str),
     metadata: &BTreeMap<String, String>,
 ) -> Result<u16, WriteError> {
-    let schema = out.schema(name, "ros2msg", text.as_bytes())?;
-    Ok(out.channel(schema, topic, "cdr", metadata)?)
+    let schema = out.add_schema(name, "ros2msg", text.as_bytes())?;
+    Ok(out.add_channel(schema, topic, "cdr", metadata)?)
 }

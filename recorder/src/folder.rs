@@ -5,8 +5,6 @@ use std::io;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
-use crate::file::MAGIC;
-
 /// Makes the folder of a new session, mode 0700.
 ///
 /// # Errors
@@ -63,7 +61,7 @@ pub fn session_parts(path: &Path) -> io::Result<Vec<PathBuf>> {
 /// Whether a part is so short that its recorder died before it wrote anything: it is no MCAP file, and holds nothing.
 pub(crate) fn is_blank(part: &Path) -> io::Result<bool> {
     let bytes = std::fs::metadata(part)?.len();
-    Ok(bytes < MAGIC.len() as u64)
+    Ok(bytes < mcap::MAGIC.len() as u64)
 }
 
 fn part_number(path: &Path) -> Option<u32> {

@@ -5,16 +5,17 @@ use std::fmt;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+
 use crate::account::RECOVERED_RECORD;
 use crate::cut::{Limits, consistent_cut};
 use crate::error::SessionError;
-use crate::file::{Buffer, FileWriter, Message, Record, Source, next_record, scan};
+use crate::file::{Buffer, Message, Record, Source, next_record, scan};
 use crate::folder::{create_private, is_blank, session_parts};
-use crate::opening::Compression;
 use crate::part::{Part, PartChannel, Use};
 use crate::session::{Ended, Session};
 use crate::topic::Role;
-use crate::writer::LIBRARY;
 
 /// Entry of the record that says what mending did.
 pub(crate) const DAMAGED_PLACES: &str = "damaged_places";
@@ -31,7 +32,7 @@ pub enum RecoverError {
         /// The mended file.
         path: PathBuf,
         /// Why not.
-        cause: io::Error,
+        cause: mcap::McapError,
     },
 }
 
@@ -102,14 +103,15 @@ pub fn recover_session(path: &Path) -> Result<Vec<(PathBuf, Report)>, RecoverErr
     }
     for part in session.parts.iter().filter(|p| !p.scan.footer || !p.damage.is_empty()) {
         let beside = part.path.with_extension("mcap.mending");
-        let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause };
+        let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };
         // One that was left by a run that died is worth nothing.
         match std::fs::remove_file(&beside) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(failed(e)),
             _ => {}
         }
         let file = create_private(&beside).map_err(failed)?;
-        let (file, report) = rewrite(&session, part, &limits, file)?;
+        let (file, report) = rewrite(&session, part, &limits, io::BufWriter::with_capacity(1 << 16, file))?;
+        let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
         file.sync_all().map_err(failed)?;
         std::fs::rename(&beside, &part.path).map_err(failed)?;
         mended.push((part.path.clone(), report));
@@ -132,25 +134,42 @@ fn rewrite<W: Write>(
     out: W,
 ) -> Result<(W, Report), RecoverError> {
     let read = |cause| SessionError::Io { path: part.path.clone(), cause };
-    let write = |cause: io::Error| RecoverError::Write { path: part.path.clone(), cause };
+    let write = |cause: mcap::McapError| RecoverError::Write { path: part.path.clone(), cause };
     let mut report = Report {
         bytes: part.size,
         bytes_cut: if part.scan.footer { 0 } else { part.size - part.scan.whole },
         damage: part.damage.iter().map(|d| format!("at offset {}: {}", d.offset, d.what)).collect(),
         ..Report::default()
     };
-    let mut w = FileWriter::new(out, Compression::Lz4, LIBRARY).map_err(write)?;
+    let options = mcap::WriteOptions::new()
+        .profile("ros2")
+        .library(concat!("stillpoint-recorder/", env!("CARGO_PKG_VERSION")))
+        .disable_seeking(true)
+        .compression_threads(0)
+        .compression(Some(mcap::Compression::Lz4));
+    let mut w = options.create(NoSeek::new(out)).map_err(write)?;
     let scan = scan(&part.source).map_err(read)?.unwrap_or_default();
     for a in &scan.attachments {
-        w.attach(a).map_err(write)?;
+        let attachment = mcap::Attachment {
+            log_time: a.log_time,
+            create_time: a.create_time,
+            name: a.name.clone(),
+            media_type: a.media_type.clone(),
+            data: (&a.data[..]).into(),
+        };
+        w.attach(&attachment).map_err(write)?;
         report.attachments += 1;
     }
     for (name, entries) in &scan.metadata {
-        w.metadata(name, entries).map_err(write)?;
+        w.write_metadata(&Metadata { name: name.clone(), metadata: entries.clone() }).map_err(write)?;
         report.metadata += 1;
     }
-    part.schemas.values().for_each(|s| w.add_schema(s.clone()));
-    part.channels.values().for_each(|c| w.add_channel(c.channel.clone()));
+    for (id, s) in &part.schemas {
+        w.add_schema_with_id(*id, &s.name, &s.encoding, &s.data).map_err(write)?;
+    }
+    for (id, PartChannel { channel: c, .. }) in &part.channels {
+        w.add_channel_with_id(*id, c.schema_id, &c.topic, &c.encoding, &c.metadata).map_err(write)?;
+    }
     let journals: BTreeSet<&str> = session
         .topics()
         .iter()
@@ -174,12 +193,20 @@ fn rewrite<W: Write>(
                 *count += u64::from(of_sample);
                 continue;
             }
-            w.message(&m).map_err(write)?;
+            let header = MessageHeader {
+                channel_id: m.channel,
+                sequence: m.sequence,
+                log_time: m.log_time,
+                publish_time: m.publish_time,
+            };
+            w.write_to_known_channel(&header, m.data).map_err(write)?;
             report.messages += 1;
         }
     }
-    w.metadata(RECOVERED_RECORD, &entries(&report)).map_err(write)?;
-    Ok((w.finish().map_err(write)?, report))
+    let recovered = Metadata { name: RECOVERED_RECORD.to_owned(), metadata: entries(&report) };
+    w.write_metadata(&recovered).map_err(write)?;
+    w.finish().map_err(write)?;
+    Ok((w.into_inner().into_inner(), report))
 }
 
 /// The topic of a message that stands beyond the cut. `None`: it is kept.

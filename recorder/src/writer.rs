@@ -1,29 +1,37 @@
 //! Writes one part of a session to any `Write`. It reads no clock and opens no file: two writes of the same input give
 //! the same bytes.
 
-use std::io::{self, Write};
+use std::borrow::Cow;
+use std::io::Write;
 
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
 use stillpoint_samples::{BytesError, Pieces};
 
 use crate::account::{
     CLOCK_CHANNEL, ClockSample, Closing, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
 };
-use crate::channels::{Topic, add_channel, qos};
+use crate::channels::{Out, Topic, add_channel, qos};
 use crate::encoded::Encoded;
-use crate::file::{AttachmentRecord, FileWriter, Message};
 use crate::form::{schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
-/// What wrote a file, as its header says.
-pub(crate) const LIBRARY: &str = concat!("stillpoint-recorder/", env!("CARGO_PKG_VERSION"));
+/// An error with what it was caused by: mcap's own words leave out what the operating system answered.
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |e| e.source());
+    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
+/// Bytes after which a chunk is closed.
+pub const CHUNK_SIZE: u64 = 1 << 20;
 
 /// Why a part could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
     /// The file took no more bytes, or refused them.
-    #[error("cannot write the recording: {0}; what was flushed before is readable")]
-    Io(#[from] io::Error),
+    #[error("cannot write the recording: {}; what was flushed before is readable", with_causes(.0))]
+    Mcap(#[from] mcap::McapError),
     /// The bytes given are no sample of the topic.
     #[error("topic `{topic}`: {fault}")]
     Sample {
@@ -46,9 +54,9 @@ pub enum WriteError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TopicId(usize);
 
-/// Writes one part. Dropping it leaves the file cut where it is: so is the session then.
+/// Writes one part. Dropping it ends the file in order but writes no end record: the session then counts as cut.
 pub struct PartWriter<W: Write> {
-    out: FileWriter<W>,
+    out: Out<W>,
     topics: Vec<Topic>,
     lost_channel: u16,
     clock_channel: u16,
@@ -63,13 +71,25 @@ impl<W: Write> PartWriter<W> {
     /// # Errors
     /// What writing answers.
     pub fn new(w: W, compression: Compression, opening: &Opening) -> Result<Self, WriteError> {
-        let mut out = FileWriter::new(w, compression, LIBRARY)?;
+        let options = mcap::WriteOptions::new()
+            .profile("ros2")
+            .library(concat!("stillpoint-recorder/", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(CHUNK_SIZE))
+            .disable_seeking(true)
+            // Threads of its own would compete with the operators, and their number would show in the bytes.
+            .compression_threads(0)
+            .compression(match compression {
+                Compression::None => None,
+                Compression::Lz4 => Some(mcap::Compression::Lz4),
+                Compression::Zstd => Some(mcap::Compression::Zstd),
+            });
+        let mut out = options.create(NoSeek::new(w))?;
         let start = opening.clock.map_or(0, |c| c.realtime_ns);
         for a in &opening.attachments {
             attach(&mut out, &a.name, &a.media_type, &a.bytes, start)?;
         }
         for (name, entries) in &opening.metadata {
-            out.metadata(name, entries)?;
+            out.write_metadata(&Metadata { name: name.clone(), metadata: entries.clone() })?;
         }
         let lost_channel = add_channel(&mut out, LOST_CHANNEL, schema::LOST, &qos())?;
         let clock_channel = add_channel(&mut out, CLOCK_CHANNEL, schema::CLOCK, &qos())?;
@@ -103,7 +123,7 @@ impl<W: Write> PartWriter<W> {
         if self.topics.iter().any(|t| t.info.name == info.name) {
             return Err(WriteError::Twice(info.name));
         }
-        self.out.metadata(TOPIC_RECORD, &info.entries())?;
+        self.out.write_metadata(&Metadata { name: TOPIC_RECORD.to_owned(), metadata: info.entries() })?;
         self.topics.push(Topic::new(info));
         Ok(TopicId(self.topics.len() - 1))
     }
@@ -142,18 +162,17 @@ impl<W: Write> PartWriter<W> {
             own = sample.in_own_form(&t.info).ok_or(WriteError::NoTopic(topic.0))?;
             &own
         };
-        let message = |channel, data| Message {
-            channel,
+        let header = |channel_id| MessageHeader {
+            channel_id,
             sequence: sample.head.sequence as u32,
             log_time: log_time_ns,
             publish_time: sample.head.origin,
-            data,
         };
         let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
-        self.out.message(&message(channel, sample.message()))?;
+        self.out.write_to_known_channel(&header(channel), sample.message())?;
         if !sample.beside().is_empty() {
             let channel = t.camera_info_channel(&mut self.out, sample.shared.clone())?;
-            self.out.message(&message(channel, sample.beside()))?;
+            self.out.write_to_known_channel(&header(channel), sample.beside())?;
         }
         Ok(())
     }
@@ -204,8 +223,10 @@ impl<W: Write> PartWriter<W> {
         if let Some(ledger) = &closing.ledger {
             attach(&mut self.out, LEDGER_ATTACHMENT, "application/json", ledger, closing.realtime_ns)?;
         }
-        self.out.metadata(END_RECORD, &closing.entries(self.lost))?;
-        Ok(self.out.finish()?)
+        let end = Metadata { name: END_RECORD.to_owned(), metadata: closing.entries(self.lost) };
+        self.out.write_metadata(&end)?;
+        self.out.finish()?;
+        Ok(self.out.into_inner().into_inner())
     }
 
     fn note(&mut self, channel: u16, log_time_ns: u64) -> Result<(), WriteError> {
@@ -216,28 +237,28 @@ impl<W: Write> PartWriter<W> {
 
     fn put(
         &mut self,
-        channel: u16,
+        channel_id: u16,
         sequence: u32,
         log_time: u64,
         publish_time: u64,
     ) -> Result<(), WriteError> {
-        let data = &self.message;
-        Ok(self.out.message(&Message { channel, sequence, log_time, publish_time, data })?)
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
+        Ok(self.out.write_to_known_channel(&header, &self.message)?)
     }
 }
 
 fn attach<W: Write>(
-    out: &mut FileWriter<W>,
+    out: &mut Out<W>,
     name: &str,
     media_type: &str,
     bytes: &[u8],
     time: u64,
 ) -> Result<(), WriteError> {
-    Ok(out.attach(&AttachmentRecord {
+    Ok(out.attach(&mcap::Attachment {
         log_time: time,
         create_time: time,
         name: name.to_owned(),
         media_type: media_type.to_owned(),
-        data: bytes.to_vec(),
+        data: Cow::Borrowed(bytes),
     })?)
 }

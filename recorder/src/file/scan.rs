@@ -7,8 +7,7 @@ use super::block::Block;
 use super::record::{AttachmentRecord, RECORD_HEADER, Record, chunk_header, op, opcode_and_length, parse};
 use super::source::Source;
 
-/// What a file begins and ends with.
-pub(crate) const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
+const MAGIC: &[u8] = &[0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
 /// Bytes that are read at once to find the header of a chunk; its longest part is the compression's name.
 const CHUNK_HEADER_READ: usize = 256;
 
@@ -128,6 +127,6 @@ fn ends_in_footer(source: &Source, size: u64) -> io::Result<bool> {
     let tail = FOOTER + MAGIC.len();
     let bytes = source.read(size.saturating_sub(tail as u64), tail)?;
     Ok(bytes.len() == tail
-        && bytes.ends_with(&MAGIC)
+        && bytes.ends_with(MAGIC)
         && opcode_and_length(&bytes) == Some((op::FOOTER, (FOOTER - RECORD_HEADER) as u64)))
 }
