@@ -106,7 +106,10 @@ impl Mouth {
 
     /// Sends a sample to every far end. `Some`: the first of a row could not be sent, and why.
     pub fn send(&mut self, pieces: Pieces<'_>) -> Option<String> {
-        let Ok(sample) = pieces.check(self.kind) else { return None };
+        let sample = match pieces.check(self.kind) {
+            Ok(sample) => sample,
+            Err(e) => return Some(format!("a sample did not go over its link: {e}")),
+        };
         for server in &self.servers {
             server.put(sample);
         }
