@@ -12,9 +12,9 @@ use stillpoint_pipeline::spec::{self, Faults, Machine};
 use crate::exit::Failure;
 
 /// The default pipeline, for a program that is started away from its source.
-const EMBEDDED: &str = include_str!("../../pipeline.yaml");
+pub const EMBEDDED: &str = include_str!("../../pipeline.yaml");
 /// The files that it names.
-const EMBEDDED_FILES: &[(&str, &[u8])] =
+pub const EMBEDDED_FILES: &[(&str, &[u8])] =
     &[("examples/data/rig.key", include_bytes!("../../examples/data/rig.key"))];
 
 /// The pipeline in two programs that comes with the command, and what it names.

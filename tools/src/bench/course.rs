@@ -14,17 +14,13 @@ use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationState, Duties, DutiesElement, Entry, FarEnd, FarEndElement,
-    Outcome, Pose, PoseElement, PoseReport, PoseStatus, RigState, RigStateElement, Sample, Target,
-    TargetElement,
+    Outcome, Pose, PoseElement, PoseReport, PoseStatus, RigState, Sample, Target, TargetElement,
 };
 use stillpoint_track::angles::PoseNumbers;
 
 use crate::exit::Failure;
+use crate::pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 
-/// The pipeline.
-pub const PIPELINE: &str = include_str!("../../../pipeline.yaml");
-/// The file that it names.
-const KEY: (&str, &[u8]) = ("examples/data/rig.key", include_bytes!("../../../examples/data/rig.key"));
 /// What seeing takes: nothing is seen before it could be.
 const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.latency=5 ms"];
 /// The source's step: height in mm, pitch and roll in degrees.
@@ -59,7 +55,7 @@ impl Plan {
 
     /// From camera to valve. Seeing takes its time.
     pub fn from_camera_to_valve() -> Self {
-        Self { sets: LATENCIES.map(str::to_owned).to_vec(), ..Self::of(PIPELINE.to_owned()) }
+        Self { sets: LATENCIES.map(str::to_owned).to_vec(), ..Self::of(EMBEDDED.to_owned()) }
     }
 }
 
@@ -118,7 +114,7 @@ impl Course {
             text = text.replace(from, to);
         }
         let mut files = KeptFiles::default();
-        files.files.insert(KEY.0.to_owned(), KEY.1.to_vec());
+        files.files.extend(EMBEDDED_FILES.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
         let graph = check(&text, "bench.yaml", &plan.sets, registry, &files).map_err(Failure::wrong)?;
         let graph = Arc::new(graph);
         let mut watch = Watch::new(graph.clone());
@@ -146,9 +142,13 @@ pub fn worst(points: &[Point]) -> [f64; 3] {
     }
     points.iter().fold([0.0; 3], |most, p| {
         let error = p.error();
-        // `max` would pass over a NaN.
-        std::array::from_fn(|i| if error[i].abs() <= most[i] { most[i] } else { error[i].abs() })
+        std::array::from_fn(|i| greater(most[i], error[i].abs()))
     })
+}
+
+/// The greater of two; NaN where one is, which `max` would pass over.
+fn greater(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b <= a { a } else { b }
 }
 
 /// Truth less the reference model of this rise, which began where the target was before it stepped at `at`; s, and the
@@ -217,7 +217,7 @@ impl Watch {
         }
         if self.beam && self.wanted.is_some_and(|(since, _)| time - since > LEASE) {
             let error = point.error();
-            self.course.astray = std::array::from_fn(|i| self.course.astray[i].max(error[i].abs()));
+            self.course.astray = std::array::from_fn(|i| greater(self.course.astray[i], error[i].abs()));
         }
         if self.kept.is_none_or(|kept| time >= kept + KEPT_EVERY) {
             self.kept = Some(time);
@@ -276,7 +276,7 @@ impl Witness for Watch {
         match node.name.as_str() {
             "rig" => {
                 if let Some(state) = sent("state").and_then(first::<RigState>) {
-                    self.course.pressure = greatest_pressure(&state).max(self.course.pressure);
+                    self.course.pressure = state.pressure.iter().copied().fold(self.course.pressure, greater);
                 }
                 if let Some(truth) = sent("truth") {
                     let time = truth.head().stamp;
@@ -322,10 +322,6 @@ fn first<S: Sample>(parcel: &Parcel) -> Option<S::Element> {
     parcel.pieces().view::<S>().ok()?.first().copied()
 }
 
-fn greatest_pressure(state: &RigStateElement) -> f64 {
-    state.pressure.iter().copied().fold(0.0, f64::max)
-}
-
 fn isometry(pose: &PoseElement) -> Isometry3<f64> {
     let [w, x, y, z] = pose.orientation;
     let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
@@ -336,4 +332,18 @@ fn isometry(pose: &PoseElement) -> Isometry3<f64> {
 fn numbers(pose: &Isometry3<f64>) -> [f64; 3] {
     let n = PoseNumbers::of(pose);
     [n.position[2] * 1e3, n.pitch.to_degrees(), n.roll.to_degrees()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_that_is_none_is_not_passed_over() {
+        assert_eq!([greater(1.0, 2.0), greater(2.0, 1.0)], [2.0; 2]);
+        assert!(greater(f64::NAN, 2.0).is_nan() && greater(2.0, f64::NAN).is_nan());
+        let point = |moved| Point { time: 0.0, moved, target: [0.0; 3], beam: true };
+        let all = worst(&[point([f64::NAN, 1.0, 0.0]), point([0.0, -2.0, 0.0])]);
+        assert!(all[0].is_nan() && all[1..] == [2.0, 0.0]);
+    }
 }

@@ -3,7 +3,8 @@
 use clap::ValueEnum;
 use serde::Serialize;
 
-use super::course::{PIPELINE, Plan};
+use super::course::Plan;
+use crate::pipeline_file::EMBEDDED;
 
 /// A control law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
@@ -33,7 +34,7 @@ impl Law {
 
 /// Name of the operator in the pipeline that has a law, and the law.
 pub fn in_pipeline() -> (&'static str, Law) {
-    let found = PIPELINE.lines().find_map(|line| {
+    let found = EMBEDDED.lines().find_map(|line| {
         let law = Law::ALL.into_iter().find(|law| line.contains(&format!("use: {}", law.kind())))?;
         Some((line.split(':').next()?.trim(), law))
     });
