@@ -25,6 +25,8 @@ const CHANGES: &[(&str, &str)] = &[
 ];
 /// How long the effect of a fault is watched.
 const WATCHED: Duration = Duration::from_millis(700);
+/// The processes that stand for hardware which nobody else uses.
+const BEDSIDE: [&str; 2] = ["bedside", "rig"];
 /// Datagrams of a burst, and of each millisecond of a flood.
 const BURST: usize = 500;
 const FLOOD: usize = 200;
@@ -168,6 +170,8 @@ impl Fault {
 pub struct Trial {
     /// What the session holds.
     pub evidence: Evidence,
+    /// The longest that a process at the bedside waited for a core meanwhile.
+    pub bedside_waited_ms: f64,
     /// What failed came back, and was followed again.
     pub came_back: Option<bool>,
 }
@@ -182,9 +186,14 @@ impl Trial {
         // Another moment of the frame's and the timers' periods each time.
         std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
         // Stamps of a live session are of this clock, as it was when the run began.
-        let struck = realtime();
+        let waited = || BEDSIDE.map(|process| run.waited(process));
+        let (before, struck) = (waited(), realtime());
         fault.strike(&run, &valves, registry)?;
         std::thread::sleep(WATCHED.saturating_sub(Duration::from_nanos(realtime().saturating_sub(struck))));
+        let mut bedside_waited = 0;
+        for (before, after) in before.into_iter().zip(waited()) {
+            bedside_waited = bedside_waited.max(after?.saturating_sub(before?));
+        }
         fault.mend(&run, registry)?;
         let came_back = fault
             .comes_back()
@@ -196,7 +205,7 @@ impl Trial {
         run.end()?;
         let evidence = Evidence::read(&place, struck, WATCHED);
         std::fs::remove_dir_all(&place).map_err(Failure::failed)?;
-        Ok(Self { evidence: evidence?, came_back })
+        Ok(Self { evidence: evidence?, bedside_waited_ms: bedside_waited as f64 * 1e-6, came_back })
     }
 
     /// Whether the session says why: a death, a reason of actuation, or what was refused.

@@ -45,7 +45,7 @@ pub struct Evidence {
     pub gaps: Vec<String>,
     /// Parts of the session.
     pub parts: usize,
-    /// The longest that far end or rig stood still: they stand for hardware that nobody else uses.
+    /// The longest that far end or rig stood still.
     pub bedside_stood_ms: f64,
     /// Where duties grew faster than they may when they were followed again.
     pub jump: Option<String>,

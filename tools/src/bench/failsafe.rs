@@ -15,8 +15,8 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 const LIMIT_MS: f64 = 100.0;
 /// How long a pose is fresh: three frame periods, ms.
 const FRESH_MS: f64 = 300.0;
-/// Far end and rig stand for hardware that nobody else uses: a trial in which they got no core for so long says nothing
-/// about them, and is made again, up to so many times as often as is asked for.
+/// Far end and rig stand for hardware that nobody else uses: a trial in which they stood still, and by the kernel's count
+/// waited for a core, for so long says nothing about them. It is made again, up to so many times as often as is asked for.
 const STOOD_MS: f64 = 10.0;
 const TRIES: usize = 3;
 
@@ -108,7 +108,8 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Resul
         };
         let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);
         // What floods the bedside does not excuse it.
-        if !good && e.bedside_stood_ms > STOOD_MS && !fault.is_flood() && starved < (TRIES - 1) * trials {
+        let no_core = e.bedside_stood_ms > STOOD_MS && trial.bedside_waited_ms > STOOD_MS;
+        if !good && no_core && !fault.is_flood() && starved < (TRIES - 1) * trials {
             starved += 1;
             continue;
         }

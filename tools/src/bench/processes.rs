@@ -18,6 +18,14 @@ pub fn children(supervisor: u32) -> Vec<(String, Pid)> {
         .collect()
 }
 
+/// How long the threads of a process have waited for a core so far, ns; 0 where the system does not say.
+pub fn waited(process: Pid) -> u64 {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero()));
+    let lines = tasks.into_iter().flatten().flatten();
+    let lines = lines.filter_map(|t| std::fs::read_to_string(t.path().join("schedstat")).ok());
+    lines.filter_map(|line| line.split_whitespace().nth(1)?.parse::<u64>().ok()).sum()
+}
+
 /// Numbers that are other ones in each run.
 pub struct Chance(u64);
 
@@ -31,5 +39,23 @@ impl Chance {
     pub fn draw(&mut self, below: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % below.max(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_has_to_share_its_core_is_seen_to_wait() {
+        let own = rustix::process::getpid();
+        let before = waited(own);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let busy = || {
+            let begun = std::time::Instant::now();
+            while waited(own) == before && begun.elapsed().as_secs() < 60 {}
+        };
+        std::thread::scope(|scope| (0..4 * cores).for_each(|_| drop(scope.spawn(busy))));
+        assert!(waited(own) > before);
     }
 }

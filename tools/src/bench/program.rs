@@ -11,15 +11,13 @@ use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement, Verb};
 
 use super::RUN;
-use super::processes::children;
+use super::processes::{children, waited};
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
+use crate::pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 use crate::send::deliver;
 
-/// The pipeline, its key, and the ports that it has in the file: that of the valves, and that of the beam.
-const PIPELINE: &str = include_str!("../../../pipeline.yaml");
-const KEY: &[u8] = include_bytes!("../../../examples/data/rig.key");
-const KEY_FILE: &str = "examples/data/rig.key";
+/// The ports in the pipeline's file: that of the valves, and that of the beam.
 const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";
@@ -33,10 +31,12 @@ const NUDGE: Duration = Duration::from_secs(4);
 /// Writes the pipeline into a folder, changed, at ports that nobody uses. Gives where datagrams for the valves go.
 pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String, Failure> {
     let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
-    let key = folder.join(KEY_FILE);
-    std::fs::create_dir_all(key.parent().unwrap_or(folder)).map_err(io)?;
-    std::fs::write(key, KEY).map_err(io)?;
-    let mut text = change(PIPELINE.to_owned());
+    for (name, bytes) in EMBEDDED_FILES {
+        let file = folder.join(name);
+        std::fs::create_dir_all(file.parent().unwrap_or(folder)).map_err(io)?;
+        std::fs::write(file, bytes).map_err(io)?;
+    }
+    let mut text = change(EMBEDDED.to_owned());
     // Held until all are chosen, so that no two are the same.
     let mut held = Vec::new();
     for port in PORTS {
@@ -157,6 +157,11 @@ impl Program {
     /// Sends a signal to one of its processes.
     pub fn signal(&self, process: &str, signal: Signal) -> Result<(), Failure> {
         kill_process(self.pid(process)?, signal).map_err(Failure::failed)
+    }
+
+    /// How long one of its processes has waited for a core so far, ns.
+    pub fn waited(&self, process: &str) -> Result<u64, Failure> {
+        self.pid(process).map(waited)
     }
 
     fn pid(&self, process: &str) -> Result<Pid, Failure> {
