@@ -21,7 +21,7 @@ pub struct Rig {
     #[command(flatten)]
     pipeline: PipelineFile,
     /// Length of the run in session time, such as `10s`. Without it, it goes on until Ctrl-C.
-    #[arg(long = "for", value_name = "TIME")]
+    #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     length: Option<String>,
     /// Folder in which the session's folder is made.
     #[arg(long, value_name = "FOLDER", default_value = "sessions")]

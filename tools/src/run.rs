@@ -28,7 +28,7 @@ pub struct Run {
     pipeline: PipelineFile,
     /// Length of the run in session time, such as `10s`. Without it a run goes on until Ctrl-C; the default pipeline
     /// ends after 20 s.
-    #[arg(long = "for", value_name = "TIME")]
+    #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     length: Option<String>,
     /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
     /// placed on none is on `main`. Without a pipeline, of the one in two programs that comes with the command.

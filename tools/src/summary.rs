@@ -193,9 +193,10 @@ fn print_session(report: &RunReport, session: &Path) {
     let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
     let size = size_of(session) as f64 / 1e6;
     println!(
-        "session {}: {size:.1} MB ({:.1} MB/s), {} parts, {} samples{}",
+        "session {}: {size:.1} MB{}, {} parts, {} samples{}",
         session.display(),
-        size / report.seconds.max(1e-9),
+        // A session of no length has no rate.
+        if report.seconds >= 1e-3 { format!(" ({:.1} MB/s)", size / report.seconds) } else { String::new() },
         report.recorded.len(),
         report.recorded.iter().map(|r| r.samples).sum::<u64>(),
         if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }

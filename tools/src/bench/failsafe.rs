@@ -7,6 +7,7 @@ use serde::Serialize;
 use stillpoint_pipeline::operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
+use super::crew;
 use super::figures::median;
 use super::folder::Folder;
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -32,6 +33,9 @@ pub struct Failsafe {
     /// One fault alone, as the table calls it.
     #[arg(long, value_name = "FAULT")]
     fault: Option<String>,
+    /// Faults that are tried at a time, each on a run of its own.
+    #[arg(long, default_value_t = 1)]
+    threads: usize,
     /// A short look: one trial of each.
     #[arg(long)]
     quick: bool,
@@ -71,10 +75,11 @@ impl Failsafe {
                 names.join(", ")
             )));
         }
-        let mut rows = Vec::new();
-        for fault in faults {
-            rows.push(row(*fault, trials, &folder.free("failsafe")?, registry)?);
-        }
+        let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
+        let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;
+        let rows = crew::each(&jobs, self.threads.max(1), |(fault, folder)| {
+            Ok(row(*fault, trials, folder, registry))
+        })?;
         if self.json {
             print_json(&rows)?;
         } else {
@@ -84,13 +89,20 @@ impl Failsafe {
     }
 }
 
-fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Result<Row, Failure> {
+fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
     let (mut ordered, mut valves, mut beam) = (Vec::new(), Vec::new(), Vec::new());
     let (mut safe, mut starved, mut first_failure) = (0, 0, None);
     let mut number = 0;
     while number < trials + starved {
-        let trial = Trial::of(fault, number as u64, folder, registry)?;
+        let trial = Trial::of(fault, number as u64, folder, registry);
         number += 1;
+        let trial = match trial {
+            Ok(trial) => trial,
+            Err(e) => {
+                first_failure.get_or_insert(format!("trial {number}: {}", e.text));
+                continue;
+            }
+        };
         let e = &trial.evidence;
         let from = match fault.due() {
             Due::PoseStale => e.last_pose_ms + FRESH_MS,
@@ -122,7 +134,7 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Resul
         valves.extend(since(e.valves_ms));
         beam.extend(since(e.beam_ms));
     }
-    Ok(Row {
+    Row {
         fault: fault.name(),
         due: fault.due(),
         trials,
@@ -132,7 +144,7 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Resul
         valves_ms: spread(&valves),
         beam_ms: spread(&beam),
         first_failure,
-    })
+    }
 }
 
 /// Median and greatest; NaN where there is nothing.

@@ -23,8 +23,10 @@ const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
 const FILE: &str = "loop.yaml";
 /// Name of the process that started the others.
 pub const SUPERVISOR: &str = "supervisor";
-/// How long a run may take to follow orders, and to end.
+/// How long a run may take to follow orders.
 const PATIENCE: Duration = Duration::from_secs(60);
+/// How long it may take to end: its recorder waits for the disk, which others may keep busy.
+const END_PATIENCE: Duration = Duration::from_secs(180);
 /// How long it is waited for the beam before a person arms once more.
 const NUDGE: Duration = Duration::from_secs(4);
 
@@ -181,7 +183,7 @@ impl Program {
         while self.child.try_wait().map_err(Failure::failed)?.is_none()
             || self.processes.iter().any(|(_, pid)| lives(pid))
         {
-            if begun.elapsed() > PATIENCE {
+            if begun.elapsed() > END_PATIENCE {
                 return Err(Failure::failed("the run does not end"));
             }
             std::thread::sleep(Duration::from_millis(5));

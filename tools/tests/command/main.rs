@@ -137,6 +137,7 @@ fn what_is_not_there_is_named_and_nothing_panics() {
         (&["send", "console.arm"], 1, "no pipeline is running"),
         (&["send", "console.amr"], 2, "arm"),
         (&["run", "--for", "10"], 2, "unit"),
+        (&["run", "--for", "-5s"], 2, "negative"),
     ] {
         let out = stillpoint(folder.path(), command);
         let said = text(&out.stderr);
