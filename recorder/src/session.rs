@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use stillpoint_samples::Entry;
+use stillpoint_samples::{Cause, Entry};
 
 use crate::account::{ClockSample, Lost};
 use crate::cache::BlockCache;
@@ -202,6 +202,19 @@ impl Session {
     /// The journals by operator, each in the order of incarnation and entry.
     pub fn journals(&self) -> &BTreeMap<String, Vec<Entry>> {
         &self.journals
+    }
+
+    /// Incarnations whose journal has no end: they died, or the recording was over before them. Operator and number.
+    pub fn unended(&self) -> Vec<(&str, u32)> {
+        let mut unended = Vec::new();
+        for (operator, entries) in &self.journals {
+            for life in entries.chunk_by(|a, b| a.head.incarnation == b.head.incarnation) {
+                if let Some(last) = life.last().filter(|e| e.cause() != Some(Cause::End)) {
+                    unended.push((operator.as_str(), last.head.incarnation));
+                }
+            }
+        }
+        unended
     }
 
     /// How the recording ended.

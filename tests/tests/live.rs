@@ -100,6 +100,8 @@ fn a_killed_process_journals_its_new_incarnation_and_downstream_sees_the_gap() {
     let report = run.stop().good();
     let session = report["session"].as_str().unwrap();
     assert_eq!(beginnings(&journal(&bench, session, "middle")).len(), 2);
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!(info["unended"], serde_json::json!([["middle", 0]]));
     // What the source sent meanwhile is stated as lost while its consumer was down.
     assert!(line(&report, "middle.queue")["down"].as_u64().unwrap() > 0, "{}", report["ledger"]);
     let seen: Vec<u64> = journal(&bench, session, "sink")

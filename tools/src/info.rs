@@ -54,6 +54,7 @@ impl Info {
                 "gaps": gaps,
                 "lost": lost,
                 "ended": ended,
+                "unended": session.unended(),
                 "topics": topics,
                 "metadata": session.metadata(),
                 "attachments": session.attachments().values().map(|a| json!({ "name": a.name, "bytes": a.bytes.len() })).collect::<Vec<_>>(),
@@ -67,6 +68,9 @@ impl Info {
             println!("{name}: {}", facts.join(", "));
         }
         println!("ended {ended}");
+        for (operator, incarnation) in session.unended() {
+            println!("`{operator}`, incarnation {incarnation}, did not end in order: its journal stops");
+        }
         println!();
         println!("{:<28} {:>9} {:>10}  type", "topic", "samples", "MB");
         for t in session.topics() {
