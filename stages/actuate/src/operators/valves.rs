@@ -50,7 +50,7 @@ pub struct ValvesParams {
     /// When the place of the cameras can be trusted.
     pub extrinsic: ExtrinsicParams,
     /// How long valves are shut before they vent: the beam's lease ends within it, and a late frame may still come.
-    #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "80 ms")]
+    #[param(unit = "ns", default = "40 ms", min = "1 ms", max = "80 ms")]
     pub lead: u64,
     /// How long all must be there again, once it vented, before commands are followed.
     #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]

@@ -103,8 +103,8 @@ fn a_person_is_heard_between_ticks() {
     let mut bench = armed("safe: hold");
     let left = bench.at(41 * MS).feed::<ConsoleCommand>(6, &(), &[command(Verb::Vent)], 0);
     assert_eq!((state(&left).state(), order(&left)), (State::Venting, Order::Hold));
-    assert_eq!(order(&bench.at(100 * MS).tick()), Order::Hold);
-    assert_eq!(order(&bench.at(101 * MS).tick()), Order::Vent);
+    assert_eq!(order(&bench.at(80 * MS).tick()), Order::Hold);
+    assert_eq!(order(&bench.at(81 * MS).tick()), Order::Vent);
 }
 
 #[test]

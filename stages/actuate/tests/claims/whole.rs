@@ -15,6 +15,8 @@ use super::sent::key;
 const MS: u64 = 1_000_000;
 /// What the way to the far end takes, ms.
 const WAY: u64 = 2;
+/// How long valves are shut before they vent, ms.
+const LEAD: u64 = 40;
 
 /// The digits of [`key`].
 const KEY: &[u8] = b"00112233445566778899aabbccddeeff0123456789abcdef0123456789abcdef";
@@ -197,7 +199,7 @@ fn every_fault_ends_the_lease_before_it_vents_and_vents_within_100_ms() {
         let off = first(&gates, 1_480, |g| g.beam == 0).unwrap();
         let vent = first(&states, 1_480, |a| a.order == 1).unwrap();
         assert!(off <= halted && off < vent, "{name}: off {off}, vent {vent}");
-        assert!(vent >= halted + 60 && vent <= case.seen + 100 - WAY, "{name}: {vent}");
+        assert!(vent >= halted + LEAD && vent <= case.seen + 100 - WAY, "{name}: {vent}");
         let (_, vented) = states.iter().find(|(ms, _)| *ms == vent).unwrap();
         assert_eq!((vented.state(), vented.reasons & case.reason), (case.state, case.reason), "{name}");
         // At the far end, too, and nothing is followed again.
@@ -369,7 +371,7 @@ fn a_pressure_above_its_limit_is_a_fault() {
     let fault = first(&states, 500, |a| a.state() == State::Fault).unwrap();
     let vent = first(&states, 500, |a| a.order == 1).unwrap();
     let (_, last) = states.last().unwrap();
-    assert_eq!((vent - fault, last.fault, last.faults), (60, ActuationReason::PRESSURE, 1));
+    assert_eq!((vent - fault, last.fault, last.faults), (LEAD, ActuationReason::PRESSURE, 1));
     // Venting lowers the estimate, too.
     assert!(last.pressure[0] < 20e3, "{}", last.pressure[0]);
 }
