@@ -215,7 +215,7 @@ impl Trial {
         match fault {
             Fault::Kill(SUPERVISOR) => e.gaps.iter().any(|gap| gap.contains("supervisor died")),
             Fault::Kill("recorder") => e.parts > 1,
-            Fault::Kill(process) => e.restarted.iter().any(|p| p == process),
+            Fault::Kill(process) => e.died.iter().any(|p| p == process),
             Fault::Stop("control") => e.reasons & Reason::GAP != 0,
             Fault::Stop("perception") | Fault::Silence => {
                 e.vents_ms.is_none() || e.reasons & (Reason::POSE_STALE | Reason::NO_POSE) != 0

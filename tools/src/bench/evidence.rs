@@ -39,8 +39,8 @@ pub struct Evidence {
     pub reasons: u32,
     /// Datagrams that the far end refused.
     pub refused: u64,
-    /// Processes that were started again, by name.
-    pub restarted: BTreeSet<String>,
+    /// Processes that did not end in order, by name.
+    pub died: BTreeSet<String>,
     /// What the session says is missing.
     pub gaps: Vec<String>,
     /// Parts of the session.
@@ -75,13 +75,9 @@ impl Evidence {
         let session = Session::open_any(&folder).map_err(Failure::failed)?;
         let tracks = Tracks::read(&session)?;
         let mut evidence = tracks.evidence(struck, struck + watched.as_nanos() as u64);
-        evidence.restarted = PROCESSES
-            .iter()
-            .filter(|(_, operator)| {
-                session.journals().get(*operator).is_some_and(|j| j.iter().any(|e| e.head.incarnation > 0))
-            })
-            .map(|(process, _)| (*process).to_owned())
-            .collect();
+        let unended = session.unended();
+        let died = PROCESSES.iter().filter(|(_, operator)| unended.iter().any(|(o, _)| o == operator));
+        evidence.died = died.map(|(process, _)| (*process).to_owned()).collect();
         if let Completeness::Gaps(gaps) = session.completeness() {
             evidence.gaps = gaps.iter().map(ToString::to_string).collect();
         }

@@ -1,7 +1,8 @@
 //! The default pipeline as a program of its own, which a bench looks at from outside, and strikes.
 
+use std::fs::File;
 use std::net::UdpSocket;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -21,6 +22,8 @@ use crate::send::deliver;
 const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";
+/// What the run says on standard error.
+const SAID: &str = "said.txt";
 /// Name of the process that started the others.
 pub const SUPERVISOR: &str = "supervisor";
 /// How long a run may take to follow orders.
@@ -53,6 +56,7 @@ pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String,
 /// A run of it. Its supervisor is a process of its own, too: it may be struck.
 pub struct Program {
     child: Child,
+    folder: PathBuf,
     /// Its processes by name.
     processes: Vec<(String, Pid)>,
 }
@@ -67,10 +71,10 @@ impl Program {
             .current_dir(folder)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(Stdio::null())
+            .stderr(File::create(folder.join(SAID)).map_err(Failure::failed)?)
             .spawn()
             .map_err(Failure::failed)?;
-        Ok(Self { child, processes: Vec::new() })
+        Ok(Self { child, folder: folder.to_owned(), processes: Vec::new() })
     }
 
     /// Which run it is.
@@ -120,7 +124,13 @@ impl Program {
                 self.processes = children(self.child.id());
                 return Ok(());
             }
-            if begun.elapsed() > PATIENCE || self.child.try_wait().map_err(Failure::failed)?.is_some() {
+            if let Some(status) = self.child.try_wait().map_err(Failure::failed)? {
+                let said = std::fs::read_to_string(self.folder.join(SAID)).unwrap_or_default();
+                return Err(Failure::failed(format!(
+                    "a run ended before it followed orders: {status}: {said}"
+                )));
+            }
+            if begun.elapsed() > PATIENCE {
                 let why = match looked {
                     Err(e) => e.text,
                     Ok(None) => "its far end says nothing".to_owned(),
