@@ -1,13 +1,12 @@
 //! The bedside as a program of its own: it outlives who controls it, and is safe when they die.
 
-use std::net::TcpListener;
 use std::path::PathBuf;
 
 use rustix::process::Signal;
 use serde_json::Value;
 use stillpoint_pipeline::clock::realtime;
 
-use crate::bench::{Bench, Running, text, wait_for};
+use crate::bench::{Bench, Running, on_free_ports, text, wait_for};
 
 const PIPELINE: &str = include_str!("../../examples/head-3dof-apart.yaml");
 const KEY: &str = include_str!("../../examples/data/rig.key");
@@ -17,16 +16,10 @@ const LIMIT: u64 = 100_000_000;
 /// The example at ports that nobody uses, with a camera of fewer pixels, and a head that is held where it is.
 fn apart(bench: &Bench) -> PathBuf {
     let camera = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";
-    let mut yaml =
-        PIPELINE.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
-    // Held until all are chosen, so that no two are the same.
-    let held: Vec<TcpListener> = (0..3).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
-    for (port, free) in ["127.0.0.1:5005", "127.0.0.1:5006", "127.0.0.1:5007"].iter().zip(&held) {
-        yaml = yaml.replace(port, &free.local_addr().unwrap().to_string());
-    }
+    let yaml = PIPELINE.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
     std::fs::create_dir(bench.path("data")).unwrap();
     std::fs::write(bench.path("data/rig.key"), KEY).unwrap();
-    std::fs::write(bench.path("apart.yaml"), yaml).unwrap();
+    std::fs::write(bench.path("apart.yaml"), on_free_ports(&yaml)).unwrap();
     bench.path("apart.yaml")
 }
 

@@ -16,6 +16,8 @@
 //! - `failsafe`: from the last order to the safe state
 //! - `ledger`: sent = received + accounted loss
 //! - `apart`: the bedside as a program of its own
+//! - `breaking`: people who break a running rig
+//! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
@@ -25,6 +27,7 @@
 mod apart;
 mod attach;
 mod bench;
+mod breaking;
 mod conformance;
 mod controllers;
 mod ending;
@@ -40,3 +43,4 @@ mod seat;
 mod seeing;
 mod tampered;
 mod traps;
+mod wire;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod case;
+mod identified;
 mod identity;
 mod loops;
 mod plan;
