@@ -29,6 +29,7 @@ pub mod head;
 pub mod nearest;
 pub mod observability;
 pub mod operator;
+mod output_frame;
 pub mod patch;
 pub mod quaternion;
 pub mod search;

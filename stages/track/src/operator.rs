@@ -1,7 +1,6 @@
 //! `track.centroid`: where the face is, as the mean of its points.
 
 use nalgebra::{Matrix3, Vector3};
-use stillpoint_pipeline::frames::Rigid;
 use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
@@ -9,6 +8,7 @@ use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{PointCloud, Pose, PoseElement, Sample};
 
 use crate::centroid::centroid;
+use crate::output_frame::output_from_face;
 
 const FACE: usize = 0;
 const POSITION: usize = 0;
@@ -54,19 +54,7 @@ impl Operator for TrackCentroid {
     };
 
     fn new(params: CentroidParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let from = setup.input_frames.first().and_then(Option::as_deref);
-        let to = setup.output_frames.first().and_then(Option::as_deref);
-        let rigid = match (to, from) {
-            (Some(to), Some(from)) if to != from => setup.transform(to, from).ok_or_else(|| {
-                SetupError(format!("place `{from}` and `{to}` in `frames` so that both hang on one root"))
-            })?,
-            (Some(to), None) => {
-                return Err(SetupError(format!(
-                    "its face is in no frame, so it cannot be brought into `{to}`: remove `frame`"
-                )));
-            }
-            _ => Rigid::IDENTITY,
-        };
+        let rigid = output_from_face(setup)?;
         Ok(Self {
             shared: params.shared_sd * params.shared_sd,
             rotation: Matrix3::from_fn(|i, j| rigid.rotation[i][j]),

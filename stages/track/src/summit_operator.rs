@@ -7,6 +7,7 @@ use stillpoint_pipeline::operator::{
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{PointCloud, Pose, PoseElement, Sample};
 
+use crate::output_frame::output_from_face;
 use crate::summit::SummitFinder;
 
 const FACE: usize = 0;
@@ -74,19 +75,7 @@ impl Operator for TrackSummit {
     };
 
     fn new(params: SummitParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let from = setup.input_frames.first().and_then(Option::as_deref);
-        let to = setup.output_frames.first().and_then(Option::as_deref);
-        let output_from_face = match (to, from) {
-            (Some(to), Some(from)) if to != from => setup.transform(to, from).ok_or_else(|| {
-                SetupError(format!("place `{from}` and `{to}` in `frames` so that both hang on one root"))
-            })?,
-            (Some(to), None) => {
-                return Err(SetupError(format!(
-                    "its face is in no frame, so it cannot be brought into `{to}`: remove `frame`"
-                )));
-            }
-            _ => Rigid::IDENTITY,
-        };
+        let output_from_face = output_from_face(setup)?;
         Ok(Self { params, output_from_face, finder: SummitFinder::default(), points: Vec::new() })
     }
 

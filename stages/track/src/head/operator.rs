@@ -14,6 +14,7 @@ use stillpoint_samples::{
 use super::params::{CaptureBy, HeadParams, Method, Origin};
 use super::report;
 use crate::capture::Capture;
+use crate::output_frame::output_from_face;
 use crate::quaternion::PairedPose;
 use crate::tracker::{HeadTracker, TrackedPose};
 use crate::uncertainty::{Uncertainty, of_three_points};
@@ -109,19 +110,7 @@ impl Operator for TrackHead {
                     .into(),
             ));
         }
-        let from = setup.input_frames.first().and_then(Option::as_deref);
-        let to = setup.output_frames.first().and_then(Option::as_deref);
-        let output_from_face = match (to, from) {
-            (Some(to), Some(from)) if to != from => setup.transform(to, from).ok_or_else(|| {
-                SetupError(format!("place `{from}` and `{to}` in `frames` so that both hang on one root"))
-            })?,
-            (Some(to), None) => {
-                return Err(SetupError(format!(
-                    "its face is in no frame, so it cannot be brought into `{to}`: remove `frame`"
-                )));
-            }
-            _ => Rigid::IDENTITY,
-        };
+        let output_from_face = output_from_face(setup)?;
         let mut tracker = HeadTracker::new(params.tracking());
         let mut capture = Capture::new(params.capture_frames, params.max_points as usize);
         match &params.reference {
