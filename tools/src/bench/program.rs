@@ -1,9 +1,10 @@
 //! The default pipeline as a program of its own, which a bench looks at from outside, and strikes.
 
 use std::fs::File;
-use std::net::UdpSocket;
+use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -20,6 +21,8 @@ use crate::send::deliver;
 
 /// The ports in the pipeline's file: that of the valves, and that of the beam.
 const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
+/// Their address.
+const HERE: &str = "127.0.0.1";
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";
 /// What the run says on standard error.
@@ -33,7 +36,8 @@ const END_PATIENCE: Duration = Duration::from_secs(180);
 /// How long it is waited for the beam before a person arms once more.
 const NUDGE: Duration = Duration::from_secs(4);
 
-/// Writes the pipeline into a folder, changed, at ports that nobody uses. Gives where datagrams for the valves go.
+/// Writes the pipeline into a folder, changed, at an address that no other run has. Gives where datagrams for the valves
+/// go.
 pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String, Failure> {
     let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
     for (name, bytes) in EMBEDDED_FILES {
@@ -41,16 +45,22 @@ pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String,
         std::fs::create_dir_all(file.parent().unwrap_or(folder)).map_err(io)?;
         std::fs::write(file, bytes).map_err(io)?;
     }
+    let address = own_address().to_string();
     let mut text = change(EMBEDDED.to_owned());
-    // Held until all are chosen, so that no two are the same.
-    let mut held = Vec::new();
     for port in PORTS {
-        let socket = UdpSocket::bind("127.0.0.1:0").map_err(io)?;
-        text = text.replace(port, &socket.local_addr().map_err(io)?.to_string());
-        held.push(socket);
+        text = text.replace(port, &port.replace(HERE, &address));
     }
     std::fs::write(folder.join(FILE), text).map_err(io)?;
-    held[0].local_addr().map(|a| a.to_string()).map_err(io)
+    Ok(PORTS[0].replace(HERE, &address))
+}
+
+/// An address of this machine's loopback network that no other run has: a port that was free a moment ago may be
+/// somebody else's by the time it is bound.
+fn own_address() -> Ipv4Addr {
+    static RUNS: AtomicU32 = AtomicU32::new(0);
+    let [.., high, low] = std::process::id().to_be_bytes();
+    let run = RUNS.fetch_add(1, Ordering::Relaxed) % 250;
+    Ipv4Addr::new(127, high, low, 1 + run as u8)
 }
 
 /// A run of it. Its supervisor is a process of its own, too: it may be struck.
