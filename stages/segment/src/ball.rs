@@ -28,6 +28,8 @@ pub const BALLS: usize = 8;
 const REFINEMENTS: usize = 6;
 /// A step shorter than this is the last one, m.
 const STILL: f64 = 1e-5;
+/// In middle radii: a refinement mostly ends so far from its start, and looks at no patch farther from it.
+const STRAY: f64 = 1.0;
 /// Cells at most: a scene that is wider gets wider cells.
 const MAX_CELLS: f64 = 3e5;
 
@@ -40,6 +42,8 @@ pub struct BallSearch {
     voted: Vec<u32>,
     /// Cells with many votes.
     full: Vec<u32>,
+    /// Patches that may speak for a ball around the start of a refinement.
+    close: Vec<u32>,
     balls: Vec<Ball>,
 }
 
@@ -101,6 +105,7 @@ impl BallSearch {
     pub fn balls(&self) -> &[Ball] {
         &self.balls
     }
+
     /// The balls of a radius between the two (metres) that `patches` speak for, the one with the most votes first, in
     /// different places: at most [`BALLS`].
     pub fn find(&mut self, patches: &[Patch], radii: [f64; 2]) -> &[Ball] {
@@ -133,7 +138,7 @@ impl BallSearch {
             let Some(cell) = self.best(&cells) else { break };
             let start = cells.middle(cell);
             self.clear_around(&cells, &start, middle);
-            let Some(ball) = refine(patches, start, radii) else { continue };
+            let Some(ball) = refine(patches, &mut self.close, start, radii) else { continue };
             // Two starts may lead to one place.
             if self.balls.iter().all(|other| (other.centre - ball.centre).norm() > middle / 2.0) {
                 self.balls.push(ball);
@@ -182,16 +187,31 @@ impl BallSearch {
 }
 
 /// The point nearest to the normals of those patches that speak for it, and their mean distance.
-fn refine(patches: &[Patch], start: Vector3<f64>, [least, greatest]: [f64; 2]) -> Option<Ball> {
-    let near = NEAR * (least + greatest) / 2.0;
+fn refine(
+    patches: &[Patch],
+    close: &mut Vec<u32>,
+    start: Vector3<f64>,
+    [least, greatest]: [f64; 2],
+) -> Option<Ball> {
+    let middle = (least + greatest) / 2.0;
+    let near = NEAR * middle;
     let farthest = greatest * greatest + near * near;
-    let mut ball = Ball { centre: start, radius: (least + greatest) / 2.0, voters: 0 };
+    let stray = STRAY * middle;
+    let mut ball = Ball { centre: start, radius: middle, voters: 0 };
+    let mut around = None;
     for _ in 0..REFINEMENTS {
+        // Most patches are of other things, wherever the centre goes from here.
+        if around.is_none_or(|around: Vector3<f64>| (around - ball.centre).norm() > stray) {
+            let reach = (farthest.sqrt() + stray) * (1.0 + 1e-9);
+            let is_close = |patch: &Patch| (patch.place - ball.centre).norm_squared() < reach * reach;
+            close.clear();
+            close.extend((0..).zip(patches).filter(|(_, patch)| is_close(patch)).map(|(number, _)| number));
+            around = Some(ball.centre);
+        }
         let (mut across, mut feet) = (Matrix3::zeros(), Vector3::zeros());
         let (mut distances, mut voters) = (0.0, 0);
-        for patch in patches {
+        for patch in close.iter().map(|&number| &patches[number as usize]) {
             let from_centre = patch.place - ball.centre;
-            // Most patches are of other things.
             if from_centre.norm_squared() > farthest {
                 continue;
             }

@@ -1,4 +1,6 @@
-//! Cells of a regular grid, numbered in the order in which they are first seen.
+//! Cells of a regular grid, and points sorted into them.
+
+use crate::cell_index::CellIndex;
 
 /// Cell coordinates are less than this, in each direction of each axis; 21 bits of a key each.
 const REACH: i32 = 1 << 20;
@@ -10,6 +12,10 @@ pub(crate) struct CellKey(u64);
 impl CellKey {
     /// Cells at each end of an axis in which no point lies: so far, a step leads from key to key by adding.
     pub const FREE: u64 = 3;
+    /// A point nearer to the origin than so many cells lies in the grid.
+    pub const INNER: f64 = (REACH as u64 - 2 * Self::FREE) as f64;
+    /// The key of no cell.
+    pub const NONE: Self = Self(u64::MAX);
     /// The key of the next cell along x, less that of this one.
     pub const STEP_X: u64 = 1 << 42;
     /// The same along y; along z it is 1.
@@ -19,16 +25,37 @@ impl CellKey {
     /// before the end of a cell by less than 2^-21 of its width counts to the next one.
     #[inline]
     pub fn of(point: [f32; 3], inverse_side: f64) -> Option<Self> {
-        // In numbers of this size the last bit is 1: adding it rounds, and leaves a whole number in the low bits.
-        const WHOLE: f64 = (1_u64 << 52) as f64;
-        const HALF: f64 = 0.5 - 1.0 / (1 << 21) as f64;
         const LEAST: f64 = CellKey::FREE as f64;
         const MOST: f64 = (2 * REACH as u64 - CellKey::FREE) as f64;
         let shifted = point.map(|c| f64::from(c) * inverse_side + f64::from(REACH));
         // Written so that NaN is outside.
         let inside = shifted.iter().all(|c| *c >= LEAST && *c < MOST);
-        let [x, y, z] = shifted.map(|c| (c - HALF + WHOLE).to_bits() & (2 * REACH as u64 - 1));
-        inside.then_some(Self(x << 42 | y << 21 | z))
+        inside.then(|| Self::of_inner(point, inverse_side))
+    }
+
+    /// As [`of`](Self::of), of a point less than [`INNER`](Self::INNER) cells from the origin; of any other, some cell.
+    #[inline]
+    pub fn of_inner(point: [f32; 3], inverse_side: f64) -> Self {
+        // In numbers of this size the last bit is 1: adding it rounds, and leaves a whole number in the low bits.
+        const WHOLE: f64 = (1_u64 << 52) as f64;
+        const SHIFT: f64 = REACH as f64 - (0.5 - 1.0 / (1 << 21) as f64);
+        let rounded = point.map(|c| f64::from(c) * inverse_side + SHIFT + WHOLE);
+        let [x, y, z] = rounded.map(|c| c.to_bits() & (2 * REACH as u64 - 1));
+        Self(x << 42 | y << 21 | z)
+    }
+
+    /// The block of 8 x 4 x 8 cells that a cell is in, and its place there.
+    #[inline]
+    pub fn split(self) -> (Self, usize) {
+        const WITHIN: u64 = 7 << 42 | 3 << 21 | 7;
+        let within = self.0 >> 37 & 7 << 5 | self.0 >> 18 & 3 << 3 | self.0 & 7;
+        (Self(self.0 & !WITHIN), within as usize)
+    }
+
+    /// A number whose high half is well mixed (Fibonacci hashing).
+    #[inline]
+    pub fn mixed(self) -> u64 {
+        self.0.wrapping_mul(0x9e37_79b9_7f4a_7c15)
     }
 
     /// Whether two cells share a face, an edge or a corner, or are the same.
@@ -51,82 +78,6 @@ impl CellKey {
     pub fn offset(self, by: [i32; 3]) -> Self {
         let [x, y, z] = by.map(|steps| i64::from(steps) as u64);
         self.plus(x.wrapping_mul(Self::STEP_X).wrapping_add(y.wrapping_mul(Self::STEP_Y)).wrapping_add(z))
-    }
-}
-
-/// An open-addressing table from cells to their numbers: 0, 1, 2 in the order of first insertion.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct CellIndex {
-    keys: Vec<CellKey>,
-    /// Number plus one, 0 for an empty slot; the length is a power of two.
-    slots: Vec<u32>,
-}
-
-impl CellIndex {
-    /// Forgets all cells and keeps the memory.
-    pub fn clear(&mut self) {
-        self.keys.clear();
-        self.slots.fill(0);
-    }
-
-    pub fn len(&self) -> usize {
-        self.keys.len()
-    }
-
-    pub fn keys(&self) -> &[CellKey] {
-        &self.keys
-    }
-
-    /// The cell's number; a new one where it was not there.
-    #[inline]
-    pub fn insert(&mut self, key: CellKey) -> u32 {
-        if self.keys.len() * 2 >= self.slots.len() {
-            self.grow();
-        }
-        let slot = self.slot(key);
-        if self.slots[slot] == 0 {
-            self.keys.push(key);
-            self.slots[slot] = self.keys.len() as u32;
-        }
-        self.slots[slot] - 1
-    }
-
-    /// The cell's number, if it is there.
-    #[inline]
-    pub fn get(&self, key: CellKey) -> Option<u32> {
-        if self.slots.is_empty() {
-            return None;
-        }
-        self.slots[self.slot(key)].checked_sub(1)
-    }
-
-    /// The slot that holds `key` or would.
-    #[inline]
-    fn slot(&self, key: CellKey) -> usize {
-        let mask = self.slots.len() - 1;
-        // Cells that follow each other along x, as in a row of an image, share a cache line: eight have one home. Fibonacci
-        // hashing mixes the rest: the high bits of the product are well mixed.
-        let within = (key.0 >> 42) as usize & 7;
-        let home = ((key.0 & !(7 << 42)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize & !7;
-        let mut slot = (home | within) & mask;
-        loop {
-            let number = self.slots[slot];
-            if number == 0 || self.keys[number as usize - 1] == key {
-                return slot;
-            }
-            slot = (slot + 1) & mask;
-        }
-    }
-
-    #[cold]
-    fn grow(&mut self) {
-        let length = (self.slots.len() * 2).max(1 << 12);
-        self.slots.clear();
-        self.slots.resize(length, 0);
-        for number in 0..self.keys.len() {
-            let slot = self.slot(self.keys[number]);
-            self.slots[slot] = number as u32 + 1;
-        }
     }
 }
 
@@ -190,19 +141,6 @@ impl SortedCells {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn cells_are_numbered_by_first_sight_through_growth() {
-        let mut index = CellIndex::default();
-        let key = |i: u32| CellKey::of([i as f32, -(i as f32), 0.5], 1.0).unwrap();
-        for i in 0..20_000 {
-            assert_eq!(index.insert(key(i)), i);
-        }
-        for i in 0..20_000 {
-            assert_eq!((index.insert(key(i)), index.get(key(i))), (i, Some(i)));
-        }
-        assert_eq!(index.get(CellKey::of([0.0, 0.0, -1.0], 1.0).unwrap()), None);
-    }
 
     #[test]
     fn cells_are_half_open_on_both_sides_of_zero() {

@@ -92,18 +92,16 @@ impl HeadFinder {
         Self::default()
     }
 
-    /// Finds the head among `voxels` (metres) over `plane`; `seen` are pairs of voxels that are seen beside each other
-    /// in the camera's image. Says whether anything has the size and roundness of a head.
-    pub fn find(
-        &mut self,
-        voxels: &[[f32; 3]],
-        seen: &[[u32; 2]],
-        plane: &Plane,
-        params: &HeadParams,
-    ) -> bool {
+    /// Gathers `voxels` (metres), `leaf` metres wide, into patches; says for each voxel which patch it is in.
+    pub fn gather(&mut self, voxels: &[[f32; 3]], leaf: f64) -> &[u32] {
+        self.surface.gather(voxels, PATCH * leaf);
+        self.surface.patch_of_voxel()
+    }
+
+    /// Finds the head over `plane` among the patches that were gathered last; `seen` are pairs of patches that are seen
+    /// beside each other in the camera's image. Says whether anything has the size and roundness of a head.
+    pub fn find(&mut self, seen: &[[u32; 2]], plane: &Plane, params: &HeadParams) -> bool {
         self.head.clear();
-        let side = PATCH * params.leaf;
-        self.surface.gather(voxels, side);
         let radii = SIZES.map(|size| size * params.radius);
         let height = |ball: &Ball| plane.normal.dot(&ball.centre);
         // Where several things are round, such as pads and shoulders, the head lies on or over them.
@@ -141,12 +139,10 @@ impl HeadFinder {
     fn collect_edges(&mut self, seen: &[[u32; 2]], params: &HeadParams) {
         self.edges.clear();
         self.edges.extend_from_slice(self.surface.borders());
-        let patch_of_voxel = self.surface.patch_of_voxel();
         let patches = self.surface.patches();
-        for pair in seen {
-            let [a, b] = pair.map(|voxel| patch_of_voxel[voxel as usize]);
-            // Most pairs are of one patch, or of neighbours.
-            if a == b || self.surface.are_neighbours(a, b) {
+        for &[a, b] in seen {
+            // Most are neighbours.
+            if self.surface.are_neighbours(a, b) {
                 continue;
             }
             let apart = (patches[a as usize].place - patches[b as usize].place).norm();
@@ -162,10 +158,13 @@ impl HeadFinder {
         self.hills.measure(patches, plane);
         // Where one thing hides a part of another, a pixel's step leads over the valley between them: no such steps yet.
         self.hills.find(self.surface.borders());
+        self.hills.part(radius);
         let (balls, hills) = (self.search.balls(), &mut self.hills);
-        let found = [cranium, face].into_iter().find_map(|ball| {
+        // Often they are one.
+        let face_too = (face != cranium).then_some(face);
+        let found = [cranium].into_iter().chain(face_too).find_map(|ball| {
             hills.tell(patches, &ball, plane, radius);
-            let neck = Neck::of_face(hills.own(patches, radius), &ball, plane, radius);
+            let neck = Neck::of_face(hills.own(patches), &ball, plane, radius);
             Some((ball, neck.or_else(|| Neck::of_balls(balls, &ball, plane, params))?))
         });
         self.neck = found.map(|(_, neck)| neck);
@@ -204,9 +203,15 @@ impl HeadFinder {
         }
         let crease = CREASE * side;
         for (number, &[a, b]) in self.edges.iter().enumerate() {
-            let [p, q] = [a, b].map(|patch| patches[patch as usize].bend.max(0.0));
-            let capacity = if number < borders { FLAT * libm::exp(-(p + q) / 2.0 / crease) } else { SEEN };
-            self.graph.join(a, b, capacity as u32 + 1);
+            self.graph.join(a, b, || {
+                let bent: f64 = [a, b].iter().map(|&patch| patches[patch as usize].bend.max(0.0)).sum();
+                let capacity = match number < borders {
+                    true if bent > 0.0 => FLAT * libm::exp(-bent / 2.0 / crease),
+                    true => FLAT,
+                    false => SEEN,
+                };
+                capacity as u32 + 1
+            });
         }
     }
 

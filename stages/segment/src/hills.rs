@@ -20,7 +20,6 @@ const AROUND: f64 = 0.4;
 /// The summits of a frame with their buffers; after the first frames of a size they allocate nothing.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Hills {
-    heights: Vec<f64>,
     summits: Summits,
     /// For each patch whether it is the summit of another thing.
     is_other: Vec<bool>,
@@ -30,18 +29,22 @@ pub(crate) struct Hills {
 impl Hills {
     /// Measures the heights of `patches` over `plane`.
     pub fn measure(&mut self, patches: &[Patch], plane: &Plane) {
-        self.heights.clear();
-        self.heights.extend(patches.iter().map(|patch| plane.normal.dot(&patch.place) + plane.offset));
+        self.summits.measure(patches.iter().map(|patch| plane.normal.dot(&patch.place) + plane.offset));
     }
 
     /// Height of each patch over the plane in metres.
     pub fn heights(&self) -> &[f64] {
-        &self.heights
+        self.summits.heights()
     }
 
     /// Finds the summits of what hangs together by `edges`.
     pub fn find(&mut self, edges: &[[u32; 2]]) {
-        self.summits.find(&self.heights, edges, PATCHES);
+        self.summits.find(edges, PATCHES);
+    }
+
+    /// Parts the patches among the summits. `radius` is that of the adult head in metres.
+    pub fn part(&mut self, radius: f64) {
+        self.summits.part(SUMMIT * radius);
     }
 
     /// Tells the summits of other things from those of the head in `ball`. `radius` is that of the adult head in metres.
@@ -54,14 +57,9 @@ impl Hills {
     }
 
     /// The patches that belong to none of the summits of other things.
-    pub fn own<'a>(
-        &'a mut self,
-        patches: &'a [Patch],
-        radius: f64,
-    ) -> impl Iterator<Item = &'a Patch> + Clone {
-        let basins = self.summits.basins(&self.heights, SUMMIT * radius);
-        let own = patches.iter().zip(basins).filter(|(_, summit)| !self.is_other[**summit as usize]);
-        own.map(|(patch, _)| patch)
+    pub fn own<'a>(&'a self, patches: &'a [Patch]) -> impl Iterator<Item = &'a Patch> + Clone {
+        let all = patches.iter().zip(self.summits.basins());
+        all.filter(|(_, summit)| !self.is_other[**summit as usize]).map(|(patch, _)| patch)
     }
 
     /// Marks what lies around the summits of other things, but those that `is_head` says are the head's.

@@ -24,6 +24,7 @@
 //! - [`findings`]: what that operator says about a frame.
 
 pub mod ball;
+mod cell_index;
 mod cells;
 pub mod cloud;
 pub mod cluster;

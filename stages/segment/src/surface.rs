@@ -4,7 +4,8 @@
 //! the cells around it; its bend is how far these lie on average before the patch along that normal: positive in a
 //! crease, negative on a ridge.
 
-use crate::cells::{CellIndex, CellKey};
+use crate::cell_index::CellIndex;
+use crate::cells::CellKey;
 use crate::plane::vector;
 use crate::sweep::Sweep;
 use nalgebra::{Matrix3, Vector3};

@@ -1,37 +1,18 @@
 //! Voxel grid: one centroid for the points of each cubic cell.
 
-use crate::cells::{CellIndex, CellKey};
+use crate::cell_index::CellIndex;
+use crate::cells::CellKey;
 use crate::cloud::Cloud;
 
 /// Marks a point that fell into no cell.
 pub const NO_VOXEL: u32 = u32::MAX;
 
-/// Sums over the points of a voxel.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    x: f64,
-    y: f64,
-    z: f64,
-    count: u32,
-}
+/// Points that are looked at together.
+const PIECE: usize = 128;
 
-impl Sums {
-    /// Adds a run of points to the sums of a voxel: of one that is there, or of the next one.
-    fn add_to(&self, voxels: &mut Vec<Self>, voxel: u32) {
-        if self.count == 0 {
-            return;
-        }
-        match voxels.get_mut(voxel as usize) {
-            Some(sums) => {
-                sums.x += self.x;
-                sums.y += self.y;
-                sums.z += self.z;
-                sums.count += self.count;
-            }
-            None => voxels.push(*self),
-        }
-    }
-}
+/// Sums over the points of a voxel: x, y, z, and how many they are.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums([f64; 4]);
 
 /// A voxel grid with its buffers; after the first frames of a size, [`downsample`](Self::downsample) allocates nothing.
 #[derive(Debug, Clone, Default)]
@@ -60,48 +41,38 @@ impl VoxelGrid {
         index.clear();
         voxels.clear();
         voxel_of_point.clear();
-        voxel_of_point.resize(cloud.points.len(), NO_VOXEL);
         let inverse_leaf = 1.0 / leaf;
-        let range_squared = (range_max * range_max) as f32;
-        // Neighbouring pixels mostly share a cell: sums over such a run stay at hand until it ends.
-        let (mut last, mut last_key, mut run) = (NO_VOXEL, None, Sums::default());
-        let (mut before, mut before_key) = (NO_VOXEL, None);
-        for (place, &point) in cloud.points.iter().enumerate() {
-            let [x, y, z] = point;
-            // Not within range, written so that NaN is outside.
-            let within = x * x + y * y + z * z <= range_squared;
-            let key = if within { CellKey::of(point, inverse_leaf) } else { None };
-            let Some(found) = key else { continue };
-            if key != last_key {
-                run.add_to(voxels, last);
-                run = Sums::default();
-                // Noise goes to and fro between two cells; else the pixel above is the most likely to share one.
-                let above = || place.checked_sub(cloud.width).and_then(|above| voxel_of_point.get(above));
-                let voxel = if key == before_key {
-                    before
-                } else {
-                    match above() {
-                        Some(&above) if index.keys().get(above as usize) == Some(&found) => above,
-                        _ => index.insert(found),
-                    }
-                };
-                (before, before_key) = (last, last_key);
-                last = voxel;
-                last_key = key;
+        // Beyond this the grid may end.
+        let range = range_max.min(CellKey::INNER * leaf);
+        let range_squared = ((range * range) as f32).min(f32::MAX);
+        // In pieces and in three passes over each, so that a wrong guess of the processor in one does not hold up another.
+        let mut keys = [CellKey::NONE; PIECE];
+        for points in cloud.points.chunks(PIECE) {
+            for (key, &point) in keys.iter_mut().zip(points) {
+                let [x, y, z] = point;
+                let found = CellKey::of_inner(point, inverse_leaf);
+                // Written so that NaN is outside.
+                *key = if x * x + y * y + z * z <= range_squared { found } else { CellKey::NONE };
             }
-            voxel_of_point[place] = last;
-            run.x += f64::from(x);
-            run.y += f64::from(y);
-            run.z += f64::from(z);
-            run.count += 1;
+            let first = voxel_of_point.len();
+            for &key in &keys[..points.len()] {
+                voxel_of_point.push(if key == CellKey::NONE { NO_VOXEL } else { index.insert(key) });
+            }
+            voxels.resize(index.len(), Sums::default());
+            for (&voxel, &[x, y, z]) in voxel_of_point[first..].iter().zip(points) {
+                if let Some(sums) = voxels.get_mut(voxel as usize) {
+                    let point = [f64::from(x), f64::from(y), f64::from(z), 1.0];
+                    sums.0.iter_mut().zip(point).for_each(|(sum, value)| *sum += value);
+                }
+            }
         }
-        run.add_to(voxels, last);
         self.centroids.clear();
         self.counts.clear();
         for sums in &self.voxels {
-            let inverse = 1.0 / f64::from(sums.count);
-            self.centroids.push([sums.x, sums.y, sums.z].map(|s| (s * inverse) as f32));
-            self.counts.push(sums.count);
+            let [x, y, z, count] = sums.0;
+            let inverse = 1.0 / count;
+            self.centroids.push([x, y, z].map(|s| (s * inverse) as f32));
+            self.counts.push(count as u32);
         }
     }
 

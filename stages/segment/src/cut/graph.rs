@@ -51,11 +51,11 @@ impl Graph {
         };
     }
 
-    pub fn join(&mut self, a: u32, b: u32, capacity: u32) {
+    pub fn join(&mut self, a: u32, b: u32, capacity: impl FnOnce() -> u32) {
         let [at_a, at_b] = [a, b].map(|node| self.rest[node as usize]);
         // What cannot be on two sides is never cut.
         if a != b && !(at_a.abs() == UNLIMITED && at_a == at_b) {
-            self.edges.push((a, b, capacity));
+            self.edges.push((a, b, capacity()));
         }
     }
 

@@ -33,15 +33,15 @@ proptest! {
         graph.lean(0, Lean::Cost(9));
         graph.lean(1, Lean::Cost(-9));
         graph.lean(2, Lean::Sink);
-        graph.join(0, 1, 7);
-        graph.join(2, 1, 7);
+        graph.join(0, 1, || 7);
+        graph.join(2, 1, || 7);
         graph.cut();
         graph.start(nodes as usize);
         for (node, &lean) in leans.iter().enumerate() {
             graph.lean(node as u32, lean);
         }
         for &(a, b, capacity) in &edges {
-            graph.join(a, b, capacity);
+            graph.join(a, b, || capacity);
         }
         let found = graph.cut();
         let least = (0..1_u32 << nodes).map(|set| cost(&|n| set >> n & 1 == 1)).min().unwrap();

@@ -61,8 +61,8 @@ impl MinCut {
         self.graph.lean(node, lean);
     }
 
-    /// Joins two nodes: to part them costs `capacity`.
-    pub fn join(&mut self, a: u32, b: u32, capacity: u32) {
+    /// Joins two nodes: to part them costs `capacity`, which is asked for only where they may be parted.
+    pub fn join(&mut self, a: u32, b: u32, capacity: impl FnOnce() -> u32) {
         self.graph.join(a, b, capacity);
     }
 

@@ -3,12 +3,14 @@
 //! - `params`: what the chain needs to know.
 //! - `seen`: what it found in a frame, or why not.
 //! - `segmenter`: the chain.
-//! - `pairs`: which voxels are seen beside each other.
+//! - `support`: the plane that the head lies on.
+//! - `pairs`: which patches are seen beside each other.
 
 mod pairs;
 mod params;
 mod seen;
 mod segmenter;
+mod support;
 
 pub use params::{FaceParams, ParamError, Rule};
 pub use seen::{Rejection, Seen, Step};

@@ -1,4 +1,4 @@
-//! Which voxels are seen beside each other.
+//! Which patches are seen beside each other.
 
 use crate::cloud::Cloud;
 use crate::voxel::NO_VOXEL;
@@ -11,7 +11,7 @@ const STRIDE: usize = 2;
 /// Where a walk along a row or a column of the image is.
 #[derive(Debug, Clone, Copy)]
 struct Walk {
-    /// The last voxel's place, or [`NO_VOXEL`] where that is not among them.
+    /// The last pixel's patch, or [`NO_VOXEL`] where it is in none.
     last: u32,
     /// Pixels since that were not measured.
     blind: u32,
@@ -20,21 +20,21 @@ struct Walk {
 impl Walk {
     const START: Self = Self { last: NO_VOXEL, blind: 0 };
 
-    /// The next pixel. `place` is `None` where it was not measured.
+    /// The next pixel. `patch` is `None` where it was not measured.
     #[inline]
-    fn step(&mut self, place: Option<u32>, pairs: &mut Vec<[u32; 2]>) {
-        let Some(place) = place else {
+    fn step(&mut self, patch: Option<u32>, pairs: &mut Vec<[u32; 2]>) {
+        let Some(patch) = patch else {
             self.blind += 1;
             return;
         };
-        if self.last != NO_VOXEL && place != NO_VOXEL && self.last != place && self.blind <= BLIND {
-            pairs.push([self.last, place]);
+        if self.last != patch && self.last != NO_VOXEL && patch != NO_VOXEL && self.blind <= BLIND {
+            pairs.push([self.last, patch]);
         }
-        *self = Self { last: place, blind: 0 };
+        *self = Self { last: patch, blind: 0 };
     }
 }
 
-/// Finds pairs of voxels that are seen beside each other; after the first frames of a size it allocates nothing.
+/// Finds pairs of patches that are seen beside each other; after the first frames of a size it allocates nothing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PairsSeen {
     columns: Vec<Walk>,
@@ -42,24 +42,24 @@ pub(super) struct PairsSeen {
 }
 
 impl PairsSeen {
-    /// Pairs of places between which nothing else is seen, in every second row and column of the cloud's image; a pair
-    /// comes as often as it is seen. `place_of_voxel` is [`NO_VOXEL`] for a voxel that is of no interest.
-    pub fn find(&mut self, cloud: Cloud<'_>, voxel_of_point: &[u32], place_of_voxel: &[u32]) -> &[[u32; 2]] {
+    /// Pairs of patches between which nothing else is seen, in every second row and column of the cloud's image; a pair
+    /// comes as often as it is seen. `patch_of_voxel` is [`NO_VOXEL`] for a voxel that is in none.
+    pub fn find(&mut self, cloud: Cloud<'_>, voxel_of_point: &[u32], patch_of_voxel: &[u32]) -> &[[u32; 2]] {
         self.pairs.clear();
         if cloud.width == 0 {
             return &self.pairs;
         }
         self.columns.clear();
         self.columns.resize(cloud.width.div_ceil(STRIDE), Walk::START);
-        let place = |voxel: u32| place_of_voxel.get(voxel as usize).copied();
+        let patch = |voxel: u32| patch_of_voxel.get(voxel as usize).copied();
         // Row by row, as the image lies in memory, with the walks down the columns side by side.
         for (v, row) in voxel_of_point.chunks_exact(cloud.width).enumerate() {
             if v % STRIDE == 0 {
                 let mut walk = Walk::START;
-                row.iter().for_each(|&voxel| walk.step(place(voxel), &mut self.pairs));
+                row.iter().for_each(|&voxel| walk.step(patch(voxel), &mut self.pairs));
             }
             for (walk, &voxel) in self.columns.iter_mut().zip(row.iter().step_by(STRIDE)) {
-                walk.step(place(voxel), &mut self.pairs);
+                walk.step(patch(voxel), &mut self.pairs);
             }
         }
         &self.pairs

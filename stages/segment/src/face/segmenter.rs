@@ -3,11 +3,11 @@
 use super::pairs::PairsSeen;
 use super::params::{FaceParams, ParamError, Rule, check};
 use super::seen::{Rejection, Seen, Step};
+use super::support::Support;
 use crate::cloud::Cloud;
 use crate::cluster::EuclideanClusters;
 use crate::head::{HeadFinder, HeadParams};
-use crate::hull::ConvexHull;
-use crate::mlesac::{Beneath, Mlesac, MlesacParams, PlaneFit};
+use crate::mlesac::PlaneFit;
 use crate::mls::MovingLeastSquares;
 use crate::outliers::OutlierFilter;
 use crate::plane::Plane;
@@ -17,16 +17,6 @@ use rand::Rng;
 
 /// In head radii: so far beyond the hull a head and what it touches are looked for.
 const BEYOND: f64 = 2.5;
-/// A plane with this part of its inliers' number beneath it, within its hull, supports nothing.
-const BENEATH: f64 = 0.15;
-
-/// A couch over a floor shows at least this part of what the floor shows, and is as level within this angle in radians.
-const COUCH: f64 = 0.15;
-const LEVEL: f64 = 0.3;
-
-/// So many times more planes are drawn at most where no frame before had one.
-const FIRST: u32 = 8;
-
 /// The chain with its buffers; after the first frames of a size it allocates nothing.
 #[derive(Debug, Clone)]
 pub struct FaceSegmenter {
@@ -36,18 +26,17 @@ pub struct FaceSegmenter {
     /// Voxels of this frame that were outliers.
     removed: usize,
     mls: MovingLeastSquares,
-    mlesac: Mlesac,
-    /// The plane of the last frame that had one.
-    prior: Option<Plane>,
-    /// For each voxel its height over the plane.
-    heights: Vec<f64>,
-    hull: ConvexHull,
+    support: Support,
     clusters: EuclideanClusters,
     table: ClusterRows,
     above: Vec<[f32; 3]>,
+    /// For each place in `above` the height over the plane and the margin to the hull's edge.
+    stand: Vec<[f64; 2]>,
     /// For each voxel its place in `above`, or [`NO_VOXEL`].
     place_above: Vec<u32>,
     head: HeadFinder,
+    /// For each voxel the patch that it is in, or [`NO_VOXEL`].
+    patches: Vec<u32>,
     /// For each place in `above`.
     is_face: Vec<bool>,
     pairs: PairsSeen,
@@ -69,15 +58,14 @@ impl FaceSegmenter {
             outliers: OutlierFilter::new(),
             removed: 0,
             mls: MovingLeastSquares::new(),
-            mlesac: Mlesac::new(),
-            prior: None,
-            heights: Vec::new(),
-            hull: ConvexHull::new(),
+            support: Support::default(),
             clusters: EuclideanClusters::new(),
             table: ClusterRows::new(),
             above: Vec::new(),
+            stand: Vec::new(),
             place_above: Vec::new(),
             head: HeadFinder::new(),
+            patches: Vec::new(),
             is_face: Vec::new(),
             pairs: PairsSeen::default(),
             face_voxels: Vec::new(),
@@ -107,7 +95,7 @@ impl FaceSegmenter {
     ) -> Seen<'_> {
         self.above.clear();
         self.table.clear();
-        self.hull.clear();
+        self.support.clear();
         let (plane, face) = match self.stand(cloud, rng, ended) {
             Ok(plane) => (Some(plane), self.choose(cloud, &plane.plane, ended)),
             Err(rejection) => (None, Err(rejection)),
@@ -117,7 +105,7 @@ impl FaceSegmenter {
             voxels: self.grid.centroids().len(),
             outliers: self.removed,
             plane,
-            hull: &self.hull,
+            hull: self.support.hull(),
             above: self.above.len(),
             clusters: self.table.rows(),
             face: face.map(|()| self.indices.as_slice()),
@@ -150,75 +138,14 @@ impl FaceSegmenter {
         if found < needed {
             return Err(Rejection::TooFewVoxels { found, needed });
         }
-        let mut fit = self.find_plane(Beneath::Outliers, rng);
-        // A plane over the tops of pillows and shoulders may hold more voxels than what is left of the couch.
-        if fit.is_some_and(|fit| self.are_many_beneath(&fit)) {
-            fit = self.find_plane(Beneath::Unlikely, rng);
-        }
-        // A floor may be in range, and more of it in view than of the couch.
-        if let Some(fit) = &mut fit
-            && let Some(couch) = self.find_couch(fit, rng)
-        {
-            *fit = couch;
-        }
+        let fit = self.support.find(self.grid.centroids(), &params, rng);
         let fit = fit.ok_or(Rejection::NoPlane { found: 0, needed })?;
         if fit.inliers < needed {
             return Err(Rejection::NoPlane { found: fit.inliers, needed });
         }
-        self.prior = Some(fit.plane);
+        self.support.keep(fit.plane);
         ended(Step::Plane);
         Ok(fit)
-    }
-
-    /// The plane that most voxels lie on, with the heights over it and the hull of its inliers.
-    fn find_plane(&mut self, beneath: Beneath, rng: &mut impl Rng) -> Option<PlaneFit> {
-        let FaceParams { plane_tolerance: tolerance, iterations, .. } = self.params;
-        let voxels = self.grid.centroids();
-        // Where little of the couch is in view, few draws are of it alone; later frames begin with its plane.
-        let iterations = if self.prior.is_some() { iterations } else { iterations.saturating_mul(FIRST) };
-        let search = MlesacParams { tolerance, iterations, beneath };
-        let fit = self.mlesac.find(voxels, self.prior.as_ref(), &search, rng)?;
-        self.measure(&fit);
-        Some(fit)
-    }
-
-    /// The heights over a plane, and the hull of what lies on it.
-    fn measure(&mut self, fit: &PlaneFit) {
-        let tolerance = self.params.plane_tolerance;
-        let voxels = self.grid.centroids();
-        self.heights.clear();
-        self.heights.extend(voxels.iter().map(|&voxel| fit.plane.height(voxel)));
-        let on = voxels.iter().zip(&self.heights).filter(|(_, height)| height.abs() <= tolerance);
-        self.hull.build(&fit.plane, on.map(|(&voxel, _)| voxel));
-    }
-
-    /// The couch over a floor: a level plane among what is higher over `floor` than a head on it reaches.
-    fn find_couch(&mut self, floor: &PlaneFit, rng: &mut impl Rng) -> Option<PlaneFit> {
-        let FaceParams { plane_tolerance: tolerance, iterations, height_max, min_points, .. } = self.params;
-        let voxels = self.grid.centroids().iter().zip(&self.heights);
-        self.above.clear();
-        self.above.extend(voxels.filter(|(_, height)| **height > height_max).map(|(&voxel, _)| voxel));
-        let least = (COUCH * floor.inliers as f64) as usize;
-        if self.above.len() < least.max(min_points) {
-            return None;
-        }
-        let search = MlesacParams { tolerance, iterations, beneath: Beneath::Outliers };
-        let fit = self.mlesac.find(&self.above, self.prior.as_ref(), &search, rng);
-        self.above.clear();
-        let fit = fit.filter(|fit| fit.inliers >= least && fit.plane.angle_to(&floor.plane) < LEVEL)?;
-        self.measure(&fit);
-        Some(fit)
-    }
-
-    /// Whether so many voxels lie beneath the plane, within its hull, that it supports nothing.
-    fn are_many_beneath(&self, fit: &PlaneFit) -> bool {
-        let deep = -2.0 * self.params.plane_tolerance;
-        let many = BENEATH * fit.inliers as f64;
-        let beneath =
-            || self.grid.centroids().iter().zip(&self.heights).filter(|(_, height)| **height < deep);
-        // Most frames have few at all, wherever they lie.
-        beneath().count() as f64 > many
-            && beneath().filter(|(voxel, _)| self.hull.contains(**voxel)).count() as f64 > many
     }
 
     /// What stands on the plane, its clusters, and the points of the face.
@@ -233,7 +160,7 @@ impl FaceSegmenter {
         ended(Step::Rise);
         self.clusters.find(&self.above, self.params.cluster_tolerance, needed);
         ended(Step::Cluster);
-        self.describe(cloud, plane);
+        self.describe(cloud);
         ended(Step::Describe);
         let above = self.above.len();
         if self.clusters.sizes().is_empty() {
@@ -243,10 +170,13 @@ impl FaceSegmenter {
         match self.params.rule {
             Rule::Largest => self.is_face.extend(self.clusters.labels().iter().map(|&label| label == 0)),
             Rule::Head => {
-                let pairs = self.pairs.find(cloud, self.grid.voxel_of_point(), &self.place_above);
                 let FaceParams { head_radius: radius, leaf, height_min, .. } = self.params;
-                let head = HeadParams { radius, leaf, height_min };
-                if !self.head.find(&self.above, pairs, plane, &head) {
+                let patch_above = self.head.gather(&self.above, leaf);
+                let patch = |&place: &u32| patch_above.get(place as usize).copied().unwrap_or(NO_VOXEL);
+                self.patches.clear();
+                self.patches.extend(self.place_above.iter().map(patch));
+                let pairs = self.pairs.find(cloud, self.grid.voxel_of_point(), &self.patches);
+                if !self.head.find(pairs, plane, &HeadParams { radius, leaf, height_min }) {
                     return Err(Rejection::NoHead { above, needed });
                 }
                 self.is_face.extend_from_slice(self.head.is_head());
@@ -273,25 +203,32 @@ impl FaceSegmenter {
             Rule::Head => BEYOND * self.params.head_radius,
         };
         self.place_above.clear();
-        for (&voxel, &height) in self.grid.centroids().iter().zip(&self.heights) {
-            let stands = height >= height_min && height <= height_max && self.hull.margin(voxel) >= -beyond;
+        self.stand.clear();
+        for (&voxel, &height) in self.grid.centroids().iter().zip(self.support.heights()) {
+            let margin = if height >= height_min && height <= height_max {
+                self.support.hull().margin(voxel)
+            } else {
+                f64::NEG_INFINITY
+            };
+            let stands = margin >= -beyond;
             self.place_above.push(if stands { self.above.len() as u32 } else { NO_VOXEL });
             if stands {
                 self.above.push(voxel);
+                self.stand.push([height, margin]);
             }
         }
     }
 
-    fn describe(&mut self, cloud: Cloud<'_>, plane: &Plane) {
+    fn describe(&mut self, cloud: Cloud<'_>) {
         let params = self.params;
         self.table.start(self.clusters.sizes().len());
-        for (&voxel, &label) in self.above.iter().zip(self.clusters.labels()) {
-            let height = plane.height(voxel);
+        let stand = self.above.iter().zip(&self.stand);
+        for ((&voxel, &[height, margin]), &label) in stand.zip(self.clusters.labels()) {
             self.table.add(label, voxel, height);
             if height > params.height_max - params.leaf {
                 self.table.touch(label, Touch::Ceiling);
             }
-            if self.hull.margin(voxel) < params.leaf {
+            if margin < params.leaf {
                 self.table.touch(label, Touch::HullEdge);
             }
         }
