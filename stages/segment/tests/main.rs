@@ -1,5 +1,6 @@
 //! The chain on scenes made here, on those of the virtual rig, on rendered and on measured clouds, and as an operator.
 
+mod drawn;
 mod drawn_scenes;
 mod face;
 mod labelled;

@@ -3,8 +3,13 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod centroid;
+#[path = "../../../segment/tests/drawn.rs"]
+mod drawn;
+mod drawn_motion;
 mod head;
 mod rendered;
+#[path = "../../../segment/tests/scene.rs"]
+mod scene;
 mod shapes;
 mod simulated;
 mod summit;

@@ -75,7 +75,7 @@ operators:
 }
 
 /// Root mean square of the errors of the motion since the first frame, per axis: mm at the head's pivot, degrees.
-fn errors(topic: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> ([f64; 3], [f64; 3]) {
+pub fn errors(topic: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> ([f64; 3], [f64; 3]) {
     let (mut squares, mut turns) = (Vector3::zeros(), Vector3::zeros());
     let pivot = Point3::from(truth[0].translation.vector);
     for k in 1..truth.len() {
