@@ -175,6 +175,25 @@ fn a_person_vents_from_any_state_and_only_a_person_ends_it() {
 }
 
 #[test]
+fn another_reference_while_it_vents_is_a_fault_that_vents_on() {
+    let mut machine = armed(Safe::Vent);
+    for ms in [10, 30] {
+        machine.look(&Seen { missing: Reason::POSE_STALE, ..seen(ms) });
+    }
+    assert_eq!(machine.state(), State::Venting);
+    let other = |ms: u64| Seen { reference: Some((1, 1)), ..seen(ms) };
+    for ms in 31..500 {
+        assert_eq!(machine.look(&other(ms)), Order::Vent);
+    }
+    assert_eq!(
+        (state(&machine), machine.faults()),
+        ((State::Fault, Reason::REFERENCE), (1, Reason::REFERENCE))
+    );
+    machine.ask(Asked::Resume, &other(500));
+    assert_eq!(machine.look(&other(500)), Order::Follow);
+}
+
+#[test]
 fn another_reference_disarms() {
     for other in [None, Some((2, 0)), Some((1, 1))] {
         let mut machine = armed(Safe::Vent);
