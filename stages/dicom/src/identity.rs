@@ -11,7 +11,8 @@ use stillpoint_plan::case::Uids;
 
 use crate::dataset::ReadError;
 use crate::element::{text_if_any, uid};
-use crate::import::{ImportError, files, open};
+use crate::find::{files, open};
+use crate::import::ImportError;
 use crate::layout::LayoutError;
 
 /// Whose plan it is.

@@ -3,23 +3,20 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use dicom_dictionary_std::{tags, uids};
+use dicom_dictionary_std::tags;
 use dicom_object::InMemDicomObject;
 use stillpoint_plan::case::{
     Case, CaseError, CaseParts, Imported, NameTable, Prescription, Structure, Uid, Uids,
 };
 use thiserror::Error;
 
-use crate::dataset::{DataSet, ReadError};
-use crate::element::{TagError, text, text_if_any, uid};
-use crate::layout::LayoutError;
+use crate::dataset::ReadError;
+use crate::element::{TagError, uid};
+use crate::find::{DEEPEST, Found, find, read_error};
 use crate::raster::rasterise;
 use crate::roi::{self, Rois};
 use crate::series::{SeriesError, Volume, volume};
 use crate::slice::Slice;
-
-/// Exports nest a folder per patient, study and series.
-const DEEPEST: usize = 8;
 
 /// What the files do not say.
 #[derive(Clone, Debug)]
@@ -130,16 +127,6 @@ fn list(entries: &[String]) -> String {
     entries.iter().flat_map(|entry| ["\n  ", entry]).collect()
 }
 
-/// The data set in a file.
-pub(crate) fn open(path: &Path) -> Result<DataSet, ImportError> {
-    let bytes = std::fs::read(path).map_err(|source| ImportError::File { path: path.to_owned(), source })?;
-    DataSet::read(&bytes).map_err(|source| read_error(path, source))
-}
-
-fn read_error(path: &Path, source: impl Into<ReadError>) -> ImportError {
-    ImportError::Read { path: path.to_owned(), source: source.into() }
-}
-
 /// The case in this folder and the folders in it: one CT series and the RTSTRUCT drawn on it.
 pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, ImportError> {
     let mut notes = Vec::new();
@@ -191,83 +178,6 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
     };
     let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
     Ok(Imported { case, notes })
-}
-
-struct Found {
-    images: Vec<(PathBuf, Slice)>,
-    structures: Vec<(PathBuf, InMemDicomObject)>,
-}
-
-/// CT images and structure sets in a folder and the folders in it.
-fn find(folder: &Path, notes: &mut Vec<String>) -> Result<Found, ImportError> {
-    let mut found = Found { images: Vec::new(), structures: Vec::new() };
-    let (mut foreign, mut other) = (0, BTreeSet::new());
-    for path in files(folder)? {
-        let data = match open(&path) {
-            Err(ImportError::Read { source: ReadError::Layout(LayoutError::NotDicom), .. }) => {
-                foreign += 1;
-                continue;
-            }
-            opened => opened?,
-        };
-        let tag = |source: TagError| read_error(&path, source);
-        let class = text(&data.object, tags::SOP_CLASS_UID).map_err(tag)?;
-        let modality = text_if_any(&data.object, tags::MODALITY).map_err(tag)?.unwrap_or_default();
-        if class == uids::RT_STRUCTURE_SET_STORAGE {
-            found.structures.push((path, data.object));
-        } else if modality == "CT" {
-            if text_if_any(&data.object, tags::IMAGE_TYPE)
-                .map_err(tag)?
-                .is_some_and(|t| t.contains("LOCALIZER"))
-            {
-                notes.push(format!("{} is a localizer and is left out", path.display()));
-                continue;
-            }
-            let slice = Slice::read(&data).map_err(tag)?;
-            found.images.push((path, slice));
-        } else {
-            other.insert(if modality.is_empty() { class } else { modality });
-        }
-    }
-    if found.images.is_empty() {
-        other.extend(found.structures.first().map(|_| "RTSTRUCT".to_owned()));
-        let kinds: Vec<_> =
-            other.into_iter().chain((foreign > 0).then(|| format!("{foreign} other files"))).collect();
-        let found = if kinds.is_empty() { "nothing".to_owned() } else { kinds.join(", ") };
-        return Err(ImportError::NoImages { folder: folder.to_owned(), found });
-    }
-    if foreign > 0 {
-        notes.push(format!("{foreign} files are no DICOM and are left out"));
-    }
-    if !other.is_empty() {
-        let kinds: Vec<_> = other.into_iter().collect();
-        notes.push(format!("files of {} are left out: CT and RTSTRUCT are read", kinds.join(", ")));
-    }
-    Ok(found)
-}
-
-/// All files in a folder and the folders in it, in the order of their paths.
-pub(crate) fn files(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let mut files = Vec::new();
-    walk(folder, 0, &mut files)?;
-    files.sort();
-    Ok(files)
-}
-
-fn walk(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> Result<(), ImportError> {
-    if depth > DEEPEST {
-        return Err(ImportError::Deep(folder.to_owned()));
-    }
-    let fault = |source| ImportError::File { path: folder.to_owned(), source };
-    for entry in std::fs::read_dir(folder).map_err(fault)? {
-        let path = entry.map_err(fault)?.path();
-        if path.is_dir() {
-            walk(&path, depth + 1, files)?;
-        } else {
-            files.push(path);
-        }
-    }
-    Ok(())
 }
 
 fn choose(folder: &Path, images: &[(PathBuf, Slice)], asked: Option<&Uid>) -> Result<Uid, ImportError> {

@@ -11,7 +11,8 @@ use thiserror::Error;
 
 /// RT objects nest four deep; more than this is no such object.
 const DEEPEST: usize = 16;
-const PREAMBLE: usize = 128;
+/// Bytes before the mark of a file.
+pub(crate) const PREAMBLE: usize = 128;
 const UNDEFINED: u32 = u32::MAX;
 
 const ITEM: Tag = Tag(0xFFFE, 0xE000);
@@ -43,7 +44,7 @@ pub struct Layout {
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum LayoutError {
     /// Another kind of file.
-    #[error("this is no DICOM file")]
+    #[error("this is no DICOM file, or it ends before its first element; copy it again, or take it away")]
     NotDicom,
     /// The file ends within an element.
     #[error("the file is cut off: {tag} at byte {at} needs {length} bytes, {left} are left; copy it again")]

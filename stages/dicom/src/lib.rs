@@ -11,6 +11,7 @@
 //! - `series`: CT images to a volume
 //! - `roi`: the contours of a structure set
 //! - `raster`: contours to masks
+//! - `find`: the images and structure sets in a folder
 //! - `import`: a folder to a case
 //! - `identity`: whose plan it is, read again at export and never kept
 //! - `write`: what RTPLAN and RTDOSE share
@@ -22,6 +23,7 @@
 mod dataset;
 mod dose;
 mod element;
+mod find;
 mod identity;
 mod import;
 mod layout;

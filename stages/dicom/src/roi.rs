@@ -33,7 +33,6 @@ pub struct Roi {
 pub struct Rois {
     /// The structure set itself.
     pub uid: Uid,
-
     /// The regions.
     pub rois: Vec<Roi>,
 }
@@ -56,6 +55,9 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<Vec<Ro
             format!("{} regions", described.len()),
             "at most 500 are read",
         );
+    }
+    if items(object, tags::ROI_CONTOUR_SEQUENCE).is_empty() {
+        return Err(TagError::Missing(tags::ROI_CONTOUR_SEQUENCE));
     }
     let kinds = by_roi(object, tags::RTROI_OBSERVATIONS_SEQUENCE)?;
     let drawn = by_roi(object, tags::ROI_CONTOUR_SEQUENCE)?;

@@ -215,6 +215,18 @@ fn truncated_files_are_refused_with_the_file_and_the_tag() {
         let said = import(folder.path()).unwrap_err();
         assert!(said.contains(&name(1)) && said.contains("cut off") && said.contains('('), "{said}");
     }
+    // Without a word the last image would be lost: the others make a volume.
+    let last = name(COUNTS[2] - 1);
+    for left in [0, 100, 131] {
+        std::fs::write(folder.path().join(name(1)), &whole).unwrap();
+        std::fs::write(folder.path().join(&last), &whole[..left]).unwrap();
+        for file in [last.as_str(), "without-extension"] {
+            std::fs::rename(folder.path().join(&last), folder.path().join(file)).unwrap();
+            let said = import(folder.path()).unwrap_err();
+            assert!(said.contains(file) && said.contains("ends before its first element"), "{said}");
+            std::fs::rename(folder.path().join(file), folder.path().join(&last)).unwrap();
+        }
+    }
 }
 
 #[test]
@@ -239,6 +251,15 @@ fn structure_sets_that_do_not_fit_are_refused() {
     assert!(bad(&|o| put(o, tags::CONTOUR_GEOMETRIC_TYPE, VR::CS, "SOLID")).contains("(3006,0042)"));
     let none = with(&structure_set(vec![("heart", "ORGAN", Vec::new())])).unwrap_err();
     assert!(none.contains("no structure is a target"), "{none}");
+    for tag in [tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_CONTOUR_SEQUENCE, tags::SOP_INSTANCE_UID] {
+        let mut set = small_structures();
+        set.take(tag);
+        let said = with(&set).unwrap_err();
+        assert!(
+            said.contains("rs.dcm") && said.contains(&format!("{tag} ")) && said.contains("is missing"),
+            "{said}"
+        );
+    }
     let folder = folder();
     std::fs::write(folder.path().join("rs2.dcm"), file(&small_structures())).unwrap();
     assert!(import(folder.path()).unwrap_err().contains("leave one here"));
