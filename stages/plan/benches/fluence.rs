@@ -7,13 +7,13 @@
 
 #[path = "../tests/fluence/data.rs"]
 mod data;
+#[path = "../tests/fluence/interior.rs"]
+mod interior;
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
 use data::Case;
 use rustix::time::{ClockId, clock_gettime};
 use stillpoint_plan::fluence::admm::{self, Admm};
-use stillpoint_plan::fluence::{Certificate, Options, Side, solve};
+use stillpoint_plan::fluence::{Certificate, Options, solve};
 
 fn main() {
     let windows = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(5);
@@ -83,44 +83,7 @@ fn seconds() -> f64 {
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
 
-/// The same problem as a quadratic programme: a slack for every term, `min sum w s^2`, `+-(A x - goal) <= s`, `x >= 0`.
 fn clarabel(case: &Case) -> Certificate {
     let problem = case.problem();
-    let (n, terms) = (problem.matrix().columns(), problem.terms());
-    let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n + terms.len()];
-    let mut bounds = Vec::new();
-    for (i, term) in terms.iter().enumerate() {
-        let sign = if term.side == Side::Over { 1.0 } else { -1.0 };
-        let (row_columns, values) = problem.matrix().row(term.row as usize);
-        for (c, v) in row_columns.iter().zip(values) {
-            columns[*c as usize].push((i, sign * f64::from(*v)));
-        }
-        columns[n + i].push((i, -1.0));
-        bounds.push(sign * term.goal);
-    }
-    for (j, column) in columns[..n].iter_mut().enumerate() {
-        column.push((terms.len() + j, -1.0));
-        bounds.push(0.0);
-    }
-    let constraints = csc(bounds.len(), columns);
-    let weights = |j: usize| if j < n { Vec::new() } else { vec![(j, 2.0 * terms[j - n].weight)] };
-    let quadratic = csc(n + terms.len(), (0..n + terms.len()).map(weights).collect());
-    let settings = DefaultSettings { verbose: false, max_threads: 1, ..DefaultSettings::default() };
-    let linear = vec![0.0; n + terms.len()];
-    let cones = [SupportedConeT::NonnegativeConeT(bounds.len())];
-    let mut solver =
-        DefaultSolver::new(&quadratic, &linear, &constraints, &bounds, &cones, settings).unwrap();
-    solver.solve();
-    let x: Vec<f64> = solver.solution.x[..n].iter().map(|x| x.max(0.0)).collect();
-    Certificate::of(&problem, &x)
-}
-
-fn csc(rows: usize, columns: Vec<Vec<(usize, f64)>>) -> CscMatrix<f64> {
-    let (mut starts, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
-    for column in &columns {
-        row.extend(column.iter().map(|entry| entry.0));
-        value.extend(column.iter().map(|entry| entry.1));
-        starts.push(row.len());
-    }
-    CscMatrix::new(rows, columns.len(), starts, row, value)
+    Certificate::of(&problem, &interior::weights(&problem))
 }

@@ -38,7 +38,7 @@ fn dose(matrix: &Csc, weights: &[f64]) -> Vec<f64> {
 }
 
 /// What the objectives cost, from their formulas.
-fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
+pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
     let square = |x: f64| x.max(0.0).powi(2);
     let mut cost = 0.0;
     for structure in wanted {

@@ -1,10 +1,12 @@
 //! Random problems, solved beside another solver: no point that it finds is better by more than a millionth.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
+use super::goals::cost;
+use super::interior;
 use proptest::prelude::*;
-use stillpoint_plan::Csc;
-use stillpoint_plan::fluence::{Certificate, Csr, Options, Problem, Side, Term, solve};
+use stillpoint_plan::fluence::{
+    Certificate, Csr, Goals, Objective, Options, Problem, Side, Term, Wanted, solve, solve_plan,
+};
+use stillpoint_plan::{Csc, Rows};
 
 /// A dense matrix by rows, `f32` as every dose is, with its terms.
 #[derive(Clone, Debug)]
@@ -15,7 +17,7 @@ struct Dense {
 }
 
 impl Dense {
-    fn problem(&self) -> Problem {
+    fn matrix(&self) -> Csc {
         let (mut starts, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
         for j in 0..self.columns {
             for (i, entries) in self.rows.iter().enumerate().filter(|(_, entries)| entries[j] != 0.0) {
@@ -24,48 +26,27 @@ impl Dense {
             }
             starts.push(row.len() as u64);
         }
-        let matrix = Csc::new(self.rows.len(), starts, row, value).unwrap();
-        Problem::new(Csr::from_columns(matrix.view()), self.terms.iter().copied()).unwrap()
+        Csc::new(self.rows.len(), starts, row, value).unwrap()
+    }
+
+    fn problem(&self) -> Problem {
+        Problem::new(Csr::from_columns(self.matrix().view()), self.terms.iter().copied()).unwrap()
+    }
+
+    fn dose(&self, x: &[f64]) -> Vec<f64> {
+        let dose = |row: &Vec<f32>| row.iter().zip(x).map(|(a, x)| f64::from(*a) * x).sum();
+        self.rows.iter().map(dose).collect()
     }
 
     /// `F(x)`, from the definition.
     fn objective(&self, x: &[f64]) -> f64 {
-        let dose = |row: &[f32]| row.iter().zip(x).map(|(a, x)| f64::from(*a) * x).sum::<f64>();
+        let dose = self.dose(x);
         let cost = |term: &Term| {
-            let away = dose(&self.rows[term.row as usize]) - term.goal;
+            let away = dose[term.row as usize] - term.goal;
             let costing = if term.side == Side::Over { away } else { -away };
             term.weight * costing.max(0.0).powi(2)
         };
         self.terms.iter().map(cost).sum()
-    }
-
-    /// Weights by Clarabel: a slack for every term, `min sum w s^2`, `+-(A x - goal) <= s`, `x >= 0`.
-    fn by_clarabel(&self) -> Vec<f64> {
-        let (n, terms) = (self.columns, &self.terms);
-        let mut columns: Vec<Vec<(usize, f64)>> = vec![Vec::new(); n + terms.len()];
-        let mut bounds = Vec::new();
-        for (i, term) in terms.iter().enumerate() {
-            let sign = if term.side == Side::Over { 1.0 } else { -1.0 };
-            for (j, a) in self.rows[term.row as usize].iter().enumerate().filter(|(_, a)| **a != 0.0) {
-                columns[j].push((i, sign * f64::from(*a)));
-            }
-            columns[n + i].push((i, -1.0));
-            bounds.push(sign * term.goal);
-        }
-        for (j, column) in columns[..n].iter_mut().enumerate() {
-            column.push((terms.len() + j, -1.0));
-            bounds.push(0.0);
-        }
-        let weights = |j: usize| if j < n { Vec::new() } else { vec![(j, 2.0 * terms[j - n].weight)] };
-        let quadratic = csc(n + terms.len(), (0..n + terms.len()).map(weights).collect());
-        let constraints = csc(bounds.len(), columns);
-        let settings = DefaultSettings { verbose: false, max_threads: 1, ..DefaultSettings::default() };
-        let linear = vec![0.0; n + terms.len()];
-        let cones = [SupportedConeT::NonnegativeConeT(bounds.len())];
-        let mut solver =
-            DefaultSolver::new(&quadratic, &linear, &constraints, &bounds, &cones, settings).unwrap();
-        solver.solve();
-        solver.solution.x[..n].iter().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect()
     }
 
     /// Asserts that ours is feasible and no worse than Clarabel's by a millionth, and that the certificate holds there.
@@ -73,7 +54,8 @@ impl Dense {
         let problem = self.problem();
         let ours = solve(&problem, None, options);
         assert!(ours.x.len() == self.columns && ours.x.iter().all(|x| x.is_finite() && *x >= 0.0));
-        let (theirs, zero) = (self.objective(&self.by_clarabel()), self.objective(&vec![0.0; self.columns]));
+        let (theirs, zero) =
+            (self.objective(&interior::weights(&problem)), self.objective(&vec![0.0; self.columns]));
         let found = self.objective(&ours.x);
         let Certificate { objective, kkt, excess } = ours.certificate;
         assert!((objective - found).abs() <= 1e-9 * found + 1e-18 * zero, "{objective} is not {found}");
@@ -84,16 +66,6 @@ impl Dense {
         );
         assert!(found - theirs <= excess + 1e-9 * found + 1e-12 * zero, "{found} {theirs} {excess}");
     }
-}
-
-fn csc(rows: usize, columns: Vec<Vec<(usize, f64)>>) -> CscMatrix<f64> {
-    let (mut starts, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
-    for column in &columns {
-        row.extend(column.iter().map(|entry| entry.0));
-        value.extend(column.iter().map(|entry| entry.1));
-        starts.push(row.len());
-    }
-    CscMatrix::new(rows, columns.len(), starts, row, value)
 }
 
 /// Beams of smooth, overlapping pencils through a disc with a target and an organ beside it, as plans have them.
@@ -129,6 +101,78 @@ fn disc(beams: usize, width: f64, organ: [f64; 2], weights: [f64; 4]) -> Dense {
         }
     }
     Dense { columns: beams * pencils, rows, terms }
+}
+
+/// The disc's target (rows with an under-dose), its organ (10 Gy at most) and the rest, with objectives of every kind.
+fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<Wanted> {
+    let rows = |fits: &dyn Fn(&Term) -> bool| {
+        let mut rows: Vec<u32> = disc.terms.iter().filter(|t| fits(t)).map(|t| t.row).collect();
+        rows.dedup();
+        rows
+    };
+    let structure = |name: &str, voxels, objectives| Wanted { name: name.into(), voxels, objectives };
+    let target = vec![
+        Objective::Underdose { dose: 60.0, weight: a },
+        Objective::Overdose { dose: 63.0, weight: b },
+        Objective::Homogeneity { weight: c },
+        Objective::DvhAtLeast { dose: 58.0, volume: 0.9, weight: b },
+    ];
+    let organ = vec![
+        Objective::MeanDose { dose: 8.0, weight: b },
+        Objective::DvhAtMost { dose: 12.0, volume: 0.3, weight: a },
+        Objective::Overdose { dose: 25.0, weight: c },
+    ];
+    vec![
+        structure("target", rows(&|t| t.goal == 62.0), target),
+        structure("organ", rows(&|t| t.goal == 10.0), organ),
+        structure("rest", rows(&|t| t.goal == 20.0), vec![Objective::Overdose { dose: 20.0, weight: 5.0 }]),
+    ]
+}
+
+/// The same with the DVH points' voxels as these doses choose them, written down for another solver: a column of means
+/// for the homogeneity, a row of the mean for the mean dose.
+fn written_down(disc: &Dense, wanted: &[Wanted], dose: &[f64]) -> Dense {
+    let mut rows: Vec<Vec<f32>> = disc.rows.iter().map(|row| [&row[..], &[0.0]].concat()).collect();
+    let mut terms = Vec::new();
+    for Wanted { voxels, objectives, .. } in wanted {
+        let v = voxels.len() as f64;
+        let mut rising = voxels.clone();
+        rising.sort_by(|a, b| dose[*a as usize].total_cmp(&dose[*b as usize]));
+        for objective in objectives {
+            let mut each = |rows: &[u32], side, goal, weight: f64| {
+                terms.extend(rows.iter().map(|&row| Term { row, side, goal, weight: weight / v }));
+            };
+            match *objective {
+                Objective::Overdose { dose, weight } => each(voxels, Side::Over, dose, weight),
+                Objective::Underdose { dose, weight } => each(voxels, Side::Under, dose, weight),
+                Objective::DvhAtMost { dose, volume, weight } => {
+                    let costing = rising.len() - (volume * v) as usize;
+                    each(&rising[..costing], Side::Over, dose, weight);
+                }
+                Objective::DvhAtLeast { dose, volume, weight } => {
+                    let costing = (volume * v).ceil() as usize;
+                    each(&rising[rising.len() - costing..], Side::Under, dose, weight);
+                }
+                Objective::MeanDose { dose, weight } => {
+                    let mean = |j: usize| {
+                        voxels.iter().map(|i| f64::from(disc.rows[*i as usize][j])).sum::<f64>() / v
+                    };
+                    let row = rows.len() as u32;
+                    rows.push((0..disc.columns).map(|j| mean(j) as f32).chain([0.0]).collect());
+                    terms.push(Term { row, side: Side::Over, goal: dose, weight });
+                }
+                Objective::Homogeneity { weight } => {
+                    for i in voxels {
+                        let row = rows.len() as u32;
+                        rows.push([&disc.rows[*i as usize][..], &[-1.0]].concat());
+                        let both = [Side::Over, Side::Under];
+                        terms.extend(both.map(|side| Term { row, side, goal: 0.0, weight: weight / v }));
+                    }
+                }
+            }
+        }
+    }
+    Dense { columns: disc.columns + 1, rows, terms }
 }
 
 fn weight() -> impl Strategy<Value = f64> {
@@ -172,6 +216,35 @@ proptest! {
     ) {
         let options = Options { dense_columns: if by_products { 0 } else { 6000 }, tolerance: 1e-6, ..Options::default() };
         disc(beams, width, organ, weights).hold(options);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn plans_with_objectives_of_every_kind(
+        beams in 2_usize..8, width in 1.0..4.0, organ in [-9.0..9.0, -9.0..9.0], weights in [weight(), weight(), weight()],
+    ) {
+        let disc = disc(beams, width, organ, [1.0; 4]);
+        let mut wanted = every_objective(&disc, weights);
+        wanted.retain(|w| !w.voxels.is_empty());
+        let goals = Goals::new(wanted.clone(), disc.rows.len()).unwrap();
+        let matrix = Rows::from_columns(disc.matrix().view()).unwrap();
+        let problem = goals.problem(&[matrix.view().into()]).unwrap();
+        let plan = solve_plan(&problem, None, Options::default()).unwrap();
+        let dose = disc.dose(&plan.weights);
+        let found = cost(&wanted, &dose);
+        let Certificate { objective, excess, .. } = plan.certificate;
+        // A row of means is rounded to 24 bits.
+        prop_assert!((objective - found).abs() <= 1e-5 * found, "{objective} is not {found}");
+        prop_assert!(plan.certificate.relative_excess() <= 1e-6, "{:?}", plan.certificate);
+        let other = written_down(&disc, &wanted, &dose);
+        let mean = |rows: &[u32]| rows.iter().map(|i| dose[*i as usize]).sum::<f64>() / rows.len() as f64;
+        let ours = other.objective(&[&plan.weights[..], &[mean(&wanted[0].voxels)]].concat());
+        prop_assert!((ours - found).abs() <= 1e-5 * found, "{ours} is not {found}");
+        let theirs = other.objective(&interior::weights(&other.problem()));
+        prop_assert!(ours <= theirs * (1.0 + 1e-6), "{ours} {theirs} in {} rounds", plan.rounds);
+        prop_assert!(ours - theirs <= excess + 1e-6 * ours, "{ours} {theirs} {excess}");
     }
 }
 

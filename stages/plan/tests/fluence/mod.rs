@@ -3,5 +3,6 @@
 mod data;
 mod goals;
 mod independent;
+mod interior;
 mod problems;
 mod vectors;

@@ -115,14 +115,15 @@ proptest! {
         // The excess goes with the square of the residual: this is the residual of the tolerance.
         let good = found.certificate.kkt < 1e-5 || found.certificate.relative_excess() < 1e-8;
         prop_assert!(good, "{:?} in {} steps", found.certificate, found.steps);
-        prop_assert!(found.steps < Options::default().max_steps);
+        // Over eight powers of ten; 3,000 such problems took 90 at most.
+        prop_assert!(found.steps < 200, "{} steps", found.steps);
     }
 
     #[test]
     fn weights_over_twelve_powers_of_ten_end_at_a_point_no_worse_than_its_neighbours(small in small(-6..6)) {
         let problem = small.problem();
         let found = solve(&problem, None, Options::default());
-        // It may take all its steps; what counts is where it ends.
+        // Here it may take all its steps; what counts is where it ends.
         prop_assert!(found.x.iter().all(|x| x.is_finite() && *x >= 0.0));
         let nothing = 1e-18 * problem.objective(&vec![0.0; small.rows.len()]);
         for j in 0..found.x.len() {
