@@ -61,8 +61,8 @@ fn searches(request: &Request, runs: &[Run]) {
 fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
     let name = widest(figures.iter());
     print!(
-        "{:<name$} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}",
-        "structure", "cm3", "D98", "D95", "D50", "D10", "D2", "mean"
+        "{:<name$} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}",
+        "structure", "cm3", "D98", "D95", "D50", "D10", "D2", "max", "mean"
     );
     for dose in volumes_at_gy {
         print!(" {:>6}", format!("V{dose}"));
@@ -70,7 +70,7 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
     println!(" {:>6} {:>5} {:>5}", "V95%", "HI", "CI");
     for f in figures {
         print!("{:<name$} {:>9.1}", f.name, f.volume_cm3);
-        for dose in [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.mean_gy] {
+        for dose in [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.max_gy, f.mean_gy] {
             print!(" {dose:>6.1}");
         }
         for volume in &f.volumes {

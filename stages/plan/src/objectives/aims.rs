@@ -30,6 +30,11 @@ pub enum AimsError {
         "{0} is a target without a prescription: import the case with `--prescribe {0}=DOSE`, or give {0} another role"
     )]
     NoDose(String),
+    /// Shares of a prescription that is not there.
+    #[error(
+        "{0} is to have a share of the prescription, but the case has none: import it with `--prescribe`, or give doses in Gy"
+    )]
+    NoPrescription(String),
     /// There is no target that anything is wanted of.
     #[error("no target with voxels has objectives, so there is nothing to plan")]
     NoTarget,
@@ -71,8 +76,13 @@ impl ObjectiveTable {
                 continue;
             }
             let prescribed = match structure.role {
-                Role::Target if wishes.iter().any(Wish::is_relative) => {
+                Role::Target if wishes.iter().any(|w| matches!(w.dose(), Some(Dose::OfPrescription(_)))) => {
                     own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?
+                }
+                _ if highest == 0.0
+                    && wishes.iter().any(|w| !matches!(w.dose(), None | Some(Dose::Gray(_)))) =>
+                {
+                    return Err(AimsError::NoPrescription(structure.name.clone()));
                 }
                 _ => highest,
             };
@@ -86,7 +96,7 @@ impl ObjectiveTable {
                 continue;
             }
             aims.moves.push(follows(structure.role));
-            let objectives = wishes.iter().map(|wish| wish.objective(prescribed)).collect();
+            let objectives = wishes.iter().map(|wish| wish.objective(prescribed, highest)).collect();
             aims.wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
         }
         if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
@@ -128,22 +138,23 @@ pub fn follows(role: Role) -> bool {
 }
 
 impl Wish {
-    /// Whether it speaks of the prescription.
-    fn is_relative(&self) -> bool {
+    /// The dose that it speaks of.
+    fn dose(&self) -> Option<Dose> {
         match self {
             Self::Overdose { dose, .. }
             | Self::Underdose { dose, .. }
             | Self::MeanDose { dose, .. }
             | Self::DvhAtMost { dose, .. }
-            | Self::DvhAtLeast { dose, .. } => matches!(dose, Dose::OfPrescription(_)),
-            Self::Homogeneity { .. } => false,
+            | Self::DvhAtLeast { dose, .. } => Some(*dose),
+            Self::Homogeneity { .. } => None,
         }
     }
 
-    fn objective(&self, prescribed: f64) -> Objective {
+    fn objective(&self, prescribed: f64, highest: f64) -> Objective {
         let gray = |dose: Dose| match dose {
             Dose::Gray(gray) => gray,
             Dose::OfPrescription(part) => part * prescribed,
+            Dose::OfHighest(part) => part * highest,
         };
         match *self {
             Self::Overdose { dose, weight } => Objective::Overdose { dose: gray(dose), weight },
@@ -163,7 +174,7 @@ impl Wish {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::case::phantom;
+    use crate::case::{CaseParts, Mask, Prescription, phantom};
     use crate::dose::DoseParams;
 
     fn aims() -> (Case, Aims) {
@@ -183,7 +194,7 @@ mod tests {
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), count);
-        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 400.0 });
+        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 600.0 });
     }
 
     #[test]
@@ -198,7 +209,7 @@ mod tests {
         assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
         assert_eq!(
             goals.wanted()[6].objectives[0],
-            Objective::Underdose { dose: 78.0, weight: 400.0 * (1.0 / 7.0) }
+            Objective::Underdose { dose: 78.0, weight: 600.0 * (1.0 / 7.0) }
         );
         assert!(matches!(goals.wanted()[35].objectives[0], Objective::Overdose { weight: 8.0, .. }));
     }
@@ -210,5 +221,52 @@ mod tests {
         let own = r#"{"objectives": [{"role": "external", "wanted": [{"overdose": {"dose": "1 Gy", "weight": 1}}]}]}"#;
         let only = ObjectiveTable::parse(own).unwrap();
         assert_eq!(only.for_case(&case, &grid), Err(AimsError::NoTarget));
+        let unprescribed = two_targets(Vec::new());
+        let grid = *unprescribed.grid();
+        let shipped = ObjectiveTable::shipped().unwrap();
+        assert_eq!(shipped.for_case(&unprescribed, &grid), Err(AimsError::NoDose("low".into())));
+        let own = r#"{"objectives": [
+            {"match": ["PTV"], "wanted": [{"overdose": {"dose": "60 Gy", "weight": 1}}]},
+            {"match": ["low"], "wanted": [{"overdose": {"dose": "104 % of the highest", "weight": 1}}]}]}"#;
+        let own = ObjectiveTable::parse(own).unwrap();
+        assert_eq!(own.for_case(&unprescribed, &grid), Err(AimsError::NoPrescription("low".into())));
+    }
+
+    /// A box in a box, each a target.
+    fn two_targets(prescription: Vec<Prescription>) -> Case {
+        let grid = Grid { counts: [6, 6, 6], spacing_mm: [5.0; 3], origin_mm: [0.0; 3] };
+        let within = |most: usize| Mask::from_fn(grid.len(), |i| grid.voxel(i).iter().all(|c| *c < most));
+        let target =
+            |name: &str, most| Structure { name: name.into(), role: Role::Target, mask: within(most) };
+        Case::new(CaseParts {
+            name: "two".into(),
+            grid,
+            hu: vec![0; grid.len()],
+            structures: vec![target("low", 5), target("PTV", 3)],
+            isocentre_mm: None,
+            prescription,
+            fractions: None,
+            reference_dose_gy: None,
+            uids: None,
+            provenance: String::new(),
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn a_share_of_the_highest_is_one_dose_for_all_targets() {
+        let prescribed = |structure: &str, dose_gy| Prescription { structure: structure.into(), dose_gy };
+        let case = two_targets(vec![prescribed("low", 50.0), prescribed("PTV", 70.0)]);
+        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, case.grid()).unwrap();
+        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        assert_eq!(names, ["PTV", "low"]);
+        for (wanted, own) in aims.wanted.iter().zip([70.0, 50.0]) {
+            let expected = [
+                Objective::Underdose { dose: own, weight: 600.0 },
+                Objective::Overdose { dose: 1.02 * own, weight: 150.0 },
+                Objective::Overdose { dose: 1.04 * 70.0, weight: 1500.0 },
+            ];
+            assert_eq!(wanted.objectives, expected);
+        }
     }
 }

@@ -36,12 +36,13 @@ pub(super) enum Wish {
     DvhAtLeast { dose: Dose, volume: Volume, weight: f64 },
 }
 
-/// A dose: `35 Gy`, or `95 %` of the prescription.
+/// A dose: `35 Gy`, `95 %` of the prescription, or `104 % of the highest` prescription.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
 pub(super) enum Dose {
     Gray(f64),
     OfPrescription(f64),
+    OfHighest(f64),
 }
 
 /// A volume: `30 %` of the structure, as a fraction.
@@ -111,7 +112,12 @@ impl TryFrom<String> for Dose {
     fn try_from(text: String) -> Result<Self, String> {
         let gray = number(&text, "Gy").map(Self::Gray);
         gray.or_else(|| number(&text, "%").map(|p| Self::OfPrescription(p / 100.0)))
-            .ok_or_else(|| format!("{text:?} is no dose: `35 Gy` or `95 %` (of the prescription) is due"))
+            .or_else(|| number(&text, "% of the highest").map(|p| Self::OfHighest(p / 100.0)))
+            .ok_or_else(|| {
+                format!(
+                    "{text:?} is no dose: `35 Gy`, `95 %` (of the prescription) or `104 % of the highest` (prescription) is due"
+                )
+            })
     }
 }
 
@@ -143,7 +149,7 @@ mod tests {
         let mean = Wish::MeanDose { dose: Dose::OfPrescription(0.5), weight: 1.0 };
         assert_eq!(table.find("Rectum", Role::Organ), [mean]);
         assert_eq!(table.find("Skip", Role::Organ), []);
-        assert_eq!(table.find("Rectum", Role::Target).len(), 2, "a target by its role");
+        assert_eq!(table.find("Rectum", Role::Target).len(), 3, "a target by its role");
         let head = Wish::Overdose { dose: Dose::Gray(25.0), weight: 8.0 };
         assert_eq!(table.find("FemoralHeadL", Role::Organ), [head]);
         assert_eq!(table.find("GTV", Role::ClinicalTarget), []);
@@ -160,7 +166,7 @@ mod tests {
                 .contains("line 2")
         );
         assert!(refused(r#"{"objectives": [{"match": ["*"], "wanted": []}]}"#).contains("line 1"));
-        assert!(wish(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy` or `95 %`"));
+        assert!(wish(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy`, `95 %`"));
         assert!(
             wish(r#"{"dvh_at_most": {"dose": "3 Gy", "volume": "130 %", "weight": 1}}"#)
                 .contains("is no volume")
