@@ -32,6 +32,7 @@ mod picture;
 mod pipeline_file;
 mod plan;
 mod quantity;
+mod reach;
 mod recover;
 mod replay;
 mod report;
@@ -90,6 +91,8 @@ enum Command {
     Operators(operators::Operators),
     /// Print the JSON Schema of pipelines.
     Schema(schema::Schema),
+    /// Map which targets a rig can hold.
+    Reach(reach::Reach),
     /// Send a person's command into a running pipeline.
     Send(send::Send),
     /// Fit a model to what went into a system and came out, from a session.
@@ -150,6 +153,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
         Command::Recover(c) => c.execute(),
         Command::Operators(c) => c.execute(&registry),
         Command::Schema(c) => c.execute(&registry),
+        Command::Reach(c) => c.execute(),
         Command::Send(c) => c.execute(&registry),
         Command::Identify(c) => c.execute(),
         Command::Train(c) => c.execute(),

@@ -5,6 +5,8 @@ use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
 use stillpoint_mechanics::plant::{OneDof, Plant, SixDof, ThreeDof};
 use stillpoint_pipeline::Choice;
 
+use crate::channels::Channel;
+
 /// A rig whose mechanics are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum RigKind {
@@ -108,6 +110,17 @@ impl Rig {
             Self::One(at) => at.rates().map(Some),
             Self::Three(at) => at.rates().map(Some),
             Self::Eight(at) => at.rates().map(Some),
+        }
+    }
+
+    /// Whether its bladders move this channel. Of a rig that is not known nothing is said against any.
+    #[must_use]
+    pub fn moves(&self, channel: Channel) -> bool {
+        match self {
+            Self::Unknown => true,
+            Self::One(at) => at.channels.contains(&channel.place()),
+            Self::Three(at) => at.channels.contains(&channel.place()),
+            Self::Eight(at) => at.channels.contains(&channel.place()),
         }
     }
 

@@ -7,6 +7,7 @@ mod identified;
 mod identity;
 mod loops;
 mod plan;
+mod reach;
 mod report;
 
 use std::path::{Path, PathBuf};

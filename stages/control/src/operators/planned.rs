@@ -82,6 +82,19 @@ pub fn refuse_unreachable(
     Ok(())
 }
 
+/// Refuses channels that the rig's bladders do not move.
+pub fn refuse_unmoved(rig: &Rig, channels: &Channels) -> Result<(), SetupError> {
+    let moved = || ALL.iter().filter(|c| rig.moves(**c)).map(|c| c.name()).collect::<Vec<_>>().join(", ");
+    match channels.iter().find(|channel| !rig.moves(*channel)) {
+        None => Ok(()),
+        Some(stuck) => Err(SetupError(format!(
+            "`channels` has {}, and the bladders of `rig` move {}: take it out, or name another rig",
+            stuck.name(),
+            moved()
+        ))),
+    }
+}
+
 /// Refuses moves that the rig's bladders cannot hold.
 pub fn refuse_unheld(moves: &[PlannedMove], rig: &Rig, channels: &Channels) -> Result<(), SetupError> {
     let mut from = [0.0; 6];

@@ -9,7 +9,7 @@ use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Tr
 use crate::channels::{Channel, Channels};
 use crate::goal::{Asked, Goal, GoalParams};
 use crate::moves::Profile;
-use crate::operators::planned::{planned, reach, refuse_unheld, refuse_unreachable};
+use crate::operators::planned::{planned, reach, refuse_unheld, refuse_unmoved, refuse_unreachable};
 use crate::rig::{Rig, RigKind};
 
 const STATE: usize = 0;
@@ -178,6 +178,7 @@ impl Operator for ControlTarget {
         let absolute = params.counted_from == CountedFrom::Frame;
         let rig = Rig::of(params.rig, params.head_mass)
             .map_err(|e| SetupError(format!("`head_mass` is {} kg: {e}", params.head_mass)))?;
+        refuse_unmoved(&rig, &channels)?;
         if !absolute {
             refuse_unreachable(&moves, &reach, &channels)?;
             refuse_unheld(&moves, &rig, &channels)?;

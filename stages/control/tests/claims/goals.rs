@@ -160,6 +160,10 @@ fn configs_that_cannot_be_are_refused_with_the_place() {
             "`moves[1].z` is 0.04 m, and the bladders reach from -0.015 to 0.025 m",
         ),
         ("moves: [{ x: 5 mm }]", "`moves[0]` moves x, which is not held"),
+        (
+            "channels: [z, x], rig: three_bladders",
+            "`channels` has x, and the bladders of `rig` move z, pitch, roll",
+        ),
         ("moves: [{ at: 1 s }]", "`moves[0]` moves nothing"),
         (
             "moves: [{ at: 2 s, z: 1 mm }, { at: 1 s, z: 2 mm }]",
