@@ -132,17 +132,21 @@ impl Fault {
         text.replace("rig.truth,", "rig.truth, far.duties, far.diagnostics,")
     }
 
-    fn strike(self, run: &Program, valves: &str, registry: &Registry) -> Result<(), Failure> {
-        let say = |value: f64| deliver(registry, &run.which(), "console", Verb::Fault, &[value]).map(|_| ());
+    /// Does it. Gives when: of what a person says, when the run has heard it.
+    fn strike(self, run: &Program, valves: &str, registry: &Registry) -> Result<u64, Failure> {
+        let struck = realtime();
+        let say = |value: f64| {
+            deliver(registry, &run.which(), "console", Verb::Fault, &[value]).map(|_| realtime())
+        };
         match self {
-            Self::Kill(process) => run.signal(process, Signal::KILL),
-            Self::Stop(process) => run.signal(process, Signal::STOP),
-            Self::Silence => say(f64::from(RigFault::SilentCamera as u32)),
+            Self::Kill(process) => run.signal(process, Signal::KILL)?,
+            Self::Stop(process) => run.signal(process, Signal::STOP)?,
+            Self::Silence => return say(f64::from(RigFault::SilentCamera as u32)),
             // Any command: the rig has nothing to mend.
-            Self::Poison => say(0.0),
+            Self::Poison => return say(0.0),
             Self::Garbage => {
                 let mut noise = Noise::to(valves)?;
-                (0..BURST).try_for_each(|length| noise.send(length % 200))
+                (0..BURST).try_for_each(|length| noise.send(length % 200))?;
             }
             Self::Flood => {
                 let (begun, mut noise) = (Instant::now(), Noise::to(valves)?);
@@ -150,9 +154,9 @@ impl Fault {
                     (0..FLOOD).try_for_each(|_| noise.send(84))?;
                     std::thread::sleep(Duration::from_millis(1));
                 }
-                Ok(())
             }
         }
+        Ok(struck)
     }
 
     /// Takes it back, as far as that can be done from outside.
@@ -187,8 +191,8 @@ impl Trial {
         std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
         // Stamps of a live session are of this clock, as it was when the run began.
         let waited = || BEDSIDE.map(|process| run.waited(process));
-        let (before, struck) = (waited(), realtime());
-        fault.strike(&run, &valves, registry)?;
+        let before = waited();
+        let struck = fault.strike(&run, &valves, registry)?;
         std::thread::sleep(WATCHED.saturating_sub(Duration::from_nanos(realtime().saturating_sub(struck))));
         let mut bedside_waited = 0;
         for (before, after) in before.into_iter().zip(waited()) {
