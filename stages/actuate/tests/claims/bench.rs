@@ -210,6 +210,45 @@ fn a_track_without_channels_or_numbers_is_no_pose() {
 }
 
 #[test]
+fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease() {
+    use stillpoint_samples::{Gate, GateElement, GateReason, Target};
+    let gate = |left: &Left| -> GateElement {
+        assert_eq!(left.fault, None);
+        let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+        *parcel.pieces().view::<Gate>().unwrap().first().unwrap()
+    };
+    let armed = ActuationElement {
+        state: State::Armed as u32,
+        order: Order::Follow as u32,
+        ..ActuationElement::default()
+    };
+    // With the beam on, and its last word at `ms`.
+    let beaming = || {
+        let mut bench = bench(&text(&Said::default()), "gate").unwrap();
+        let mut ms = 10;
+        loop {
+            bench.at(ms * MS).feed::<Track>(0, &(), &[track(ms)], 0);
+            bench.at((ms + 1) * MS).feed::<Target>(1, &(), &[super::script::target()], 0);
+            if gate(&bench.at((ms + 2) * MS).feed::<Actuation>(2, &(), &[armed], 0)).beam == 1 {
+                return (bench, ms + 2);
+            }
+            ms += 10;
+            assert!(ms < 500, "the beam never comes on");
+        }
+    };
+    let (mut silent, ms) = beaming();
+    assert_eq!(gate(&silent.at((ms + 30) * MS).tick()).beam, 1);
+    let off = gate(&silent.at((ms + 31) * MS).tick());
+    assert_eq!((off.beam, off.reasons, off.lease_ends), (0, GateReason::ACTUATION_SILENT, 0));
+    for state in [State::Holding, State::Disarmed, State::Venting, State::Fault] {
+        let (mut told, ms) = beaming();
+        let word = ActuationElement { state: state as u32, order: Order::Hold as u32, ..armed };
+        let off = gate(&told.at((ms + 1) * MS).feed::<Actuation>(2, &(), &[word], 0));
+        assert_eq!((off.beam, off.reasons), (0, GateReason::ACTUATION), "{state:?}");
+    }
+}
+
+#[test]
 fn what_lies_beyond_a_sample_reaches_nothing() {
     let run = |padding: usize| {
         let mut bench = armed("").padded(padding);
