@@ -218,7 +218,8 @@ impl Trial {
         let e = &self.evidence;
         match fault {
             Fault::Kill(SUPERVISOR) => e.gaps.iter().any(|gap| gap.contains("supervisor died")),
-            Fault::Kill("recorder") => e.parts > 1,
+            // A run that ends before the recorder is back says what it lacks.
+            Fault::Kill("recorder") => e.parts > 1 || e.gaps.iter().any(|gap| gap.contains("recorder died")),
             Fault::Kill(process) => e.died.iter().any(|p| p == process),
             Fault::Stop("control") => e.reasons & Reason::GAP != 0,
             Fault::Stop("perception") | Fault::Silence => {

@@ -80,7 +80,7 @@ fn prescribed() -> Vec<Objective> {
 }
 
 fn values() -> impl Strategy<Value = Vec<f32>> {
-    prop::collection::vec(0.05_f32..1.0, VOXELS * 5)
+    prop::collection::vec((50..1000).prop_map(|thousandths| thousandths as f32 * 1e-3), VOXELS * 5)
 }
 
 proptest! {
