@@ -14,6 +14,7 @@ mod blocks;
 mod bounded;
 mod certificate;
 mod cholesky;
+mod coordinates;
 mod curvature;
 mod goals;
 mod gram;

@@ -7,6 +7,7 @@
 use super::blocks::Blocks;
 use super::bounded::{self, Effort, Reached};
 use super::certificate::Certificate;
+use super::coordinates;
 use super::curvature::{ByProducts, Dense};
 use super::gram::Gram;
 use super::line;
@@ -58,14 +59,45 @@ const HARD: Effort = Effort { solves: 64, reduction: 1e-2 };
 /// Work on the last quadratic: beside large weights the small ones are seen only here.
 const LAST: Effort = Effort { solves: 24, reduction: 1e-9 };
 
+/// Where a bound is not proved by then: rounds of sweeps over single weights and of steps from there at most, sweeps of
+/// a round at most, what the last one lessens at least, and entries of the matrix that a round reads at most.
+const ROUNDS: usize = 3;
+const SWEEPS: usize = 500;
+const LEAST_SWEEP: f64 = 1e-10;
+const ENTRIES: usize = 1_000_000_000;
+
 /// Steps after which weights are capped, and the factor by which the cap then rises.
 const PATIENCE: usize = 50;
 const CAP: f64 = 30.0;
 
 /// Minimises a fluence problem, from `start` where there is one; what is no positive number there counts as zero.
 ///
-/// Where weights over many powers of ten make the steps short, it goes by way of problems with capped weights.
+/// Where weights over many powers of ten make the steps short, it goes by way of problems with capped weights; what the
+/// steps leave then, sweeps over single weights find.
 pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solution {
+    let mut found = by_caps(problem, start, options);
+    let nothing = NOTHING * problem.objective(&vec![0.0; problem.matrix().rows()]);
+    for _ in 0..ROUNDS {
+        let Certificate { objective, .. } = found.certificate;
+        let left = options.max_steps.saturating_sub(found.steps);
+        if found.certificate.relative_excess() <= options.tolerance || objective <= nothing || left == 0 {
+            break;
+        }
+        let sweeps = (ENTRIES / problem.matrix().entries().max(1)).clamp(1, SWEEPS);
+        coordinates::sweep(problem, &mut found.x, sweeps, LEAST_SWEEP);
+        let next = descend(problem, Some(&found.x), Options { max_steps: left.min(PATIENCE), ..options });
+        let swept = Certificate::of(problem, &found.x);
+        found = if next.certificate.objective < swept.objective {
+            Solution { steps: found.steps + next.steps, ..next }
+        } else {
+            problem.matrix().forward(&found.x, &mut found.dose);
+            Solution { certificate: swept, steps: found.steps + next.steps, ..found }
+        };
+    }
+    found
+}
+
+fn by_caps(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solution {
     let patient = Options { max_steps: options.max_steps.min(PATIENCE), ..options };
     let mut found = descend(problem, start, patient);
     if found.steps < patient.max_steps {
@@ -77,7 +109,7 @@ pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solu
         cap *= CAP;
         // What a capped problem leaves undone, the next one does.
         let left = options.max_steps - found.steps;
-        let max_steps = if cap < largest { left.min(PATIENCE) } else { left };
+        let max_steps = left.min(if cap < largest { PATIENCE } else { 2 * PATIENCE });
         let left = Options { max_steps, ..options };
         let next = descend(&problem.capped(cap), Some(&found.x), left);
         found = Solution { steps: found.steps + next.steps, ..next };

@@ -91,6 +91,28 @@ impl Csr {
         (&self.column[range.clone()], &self.value[range])
     }
 
+    /// Where each column's entries start (one more at the end), their rows, their values.
+    pub fn by_columns(&self) -> (Vec<usize>, Vec<u32>, Vec<f32>) {
+        let mut starts = vec![0; self.columns + 1];
+        for column in &self.column {
+            starts[*column as usize + 1] += 1;
+        }
+        for column in 0..self.columns {
+            starts[column + 1] += starts[column];
+        }
+        let mut next = starts.clone();
+        let (mut rows, mut values) = (vec![0; self.value.len()], vec![0.0; self.value.len()]);
+        for row in 0..self.rows() {
+            let (columns, of_row) = self.row(row);
+            for (column, v) in columns.iter().zip(of_row) {
+                let at = &mut next[*column as usize];
+                (rows[*at], values[*at]) = (row as u32, *v);
+                *at += 1;
+            }
+        }
+        (starts, rows, values)
+    }
+
     /// `out = A x`.
     pub fn forward(&self, x: &[f64], out: &mut [f64]) {
         for (row, out) in out.iter_mut().enumerate() {
