@@ -1,27 +1,14 @@
 //! The bedside as a program of its own: it outlives who controls it, and is safe when they die.
 
-use std::path::PathBuf;
-
 use rustix::process::Signal;
 use serde_json::Value;
 use stillpoint_pipeline::clock::realtime;
 
-use crate::bench::{Bench, Running, on_free_ports, text, wait_for};
+use crate::bench::{Bench, Running, small_loop, text, wait_for};
 
 const PIPELINE: &str = include_str!("../../examples/head-3dof-apart.yaml");
-const KEY: &str = include_str!("../../examples/data/rig.key");
 /// From the last datagram to the safe state, ns.
 const LIMIT: u64 = 100_000_000;
-
-/// The example at ports that nobody uses, with a camera of fewer pixels, and a head that is held where it is.
-fn apart(bench: &Bench) -> PathBuf {
-    let camera = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";
-    let yaml = PIPELINE.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
-    std::fs::create_dir(bench.path("data")).unwrap();
-    std::fs::write(bench.path("data/rig.key"), KEY).unwrap();
-    std::fs::write(bench.path("apart.yaml"), on_free_ports(&yaml)).unwrap();
-    bench.path("apart.yaml")
-}
 
 fn control(bench: &Bench, file: &std::path::Path) -> Running {
     bench.start(&["run", text(file), "--host", "main", "--json", "--record", "s"])
@@ -62,7 +49,7 @@ const FOLLOWING: u64 = 2;
 #[test]
 fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     let bench = Bench::new();
-    let file = apart(&bench);
+    let file = small_loop(&bench, PIPELINE, "data/rig.key");
     let rig = bench.start(&["rig", text(&file), "--json", "--record", "s"]);
     let first = control(&bench, &file);
     wait_until(&bench, "the beam", FOLLOWING, 1);

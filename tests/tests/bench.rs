@@ -264,6 +264,18 @@ pub fn on_free_ports(yaml: &str) -> String {
     yaml
 }
 
+/// A loop from camera to valve at ports that nobody has, with its key, with a camera of fewer pixels, and with a head
+/// that is held where it is.
+pub fn small_loop(bench: &Bench, yaml: &str, key: &str) -> PathBuf {
+    let camera = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";
+    let yaml = yaml.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
+    let key = bench.path(key);
+    std::fs::create_dir_all(key.parent().unwrap()).unwrap();
+    std::fs::write(key, include_str!("../../examples/data/rig.key")).unwrap();
+    std::fs::write(bench.path("loop.yaml"), on_free_ports(&yaml)).unwrap();
+    bench.path("loop.yaml")
+}
+
 pub fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }

@@ -1,13 +1,10 @@
 //! People break a running rig and mend it, from camera to valve, live: it is recorded, and a replay has it.
 
-use std::path::PathBuf;
-
 use serde_json::Value;
 
-use crate::bench::{Bench, on_free_ports, text, wait_for};
+use crate::bench::{Bench, small_loop, text, wait_for};
 
 const PIPELINE: &str = include_str!("../../pipeline.yaml");
-const KEY: &str = include_str!("../../examples/data/rig.key");
 /// What a person says to `stillpoint send console.fault`, and the bit of `rig.state` that comes of it.
 const FAULTS: [(&[&str], u64); 6] = [
     (&["blind_camera"], 8),
@@ -30,16 +27,6 @@ const PATIENT: [&str; 7] = [
 ];
 const VENTING: u64 = 1;
 const FOLLOWING: u64 = 2;
-
-/// The default pipeline at ports that nobody uses, with a camera of fewer pixels, and a head that is held where it is.
-fn loop_of_this_bench(bench: &Bench) -> PathBuf {
-    let camera = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";
-    let yaml = PIPELINE.replace("camera: { every: 100 ms }", camera).replace("at: 2.5 s, z:", "at: 1 h, z:");
-    std::fs::create_dir_all(bench.path("examples/data")).unwrap();
-    std::fs::write(bench.path("examples/data/rig.key"), KEY).unwrap();
-    std::fs::write(bench.path("loop.yaml"), on_free_ports(&yaml)).unwrap();
-    bench.path("loop.yaml")
-}
 
 /// The newest sample of a topic of the run, once there is one.
 fn newest(bench: &Bench, topic: &str) -> Option<Value> {
@@ -76,7 +63,7 @@ fn wait_until_followed(bench: &Bench) {
 #[test]
 fn what_a_person_breaks_acts_until_it_is_mended_and_the_session_replays_bit_for_bit() {
     let bench = Bench::new();
-    let file = loop_of_this_bench(&bench);
+    let file = small_loop(&bench, PIPELINE, "examples/data/rig.key");
     let sets = PATIENT.iter().flat_map(|set| ["--set", set]).collect::<Vec<_>>();
     let run = bench.start(&[&["run", text(&file), "--json", "--record", "s"], &sets[..]].concat());
     wait_until_followed(&bench);
