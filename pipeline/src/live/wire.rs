@@ -76,6 +76,8 @@ pub struct Mouth {
     kind: &'static SampleKind,
     datagrams: Option<Datagrams>,
     servers: Vec<Server>,
+    /// The last sample could not be sent: this is said once.
+    is_refused: bool,
 }
 
 impl Mouth {
@@ -101,27 +103,30 @@ impl Mouth {
                 }
             }
         }
-        Ok(Some(Self { kind, datagrams: Datagrams::open(addresses)?, servers }))
+        Ok(Some(Self { kind, datagrams: Datagrams::open(addresses)?, servers, is_refused: false }))
     }
 
     /// Sends a sample to every far end. `Some`: the first of a row could not be sent, and why.
     pub fn send(&mut self, pieces: Pieces<'_>) -> Option<String> {
-        let sample = match pieces.check(self.kind) {
-            Ok(sample) => sample,
-            Err(e) => return Some(format!("a sample did not go over its link: {e}")),
-        };
+        let refused = self.try_send(pieces).err();
+        let is_new = refused.is_some() && !self.is_refused;
+        self.is_refused = refused.is_some();
+        refused.filter(|_| is_new)
+    }
+
+    fn try_send(&self, pieces: Pieces<'_>) -> Result<(), String> {
+        let sample =
+            pieces.check(self.kind).map_err(|e| format!("a sample did not go over its link: {e}"))?;
         for server in &self.servers {
             server.put(sample);
         }
-        self.datagrams.as_mut()?.send(sample.payload)
+        self.datagrams.as_ref().map_or(Ok(()), |datagrams| datagrams.send(sample.payload))
     }
 }
 
 struct Datagrams {
     socket: UdpSocket,
     addresses: Vec<SocketAddr>,
-    /// The last datagram could not be sent: this is said once.
-    is_refused: bool,
 }
 
 impl Datagrams {
@@ -133,18 +138,31 @@ impl Datagrams {
         };
         let socket = UdpSocket::bind((any, 0)).and_then(|s| s.set_nonblocking(true).map(|()| s));
         let socket = socket.map_err(|e| format!("no datagrams can be sent to {first}: {e}"))?;
-        Ok(Some(Self { socket, addresses, is_refused: false }))
+        Ok(Some(Self { socket, addresses }))
     }
 
-    fn send(&mut self, bytes: &[u8]) -> Option<String> {
-        let mut refused = None;
+    /// Sends to all; the last reason where some could not.
+    fn send(&self, bytes: &[u8]) -> Result<(), String> {
+        let mut sent = Ok(());
         for address in &self.addresses {
             if let Err(e) = self.socket.send_to(bytes, address) {
-                refused = Some(format!("a datagram to {address} could not be sent: {e}"));
+                sent = Err(format!("a datagram to {address} could not be sent: {e}"));
             }
         }
-        let is_new = refused.is_some() && !self.is_refused;
-        self.is_refused = refused.is_some();
-        refused.filter(|_| is_new)
+        sent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_samples::{Duties, Sample};
+
+    #[test]
+    fn the_first_of_a_row_of_samples_that_cannot_be_sent_is_told() {
+        let mut mouth = Mouth { kind: Duties::KIND, datagrams: None, servers: Vec::new(), is_refused: false };
+        let short = Pieces { meta: &[], payload: &[] };
+        assert!(mouth.send(short).unwrap().starts_with("a sample did not go over its link"));
+        assert_eq!(mouth.send(short), None);
     }
 }
