@@ -4,17 +4,23 @@ use crate::cells::CellKey;
 
 /// Cells of a block.
 const BLOCK: usize = 256;
+/// Blocks at most: 64 MiB of numbers. A surface of 70 m2 in voxels of 5 mm has as many.
+const MOST_BLOCKS: usize = 1 << 16;
 
 /// A table from cells to their numbers: 0, 1, 2 in the order of first insertion.
 ///
 /// The numbers of a block's cells lie side by side, and neighbouring points are mostly of one block or of two between
-/// which noise goes to and fro: so few blocks are looked up, and to find a cell in one nothing is compared.
+/// which noise goes to and fro: so few blocks are looked up, and to find a cell in one nothing is compared. Where points
+/// lie far apart, most of a block is empty: cells of blocks beyond [`MOST_BLOCKS`] are looked up one by one.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct CellIndex {
     keys: Vec<CellKey>,
-    blocks: Blocks,
+    blocks: Order,
     /// For each block its cells' numbers plus one, 0 where there is none.
     cells: Vec<u32>,
+    /// Cells that are in no block, and for each of them its number.
+    strays: Order,
+    stray_numbers: Vec<u32>,
     /// The block of the last insertion, and where its cells start.
     last: Option<(CellKey, usize)>,
     /// The same of the block before it.
@@ -27,6 +33,8 @@ impl CellIndex {
         self.keys.clear();
         self.blocks.clear();
         self.cells.clear();
+        self.strays.clear();
+        self.stray_numbers.clear();
         (self.last, self.before) = (None, None);
     }
 
@@ -44,7 +52,10 @@ impl CellIndex {
         let (block, within) = key.split();
         let start = match self.last {
             Some((last, start)) if last == block => start,
-            _ => self.enter(block),
+            _ => match self.enter(block) {
+                Some(start) => start,
+                None => return self.insert_stray(key),
+            },
         };
         let cell = &mut self.cells[start + within];
         if *cell == 0 {
@@ -58,72 +69,92 @@ impl CellIndex {
     #[inline]
     pub fn get(&self, key: CellKey) -> Option<u32> {
         let (block, within) = key.split();
-        let start = self.blocks.get(block)? as usize * BLOCK;
-        self.cells[start + within].checked_sub(1)
+        match self.blocks.get(block) {
+            Some(block) => self.cells[block as usize * BLOCK + within].checked_sub(1),
+            None => self.strays.get(key).map(|stray| self.stray_numbers[stray as usize]),
+        }
     }
 
-    /// Where a block's cells start; it is the last one from here on.
+    /// Where a block's cells start; it is the last one from here on. `None` where there are too many blocks.
     #[inline]
-    fn enter(&mut self, block: CellKey) -> usize {
+    fn enter(&mut self, block: CellKey) -> Option<usize> {
         std::mem::swap(&mut self.last, &mut self.before);
         match self.last {
-            Some((last, start)) if last == block => start,
+            Some((last, start)) if last == block => Some(start),
             _ => self.look_up(block),
         }
     }
 
-    fn look_up(&mut self, block: CellKey) -> usize {
-        let start = self.blocks.insert(block) as usize * BLOCK;
+    fn look_up(&mut self, block: CellKey) -> Option<usize> {
+        let number = match self.blocks.len() < MOST_BLOCKS {
+            true => self.blocks.insert(block),
+            false => self.blocks.get(block)?,
+        };
+        let start = number as usize * BLOCK;
         if start == self.cells.len() {
             self.cells.resize(start + BLOCK, 0);
         }
         self.last = Some((block, start));
-        start
+        Some(start)
+    }
+
+    #[cold]
+    fn insert_stray(&mut self, key: CellKey) -> u32 {
+        let stray = self.strays.insert(key) as usize;
+        if stray == self.stray_numbers.len() {
+            self.stray_numbers.push(self.keys.len() as u32);
+            self.keys.push(key);
+        }
+        self.stray_numbers[stray]
     }
 }
 
-/// An open-addressing table from blocks to their numbers, in the order of first insertion.
+/// An open-addressing table from keys to their numbers in the order of first insertion.
 #[derive(Debug, Clone, Default)]
-struct Blocks {
+struct Order {
     keys: Vec<CellKey>,
     /// Number plus one, 0 for an empty slot; the length is a power of two.
     slots: Vec<u32>,
 }
 
-impl Blocks {
+impl Order {
     fn clear(&mut self) {
         self.keys.clear();
         self.slots.fill(0);
     }
 
-    /// The block's number; a new one where it was not there.
-    fn insert(&mut self, block: CellKey) -> u32 {
+    fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// The key's number; a new one where it was not there.
+    fn insert(&mut self, key: CellKey) -> u32 {
         if self.keys.len() * 2 >= self.slots.len() {
             self.grow();
         }
-        let slot = self.slot(block);
+        let slot = self.slot(key);
         if self.slots[slot] == 0 {
-            self.keys.push(block);
+            self.keys.push(key);
             self.slots[slot] = self.keys.len() as u32;
         }
         self.slots[slot] - 1
     }
 
-    /// The block's number, if it is there.
-    fn get(&self, block: CellKey) -> Option<u32> {
+    /// The key's number, if it is there.
+    fn get(&self, key: CellKey) -> Option<u32> {
         if self.slots.is_empty() {
             return None;
         }
-        self.slots[self.slot(block)].checked_sub(1)
+        self.slots[self.slot(key)].checked_sub(1)
     }
 
-    /// The slot that holds `block` or would.
-    fn slot(&self, block: CellKey) -> usize {
+    /// The slot that holds `key` or would.
+    fn slot(&self, key: CellKey) -> usize {
         let mask = self.slots.len() - 1;
-        let mut slot = (block.mixed() >> 32) as usize & mask;
+        let mut slot = (key.mixed() >> 32) as usize & mask;
         loop {
             let number = self.slots[slot];
-            if number == 0 || self.keys[number as usize - 1] == block {
+            if number == 0 || self.keys[number as usize - 1] == key {
                 return slot;
             }
             slot = (slot + 1) & mask;
@@ -159,6 +190,31 @@ mod tests {
             assert_eq!((index.insert(key(i)), index.get(key(i))), (i, Some(i)));
         }
         assert_eq!(index.get(CellKey::of([0.0, 0.0, -1.0], 1.0).unwrap()), None);
+    }
+
+    #[test]
+    fn lone_cells_cost_no_block_each() {
+        let mut index = CellIndex::default();
+        let mut expected = BTreeMap::new();
+        // Twice as many blocks as there may be, a cell in each, then another cell of each; all of them twice.
+        let key = |block: usize, within: usize| {
+            let (x, y) = (8 * (block % 512), 4 * (block / 512));
+            CellKey::of([x, y, within].map(|c| c as f32 + 0.5), 1.0).unwrap()
+        };
+        let all = (0..2).flat_map(|within| (0..2 * MOST_BLOCKS).map(move |block| key(block, within)));
+        for key in all.clone().chain(all.clone()) {
+            let next = expected.len() as u32;
+            let number = *expected.entry(key).or_insert(next);
+            assert_eq!((index.insert(key), index.get(key)), (number, Some(number)));
+            assert_eq!(index.keys()[number as usize], key);
+        }
+        assert_eq!(index.len(), 4 * MOST_BLOCKS);
+        assert_eq!(index.cells.len(), MOST_BLOCKS * BLOCK);
+        assert_eq!(index.get(key(2 * MOST_BLOCKS - 1, 2)), None);
+        // Of strays of a frame before nothing is left.
+        let last = key(2 * MOST_BLOCKS - 1, 1);
+        index.clear();
+        assert_eq!((index.get(last), index.insert(last), index.len()), (None, 0, 1));
     }
 
     proptest! {
