@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use crate::scene::{KINECT_V1, KINECT_V2, Kind, STRUCTURED};
 use chacha20::ChaCha8Rng;
@@ -35,6 +36,13 @@ fn look(at: Vector3<f64>, target: Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let axes = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
     Isometry3::from_parts(Translation3::from(at), axes * turn)
+}
+
+/// The numbers of the scenes to draw: `$STILLPOINT_SCENES`, as `300` from 0 on or as `300..600`, else `most` from 0 on.
+pub fn numbers(most: u64) -> Range<u64> {
+    let Ok(text) = std::env::var("STILLPOINT_SCENES") else { return 0..most };
+    let (first, end) = text.split_once("..").unwrap_or(("0", &text));
+    first.parse().unwrap()..end.parse().unwrap()
 }
 
 /// The scene of a number.

@@ -1,10 +1,10 @@
 //! The head in scenes of the virtual rig that are drawn by chance.
 //!
-//! `$STILLPOINT_SCENES` says how many are drawn; `$STILLPOINT_PICTURES` names a folder for pictures of the worst.
+//! `$STILLPOINT_SCENES` says which are drawn (`drawn::numbers`); `$STILLPOINT_PICTURES` names a folder for pictures of the worst.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::drawn::drawn;
+use crate::drawn::{drawn, numbers};
 use crate::picture::draw;
 use crate::scene::{Frame, KINECT_V1, KINECT_V2, STRUCTURED};
 use chacha20::ChaCha8Rng;
@@ -15,9 +15,8 @@ use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rejection};
 
 #[test]
 fn head_is_found_in_scenes_drawn_by_chance() {
-    let many = std::env::var("STILLPOINT_SCENES").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
     let mut found = Vec::new();
-    for number in 0..many {
+    for number in numbers(60) {
         let d = drawn(number);
         let frame = Frame::of(&d.kind, &d.couch_from_camera, &d.scene, d.scale, &d.couch_from_head, number);
         let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();

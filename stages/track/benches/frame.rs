@@ -26,9 +26,6 @@ use stillpoint_rig::setting::Setting;
 use stillpoint_rig::trajectory::{Motion, Trajectory};
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Step};
 use stillpoint_track::HeadTracker;
-use stillpoint_track::align::AlignParams;
-use stillpoint_track::surface::SurfaceParams;
-use stillpoint_track::tracker::TrackParams;
 
 /// Times that each sequence is gone through.
 const ROUNDS: usize = 5;
@@ -109,19 +106,9 @@ fn median(times: &mut [f64]) -> f64 {
     times.get(times.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-fn tracker() -> HeadTracker {
-    HeadTracker::new(TrackParams {
-        surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
-        align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 6000,
-        min_points: 500,
-        min_overlap: 0.5,
-    })
-}
-
 fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Error>> {
     let mut segmenter = FaceSegmenter::new(FaceParams::default())?;
-    let mut tracker = tracker();
+    let mut tracker = HeadTracker::default();
     let mut steps: [Vec<f64>; STEPS] = Default::default();
     let (mut wholes, mut to_clusters, mut head) = (Vec::new(), Vec::new(), Vec::new());
     let mut rng = ChaCha8Rng::seed_from_u64(1);

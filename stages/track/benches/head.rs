@@ -16,9 +16,6 @@ use stillpoint_rig::scene::{Label, Scene};
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::trajectory::{Motion, Trajectory, rest_on_pad};
 use stillpoint_track::HeadTracker;
-use stillpoint_track::align::AlignParams;
-use stillpoint_track::surface::SurfaceParams;
-use stillpoint_track::tracker::TrackParams;
 
 const FRAMES: u64 = 20;
 
@@ -45,16 +42,6 @@ fn faces() -> Result<Vec<Vec<Vector3<f64>>>, Box<dyn std::error::Error>> {
     Ok(faces)
 }
 
-fn tracker() -> HeadTracker {
-    HeadTracker::new(TrackParams {
-        surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
-        align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 6000,
-        min_points: 500,
-        min_overlap: 0.5,
-    })
-}
-
 fn head(criterion: &mut Criterion) {
     let faces = match faces() {
         Ok(faces) => faces,
@@ -62,8 +49,8 @@ fn head(criterion: &mut Criterion) {
     };
     let mut group = criterion.benchmark_group("track.head");
     group.sample_size(20);
-    group.bench_function("capture", |b| b.iter(|| tracker().capture(black_box(&faces[0]), 0)));
-    let mut followed = tracker();
+    group.bench_function("capture", |b| b.iter(|| HeadTracker::default().capture(black_box(&faces[0]), 0)));
+    let mut followed = HeadTracker::default();
     let mut frame = 0;
     if let Err(error) = followed.capture(&faces[0], 0) {
         return eprintln!("no reference: {error}");
@@ -74,7 +61,7 @@ fn head(criterion: &mut Criterion) {
             followed.track(black_box(&faces[frame % faces.len()]), frame as u64 * 100_000_000).is_ok()
         });
     });
-    let mut lost = tracker();
+    let mut lost = HeadTracker::default();
     if let Err(error) = lost.capture(&faces[0], 0) {
         return eprintln!("no reference: {error}");
     }

@@ -38,6 +38,19 @@ pub struct TrackParams {
     pub min_overlap: f64,
 }
 
+impl Default for TrackParams {
+    /// The defaults of `track.head`: a head of any size, seen from 0.5 to 1 m.
+    fn default() -> Self {
+        Self {
+            surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
+            align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
+            points: 6000,
+            min_points: 500,
+            min_overlap: 0.5,
+        }
+    }
+}
+
 /// How a pose was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Way {
@@ -100,6 +113,13 @@ pub struct HeadTracker {
     params: TrackParams,
     aligner: Aligner,
     reference: Option<Reference>,
+}
+
+impl Default for HeadTracker {
+    /// A tracker without a reference, with the defaults of `track.head`.
+    fn default() -> Self {
+        Self::new(TrackParams::default())
+    }
 }
 
 impl HeadTracker {

@@ -1,8 +1,8 @@
 //! Motion of heads in scenes of the virtual rig that are drawn by chance: every setting, other views, sizes and motions.
 //!
-//! `$STILLPOINT_SCENES` says how many are drawn.
+//! `$STILLPOINT_SCENES` says which are drawn (`drawn::numbers`).
 
-use crate::drawn::{Drawn, drawn};
+use crate::drawn::{Drawn, drawn, numbers};
 use crate::rendered::errors;
 use crate::scene::{Frame, KINECT_V1, KINECT_V2, STRUCTURED};
 use chacha20::ChaCha8Rng;
@@ -12,9 +12,6 @@ use rand::RngExt;
 use stillpoint_rig::setting::SETTINGS;
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter};
 use stillpoint_track::HeadTracker;
-use stillpoint_track::align::AlignParams;
-use stillpoint_track::surface::SurfaceParams;
-use stillpoint_track::tracker::TrackParams;
 
 /// Frames of a trajectory.
 const FRAMES: usize = 8;
@@ -37,22 +34,11 @@ fn trajectory(scene: &Drawn, number: u64) -> Vec<Isometry3<f64>> {
     (0..FRAMES).map(|k| moved(k as f64 / (FRAMES - 1) as f64)).collect()
 }
 
-/// The default parameters of `track.head`.
-fn tracker() -> HeadTracker {
-    HeadTracker::new(TrackParams {
-        surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
-        align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 6000,
-        min_points: 500,
-        min_overlap: 0.5,
-    })
-}
-
 /// The head's poses as the chain finds them, in the couch's frame, and the least intersection over union of the faces; or
 /// why a frame has none.
 fn found(scene: &Drawn, truth: &[Isometry3<f64>], number: u64) -> Result<(Vec<Isometry3<f64>>, f64), String> {
     let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
-    let mut tracker = tracker();
+    let mut tracker = HeadTracker::default();
     let mut rng = ChaCha8Rng::seed_from_u64(number);
     let (mut poses, mut least) = (Vec::new(), f64::INFINITY);
     let camera = &scene.couch_from_camera;
@@ -76,9 +62,8 @@ fn found(scene: &Drawn, truth: &[Isometry3<f64>], number: u64) -> Result<(Vec<Is
 
 #[test]
 fn motion_is_found_in_scenes_drawn_by_chance() {
-    let many = std::env::var("STILLPOINT_SCENES").ok().and_then(|n| n.parse().ok()).unwrap_or(15);
     let (mut all, mut failures) = (Vec::new(), Vec::new());
-    for number in 0..many {
+    for number in numbers(15) {
         let scene = drawn(number);
         let truth = trajectory(&scene, number);
         let bound = scene.kind.name == STRUCTURED.name;
@@ -115,5 +100,5 @@ fn motion_is_found_in_scenes_drawn_by_chance() {
             );
         }
     }
-    assert!(failures.is_empty(), "{} of {many}: {failures:#?}", failures.len());
+    assert!(failures.is_empty(), "{} of {}: {failures:#?}", failures.len(), all.len());
 }

@@ -2,13 +2,16 @@
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::KeptFiles;
-use stillpoint_pipeline::operator::Stage;
+use stillpoint_pipeline::operator::{Registry, Stage};
+use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
     CloudShape, Command, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
     PoseStatus, Rejection, RejectionElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
+use stillpoint_track::head::HeadParams;
+use stillpoint_track::tracker::TrackParams;
 
 use crate::shapes::{camera_from_body, head, sphere};
 
@@ -33,6 +36,15 @@ fn bench_with(text: &str, files: &KeptFiles) -> Result<Bench, String> {
 
 fn bench(change: impl Fn(&str) -> String) -> Bench {
     bench_with(&change(TEXT), &KeptFiles::default()).unwrap()
+}
+
+#[test]
+fn a_tracker_has_the_operators_defaults() {
+    let registry = Registry::new(&[stillpoint_testing::feed::STAGES, &stages()]);
+    let graph = check(TEXT, "track.yaml", &[], &registry, &KeptFiles::default()).unwrap();
+    let head = graph.operator("head").unwrap();
+    let params = graph.operators[head].params.value.downcast_ref::<HeadParams>().unwrap();
+    assert_eq!(params.tracking(), TrackParams::default());
 }
 
 /// What one frame left: pose, three points, reference, report.

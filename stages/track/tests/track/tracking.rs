@@ -5,24 +5,13 @@ use chacha20::rand_core::{Rng, SeedableRng};
 use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 use stillpoint_track::HeadTracker;
-use stillpoint_track::align::AlignParams;
-use stillpoint_track::surface::{SurfaceError, SurfaceParams};
-use stillpoint_track::tracker::{Loss, TrackParams, TrackedPose, Way};
+use stillpoint_track::surface::SurfaceError;
+use stillpoint_track::tracker::{Loss, TrackedPose, Way};
 
 use crate::shapes::{camera_from_body, cylinder, head, sphere};
 
-fn tracker() -> HeadTracker {
-    HeadTracker::new(TrackParams {
-        surface: SurfaceParams { spacing: 0.004, smoothing: 0.008 },
-        align: AlignParams { tolerance: 0.005, least_sensitivity: 0.005 },
-        points: 6000,
-        min_points: 500,
-        min_overlap: 0.5,
-    })
-}
-
 fn captured(cloud: &[Vector3<f64>]) -> HeadTracker {
-    let mut tracker = tracker();
+    let mut tracker = HeadTracker::default();
     tracker.capture(cloud, 0).unwrap();
     tracker
 }
@@ -153,7 +142,7 @@ fn another_body_is_a_loss_and_the_head_is_found_again() {
 #[test]
 fn without_reference_or_points_there_is_no_pose() {
     let cloud = head(&camera_from_body());
-    assert_eq!(tracker().track(&cloud, 1).unwrap_err(), Loss::NoReference);
+    assert_eq!(HeadTracker::default().track(&cloud, 1).unwrap_err(), Loss::NoReference);
     let mut tracker = captured(&cloud);
     let few = tracker.track(&cloud[..499], 1).unwrap_err();
     assert_eq!(few, Loss::TooFewPoints { found: 499, needed: 500 });
@@ -174,5 +163,5 @@ fn what_is_no_head_makes_no_reference_and_the_old_one_stays() {
 #[test]
 fn points_on_one_another_make_no_reference() {
     let same = vec![Vector3::new(0.0, 0.0, 0.7); 5000];
-    assert!(matches!(tracker().capture(&same, 0).unwrap_err(), SurfaceError::TooLittle { .. }));
+    assert!(matches!(HeadTracker::default().capture(&same, 0).unwrap_err(), SurfaceError::TooLittle { .. }));
 }
