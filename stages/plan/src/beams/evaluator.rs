@@ -78,7 +78,7 @@ pub struct Progress {
 }
 
 /// Accuracy of a solve: a thousandth of what counts as one.
-const ACCURACY: Options = Options { tolerance: 1e-6, max_steps: 400, dense_columns: 6000 };
+const ACCURACY: Options = Options { tolerance: 1e-6, max_steps: 400, dense_columns: 12_000 };
 
 /// Solves sets of beams for a search, each once, and counts what that takes.
 ///

@@ -26,7 +26,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_steps: 400, dense_columns: 6000 }
+        Self { tolerance: 1e-8, max_steps: 400, dense_columns: 12_000 }
     }
 }
 
