@@ -1,9 +1,7 @@
 //! The exact minimum along each weight in turn: beside large weights it still sees small ones.
 
+use super::line;
 use super::problem::Problem;
-
-/// Most breaks of the slope that one weight passes.
-const MAX_PIECES: usize = 60;
 
 /// Goes over all weights up to `sweeps` times, until a whole sweep lowers the objective by less than `least` of it.
 ///
@@ -45,37 +43,5 @@ fn best_change(problem: &Problem, row: &[u32], value: &[f32], dose: &[f64], x: f
         }
         (slope, curvature)
     };
-    // The slope rises and is piecewise linear: Newton, kept in a bracket, ends on the exact piece.
-    let (mut low, mut high, mut t) = (-x, f64::INFINITY, 0.0);
-    for _ in 0..MAX_PIECES {
-        let (g, curvature) = slope(t);
-        if g > 0.0 {
-            high = t;
-        } else if g < 0.0 {
-            low = t;
-        } else {
-            return t;
-        }
-        let newton = if curvature > 0.0 {
-            t - g / curvature
-        } else if g > 0.0 {
-            low
-        } else {
-            return t;
-        };
-        let next = if newton > low && newton < high {
-            newton
-        } else if newton <= low && low == -x {
-            -x
-        } else if high.is_finite() {
-            f64::midpoint(low, high)
-        } else {
-            return t;
-        };
-        if next == t || (next - t).abs() <= 1e-15 * (x + t) {
-            return next;
-        }
-        t = next;
-    }
-    t
+    line::root(slope, [-x, f64::INFINITY], 0.0)
 }

@@ -5,28 +5,33 @@ use super::problem::Problem;
 const MAX_STEPS: usize = 60;
 
 /// Step `t` in `[0, longest]` that minimises the objective of `dose + t change`.
-///
-/// The slope along the line rises and is piecewise linear: Newton on it, kept in a bracket, ends on the exact piece.
 pub fn minimise(problem: &Problem, dose: &[f64], change: &[f64], longest: f64) -> f64 {
-    if slope_at(problem, dose, change, 0.0).0 >= 0.0 {
-        return 0.0;
+    root(|t| slope_at(problem, dose, change, t), [0.0, longest], longest.min(1.0))
+}
+
+/// Where in `[from, to]` a slope is zero that rises and is piecewise linear, sought from `start`; the end beside it where
+/// that is nowhere. `slope` gives the slope and its own slope.
+///
+/// Newton, kept in a bracket, ends on the exact piece.
+pub fn root(slope: impl Fn(f64) -> (f64, f64), [from, to]: [f64; 2], start: f64) -> f64 {
+    if slope(from).0 >= 0.0 {
+        return from;
     }
-    let (mut low, mut high) = (0.0, longest);
-    let mut t = longest.min(1.0);
+    let (mut low, mut high, mut t) = (from, to, start);
     for _ in 0..MAX_STEPS {
-        let (slope, curvature) = slope_at(problem, dose, change, t);
-        if slope > 0.0 {
+        let (value, curvature) = slope(t);
+        if value > 0.0 {
             high = t;
-        } else if slope < 0.0 {
+        } else if value < 0.0 {
             low = t;
         } else {
             return t;
         }
-        let newton = t - slope / curvature;
+        let newton = t - value / curvature;
         let next = if newton > low && newton < high {
             newton
-        } else if newton >= high && slope < 0.0 && high == longest && longest.is_finite() {
-            longest
+        } else if newton >= high && value < 0.0 && high == to && to.is_finite() {
+            to
         } else if high.is_finite() {
             f64::midpoint(low, high)
         } else {

@@ -55,27 +55,28 @@ fn of<'a>(figures: &'a [StructureDose], name: &str) -> &'a StructureDose {
     figures.iter().find(|f| f.name == name).unwrap_or_else(|| panic!("no {name}"))
 }
 
+/// PTV and core of TG-119's C-shape, planned with nine beams; `None` where there is no data.
+fn c_shape(objectives: &str, widths_mm: [f64; 2]) -> Option<(StructureDose, StructureDose)> {
+    let described = planning()?.join("tg119/tg119.json");
+    let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
+    let table = ObjectiveTable::parse(objectives).unwrap().before(ObjectiveTable::shipped().unwrap());
+    let (figures, _) = nine_beams(&case, &table, widths_mm);
+    Some((of(&figures, "PTV").clone(), of(&figures, "Core").clone()))
+}
+
 /// Ezzell et al., Med. Phys. 36 (2009) 5359, C-shape, the easier goals: of the PTV 95 % get 50 Gy at least and 10 % at
 /// most 55 Gy; of the core 10 % get at most 25 Gy.
 #[test]
 fn the_c_shape_of_tg_119_meets_its_published_goals() {
-    let Some(root) = planning() else { return };
-    let case = import_described(&root.join("tg119/tg119.json"), &NameTable::shipped().unwrap()).unwrap().case;
-    let table = ObjectiveTable::parse(TG119).unwrap().before(ObjectiveTable::shipped().unwrap());
-    let (figures, _) = nine_beams(&case, &table, [10.0, 5.0]);
-    let (ptv, core) = (of(&figures, "PTV"), of(&figures, "Core"));
+    let Some((ptv, core)) = c_shape(TG119, [10.0, 5.0]) else { return };
     println!("PTV D95 {:.2} Gy, D10 {:.2} Gy; core D10 {:.2} Gy", ptv.d95_gy, ptv.d10_gy, core.d10_gy);
     assert!(ptv.d95_gy >= 50.0 && ptv.d10_gy <= 55.0 && core.d10_gy <= 25.0, "{ptv:?} {core:?}");
 }
 
-/// The same, the harder goal: 5 % of the core get 10 Gy at most. It takes bixels of the width of a collimator's leaves.
+/// The same, the harder goal: at most 5 % of the core get 10 Gy. It takes bixels of the width of a collimator's leaves.
 #[test]
 fn the_c_shape_of_tg_119_meets_its_harder_goals_too() {
-    let Some(root) = planning() else { return };
-    let case = import_described(&root.join("tg119/tg119.json"), &NameTable::shipped().unwrap()).unwrap().case;
-    let table = ObjectiveTable::parse(TG119_HARDER).unwrap().before(ObjectiveTable::shipped().unwrap());
-    let (figures, _) = nine_beams(&case, &table, [5.0, 3.0]);
-    let (ptv, core) = (of(&figures, "PTV"), of(&figures, "Core"));
+    let Some((ptv, core)) = c_shape(TG119_HARDER, [5.0, 3.0]) else { return };
     let gets_ten = core.volumes[0].fraction;
     println!("PTV D95 {:.2} Gy, D10 {:.2} Gy; core V10 {gets_ten:.3}", ptv.d95_gy, ptv.d10_gy);
     assert!(ptv.d95_gy >= 50.0 && ptv.d10_gy <= 55.0 && gets_ten <= 0.05, "{ptv:?} {core:?}");
