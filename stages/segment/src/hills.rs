@@ -5,6 +5,7 @@ use crate::plane::Plane;
 use crate::summit::Summits;
 use crate::surface::Patch;
 use nalgebra::Vector3;
+use std::ops::RangeInclusive;
 
 // Lengths are in radii of the adult head.
 
@@ -12,7 +13,13 @@ use nalgebra::Vector3;
 const SUMMIT: f64 = 0.2;
 /// ... where it is this far beside the ball's centre.
 const BESIDE: f64 = 1.0;
-/// ... and which has at least this many patches. Flying pixels have fewer.
+/// In radii of the ball: so far over the centre and so far beside it, outside of the ball and lower than its top, a head
+/// has no summit but that of its neck; a chin is higher. There the way up needs to lead down only this far, as it does
+/// between a face and the pad that it is turned to.
+const HIGH: RangeInclusive<f64> = 0.4..=0.95;
+const HIGH_BESIDE: f64 = 0.95;
+const HIGH_SUMMIT: f64 = 0.11;
+/// Such a summit has at least this many patches. Flying pixels have fewer.
 const PATCHES: u32 = 12;
 /// As far around such a summit, and no farther than it is prominent, all is of that other thing.
 const AROUND: f64 = 0.4;
@@ -52,7 +59,13 @@ impl Hills {
         self.is_other.clear();
         let all = patches.iter().zip(self.summits.prominence());
         self.is_other.extend(all.map(|(patch, &prominence)| {
-            prominence > SUMMIT * radius && beside(&patch.place, ball, plane) > BESIDE * radius
+            if prominence <= HIGH_SUMMIT * ball.radius {
+                return false;
+            }
+            let over = plane.normal.dot(&(patch.place - ball.centre));
+            let beside = beside(&patch.place, ball, plane);
+            let is_high = HIGH.contains(&(over / ball.radius)) && beside > HIGH_BESIDE * ball.radius;
+            is_high || (prominence > SUMMIT * radius && beside > BESIDE * radius)
         }));
     }
 

@@ -50,6 +50,18 @@ fn head_is_found_in_scenes_drawn_by_chance() {
     assert!(mean >= 0.93 && least >= 0.85, "mean {mean}, least {least}");
 }
 
+/// Once the pad was the head's: between the two it hardly goes down.
+#[test]
+fn a_face_turned_to_a_pad_is_cut_from_it() {
+    for number in [78, 138, 334, 469, 798, 905, 1144] {
+        let d = drawn(number);
+        assert_eq!(d.setting, Setting::TightPads);
+        let frame = Frame::of(&d.kind, &d.couch_from_camera, &d.scene, d.scale, &d.couch_from_head, number);
+        let iou = frame.iou(&segmented(&frame, number).unwrap());
+        assert!(iou > 0.96, "{iou:.3} {}", d.about);
+    }
+}
+
 /// What is found in a scene: the face's points or why there is none.
 fn segmented(frame: &Frame, seed: u64) -> Result<Vec<u32>, Rejection> {
     let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
