@@ -32,11 +32,11 @@ pub struct SummitParams {
     /// Which way is up in the output's frame.
     #[param(default = "z")]
     pub up: Up,
-    /// Share of the face's points that say where its highest place is.
+    /// Share of the face's points, the highest ones, that say where its highest place is sought.
     #[param(default = 0.02, above = 0, max = 1)]
     pub share: f64,
-    /// Radius about that place within which points are averaged.
-    #[param(unit = "m", default = "5 mm", above = "0 mm", max = "200 mm")]
+    /// Radius about that place over which the surface is averaged.
+    #[param(unit = "m", default = "8 mm", above = "0 mm", max = "200 mm")]
     pub radius: f64,
     /// Standard deviation of the error that all points of a frame share.
     #[param(unit = "m", default = "0.3 mm", above = "0 mm", max = "100 mm")]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Health, PointCloud, Pose, Standing, Track, View};
+use stillpoint_samples::{PointCloud, Pose, Standing, Track, View};
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
@@ -39,57 +39,6 @@ fn a_folder_of_depth_images_becomes_a_track() {
     // The head of the rig lies on its pad: its face is 100 to 250 mm over the couch.
     let height = tracks[5].first().unwrap().position[2];
     assert!(height > 0.1 && height < 0.25, "{height} m");
-}
-
-#[test]
-fn two_cameras_of_different_rates_become_one_height() {
-    let run = example("one-dof-tracking.yaml", 10_000);
-    // The head's origin lies below its highest place: motion is compared, each about its mean from the third second on.
-    let truths: std::collections::BTreeMap<u64, f64> = run
-        .samples::<Pose>("xbox.truth")
-        .iter()
-        .map(|p| (p.head.origin, p.first().unwrap().position[2]))
-        .collect();
-    let begin = truths.keys().next().unwrap() + 3_000_000_000;
-    let truth = |time: u64| {
-        let (t0, z0) = truths.range(..=time).next_back()?;
-        let (t1, z1) = truths.range(time..).next()?;
-        let part = if t1 > t0 { (time - t0) as f64 / (t1 - t0) as f64 } else { 0.0 };
-        Some(z0 + (z1 - z0) * part)
-    };
-    let rms = |samples: Vec<(u64, f64)>| {
-        let errors: Vec<f64> =
-            samples.iter().filter(|(t, _)| *t > begin).filter_map(|(t, z)| Some(z - truth(*t)?)).collect();
-        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        assert!(errors.len() > 80);
-        1e3 * (errors.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / errors.len() as f64).sqrt()
-    };
-    let raw = |topic: &str| {
-        rms(run
-            .samples::<Pose>(topic)
-            .iter()
-            .map(|p| (p.head.origin, p.first().unwrap().position[2]))
-            .collect())
-    };
-    let track = |topic: &str| {
-        let tracks = run.samples::<Track>(topic);
-        let standing =
-            |t: &&stillpoint_samples::View<'_, Track>| t.first().unwrap().standing() != Standing::None;
-        rms(tracks.iter().filter(standing).map(|t| (t.head.origin, t.first().unwrap().position[2])).collect())
-    };
-    let raws = ["xbox_height.position", "v2_height.position"].map(raw);
-    let locals = ["xbox_filter.state", "v2_filter.state"].map(track);
-    let fused = track("fused.state");
-    let (first, last) = (truths.values().next().unwrap(), truths.values().last().unwrap());
-    eprintln!(
-        "moved {:.1} mm; rms mm: raw {raws:.3?}, filtered {locals:.3?}, fused {fused:.3}",
-        (last - first) * 1e3
-    );
-    assert!(locals[0] < raws[0] && locals[1] < raws[1], "{raws:?} {locals:?}");
-    assert!(fused < locals[0].min(locals[1]), "{fused} {locals:?} mm");
-    let health = run.samples::<Health>("fused.health");
-    let used = health.iter().filter(|h| h.elements.iter().all(|s| s.reason() == "used")).count();
-    assert!(used * 10 > health.len() * 9, "{used} of {}", health.len());
 }
 
 #[test]

@@ -7,6 +7,7 @@ mod examples;
 mod guide;
 mod head_tracking;
 mod held_head;
+mod one_dof;
 #[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
 mod real_data;
