@@ -13,8 +13,8 @@ use stillpoint_pipeline::schedule::{Events, Witness};
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
-    Actuation, ActuationElement, ActuationState, Duties, DutiesElement, Entry, FarEnd, FarEndElement,
-    Outcome, Pose, PoseElement, PoseReport, PoseStatus, RigState, Sample, Target, TargetElement,
+    Actuation, ActuationElement, Entry, FarEnd, FarEndElement, Outcome, Pose, PoseElement, PoseReport,
+    PoseStatus, RigState, Sample, Target, TargetElement,
 };
 use stillpoint_track::angles::PoseNumbers;
 
@@ -27,8 +27,6 @@ const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.
 pub const STEP: [f64; 3] = [11.5, 1.35, 10.0];
 /// A point is kept at most so often, ns.
 const KEPT_EVERY: u64 = 20_000_000;
-/// What actuation is at where nothing stands between law and rig.
-const ARMED: u32 = ActuationState::Armed as u32;
 /// How long a lease of the beam lasts, ns.
 const LEASE: u64 = 100_000_000;
 /// How many truths are remembered until the frame of their time has become a reference.
@@ -227,25 +225,13 @@ impl Watch {
 
     /// A pose of the frame of this time, and what became of the frame.
     fn tracked(&mut self, origin: u64, pose: &PoseElement, report: Option<PoseStatus>) {
-        if report.is_none() && self.reference.is_none() {
-            // What is not seen by a camera is the rig's own point.
-            let truth = self.truths.iter().find(|(time, _)| *time == origin);
-            self.reference = truth.map(|(_, truth)| (*truth, *truth));
-        }
-        let captured = report == Some(PoseStatus::Captured);
+        // Where there is no camera there is no report: what is tracked first is the reference.
+        let captured = report.map_or(self.reference.is_none(), |r| r == PoseStatus::Captured);
         if captured && !self.capturing {
             let truth = self.truths.iter().find(|(time, _)| *time == origin);
             self.reference = truth.map(|(_, truth)| (*truth, isometry(pose)));
         }
         self.capturing = captured;
-    }
-
-    /// A law whose duties go to the rig as they are.
-    fn asked(&mut self, time: u64, now: &DutiesElement) {
-        self.actuated(
-            time,
-            &ActuationElement { duty: now.duty, state: ARMED, ..ActuationElement::default() },
-        );
     }
 
     fn actuated(&mut self, time: u64, now: &ActuationElement) {
@@ -298,12 +284,6 @@ impl Witness for Watch {
                 if let Some(parcel) = sent("state") {
                     let time = parcel.head().stamp;
                     first::<Actuation>(parcel).iter().for_each(|now| self.actuated(time, now));
-                }
-            }
-            "law" => {
-                if let Some(parcel) = sent("duties") {
-                    let time = parcel.head().stamp;
-                    first::<Duties>(parcel).iter().for_each(|now| self.asked(time, now));
                 }
             }
             "far" => {

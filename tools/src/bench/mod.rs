@@ -7,7 +7,7 @@
 //! - `replay`: whether sessions replay bit for bit, and how fast
 //! - `step`: the source's step, with many seeds
 //! - `robust`: the same while something is broken
-//! - `tune`, `search`: the laws after the same search
+//! - `tune`, `search`, `trials`: the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies
 //! - `closed_loop`: how long it takes from an image to the datagram that it has moved
 //! - `program`: the default pipeline as a program of its own
@@ -47,6 +47,7 @@ mod robust;
 mod search;
 mod stages;
 mod step;
+mod trials;
 mod tune;
 mod window;
 

@@ -1,4 +1,4 @@
-//! An operator for `bench robust` and `bench tune`: poses with noise that nobody is told of.
+//! An operator for `bench robust` and `bench tune`: poses of another point of the head, with noise.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand::Rng;
@@ -14,6 +14,9 @@ pub const STAGES: &[Stage] = &[Stage::of::<Noise>()];
 /// Parameters of [`Noise`].
 #[derive(Clone, Debug, Params)]
 pub struct NoiseParams {
+    /// The point that is tracked, on the axes of the pose and from its origin.
+    #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-200 mm", max = "200 mm")]
+    point: [f64; 3],
     /// Standard deviation of x, y and z.
     #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "0 mm", max = "100 mm")]
     position: [f64; 3],
@@ -31,14 +34,14 @@ pub struct NoiseParams {
     told: bool,
 }
 
-/// Adds white noise to poses.
+/// Poses of a point of the head, with white noise.
 pub struct Noise(NoiseParams);
 
 impl Operator for Noise {
     type Params = NoiseParams;
     const KIND: Kind = Kind {
         name: "bench.noise",
-        about: "Adds white noise to poses.",
+        about: "Poses of a point of the head, with white noise.",
         role: Role::Operator,
         inputs: &[Input {
             name: "pose",
@@ -71,11 +74,12 @@ impl Operator for Noise {
         if f64::from(random.next_u32()) < self.0.lost * (f64::from(u32::MAX) + 1.0) {
             return Ok(());
         }
-        let position = std::array::from_fn(|i| pose.position[i] + self.0.position[i] * normal(&mut random));
-        let turn = Vector3::from_fn(|i, _| self.0.angles[i] * normal(&mut random));
         let [w, x, y, z] = pose.orientation;
-        let turned = UnitQuaternion::from_scaled_axis(turn)
-            * UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        let orientation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        let point = Vector3::from(pose.position) + orientation * Vector3::from(self.0.point);
+        let position = std::array::from_fn(|i| point[i] + self.0.position[i] * normal(&mut random));
+        let turn = Vector3::from_fn(|i, _| self.0.angles[i] * normal(&mut random));
+        let turned = UnitQuaternion::from_scaled_axis(turn) * orientation;
         let q = if turned.w < 0.0 { -turned.into_inner() } else { turned.into_inner() };
         let mut noisy = PoseElement { position, orientation: [q.w, q.i, q.j, q.k], ..pose };
         if self.0.told {

@@ -18,9 +18,9 @@ const DUTY: f64 = 1.0;
 /// is never farther off than both together.
 const ASTRAY: [f64; 3] = [1.0 + 0.5, 0.5 + 0.3, 0.5 + 0.3];
 /// The step comes at the latest so long after the start, s.
-const LEAD: f64 = 4.0;
+pub const LEAD: f64 = 4.0;
 /// From so long after the step on the head should be there, s: the reference model of the pipeline rises in 5 s.
-const FROM: f64 = 20.0;
+pub const FROM: f64 = 20.0;
 /// The last part of the run, in which the beam is on or not, s.
 const LAST: f64 = 10.0;
 

@@ -1,0 +1,188 @@
+//! What each place of a search goes through: the default pipeline without its camera, with something that is not as it
+//! should be.
+
+use super::course::{Course, Plan, from_model, worst};
+use super::laws::{self, Law};
+use super::robust::{FROM, LEAD};
+use super::step::{MOVES, WITHIN};
+use crate::pipeline_file::EMBEDDED;
+
+/// Rise of the reference model, s.
+const RISE: f64 = 5.0;
+/// Session time after the step, s.
+const SECONDS: f64 = 30.0;
+/// What a valve that is open all the time costs, in what is allowed to be off.
+const EFFORT: f64 = 0.1;
+/// What a head costs that is not held where it is to be: more than any that is.
+const LOST: f64 = 100.0;
+/// The point that the tracker follows, with what it was seen to be off by, on the truth, every 100 ms.
+const NOISE: &str = "  head:
+    use: bench.noise
+    inputs: { pose: rig.truth }
+    params:
+      point: [2 mm, -70 mm, 46 mm]
+      position: [0.008 mm, 0.004 mm, 0.004 mm]
+      angles: [0.002 deg, 0.008 deg, 0.006 deg]
+      keep: 20
+      told: true
+
+";
+
+/// Something that is not as it should be.
+pub struct Trial {
+    /// Its name.
+    pub name: &'static str,
+    changes: &'static [(&'static str, &'static str)],
+    sets: &'static [&'static str],
+}
+
+const fn trial(name: &'static str, sets: &'static [&'static str]) -> Trial {
+    Trial { name, changes: &[], sets }
+}
+
+/// Seeing takes its time, as it does with images.
+const SEEING: (&str, &str) = ("from: head.pose,", "from: head.pose, delay: 18 ms,");
+const LATE: &[(&str, &str)] = &[("delay: 18 ms", "delay: 118 ms")];
+const MEASURED: &[(&str, &str)] = &[(
+    "      disarm: console.disarm\n",
+    "      disarm: console.disarm\n      measured: { from: rig.state, delay: 5 ms }\n",
+)];
+
+/// White, half a percent of the step on each pose, of which nobody is told.
+const NOISY: &[(&str, &str)] = &[
+    (
+        "operators:\n",
+        "operators:\n  noise: { use: bench.noise, inputs: { pose: head.pose }, params: { \
+         position: [0.058 mm, 0.058 mm, 0.058 mm], angles: [0.0068 deg, 0.05 deg, 0 deg] } }\n",
+    ),
+    ("from: head.pose", "from: noise.pose"),
+];
+
+/// How many there are.
+pub const COUNT: usize = 7;
+
+/// What a place goes through while it is searched for.
+pub const TRAINING: [Trial; COUNT] = [
+    trial(
+        "push",
+        &[
+            "rig.head_mass=4 kg",
+            "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, 1.2 mm], turn: [-0.6 deg, 0.9 deg, 0 deg] }]",
+        ],
+    ),
+    trial("lost", &["head.lost=0.1"]),
+    Trial { changes: LATE, ..trial("late", &[]) },
+    trial("heavy", &["rig.head_mass=5.5 kg", "rig.faults=[{ kind: weak_supply, left: 0.85, at: 4700 ms }]"]),
+    Trial { changes: NOISY, ..trial("noise", &[]) },
+    trial("stuck", &["rig.faults=[{ kind: stuck_valve, which: 0, at: 4700 ms }]"]),
+    Trial {
+        changes: MEASURED,
+        ..trial("leak", &["rig.faults=[{ kind: leak, which: 1, diameter: 0.3 mm, at: 4700 ms }]"])
+    },
+];
+
+/// The same kinds of things, other ones: what is found goes through these afterwards.
+pub const HELD_OUT: [Trial; COUNT] = [
+    trial(
+        "push",
+        &[
+            "rig.head_mass=3 kg",
+            "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, -1 mm], turn: [0.6 deg, -0.6 deg, 0 deg] }]",
+        ],
+    ),
+    trial("lost", &["head.lost=0.1"]),
+    Trial { changes: LATE, ..trial("late", &[]) },
+    trial("heavy", &["rig.head_mass=6 kg", "rig.faults=[{ kind: weak_supply, left: 0.8, at: 5900 ms }]"]),
+    Trial { changes: NOISY, ..trial("noise", &[]) },
+    trial("stuck", &["rig.faults=[{ kind: stuck_valve, which: 2, at: 5900 ms }]"]),
+    Trial {
+        changes: MEASURED,
+        ..trial("leak", &["rig.faults=[{ kind: leak, which: 2, diameter: 0.3 mm, at: 5900 ms }]"])
+    },
+];
+impl Trial {
+    /// The run of a law with these parameters.
+    pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {
+        let mut plan = laws::plan(Some(law), "5 s", seed);
+        // Where these are not, the run says so.
+        let between = |from: &str, to: &str| {
+            let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
+            EMBEDDED.get(from..to).map(str::to_owned)
+        };
+        let camera = between("  cloud:", "  # Quantities").unwrap_or_default();
+        let own = [
+            (camera.as_str(), NOISE),
+            ("      reference: head.report\n", ""),
+            ("[cloud, face, head, filter]", "[head, filter]"),
+            ("head.report, ", ""),
+            SEEING,
+        ];
+        let changes = own.iter().chain(self.changes);
+        plan.changes.extend(changes.map(|(from, to)| ((*from).to_owned(), (*to).to_owned())));
+        plan.sets.retain(|set| !set.contains(".latency="));
+        let sets = ["rig.camera.width=16 px", "rig.camera.height=16 px", "rig.camera.focal_length=14 px"];
+        let sets = sets.iter().chain(&["valves.reference=waived", MOVES]).chain(self.sets);
+        plan.sets.extend(sets.map(|s| (*s).to_owned()).chain(gains.iter().cloned()));
+        Plan { seconds: LEAD + SECONDS, ..plan }
+    }
+}
+
+/// What one run costs: the root mean square of the truth less the reference model, in parts of what is allowed, and a
+/// little for open valves. A head that is farther from the target than is allowed, once it should be there, costs more than
+/// any that is not.
+pub fn cost(course: &Course) -> f64 {
+    let Some(at) = course.step_at().filter(|_| course.failed.is_empty()) else { return f64::INFINITY };
+    let worst = worst(course.since(at + FROM));
+    let astray = (0..3).map(|i| worst[i] / WITHIN[i]).fold(0.0, |a: f64, b| if b <= a { a } else { b });
+    if astray.is_nan() || astray > 1.0 {
+        return LOST * astray;
+    }
+    let points = course.since(at);
+    let squares: f64 = points
+        .iter()
+        .map(|p| (0..3).map(|i| (from_model(p, i, at, RISE) / WITHIN[i]).powi(2)).sum::<f64>())
+        .sum();
+    (squares / (3 * points.len()) as f64).sqrt() + EFFORT * course.effort / (LEAD + SECONDS)
+}
+
+/// Whether a cost is that of a head which was held.
+pub fn held(cost: f64) -> bool {
+    cost < LOST
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::course::{Point, STEP};
+    use super::super::crew;
+    use super::*;
+
+    #[test]
+    fn gains_that_swing_where_poses_come_late_are_no_good_however_near_they_hold_else() {
+        let registry = crate::bench::registry(&[]);
+        let gains = ["mrac.proportional=6.23 1/s".to_owned(), "mrac.integral=4.73".to_owned()];
+        let plan = |name| TRAINING.iter().find(|t| t.name == name).unwrap().plan(Law::Pi, 1, &gains);
+        let plans = ["lost", "late", "lost"].map(plan);
+        let run = |plan: &Plan| Ok(cost(&Course::of(plan, &registry)?));
+        let costs = crew::each(&plans, 2, run).unwrap();
+        assert!(costs[0] < 1.0 && held(costs[0]) && !held(costs[1]), "{costs:?}");
+        assert_eq!(costs[0], costs[2], "the same once more, to the last bit");
+    }
+
+    #[test]
+    fn a_head_that_is_not_held_costs_more_than_any_that_is() {
+        let course = |off: f64, late: f64| {
+            let points = (0..1700).map(|k| {
+                let time = 0.02 * f64::from(k);
+                let target = if time < 3.0 { [0.0; 3] } else { STEP };
+                let off = if time < 3.0 + FROM { off } else { late };
+                Point { time, moved: target.map(|t| t + off), target, beam: true }
+            });
+            Course { points: points.collect(), ..Course::default() }
+        };
+        assert!(cost(&course(5.0, 0.19)) < LOST && cost(&course(0.1, 0.21)) > LOST);
+        assert!(cost(&course(1.0, 0.1)) > cost(&course(0.5, 0.1)));
+        assert!(!held(cost(&course(0.0, f64::NAN))) && !held(cost(&Course::default())));
+        let failed = Course { failed: vec!["law".to_owned()], ..course(0.1, 0.1) };
+        assert_eq!(cost(&failed), f64::INFINITY);
+    }
+}
