@@ -27,6 +27,7 @@ mod overlay;
 mod page;
 mod picture;
 mod ramp;
+mod ranking;
 mod recording;
 pub mod response;
 mod rows;

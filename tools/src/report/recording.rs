@@ -198,8 +198,7 @@ impl<'s> Recording<'s> {
         } else if *kind == *Gate::KIND {
             let gates = place.and_then(|p| self.gates.get_mut(p));
             if let (Some(gates), Some(gate)) = (gates, pieces.view::<Gate>()?.first()) {
-                gates.values.push((head.stamp, gate.beam != 0, gate.reasons));
-                gates.totals = [gate.leases, gate.on_for, gate.watched_for];
+                gates.take(head.stamp, gate);
             }
         } else if *kind == *Actuation::KIND {
             if let (Some(place), Some(a)) = (place, pieces.view::<Actuation>()?.first()) {

@@ -2,7 +2,9 @@
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
-use stillpoint_samples::{DutiesElement, PoseElement, PoseReportElement, PoseStatus, Standing, TrackElement};
+use stillpoint_samples::{
+    DutiesElement, GateElement, PoseElement, PoseReportElement, PoseStatus, Standing, TrackElement,
+};
 use stillpoint_track::PoseNumbers;
 
 use super::thinned::Thinned;
@@ -169,6 +171,27 @@ pub struct Gates {
     pub values: Thinned<(u64, bool, u32)>,
     /// The last word: leases begun, how long the beam was allowed and watched in all, ns.
     pub totals: [u64; 3],
+    /// How long the leases were held that ended, ns.
+    pub held: Thinned<u64>,
+    /// How long the beam had been allowed in all when the present lease began, ns.
+    pub begun: Option<u64>,
+}
+
+impl Gates {
+    /// Takes the next word.
+    pub fn take(&mut self, stamp: u64, gate: &GateElement) {
+        let is_on = gate.beam != 0;
+        match (is_on, self.begun) {
+            (true, None) => self.begun = Some(gate.on_for),
+            (false, Some(begun)) => {
+                self.held.push(gate.on_for.saturating_sub(begun));
+                self.begun = None;
+            }
+            _ => {}
+        }
+        self.values.push((stamp, is_on, gate.reasons));
+        self.totals = [gate.leases, gate.on_for, gate.watched_for];
+    }
 }
 
 /// Pressures in bladders over time.

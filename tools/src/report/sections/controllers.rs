@@ -10,6 +10,7 @@ use crate::exit::Failure;
 use crate::report::motion::{CHANNELS, Truth, compare, unit};
 use crate::report::numbers::{fixed, percent};
 use crate::report::page::{Block, Cell, Section, Table};
+use crate::report::ranking::{Contender, Rank, ranking, said};
 use crate::report::recording::{Aims, Orders, Part, Recording, Signal};
 use crate::report::response::{Response, response, steps};
 use crate::report::source::Source;
@@ -21,6 +22,8 @@ struct Figures {
     controllers: Vec<Controller>,
     /// Where there are several: by channel, which of them was nearest to its target while that stood.
     nearest: Vec<Nearest>,
+    /// The same over all channels, the nearest first.
+    ranking: Vec<Rank>,
 }
 
 #[derive(Serialize)]
@@ -90,7 +93,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         controllers.push(figures(from, of, answers.collect()));
     }
     let nearest = CHANNELS.iter().filter_map(|channel| nearest(channel, &controllers)).collect();
-    let figures = Figures { controllers, nearest };
+    let contenders: Vec<Contender> = controllers.iter().map(contender).collect();
+    let figures = Figures { controllers, nearest, ranking: ranking(&contenders) };
     let mut section = Section::new("controllers", "Controllers", &figures)?;
     if figures.controllers.is_empty() {
         return Ok(section.nothing("The session has no controller with a target, an estimate and duties."));
@@ -107,7 +111,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         let said = said.collect::<Vec<_>>().join(", ");
         section.blocks.push(Block::Text(format!("Least distance from the target while it stood: {said}.")));
     }
-    charts.extend((0..6).filter_map(|channel| side_by_side(&loops, &ways, channel)));
+    section.blocks.extend(said(&figures.ranking, &contenders).map(Block::Text));
+    charts.extend((0..6).filter_map(|channel| side_by_side(recording, &loops, &ways, channel)));
     charts.extend(loops.iter().filter_map(|l| gains(recording, l.stage)));
     section.blocks.extend(charts);
     Ok(section)
@@ -227,6 +232,16 @@ fn nearest(channel: &&'static str, controllers: &[Controller]) -> Option<Nearest
     (held.len() > 1).then(|| Nearest { channel, controller: c.controller.clone(), rms_held })
 }
 
+fn contender(c: &Controller) -> Contender {
+    let held = c.channels.iter().filter_map(|a| Some((a.unit == "mm", a.rms_held?)));
+    Contender {
+        controller: c.controller.clone(),
+        law: c.law.clone(),
+        person: c.person.clone(),
+        held: held.collect(),
+    }
+}
+
 fn efforts(controllers: &[Controller]) -> Table {
     let columns = ["controller", "law", "person", "compared with", "valves open", "saturated"];
     let mut table = Table::new("What each acts on, and how many valves it had open on average.", &columns);
@@ -279,7 +294,12 @@ fn answers(controllers: &[Controller]) -> Table {
 }
 
 /// All loops in one channel, as figure 4.11 has it.
-fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -> Option<Block> {
+fn side_by_side(
+    recording: &Recording<'_>,
+    loops: &[Loop<'_>],
+    ways: &[[Option<Way>; 6]],
+    channel: usize,
+) -> Option<Block> {
     let unit = unit(channel).0;
     let all = || loops.iter().zip(ways).filter_map(|(of, ways)| Some((of, ways[channel].as_ref()?)));
     let mut series: Vec<Series> = all()
@@ -290,6 +310,7 @@ fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -
         })
         .collect();
     let (_, way) = all().next()?;
+    series.extend(all().filter_map(|(of, way)| model(recording, of.stage, way, channel)));
     series.push(Series {
         name: "target".to_owned(),
         points: for_a_line(&way.target, LINE),
@@ -302,6 +323,25 @@ fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -
         series,
     };
     Some(Block::Chart(chart, String::new()))
+}
+
+/// The reference model of a law, where its diagnostics say it: counted from where the head was when the law began.
+fn model(recording: &Recording<'_>, stage: &Stage, way: &Way, channel: usize) -> Option<Series> {
+    let metrics = recording.metrics.iter().find(|m| stage.outputs.contains(&m.topic))?;
+    let name = format!("model_{}_{}", CHANNELS[channel], if channel < 3 { "m" } else { "rad" });
+    let (_, values) = metrics.values.iter().find(|(of, _)| *of == name)?;
+    let known = values.items().iter().filter(|(_, v)| v.is_finite());
+    let mut points: Vec<(f64, f64)> =
+        known.map(|(t, v)| (recording.seconds(*t), v * unit(channel).1)).collect();
+    let (begin, first) = *points.first()?;
+    let before = way.value.partition_point(|(t, _)| *t <= begin).saturating_sub(1);
+    let from = way.value.get(before)?.1 - first;
+    points.iter_mut().for_each(|(_, v)| *v += from);
+    Some(Series {
+        name: format!("reference model of {}", stage.name),
+        points: for_a_line(&points, LINE),
+        style: Style::Dashed,
+    })
 }
 
 /// The gains that a law learns, where it says them.
