@@ -112,7 +112,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         section.blocks.push(Block::Text(format!("Least distance from the target while it stood: {said}.")));
     }
     section.blocks.extend(said(&figures.ranking, &contenders).map(Block::Text));
-    charts.extend((0..6).filter_map(|channel| side_by_side(recording, &loops, &ways, channel)));
+    charts.extend((0..6).filter_map(|channel| side_by_side(&loops, &ways, channel)));
     charts.extend(loops.iter().filter_map(|l| gains(recording, l.stage)));
     section.blocks.extend(charts);
     Ok(section)
@@ -294,12 +294,7 @@ fn answers(controllers: &[Controller]) -> Table {
 }
 
 /// All loops in one channel, as figure 4.11 has it.
-fn side_by_side(
-    recording: &Recording<'_>,
-    loops: &[Loop<'_>],
-    ways: &[[Option<Way>; 6]],
-    channel: usize,
-) -> Option<Block> {
+fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -> Option<Block> {
     let unit = unit(channel).0;
     let all = || loops.iter().zip(ways).filter_map(|(of, ways)| Some((of, ways[channel].as_ref()?)));
     let mut series: Vec<Series> = all()
@@ -310,7 +305,6 @@ fn side_by_side(
         })
         .collect();
     let (_, way) = all().next()?;
-    series.extend(all().filter_map(|(of, way)| model(recording, of.stage, way, channel)));
     series.push(Series {
         name: "target".to_owned(),
         points: for_a_line(&way.target, LINE),
@@ -323,25 +317,6 @@ fn side_by_side(
         series,
     };
     Some(Block::Chart(chart, String::new()))
-}
-
-/// The reference model of a law, where its diagnostics say it: counted from where the head was when the law began.
-fn model(recording: &Recording<'_>, stage: &Stage, way: &Way, channel: usize) -> Option<Series> {
-    let metrics = recording.metrics.iter().find(|m| stage.outputs.contains(&m.topic))?;
-    let name = format!("model_{}_{}", CHANNELS[channel], if channel < 3 { "m" } else { "rad" });
-    let (_, values) = metrics.values.iter().find(|(of, _)| *of == name)?;
-    let known = values.items().iter().filter(|(_, v)| v.is_finite());
-    let mut points: Vec<(f64, f64)> =
-        known.map(|(t, v)| (recording.seconds(*t), v * unit(channel).1)).collect();
-    let (begin, first) = *points.first()?;
-    let before = way.value.partition_point(|(t, _)| *t <= begin).saturating_sub(1);
-    let from = way.value.get(before)?.1 - first;
-    points.iter_mut().for_each(|(_, v)| *v += from);
-    Some(Series {
-        name: format!("reference model of {}", stage.name),
-        points: for_a_line(&points, LINE),
-        style: Style::Dashed,
-    })
 }
 
 /// The gains that a law learns, where it says them.
