@@ -9,4 +9,4 @@ pub mod feed;
 pub mod run;
 
 pub use bench::Bench;
-pub use run::{Run, run};
+pub use run::{Run, run, run_keeping};

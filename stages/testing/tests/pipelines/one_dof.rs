@@ -9,7 +9,7 @@ use nalgebra::{Matrix1, Vector1};
 use stillpoint_estimate::{Hold, Kalman, KalmanParams, Measurement, ProcessNoise};
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_samples::{Health, Pose, Standing, Track};
-use stillpoint_testing::{Run, run};
+use stillpoint_testing::{Run, run_keeping};
 
 use crate::{from_root, registry};
 
@@ -103,7 +103,11 @@ fn found(seed: u64) -> Found {
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("\nseed: 3\n"));
     let text = text.replace("\nseed: 3\n", &format!("\nseed: {seed}\n"));
-    let run = run(&text, &registry(), &DiskFiles::beside(&path), SECONDS * 1000).unwrap();
+    let tracks = |topic: &str| {
+        [".truth", ".position", ".state", ".health"].into_iter().any(|port| topic.ends_with(port))
+    };
+    let run =
+        run_keeping(tracks, &text, &registry(), &DiskFiles::beside(&path), SECONDS * 1000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let health = run.samples::<Health>("fused.health");
     let used = health.iter().filter(|h| h.elements.iter().all(|s| s.reason() == "used")).count();
