@@ -143,7 +143,7 @@ impl Running {
     }
 
     pub fn signal(&self, signal: Signal) {
-        let _ = kill_process(pid(self.pid()), signal);
+        crate::bench::signal(self.pid(), signal);
     }
 
     /// As Ctrl-C does: the whole group gets it.
@@ -208,7 +208,7 @@ impl Running {
     /// Kills a child of the run, and gives its number.
     pub fn kill(&self, name: &str, before: u32) -> u32 {
         let number = self.child(name, before);
-        let _ = kill_process(pid(number), Signal::KILL);
+        signal(number, Signal::KILL);
         number
     }
 }
@@ -219,6 +219,11 @@ impl Drop for Running {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Sends a signal to a process, where it is still there.
+pub fn signal(number: u32, signal: Signal) {
+    let _ = kill_process(pid(number), signal);
 }
 
 /// Whether a process is there and no zombie.

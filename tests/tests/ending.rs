@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use serde_json::json;
 
-use crate::bench::{Bench, Running, figures, line, lives, pipeline, shared_objects, text, wait_for};
+use crate::bench::{Bench, Running, figures, line, lives, pipeline, shared_objects, signal, text, wait_for};
 
 /// A signal to the whole group ends a run in order.
 fn ends_in_order(signal: Signal) {
@@ -41,6 +41,23 @@ fn ctrl_c_ends_a_run_in_order() {
 #[test]
 fn sigterm_ends_a_run_in_order() {
     ends_in_order(Signal::TERM);
+}
+
+/// Each may come while a process asks whether there is an order: it must not wait for one then.
+#[test]
+fn signals_that_are_taken_and_have_no_effect_keep_no_process_from_its_work() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 1);
+
+    for (_, number) in run.children() {
+        (0..200_000).for_each(|_| signal(number, Signal::INT));
+    }
+    bench.wait_for_samples("sink.sum", 20);
+    let report = run.stop().good();
+
+    assert_eq!(report["ended_early"], "stopped", "nobody was killed for not answering");
+    assert_eq!(report["faults"], json!([]));
 }
 
 #[test]

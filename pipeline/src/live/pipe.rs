@@ -59,7 +59,9 @@ impl Lines {
             let mut poll_fd = [PollFd::new(&self.fd, PollFlags::IN)];
             match poll(&mut poll_fd, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })) {
                 Ok(0) => return Ok(Line::Nothing),
-                Ok(_) | Err(rustix::io::Errno::INTR) => {}
+                Ok(_) => {}
+                // Not known whether there is anything: to read now could be to wait for ever.
+                Err(rustix::io::Errno::INTR) => continue,
                 Err(e) => return Err(e.to_string()),
             }
             let mut buffer = [0u8; 8192];
