@@ -36,10 +36,6 @@ pub struct Trial {
     sets: &'static [&'static str],
 }
 
-const fn trial(name: &'static str, sets: &'static [&'static str]) -> Trial {
-    Trial { name, changes: &[], sets }
-}
-
 /// Seeing takes its time, as it does with images.
 const SEEING: (&str, &str) = ("from: head.pose,", "from: head.pose, delay: 18 ms,");
 const LATE: &[(&str, &str)] = &[("delay: 18 ms", "delay: 118 ms")];
@@ -58,48 +54,60 @@ const NOISY: &[(&str, &str)] = &[
     ("from: head.pose", "from: noise.pose"),
 ];
 
+/// Kinds of things that are not as they should be, with what they change in the pipeline.
+const KINDS: [(&str, &[(&str, &str)]); COUNT] = [
+    ("push", &[]),
+    ("lost", &[]),
+    ("late", LATE),
+    ("heavy", &[]),
+    ("noise", NOISY),
+    ("stuck", &[]),
+    ("leak", MEASURED),
+];
+
 /// How many there are.
 pub const COUNT: usize = 7;
 
 /// What a place goes through while it is searched for.
-pub const TRAINING: [Trial; COUNT] = [
-    trial(
-        "push",
-        &[
-            "rig.head_mass=4 kg",
-            "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, 1.2 mm], turn: [-0.6 deg, 0.9 deg, 0 deg] }]",
-        ],
-    ),
-    trial("lost", &["head.lost=0.1"]),
-    Trial { changes: LATE, ..trial("late", &[]) },
-    trial("heavy", &["rig.head_mass=5.5 kg", "rig.faults=[{ kind: weak_supply, left: 0.85, at: 4700 ms }]"]),
-    Trial { changes: NOISY, ..trial("noise", &[]) },
-    trial("stuck", &["rig.faults=[{ kind: stuck_valve, which: 0, at: 4700 ms }]"]),
-    Trial {
-        changes: MEASURED,
-        ..trial("leak", &["rig.faults=[{ kind: leak, which: 1, diameter: 0.3 mm, at: 4700 ms }]"])
-    },
-];
+pub const TRAINING: [Trial; COUNT] = trials([
+    &[
+        "rig.head_mass=4 kg",
+        "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, 1.2 mm], turn: [-0.6 deg, 0.9 deg, 0 deg] }]",
+    ],
+    &["head.lost=0.1"],
+    &[],
+    &["rig.head_mass=5.5 kg", "rig.faults=[{ kind: weak_supply, left: 0.85, at: 4700 ms }]"],
+    &[],
+    &["rig.faults=[{ kind: stuck_valve, which: 0, at: 4700 ms }]"],
+    &["rig.faults=[{ kind: leak, which: 1, diameter: 0.3 mm, at: 4700 ms }]"],
+]);
 
 /// The same kinds of things, other ones: what is found goes through these afterwards.
-pub const HELD_OUT: [Trial; COUNT] = [
-    trial(
-        "push",
-        &[
-            "rig.head_mass=3 kg",
-            "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, -1 mm], turn: [0.6 deg, -0.6 deg, 0 deg] }]",
-        ],
-    ),
-    trial("lost", &["head.lost=0.1"]),
-    Trial { changes: LATE, ..trial("late", &[]) },
-    trial("heavy", &["rig.head_mass=6 kg", "rig.faults=[{ kind: weak_supply, left: 0.8, at: 5900 ms }]"]),
-    Trial { changes: NOISY, ..trial("noise", &[]) },
-    trial("stuck", &["rig.faults=[{ kind: stuck_valve, which: 2, at: 5900 ms }]"]),
-    Trial {
-        changes: MEASURED,
-        ..trial("leak", &["rig.faults=[{ kind: leak, which: 2, diameter: 0.3 mm, at: 5900 ms }]"])
-    },
-];
+pub const HELD_OUT: [Trial; COUNT] = trials([
+    &[
+        "rig.head_mass=3 kg",
+        "rig.pushes=[{ at: 12 s, shift: [0 mm, 0 mm, -1 mm], turn: [0.6 deg, -0.6 deg, 0 deg] }]",
+    ],
+    &["head.lost=0.1"],
+    &[],
+    &["rig.head_mass=6 kg", "rig.faults=[{ kind: weak_supply, left: 0.8, at: 5900 ms }]"],
+    &[],
+    &["rig.faults=[{ kind: stuck_valve, which: 2, at: 5900 ms }]"],
+    &["rig.faults=[{ kind: leak, which: 2, diameter: 0.3 mm, at: 5900 ms }]"],
+]);
+
+/// The trials with these sets.
+const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
+    const NONE: Trial = Trial { name: "", changes: &[], sets: &[] };
+    let mut trials = [NONE; COUNT];
+    let mut i = 0;
+    while i < COUNT {
+        trials[i] = Trial { name: KINDS[i].0, changes: KINDS[i].1, sets: sets[i] };
+        i += 1;
+    }
+    trials
+}
+
 impl Trial {
     /// The run of a law with these parameters.
     pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {

@@ -78,7 +78,7 @@ pub struct Progress {
 }
 
 /// Accuracy of a solve: a thousandth of what counts as one.
-const ACCURACY: Options = Options { tolerance: 1e-6, max_steps: 400, dense_columns: 12_000 };
+const ACCURACY: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
 
 /// Solves sets of beams for a search, each once, and counts what that takes.
 ///

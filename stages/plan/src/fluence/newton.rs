@@ -24,9 +24,14 @@ pub struct Options {
     pub dense_columns: usize,
 }
 
+impl Options {
+    /// What holds where nothing else is said.
+    pub const DEFAULT: Self = Self { tolerance: 1e-8, max_steps: 400, dense_columns: 12_000 };
+}
+
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance: 1e-8, max_steps: 400, dense_columns: 12_000 }
+        Self::DEFAULT
     }
 }
 
@@ -60,7 +65,7 @@ const HARD: Effort = Effort { solves: 64, reduction: 1e-2 };
 const LAST: Effort = Effort { solves: 24, reduction: 1e-9 };
 
 /// Where a bound is not proved by then: rounds of sweeps over single weights and of steps from there at most, sweeps of
-/// a round at most, what the last one lessens at least, and entries of the matrix that a round reads at most.
+/// a round at most, what the last one lessens at least, and entries of the matrix over all sweeps of a round at most.
 const ROUNDS: usize = 3;
 const SWEEPS: usize = 500;
 const LEAST_SWEEP: f64 = 1e-10;
@@ -97,6 +102,7 @@ pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solu
     found
 }
 
+/// Steps that end; where they do not within [`PATIENCE`], by way of problems whose weights have a cap that rises.
 fn by_caps(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solution {
     let patient = Options { max_steps: options.max_steps.min(PATIENCE), ..options };
     let mut found = descend(problem, start, patient);

@@ -1,6 +1,6 @@
 //! The dose matrix of a plan, all beams side by side, by rows: what products with it read.
 
-use crate::{CscRef, Setups};
+use crate::{Csc, CscRef, Setups};
 
 /// A sparse matrix by rows. Columns rise within a row; values are `f32`, sums are `f64`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,9 +91,9 @@ impl Csr {
         (&self.column[range.clone()], &self.value[range])
     }
 
-    /// Where each column's entries start (one more at the end), their rows, their values.
-    pub fn by_columns(&self) -> (Vec<usize>, Vec<u32>, Vec<f32>) {
-        let mut starts = vec![0; self.columns + 1];
+    /// The same matrix by columns.
+    pub fn to_columns(&self) -> Csc {
+        let mut starts = vec![0_u64; self.columns + 1];
         for column in &self.column {
             starts[*column as usize + 1] += 1;
         }
@@ -101,16 +101,16 @@ impl Csr {
             starts[column + 1] += starts[column];
         }
         let mut next = starts.clone();
-        let (mut rows, mut values) = (vec![0; self.value.len()], vec![0.0; self.value.len()]);
-        for row in 0..self.rows() {
-            let (columns, of_row) = self.row(row);
-            for (column, v) in columns.iter().zip(of_row) {
+        let (mut row, mut value) = (vec![0; self.entries()], vec![0.0; self.entries()]);
+        for i in 0..self.rows() {
+            let (columns, values) = self.row(i);
+            for (column, v) in columns.iter().zip(values) {
                 let at = &mut next[*column as usize];
-                (rows[*at], values[*at]) = (row as u32, *v);
+                (row[*at as usize], value[*at as usize]) = (i as u32, *v);
                 *at += 1;
             }
         }
-        (starts, rows, values)
+        Csc { rows: self.rows(), starts, row, value }
     }
 
     /// `out = A x`.

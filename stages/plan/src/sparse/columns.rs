@@ -5,10 +5,10 @@ use thiserror::Error;
 /// A sparse matrix by columns. Rows rise within a column; values are gray per unit weight.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Csc {
-    rows: usize,
-    starts: Vec<u64>,
-    row: Vec<u32>,
-    value: Vec<f32>,
+    pub(crate) rows: usize,
+    pub(crate) starts: Vec<u64>,
+    pub(crate) row: Vec<u32>,
+    pub(crate) value: Vec<f32>,
 }
 
 /// A [`Csc`] that is borrowed: from a [`Csc`], or from a mapped file.
