@@ -35,7 +35,18 @@ fn the_report_has_all_three_beside_the_truth_of_their_own_rigs() {
         assert!(c["valves_open"].as_f64().unwrap() > 0.0, "{c}");
         assert_eq!(c["person"], "nods, seed 7");
     }
+    // A model that began elsewhere than its head would be the height of the head away.
+    for channel in controllers.iter().flat_map(|c| c["channels"].as_array().unwrap()) {
+        assert!(channel["rms_model"].as_f64().unwrap() < 1.0, "{channel}");
+    }
     let charts = compared["sections"]["controllers"]["charts"].as_array().unwrap();
+    let height = charts.iter().find(|c| c["title"] == "z under control").unwrap();
+    let series: Vec<&str> =
+        height["series"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(
+        series[3..],
+        ["reference model of pi", "reference model of lqi", "reference model of mrac", "target"]
+    );
     let gains = charts.iter().find(|c| c["title"] == "Adaptive gains of mrac").unwrap();
     assert_eq!(gains["series"].as_array().unwrap().len(), 3);
 }

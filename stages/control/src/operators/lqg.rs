@@ -148,7 +148,7 @@ impl Operator for ControlLqg {
         for i in 0..self.y.len() {
             let scale = self.seat.plant().scale[i];
             self.seat.say(3 * i, (self.r[i] - self.y[i]) * scale);
-            self.seat.say(3 * i + 1, self.model.at()[i] * scale);
+            self.seat.say(3 * i + 1, self.seat.absolute(i, self.model.at()[i]));
             self.seat.say(3 * i + 2, self.law.integral()[i]);
         }
         self.resting = !self.seat.act(outputs, &self.net, reasons)?;

@@ -144,7 +144,7 @@ impl Operator for ControlMrac {
             let scale = self.seat.plant().scale[i];
             let (error, pose) = (self.law.error()[i], self.seat.pose()[i]);
             self.seat.say(NAMES.len() + 2 * i, error * scale);
-            self.seat.say(NAMES.len() + 2 * i + 1, (pose - error) * scale);
+            self.seat.say(NAMES.len() + 2 * i + 1, self.seat.absolute(i, pose - error));
             if let Features::Learned(learned) = self.law.features() {
                 let change = learned.predicted_change(i).unwrap_or(f64::NAN);
                 self.seat.say(NAMES.len() + 2 * count + i, change);

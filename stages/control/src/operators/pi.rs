@@ -85,10 +85,9 @@ impl Operator for ControlPi {
         self.law.step(self.seat.pose(), self.model.at(), dt, &mut self.net);
         for i in 0..self.model.at().len() {
             let scale = self.seat.plant().scale[i];
-            let (model, error) =
-                (self.model.at()[i] * scale, (self.model.at()[i] - self.seat.pose()[i]) * scale);
-            self.seat.say(3 * i, error);
-            self.seat.say(3 * i + 1, model);
+            let model = self.model.at()[i];
+            self.seat.say(3 * i, (model - self.seat.pose()[i]) * scale);
+            self.seat.say(3 * i + 1, self.seat.absolute(i, model));
             self.seat.say(3 * i + 2, self.law.integral()[i]);
         }
         self.resting = !self.seat.act(outputs, &self.net, reasons)?;

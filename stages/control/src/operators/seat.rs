@@ -196,6 +196,12 @@ impl Seat {
         self.start.as_ref()
     }
 
+    /// Where a place of a channel is that is counted from where control began, in scales: m or rad, in the frame of the
+    /// state.
+    pub fn absolute(&self, channel: usize, counted: f64) -> f64 {
+        self.start.map_or(f64::NAN, |start| start[channel] + counted * self.plant.scale[channel])
+    }
+
     /// Says the law's number `place`.
     pub fn say(&mut self, place: usize, value: f64) {
         if let Some(metric) = self.metrics.get_mut(OWN + place) {

@@ -54,6 +54,8 @@ struct Answer {
     /// The same, and the greatest, over the second half of each time for which the target stood.
     rms_held: Option<f64>,
     worst_held: Option<f64>,
+    /// Root mean square of the distance from the reference model, where the law says it.
+    rms_model: Option<f64>,
     /// The answer to the largest step.
     step: Option<Response>,
 }
@@ -78,6 +80,8 @@ struct Loop<'r> {
 struct Way {
     target: Vec<(f64, f64)>,
     value: Vec<(f64, f64)>,
+    /// The reference model, where the law says it.
+    model: Vec<(f64, f64)>,
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
@@ -153,16 +157,31 @@ fn ways(recording: &Recording<'_>, of: &Loop<'_>) -> [Option<Way>; 6] {
         });
         let value: Vec<_> = value.filter(|(t, v)| *t >= begin && v.is_finite()).collect();
         target.iter_mut().for_each(|(_, v)| *v -= start);
-        (!value.is_empty()).then_some(Way { target, value })
+        let model = model(recording, of.stage, channel).into_iter().map(|(t, v)| (t, v - start)).collect();
+        (!value.is_empty()).then_some(Way { target, value, model })
     })
 }
 
+/// Where the reference model of a law was, as its diagnostics say: in the frame of its estimate.
+fn model(recording: &Recording<'_>, stage: &Stage, channel: usize) -> Vec<(f64, f64)> {
+    let name = format!("model_{}_{}", CHANNELS[channel], if channel < 3 { "m" } else { "rad" });
+    let metrics = recording.metrics.iter().find(|m| stage.outputs.contains(&m.topic));
+    let values = metrics.and_then(|m| m.values.iter().find(|(of, _)| *of == name));
+    let points = values.iter().flat_map(|(_, values)| values.items());
+    let known = points.filter(|(_, v)| v.is_finite());
+    known.map(|(t, v)| (recording.seconds(*t), v * unit(channel).1)).collect()
+}
+
 fn answer(channel: usize, way: &Way, end: f64) -> Option<Answer> {
-    let distance = |(time, value): &(f64, f64)| {
-        let stood = way.target.partition_point(|(t, _)| t <= time).checked_sub(1)?;
-        Some((*time, value - way.target[stood].1))
+    let beyond = |from: &[(f64, f64)]| -> Vec<(f64, f64)> {
+        let distance = |(time, value): &(f64, f64)| {
+            let stood = from.partition_point(|(t, _)| t <= time).checked_sub(1)?;
+            Some((*time, value - from[stood].1))
+        };
+        way.value.iter().filter_map(distance).collect()
     };
-    let distances: Vec<(f64, f64)> = way.value.iter().filter_map(distance).collect();
+    let rms_of = |distances: &[(f64, f64)]| rms(&distances.iter().map(|(_, d)| *d).collect::<Vec<_>>());
+    let distances = beyond(&way.target);
     let held: Vec<f64> = second_halves(&way.target, end)
         .iter()
         .flat_map(|[from, to]| distances.iter().filter(move |(t, _)| (*from..*to).contains(t)))
@@ -173,7 +192,8 @@ fn answer(channel: usize, way: &Way, end: f64) -> Option<Answer> {
     Some(Answer {
         channel: CHANNELS[channel],
         unit: unit(channel).0,
-        rms: rms(&distances.iter().map(|(_, d)| *d).collect::<Vec<_>>())?,
+        rms: rms_of(&distances)?,
+        rms_model: rms_of(&beyond(&way.model)),
         rms_held: rms(&held),
         worst_held: held.iter().map(|d| d.abs()).reduce(f64::max),
         step: steps.first().and_then(|step| response(*step, &way.value)),
@@ -269,6 +289,7 @@ fn answers(controllers: &[Controller]) -> Table {
         "rms",
         "rms held",
         "worst held",
+        "rms from model",
         "unit",
     ];
     let mut table = Table::new("By channel, side by side.", &columns);
@@ -286,6 +307,7 @@ fn answers(controllers: &[Controller]) -> Table {
                 n(Some(a.rms), 3),
                 n(a.rms_held, 3),
                 n(a.worst_held, 3),
+                n(a.rms_model, 3),
                 Cell::text(a.unit),
             ]);
         }
@@ -304,6 +326,11 @@ fn side_by_side(loops: &[Loop<'_>], ways: &[[Option<Way>; 6]], channel: usize) -
             style: Style::Line,
         })
         .collect();
+    series.extend(all().filter(|(_, way)| !way.model.is_empty()).map(|(of, way)| Series {
+        name: format!("reference model of {}", of.stage.name),
+        points: for_a_line(&way.model, LINE),
+        style: Style::Dashed,
+    }));
     let (_, way) = all().next()?;
     series.push(Series {
         name: "target".to_owned(),
@@ -349,12 +376,15 @@ mod tests {
         assert_eq!(second_halves(&target, 10.0), [[2.0, 4.0], [7.0, 10.0]]);
         let value = (0..100).map(|k| 0.1 * f64::from(k));
         let value = value.map(|t| (t, if t < 3.0 { 1.0 } else { 2.5 })).collect();
-        let found = answer(2, &Way { target: target.to_vec(), value }, 10.0).unwrap();
+        // From 5 s on there is a model, a half above the head.
+        let model = vec![(5.0, 3.0)];
+        let found = answer(2, &Way { target: target.to_vec(), value, model }, 10.0).unwrap();
         // From 2 s to 3 s one off, to 4 s two and a half, from 7 s to 10 s a half.
         let squares = 10.0 + 10.0 * 6.25 + 30.0 * 0.25;
         assert!((found.rms_held.unwrap() - f64::sqrt(squares / 50.0)).abs() < 1e-9, "{found:?}");
         assert_eq!((found.worst_held, found.unit), (Some(2.5), "mm"));
         assert!((found.step.unwrap().left - 0.5).abs() < 1e-9);
+        assert!((found.rms_model.unwrap() - 0.5).abs() < 1e-9, "{found:?}");
         assert_eq!(second_halves(&[], 1.0), [] as [[f64; 2]; 0]);
     }
 }
