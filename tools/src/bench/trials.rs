@@ -3,14 +3,23 @@
 
 use super::course::{Course, Plan, from_model, worst};
 use super::laws::{self, Law};
-use super::robust::{FROM, LEAD};
-use super::step::{MOVES, WITHIN};
+use super::robust::{self, LEAD};
+use super::step::{self, MOVES, WITHIN};
 use crate::pipeline_file::EMBEDDED;
 
-/// Rise of the reference model, s.
-const RISE: f64 = 5.0;
-/// Session time after the step, s.
-const SECONDS: f64 = 30.0;
+/// A reference model, and how a run with it is judged. Times are session time after the step, s.
+#[derive(Clone, Copy)]
+struct Pace {
+    /// From 10 % to 90 % of the way.
+    rise: f64,
+    /// From here on the head should be there.
+    from: f64,
+    /// How long the run goes on.
+    seconds: f64,
+}
+
+const FAST: Pace = Pace { rise: 5.0, from: robust::FROM, seconds: 30.0 };
+const SLOW: Pace = Pace { rise: 20.0, from: step::FROM, seconds: 55.0 };
 /// What a valve that is open all the time costs, in what is allowed to be off.
 const EFFORT: f64 = 0.1;
 /// What a head costs that is not held where it is to be: more than any that is.
@@ -28,24 +37,28 @@ const NOISE: &str = "  head:
 
 ";
 
+/// Texts of the pipeline, and what stands in their place.
+type Changes = &'static [(&'static str, &'static str)];
+
 /// Something that is not as it should be.
 pub struct Trial {
     /// Its name.
     pub name: &'static str,
-    changes: &'static [(&'static str, &'static str)],
+    pace: Pace,
+    changes: Changes,
     sets: &'static [&'static str],
 }
 
 /// Seeing takes its time, as it does with images.
 const SEEING: (&str, &str) = ("from: head.pose,", "from: head.pose, delay: 18 ms,");
-const LATE: &[(&str, &str)] = &[("delay: 18 ms", "delay: 118 ms")];
-const MEASURED: &[(&str, &str)] = &[(
+const LATE: Changes = &[("delay: 18 ms", "delay: 118 ms")];
+const MEASURED: Changes = &[(
     "      disarm: console.disarm\n",
     "      disarm: console.disarm\n      measured: { from: rig.state, delay: 5 ms }\n",
 )];
 
 /// White, half a percent of the step on each pose, of which nobody is told.
-const NOISY: &[(&str, &str)] = &[
+const NOISY: Changes = &[
     (
         "operators:\n",
         "operators:\n  noise: { use: bench.noise, inputs: { pose: head.pose }, params: { \
@@ -54,15 +67,15 @@ const NOISY: &[(&str, &str)] = &[
     ("from: head.pose", "from: noise.pose"),
 ];
 
-/// Kinds of things that are not as they should be, with what they change in the pipeline.
-const KINDS: [(&str, &[(&str, &str)]); COUNT] = [
-    ("push", &[]),
-    ("lost", &[]),
-    ("late", LATE),
-    ("heavy", &[]),
-    ("noise", NOISY),
-    ("stuck", &[]),
-    ("leak", MEASURED),
+/// Kinds of things that are not as they should be, with the pace of their runs and what they change in the pipeline.
+const KINDS: [(&str, Pace, Changes); COUNT] = [
+    ("push", SLOW, &[]),
+    ("lost", FAST, &[]),
+    ("late", FAST, LATE),
+    ("heavy", SLOW, &[]),
+    ("noise", FAST, NOISY),
+    ("stuck", FAST, &[]),
+    ("leak", FAST, MEASURED),
 ];
 
 /// How many there are.
@@ -98,11 +111,12 @@ pub const HELD_OUT: [Trial; COUNT] = trials([
 
 /// The trials with these sets.
 const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
-    const NONE: Trial = Trial { name: "", changes: &[], sets: &[] };
+    const NONE: Trial = Trial { name: "", pace: FAST, changes: &[], sets: &[] };
     let mut trials = [NONE; COUNT];
     let mut i = 0;
     while i < COUNT {
-        trials[i] = Trial { name: KINDS[i].0, changes: KINDS[i].1, sets: sets[i] };
+        let (name, pace, changes) = KINDS[i];
+        trials[i] = Trial { name, pace, changes, sets: sets[i] };
         i += 1;
     }
     trials
@@ -111,7 +125,7 @@ const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
 impl Trial {
     /// The run of a law with these parameters.
     pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {
-        let mut plan = laws::plan(Some(law), "5 s", seed);
+        let mut plan = laws::plan(Some(law), &format!("{} s", self.pace.rise), seed);
         // Where these are not, the run says so.
         let between = |from: &str, to: &str| {
             let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
@@ -131,16 +145,20 @@ impl Trial {
         let sets = ["rig.camera.width=16 px", "rig.camera.height=16 px", "rig.camera.focal_length=14 px"];
         let sets = sets.iter().chain(&["valves.reference=waived", MOVES]).chain(self.sets);
         plan.sets.extend(sets.map(|s| (*s).to_owned()).chain(gains.iter().cloned()));
-        Plan { seconds: LEAD + SECONDS, ..plan }
+        Plan { seconds: LEAD + self.pace.seconds, ..plan }
+    }
+
+    /// What its run costs.
+    pub fn cost(&self, course: &Course) -> f64 {
+        cost(course, &self.pace)
     }
 }
 
-/// What one run costs: the root mean square of the truth less the reference model, in parts of what is allowed, and a
-/// little for open valves. A head that is farther from the target than is allowed, once it should be there, costs more than
-/// any that is not.
-pub fn cost(course: &Course) -> f64 {
+/// The root mean square of the truth less the reference model, in parts of what is allowed, and a little for open valves.
+/// A head that is farther from the target than is allowed, once it should be there, costs more than any that is not.
+fn cost(course: &Course, pace: &Pace) -> f64 {
     let Some(at) = course.step_at().filter(|_| course.failed.is_empty()) else { return f64::INFINITY };
-    let worst = worst(course.since(at + FROM));
+    let worst = worst(course.since(at + pace.from));
     let astray = (0..3).map(|i| worst[i] / WITHIN[i]).fold(0.0, |a: f64, b| if b <= a { a } else { b });
     if astray.is_nan() || astray > 1.0 {
         return LOST * astray;
@@ -148,9 +166,9 @@ pub fn cost(course: &Course) -> f64 {
     let points = course.since(at);
     let squares: f64 = points
         .iter()
-        .map(|p| (0..3).map(|i| (from_model(p, i, at, RISE) / WITHIN[i]).powi(2)).sum::<f64>())
+        .map(|p| (0..3).map(|i| (from_model(p, i, at, pace.rise) / WITHIN[i]).powi(2)).sum::<f64>())
         .sum();
-    (squares / (3 * points.len()) as f64).sqrt() + EFFORT * course.effort / (LEAD + SECONDS)
+    (squares / (3 * points.len()) as f64).sqrt() + EFFORT * course.effort / (LEAD + pace.seconds)
 }
 
 /// Whether a cost is that of a head which was held.
@@ -164,16 +182,33 @@ mod tests {
     use super::super::crew;
     use super::*;
 
+    /// What these gains cost a law in the trials of these names.
+    fn costs(law: Law, gains: &[&str], names: &[&str]) -> Vec<f64> {
+        let registry = crate::bench::registry(&[]);
+        let name = laws::in_pipeline().0;
+        let gains: Vec<String> = gains.iter().map(|gain| format!("{name}.{gain}")).collect();
+        let trials = names.iter().map(|name| TRAINING.iter().find(|t| t.name == *name).unwrap());
+        let run = |t: &&Trial| Ok(t.cost(&Course::of(&t.plan(law, 1, &gains), &registry)?));
+        crew::each(&trials.collect::<Vec<_>>(), 2, run).unwrap()
+    }
+
     #[test]
     fn gains_that_swing_where_poses_come_late_are_no_good_however_near_they_hold_else() {
-        let registry = crate::bench::registry(&[]);
-        let gains = ["mrac.proportional=6.23 1/s".to_owned(), "mrac.integral=4.73".to_owned()];
-        let plan = |name| TRAINING.iter().find(|t| t.name == name).unwrap().plan(Law::Pi, 1, &gains);
-        let plans = ["lost", "late", "lost"].map(plan);
-        let run = |plan: &Plan| Ok(cost(&Course::of(plan, &registry)?));
-        let costs = crew::each(&plans, 2, run).unwrap();
+        let gains = ["proportional=6.23 1/s", "integral=4.73"];
+        let costs = costs(Law::Pi, &gains, &["lost", "late", "lost"]);
         assert!(costs[0] < 1.0 && held(costs[0]) && !held(costs[1]), "{costs:?}");
         assert_eq!(costs[0], costs[2], "the same once more, to the last bit");
+    }
+
+    #[test]
+    fn gains_that_hold_a_fast_model_alone_are_no_good() {
+        let learning = ["learning_pose=0.0000617", "learning_target=0.00669", "learning_features=0.00202"];
+        let gains = [&["feedback=5.44", "leak=0.00049 1/s"], &learning[..]].concat();
+        let one = costs(Law::Mrac, &gains, &["stuck", "push", "heavy"]);
+        assert!(held(one[0]) && !held(one[1]) && !held(one[2]), "{one:?}");
+        // A law that holds both is good.
+        let both = costs(Law::Pi, &["proportional=2.37 1/s", "integral=2.55"], &["stuck", "push", "heavy"]);
+        assert!(both.iter().all(|cost| held(*cost)), "{both:?}");
     }
 
     #[test]
@@ -182,11 +217,12 @@ mod tests {
             let points = (0..1700).map(|k| {
                 let time = 0.02 * f64::from(k);
                 let target = if time < 3.0 { [0.0; 3] } else { STEP };
-                let off = if time < 3.0 + FROM { off } else { late };
+                let off = if time < 3.0 + robust::FROM { off } else { late };
                 Point { time, moved: target.map(|t| t + off), target, beam: true }
             });
             Course { points: points.collect(), ..Course::default() }
         };
+        let cost = |course: &Course| cost(course, &FAST);
         assert!(cost(&course(5.0, 0.19)) < LOST && cost(&course(0.1, 0.21)) > LOST);
         assert!(cost(&course(1.0, 0.1)) > cost(&course(0.5, 0.1)));
         assert!(!held(cost(&course(0.0, f64::NAN))) && !held(cost(&Course::default())));
