@@ -14,7 +14,7 @@ const TAPS: usize = 6;
 const LOOKERS: usize = 1;
 /// Samples that a consumer holds at a time: the one that waits, the one in work or held, and one more on its way.
 const BORROWED: usize = 3;
-/// Entries that wait for the recorder: enough for 5 ms at 200,000 activations a second.
+/// Entries that wait for the recorder: enough for 10 ms at 100,000 activations a second.
 pub const JOURNAL_DEPTH: usize = 1024;
 /// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
 const RECORDER_BYTES: usize = 8 << 20;

@@ -26,7 +26,7 @@ use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
 
 /// How often shared memory is looked at, ns.
-const PERIOD: i64 = 5_000_000;
+const PERIOD: i64 = 10_000_000;
 /// How often the file is flushed, ns: what is flushed survives a kill.
 const FLUSH_EVERY: u64 = 500_000_000;
 /// How often the clock's relation to realtime is noted, ns.
@@ -128,7 +128,8 @@ enum Item {
 
 struct Recorder {
     taps: Vec<Tap>,
-    items: Option<Sender<Item>>,
+    /// What one look brought goes to the writer at once, which is woken once.
+    items: Option<Sender<Vec<Item>>>,
     waiting: Arc<AtomicUsize>,
     writer: Option<std::thread::JoinHandle<Result<Written, String>>>,
     lost: BTreeMap<String, u64>,
@@ -208,10 +209,9 @@ impl Recorder {
             });
         }
         let Some(items) = &self.items else { return Ok(false) };
-        let mut any = false;
+        let mut taken = Vec::new();
         for tap in &mut self.taps {
             while let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? {
-                any = true;
                 let head = sample.head();
                 // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
                 let next = tap.next.entry(head.incarnation).or_insert(if self.first_part {
@@ -221,12 +221,7 @@ impl Recorder {
                 });
                 let mut lose = |first: u64, count: u64| {
                     *self.lost.entry(tap.info.name.clone()).or_insert(0) += count;
-                    let _ = items.send(Item::Lost {
-                        topic: tap.topic,
-                        incarnation: head.incarnation,
-                        first,
-                        count,
-                    });
+                    taken.push(Item::Lost { topic: tap.topic, incarnation: head.incarnation, first, count });
                 };
                 if head.sequence > *next {
                     lose(*next, head.sequence - *next);
@@ -243,8 +238,12 @@ impl Recorder {
                 let sample = Encoded::new(&tap.info, sample.pieces(), buffer)
                     .map_err(|e| format!("topic {}: {e}", tap.info.name))?;
                 let (log_time, spare) = (realtime(), tap.spare.clone());
-                let _ = items.send(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
+                taken.push(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
             }
+        }
+        let any = !taken.is_empty();
+        if any {
+            let _ = items.send(taken);
         }
         Ok(any)
     }
@@ -309,7 +308,7 @@ impl Recorder {
 
 fn write(
     mut part: PartWriter<std::fs::File>,
-    inbox: &Receiver<Item>,
+    inbox: &Receiver<Vec<Item>>,
     waiting: &AtomicUsize,
     clock: SessionClock,
 ) -> Result<Written, String> {
@@ -317,23 +316,27 @@ fn write(
     let (mut flushed, mut related) = (clock.now(), clock.now());
     let mut dirty = false;
     loop {
-        let item = inbox.recv_timeout(std::time::Duration::from_nanos(FLUSH_EVERY / 2));
-        match item {
-            Ok(Item::Sample { topic, sample, size, log_time, spare }) => {
-                part.write_encoded(topic, &sample, log_time).map_err(|e| e.to_string())?;
-                samples += 1;
-                bytes += size as u64;
-                waiting.fetch_sub(size, Ordering::Relaxed);
-                spare.put(sample.into_buffer());
-                dirty = true;
-            }
-            Ok(Item::Lost { topic, incarnation, first, count }) => {
-                part.note_lost(topic, incarnation, first, count, realtime()).map_err(|e| e.to_string())?;
-                dirty = true;
-            }
-            Err(crossbeam_channel::RecvTimeoutError::Timeout) => {}
+        let items = match inbox.recv_timeout(std::time::Duration::from_nanos(FLUSH_EVERY / 2)) {
+            Ok(items) => items,
+            Err(crossbeam_channel::RecvTimeoutError::Timeout) => Vec::new(),
             Err(crossbeam_channel::RecvTimeoutError::Disconnected) => {
                 return Ok(Written { part, samples, bytes });
+            }
+        };
+        dirty |= !items.is_empty();
+        for item in items {
+            match item {
+                Item::Sample { topic, sample, size, log_time, spare } => {
+                    part.write_encoded(topic, &sample, log_time).map_err(|e| e.to_string())?;
+                    samples += 1;
+                    bytes += size as u64;
+                    waiting.fetch_sub(size, Ordering::Relaxed);
+                    spare.put(sample.into_buffer());
+                }
+                Item::Lost { topic, incarnation, first, count } => {
+                    part.note_lost(topic, incarnation, first, count, realtime())
+                        .map_err(|e| e.to_string())?;
+                }
             }
         }
         let now = clock.now();
