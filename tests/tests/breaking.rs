@@ -22,7 +22,7 @@ const PATIENT: [&str; 7] = [
     "valves.patience=10 min",
     "valves.pose.frame_period=500 ms",
     "gate.pose.frame_period=500 ms",
-    "mrac.stale=5 s",
+    "law.stale=5 s",
     "rig.time_to_live=1 s",
 ];
 const VENTING: u64 = 1;

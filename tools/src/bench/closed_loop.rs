@@ -17,7 +17,7 @@ use crate::attach::Attached;
 use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// The operators behind the image: who estimates, who decides, who sends; and the input that the one before feeds.
-const CHAIN: [(&str, &str); 3] = [("filter", "measurement"), ("mrac", "state"), ("valves", "command")];
+const CHAIN: [(&str, &str); 3] = [("filter", "measurement"), ("law", "state"), ("valves", "command")];
 /// How often journals are read: their buffers hold many times as much.
 const READ: Duration = Duration::from_millis(20);
 

@@ -38,14 +38,18 @@ pub fn in_pipeline() -> (&'static str, Law) {
         let law = Law::ALL.into_iter().find(|law| line.contains(&format!("use: {}", law.kind())))?;
         Some((line.split(':').next()?.trim(), law))
     });
-    found.unwrap_or(("law", Law::Mrac))
+    found.unwrap_or(("law", Law::Pi))
 }
 
-/// The pipeline with a law, a rise of its reference model, and the seed of camera and person.
+/// The pipeline with a law, a rise of its reference model, and the seed of camera and person. Another law than the
+/// pipeline's has its own default gains.
 pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
     let (name, now) = in_pipeline();
-    let use_of = |law: Law| format!("use: {},", law.kind());
-    let changes = law.map(|law| (use_of(now), use_of(law)));
+    let changes = law.filter(|law| *law != now).and_then(|law| {
+        let line = EMBEDDED.lines().find(|line| line.contains(&format!("use: {},", now.kind())))?;
+        let (without_gains, _) = line.split_once(", params:")?;
+        Some((line.to_owned(), format!("{} }}", without_gains.replace(now.kind(), law.kind()))))
+    });
     let whole = Plan::from_camera_to_valve();
     let sets = [format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
     Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets.to_vec()].concat(), ..whole }
@@ -54,4 +58,22 @@ pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
 /// A quarter of the camera's pixels.
 pub fn small() -> [String; 3] {
     ["width=320 px", "height=240 px", "focal_length=283 px"].map(|set| format!("rig.camera.{set}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::course::Course;
+    use super::*;
+
+    #[test]
+    fn each_law_takes_the_pipelines_place() {
+        let registry = crate::bench::registry(&[]);
+        let (name, now) = in_pipeline();
+        assert!(EMBEDDED.contains(&format!("  {name}: {{ use: {},", now.kind())));
+        for law in Law::ALL {
+            let plan = Plan { seconds: 0.1, ..plan(Some(law), "20 s", 1) };
+            assert_eq!(plan.changes.iter().any(|(_, to)| to.contains(law.kind())), law != now, "{law:?}");
+            assert_eq!(Course::of(&plan, &registry).unwrap().failed, [] as [&str; 0], "{law:?}");
+        }
+    }
 }

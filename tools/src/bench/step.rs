@@ -213,13 +213,13 @@ mod tests {
     use super::*;
 
     /// A tenth of the bench: two seeds, until a little after the head should be there.
-    fn tenth(rise: &str, seconds: f64) -> Row {
+    fn tenth(law: Option<Law>, rise: &str, seconds: f64) -> Row {
         let registry = crate::bench::registry(&[]);
         let step = Step {
             seeds: 2,
             seconds,
             rises: vec![rise.to_owned()],
-            law: None,
+            law,
             small: true,
             sets: Vec::new(),
             threads: None,
@@ -233,15 +233,21 @@ mod tests {
 
     #[test]
     fn the_sources_step_rises_as_the_reference_model_says_and_stays_where_it_should() {
-        let row = tenth("20 s", 46.0);
+        let row = tenth(None, "20 s", 46.0);
         assert_eq!((row.rose, row.held), (2, 2), "{:?}", row.outcomes);
         assert!(row.outcomes[0].worst != row.outcomes[1].worst, "seeds differ");
     }
 
     #[test]
     fn with_a_faster_reference_model_it_settles_in_five_seconds() {
-        let row = tenth("3 s", 12.0);
+        let row = tenth(None, "3 s", 12.0);
         assert_eq!(row.rose, 2, "{:?}", row.outcomes);
+    }
+
+    #[test]
+    fn the_adaptive_law_does_so_too_in_the_place_of_the_pipelines() {
+        let row = tenth(Some(Law::Mrac), "20 s", 46.0);
+        assert_eq!((row.rose, row.held), (2, 2), "{:?}", row.outcomes);
     }
 
     #[test]
