@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 use stillpoint_identify::{
-    Estimate, Found, InnovationModel, Provenance, Record, Resampled, Signal, fit, resample,
+    Estimate, Found, InnovationModel, Pole, Provenance, Record, Resampled, Signal, Stability, fit, resample,
 };
 use stillpoint_pipeline::spec::quantity;
 use stillpoint_recorder::Session;
@@ -90,18 +90,36 @@ impl Identify {
             program: format!("stillpoint {}", env!("CARGO_PKG_VERSION")),
         };
         let sample_time = record.grid.step as f64 * 1e-9;
-        let model =
-            InnovationModel::new(&found.model, sample_time, found.noise_variance, signals, provenance)
-                .map_err(|e| failed(&e))?;
-        let without_number = [input.without_number, output.without_number];
+        let unstable = unstable(&found);
+        let model = match unstable {
+            Some(_) => None,
+            None => Some(
+                InnovationModel::new(
+                    &found.model,
+                    sample_time,
+                    found.noise_variance,
+                    signals.clone(),
+                    provenance,
+                )
+                .map_err(|e| failed(&e))?,
+            ),
+        };
+        let (warnings, without_number) = (warnings(&found), [input.without_number, output.without_number]);
         if self.json {
             print_json(&json!({
                 "model": model, "found": found, "record": record, "without_number": without_number,
+                "warnings": warnings,
             }))?;
         } else {
-            print(&model, &found, &record, without_number);
+            print(&signals, sample_time, &found, &record, without_number);
+            warnings.iter().for_each(|w| println!("warning: {w}"));
         }
-        if let Some(path) = &self.model {
+        if let Some(reason) = unstable {
+            let unwritten =
+                self.model.as_ref().map_or(String::new(), |p| format!("; {} is not written", p.display()));
+            return Err(failed(&format!("{reason}{unwritten}")));
+        }
+        if let (Some(path), Some(model)) = (&self.model, &model) {
             let text = model.to_json().map_err(Failure::failed)?;
             std::fs::write(path, text).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))?;
         }
@@ -134,15 +152,62 @@ fn within(e: &Estimate) -> String {
     format!("{:.6e} +- {:.1e}", e.value, 1.96 * e.sd)
 }
 
-fn print(model: &InnovationModel, found: &Found, record: &Resampled, without_number: [usize; 2]) {
+fn place(pole: &Pole) -> String {
+    match pole.im.value {
+        0.0 => format!("the pole {:.6}", pole.re.value),
+        im => format!("the pole {:.6} {im:+.6} i", pole.re.value),
+    }
+}
+
+/// Why no controller can have the model, and what to do.
+fn unstable(found: &Found) -> Option<String> {
+    let is_unstable = |p: &&Pole| p.stability() == Stability::Unstable;
+    let pole =
+        found.poles.iter().filter(is_unstable).max_by(|a, b| a.modulus.value.total_cmp(&b.modulus.value))?;
+    Some(format!(
+        "the model is unstable: {} has the modulus {:.6} +- {:.1e} (95 %); try another --order, or record longer with an \
+         input that excites more",
+        place(pole),
+        pole.modulus.value,
+        1.96 * pole.modulus.sd
+    ))
+}
+
+/// What makes a model doubtful.
+fn warnings(found: &Found) -> Vec<String> {
+    let integrating = found.poles.iter().filter(|p| p.stability() == Stability::Integrating).map(|pole| {
+        format!(
+            "{} cannot be told from one on the unit circle (modulus {:.6} +- {:.1e}, 95 %): right for a plant that \
+             integrates its input, whose DC gain says nothing; else record longer, or try another --order",
+            place(pole),
+            pole.modulus.value,
+            1.96 * pole.modulus.sd
+        )
+    });
+    let unexplained = (found.simulation_fit_percent < 0.0).then(|| {
+        "from the input alone the model is worse than the output's mean: it predicts from the output's past, and the input \
+         explains nothing; excite the input more, or look whether it is the right one"
+            .to_owned()
+    });
+    integrating.chain(unexplained).collect()
+}
+
+fn print(
+    [input, output]: &[Signal; 2],
+    sample_time: f64,
+    found: &Found,
+    record: &Resampled,
+    without_number: [usize; 2],
+) {
+    let model = &found.model;
     let row = |values: &[f64]| values.iter().map(|v| format!("{v:>14.6e}")).collect::<Vec<_>>().join(" ");
     println!(
         "{} -> {}: {} samples of {:.3} ms, {:.1} s",
-        model.input().name,
-        model.output().name,
+        input.name,
+        output.name,
         found.samples,
-        model.sample_time_s() * 1e3,
-        found.samples as f64 * model.sample_time_s()
+        sample_time * 1e3,
+        found.samples as f64 * sample_time
     );
     println!(
         "resampled: output interpolated over at most {:.3} ms, input held; {} gaps, {:.1} s left out; without a number {} of the \
@@ -153,7 +218,7 @@ fn print(model: &InnovationModel, found: &Found, record: &Resampled, without_num
         without_number[0],
         without_number[1]
     );
-    for (what, signal) in [("input", model.input()), ("output", model.output())] {
+    for (what, signal) in [("input", input), ("output", output)] {
         println!("{what} counted from {} {}, rms {:.6e}", signal.offset, signal.unit, signal.scale);
     }
     println!();
@@ -163,8 +228,8 @@ fn print(model: &InnovationModel, found: &Found, record: &Resampled, without_num
             "{} {}   B {:>14.6e}   K {:>14.6e}",
             if i == 0 { "A" } else { " " },
             row(&a),
-            model.b()[i],
-            model.k()[i]
+            model.input[i],
+            model.gain[i]
         );
     }
     println!();
@@ -173,7 +238,10 @@ fn print(model: &InnovationModel, found: &Found, record: &Resampled, without_num
         found.fit_percent, found.simulation_fit_percent
     );
     println!("loss {:.6e}, standard deviation of e {:.6e}", found.loss, found.noise_variance.sqrt());
-    println!("DC gain {}   (95 %)", within(&found.dc_gain));
+    match &found.dc_gain {
+        Some(gain) => println!("DC gain {}   (95 %)", within(gain)),
+        None => println!("no DC gain: the output of an unstable model settles nowhere"),
+    }
     for pole in &found.poles {
         println!("pole {}, {} i, modulus {}", within(&pole.re), within(&pole.im), within(&pole.modulus));
     }

@@ -4,6 +4,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 use serde::Serialize;
 
 use crate::companion::Companion;
+use crate::descent::is_stable;
 
 /// A number and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -23,6 +24,35 @@ pub struct Pole {
     pub im: Estimate,
     /// Distance from 0; 1 and more is unstable.
     pub modulus: Estimate,
+}
+
+/// The greatest modulus that passes for an integrator's where the record cannot tell it from 1.
+pub const INTEGRATOR: f64 = 1.01;
+
+/// What a record says of a pole, at 95 %.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stability {
+    /// Its modulus is below 1.
+    Stable,
+    /// Its modulus cannot be told from 1, and is at most [`INTEGRATOR`]: a plant that integrates has such a pole.
+    Integrating,
+    /// Its modulus is above 1.
+    Unstable,
+}
+
+impl Pole {
+    /// What the record says of it.
+    #[must_use]
+    pub fn stability(&self) -> Stability {
+        let Estimate { value, sd } = self.modulus;
+        if value + 1.96 * sd < 1.0 {
+            Stability::Stable
+        } else if value < 1.0 || (value <= INTEGRATOR && value - 1.96 * sd < 1.0) {
+            Stability::Integrating
+        } else {
+            Stability::Unstable
+        }
+    }
 }
 
 /// The poles, by real and imaginary part, with what the covariance of the parameters says of them: for a root z of the
@@ -56,12 +86,13 @@ pub fn poles(model: &Companion, covariance: &DMatrix<f64>) -> Vec<Pole> {
         .collect()
 }
 
-/// C (I - A)^-1 B, and its deviation; infinite where 1 is a pole.
-pub fn dc_gain(model: &Companion, covariance: &DMatrix<f64>) -> Estimate {
+/// C (I - A)^-1 B, and its deviation; `None` where the model is not stable: its output then settles nowhere.
+pub fn dc_gain(model: &Companion, covariance: &DMatrix<f64>) -> Option<Estimate> {
     let n = model.order();
-    let Some(inverse) = (DMatrix::identity(n, n) - model.a()).try_inverse() else {
-        return Estimate { value: f64::INFINITY, sd: f64::INFINITY };
-    };
+    if !is_stable(&model.a()) {
+        return None;
+    }
+    let inverse = (DMatrix::identity(n, n) - model.a()).try_inverse()?;
     let state = &inverse * &model.input;
     // d(C M B) = C M (dA M B + dB) with M = (I - A)^-1; dA is in the last row.
     let mut gradient = DVector::zeros(2 * n);
@@ -69,7 +100,7 @@ pub fn dc_gain(model: &Companion, covariance: &DMatrix<f64>) -> Estimate {
         gradient[j] = inverse[(0, n - 1)] * state[j];
         gradient[n + j] = inverse[(0, j)];
     }
-    Estimate { value: state[0], sd: variance(&gradient, covariance).sqrt() }
+    Some(Estimate { value: state[0], sd: variance(&gradient, covariance).sqrt() })
 }
 
 /// g^T P g for the first numbers of the parameters.

@@ -36,8 +36,8 @@ pub struct Found {
     pub simulation_fit_percent: f64,
     /// The poles.
     pub poles: Vec<Pole>,
-    /// The DC gain.
-    pub dc_gain: Estimate,
+    /// The DC gain; `None` where a pole's modulus is 1 or more.
+    pub dc_gain: Option<Estimate>,
     /// Standard deviations of the last row of A, of B, K and the start.
     pub parameter_sd: Vec<f64>,
     /// Whether the errors are noise.

@@ -11,7 +11,8 @@
 //!     y[k] = 0.9 * y[k - 1] + 0.5 * u[k - 1] + 1e-3 * ((k * 7919 % 13) as f64 - 6.0);
 //! }
 //! let found = fit(&Record { input: &u, output: &y }, 1)?;
-//! assert!((found.dc_gain.value - 5.0).abs() < 0.1);
+//! let gain = found.dc_gain.expect("it is stable");
+//! assert!((gain.value - 5.0).abs() < 0.1);
 //! # Ok::<(), stillpoint_identify::FitError>(())
 //! ```
 //!
@@ -36,7 +37,7 @@ mod residual;
 mod start;
 
 pub use companion::{Companion, Prediction};
-pub use confidence::{Estimate, Pole};
+pub use confidence::{Estimate, INTEGRATOR, Pole, Stability};
 pub use fit::{Found, Record, fit};
 pub use model::{InnovationModel, ModelError, Provenance, Signal};
 pub use resample::{Grid, ResampleError, Resampled, resample};

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::MAX_ORDER;
 use crate::companion::Companion;
+use crate::confidence::INTEGRATOR;
 use crate::descent::is_stable;
 
 /// Version of the file's format.
@@ -88,6 +89,12 @@ pub enum ModelError {
         /// What it must be.
         must: &'static str,
     },
+    /// A pole of A is outside the unit circle.
+    #[error(
+        "it is unstable: a pole has the modulus {0:.4}, and a model for a controller has none above {INTEGRATOR}; identify \
+         with another order, or from a record with more or better excitation"
+    )]
+    UnstablePole(f64),
     /// Its observer does not forget.
     #[error("its observer A - K C is unstable: it would never follow the output")]
     Unstable,
@@ -215,6 +222,11 @@ impl InnovationModel {
             output: m.output,
             provenance: m.provenance,
         };
+        let moduli = model.a().complex_eigenvalues().map(|z| z.norm());
+        let greatest = moduli.iter().copied().max_by(f64::total_cmp).unwrap_or(0.0);
+        if greatest.is_nan() || greatest > INTEGRATOR {
+            return Err(ModelError::UnstablePole(greatest));
+        }
         let observer = model.a() - model.k() * model.c().transpose();
         if is_stable(&observer) { Ok(model) } else { Err(ModelError::Unstable) }
     }

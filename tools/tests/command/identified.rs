@@ -61,3 +61,72 @@ fn a_model_of_a_recorded_run_drives_the_law_of_the_next_and_its_session_keeps_it
     };
     assert_ne!(duties(&held["session"]), duties(&without["session"]));
 }
+
+/// A table of `samples` rows in which y(k+1) = pole y(k) + effect u(k), and a little noise comes with each.
+fn table(file: &Path, pole: f64, effect: f64, samples: u32) {
+    let (mut y, mut rows) = (0.0, "u,y\n".to_string());
+    for k in 0..samples {
+        let u = if (k / 23) % 2 == 0 { 1.0 } else { -1.0 };
+        let e = 0.01 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
+        rows.push_str(&format!("{u},{y}\n"));
+        y = pole * y + effect * u + e;
+    }
+    std::fs::write(file, rows).unwrap();
+}
+
+const FIT: [&str; 13] = [
+    "identify",
+    "t.csv",
+    "--input",
+    "u",
+    "--output",
+    "y",
+    "--order",
+    "1",
+    "--sample-time",
+    "100 ms",
+    "--offset",
+    "none",
+    "--model",
+];
+
+#[test]
+fn an_unstable_model_is_said_to_be_so_and_not_written() {
+    let folder = tempfile::tempdir().unwrap();
+    table(&folder.path().join("t.csv"), 1.05, 0.3, 200);
+    let out = stillpoint(folder.path(), &[&FIT[..], &["m.json"]].concat());
+    let (said, why) = (text(&out.stdout), text(&out.stderr));
+    assert_eq!(out.status.code(), Some(1), "{said}{why}");
+    assert!(said.contains("no DC gain") && !said.contains("\nDC gain"), "{said}");
+    assert!(
+        why.contains("the model is unstable: the pole 1.05") && why.contains("m.json is not written"),
+        "{why}"
+    );
+    assert!(why.contains("try another --order"), "{why}");
+    assert!(!folder.path().join("m.json").exists());
+
+    let out = stillpoint(folder.path(), &[&FIT[..12], &["--json"]].concat());
+    assert_eq!(out.status.code(), Some(1));
+    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert!(said["found"]["dc_gain"].is_null() && said["model"].is_null(), "{said}");
+    assert!(said["found"]["poles"][0]["modulus"]["value"].as_f64().unwrap() > 1.04, "{said}");
+}
+
+#[test]
+fn doubtful_models_are_written_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let said_of = |pole: f64, effect: f64| {
+        table(&folder.path().join("t.csv"), pole, effect, 400);
+        let out = stillpoint(folder.path(), &[&FIT[..], &["m.json"]].concat());
+        assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+        std::fs::remove_file(folder.path().join("m.json")).unwrap();
+        text(&out.stdout).to_owned()
+    };
+    let sound = said_of(0.9, 0.3);
+    assert!(!sound.contains("warning"), "{sound}");
+    let integrating = said_of(1.0, 0.3);
+    assert!(integrating.contains("warning: the pole 1.00") || integrating.contains("warning: the pole 0.99"));
+    assert!(integrating.contains("cannot be told from one on the unit circle"), "{integrating}");
+    let unexplained = said_of(0.995, 0.0);
+    assert!(unexplained.contains("the input explains nothing"), "{unexplained}");
+}

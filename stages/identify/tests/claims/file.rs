@@ -49,6 +49,7 @@ fn file_whose_numbers_make_no_model_is_refused_with_the_number() {
     assert!(refused("/sample_time_s", json!(0.0)).contains("sample_time_s is 0"));
     assert!(refused("/noise_variance", json!(-1.0)).contains("noise_variance is -1"));
     assert!(refused("/k/0", json!(5.0)).contains("observer A - K C is unstable"));
+    assert!(refused("/a/1/1", json!(2.1)).contains("it is unstable: a pole has the modulus 1.38"));
     assert!(refused("/stillpoint_model", json!(2)).contains("version 2; this build reads version 1"));
     assert!(refused("/a", json!([])).contains("the order of A is 0"));
     assert!(InnovationModel::from_json(b"{}").is_err());

@@ -4,7 +4,7 @@ use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 use nalgebra::{DVector, dvector};
 use proptest::prelude::*;
-use stillpoint_identify::{Companion, FitError, Record, fit};
+use stillpoint_identify::{Companion, FitError, Record, Stability, fit};
 
 struct Random(ChaCha8Rng);
 
@@ -67,7 +67,7 @@ fn stated_deviations_are_those_of_the_estimates() {
         let found = fit(&Record { input: &u, output: &y }, 2).unwrap();
         let slow = found.poles[1].re;
         scores.push((slow.value - 0.95) / slow.sd);
-        inside += u32::from((found.dc_gain.value - gain).abs() < 1.96 * found.dc_gain.sd);
+        inside += u32::from((found.dc_gain.unwrap().value - gain).abs() < 1.96 * found.dc_gain.unwrap().sd);
     }
     // 95 % of 60 is 57; a binomial number is 50 or more in all but one of a thousand such tests.
     assert!(inside >= 50, "{inside} of {runs}");
@@ -101,9 +101,38 @@ fn noise_that_bends_the_arx_start_does_not_bend_the_fit() {
     assert!(
         (found.poles[1].re.value - 0.95).abs() < 3.0 * found.poles[1].re.sd && found.poles[1].re.sd < 0.01
     );
-    assert!((found.dc_gain.value / dc_gain(&truth) - 1.0).abs() < 0.05, "{:?}", found.dc_gain);
+    assert!((found.dc_gain.unwrap().value / dc_gain(&truth) - 1.0).abs() < 0.05, "{:?}", found.dc_gain);
     let (a, _) = stillpoint_identify::arx(&u, &y, 2).unwrap();
     assert!((a[1] - 0.665).abs() > 0.2, "the ARX start is bent: {a}");
+}
+
+/// One pole here; the input's effect is 0.1.
+fn one_pole(at: f64) -> Companion {
+    Companion { last: dvector![at], input: dvector![0.1], gain: dvector![0.5], start: dvector![0.0] }
+}
+
+#[test]
+fn a_pole_outside_the_circle_is_unstable_and_has_no_dc_gain() {
+    let (u, y) = record(&one_pole(1.05), 0.05, 100, 3);
+    let found = fit(&Record { input: &u, output: &y }, 1).unwrap();
+    assert!((found.poles[0].modulus.value - 1.05).abs() < 0.005, "{:?}", found.poles);
+    assert_eq!((found.poles[0].stability(), found.dc_gain), (Stability::Unstable, None));
+}
+
+#[test]
+fn an_integrator_is_told_from_a_stable_and_from_an_unstable_pole() {
+    let runs = 40;
+    let count = |at: f64, due: Stability| {
+        let is_due = |seed: &u64| {
+            let (u, y) = record(&one_pole(at), 0.05, 400, 200 + seed);
+            fit(&Record { input: &u, output: &y }, 1).unwrap().poles[0].stability() == due
+        };
+        (0..runs).filter(is_due).count()
+    };
+    assert_eq!(count(0.9, Stability::Stable), 40);
+    // 95 of 100 intervals hold the true modulus.
+    let integrators = count(1.0, Stability::Integrating);
+    assert!(integrators >= 33, "{integrators} of {runs}");
 }
 
 #[test]
@@ -114,8 +143,8 @@ fn units_change_nothing_but_the_units() {
     let a = fit(&Record { input: &u, output: &y }, 2).unwrap();
     let b = fit(&Record { input: &large, output: &small }, 2).unwrap();
     assert!((a.poles[0].re.value - b.poles[0].re.value).abs() < 1e-9);
-    assert!((a.dc_gain.value / (b.dc_gain.value * 1e10) - 1.0).abs() < 1e-9);
-    assert!((a.dc_gain.sd / (b.dc_gain.sd * 1e10) - 1.0).abs() < 1e-6);
+    assert!((a.dc_gain.unwrap().value / (b.dc_gain.unwrap().value * 1e10) - 1.0).abs() < 1e-9);
+    assert!((a.dc_gain.unwrap().sd / (b.dc_gain.unwrap().sd * 1e10) - 1.0).abs() < 1e-6);
     assert!((a.fit_percent - b.fit_percent).abs() < 1e-9);
 }
 
