@@ -112,6 +112,8 @@ fn serve(registry: &Registry) -> Result<(), String> {
 
 struct Tap {
     subscriber: Subscriber,
+    /// Samples that its buffer holds: no look takes more, or a topic that never pauses would keep all others waiting.
+    buffer: usize,
     info: TopicInfo,
     topic: TopicId,
     /// Buffers that were written, back from the writer.
@@ -169,7 +171,15 @@ impl Recorder {
             let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
             let id = part.add_topic(info.clone()).map_err(|e| e.to_string())?;
             let spare = Spare::default();
-            taps.push(Tap { subscriber, info, topic: id, spare, next: BTreeMap::new(), _topic: topic });
+            taps.push(Tap {
+                subscriber,
+                buffer: contract.buffer,
+                info,
+                topic: id,
+                spare,
+                next: BTreeMap::new(),
+                _topic: topic,
+            });
         }
         part.flush().map_err(|e| e.to_string())?;
         let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
@@ -196,7 +206,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Takes everything that waits, and says whether there was anything.
+    /// Takes what waits, and says whether there was anything.
     fn drain(&mut self) -> Result<bool, String> {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
@@ -208,10 +218,20 @@ impl Recorder {
                 _ => "the recording's writer ended".to_string(),
             });
         }
-        let Some(items) = &self.items else { return Ok(false) };
         let mut taken = Vec::new();
+        let looked = self.look(&mut taken);
+        let any = !taken.is_empty();
+        if let (true, Some(items)) = (any, &self.items) {
+            let _ = items.send(taken);
+        }
+        looked.map(|()| any)
+    }
+
+    /// Looks at each topic once.
+    fn look(&mut self, taken: &mut Vec<Item>) -> Result<(), String> {
         for tap in &mut self.taps {
-            while let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? {
+            for _ in 0..tap.buffer {
+                let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? else { break };
                 let head = sample.head();
                 // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
                 let next = tap.next.entry(head.incarnation).or_insert(if self.first_part {
@@ -241,11 +261,7 @@ impl Recorder {
                 taken.push(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
             }
         }
-        let any = !taken.is_empty();
-        if any {
-            let _ = items.send(taken);
-        }
-        Ok(any)
+        Ok(())
     }
 
     /// Goes on for as long as some process of the run does, its supervisor being dead.
