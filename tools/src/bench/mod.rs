@@ -6,7 +6,7 @@
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
 //! - `step`: the source's step, with many seeds
-//! - `robust`: the same while something is broken
+//! - `robust`, `cases`: the same while something is broken
 //! - `tune`, `search`, `trials`: the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies
 //! - `closed_loop`: how long it takes from an image to the datagram that it has moved
@@ -23,6 +23,7 @@
 //! - `folder`: where sessions are written
 
 pub mod bare;
+mod cases;
 mod casualty;
 mod closed_loop;
 mod clouds;
