@@ -17,7 +17,8 @@ pub struct KalmanParams<const N: usize> {
     /// Standard deviation of the velocity before the first measurement, per second.
     pub initial_velocity_sd: SVector<f64, N>,
     /// A measurement is refused where nu_i^2 / S_ii of any channel exceeds this; 9 is three standard deviations,
-    /// infinity refuses none. A refused measurement widens P, so a filter that was wrong comes back.
+    /// infinity refuses none. Where the next one fits the refused one better than the track, the track was wrong: it
+    /// begins anew with the two.
     pub gate: f64,
     /// How long the filter predicts without a measurement that it uses, in nanoseconds. After that it has no state, and
     /// starts anew.
@@ -51,7 +52,7 @@ pub struct StampError {
 pub enum Outcome<const N: usize> {
     /// Nothing was measured before, or not for the whole horizon: there is no state.
     Waiting,
-    /// The measurement became the state.
+    /// The measurement became the state, alone or with the one before, which the track before had refused.
     Started,
     /// The measurement was used.
     Updated(Innovation<N>),
@@ -76,7 +77,8 @@ pub struct Counts {
     pub refused: u64,
     /// Steps refused for their stamp.
     pub stale: u64,
-    /// Tracks given up: nothing was used for the whole horizon, or the numbers had left the range of `f64`.
+    /// Tracks given up: nothing was used for the whole horizon, two measurements in a row agreed that the track was wrong,
+    /// or the numbers had left the range of `f64`.
     pub given_up: u64,
 }
 
@@ -116,6 +118,8 @@ pub struct Kalman<const N: usize, X = SVector<f64, N>> {
     stamp: Option<u64>,
     /// Stamp of the last measurement that was used.
     used_at: u64,
+    /// The head at rest at the last measurement, where that was beyond the gate, at the last stamp.
+    doubt: Option<State<N, X>>,
     run: u64,
     counts: Counts,
 }
@@ -144,7 +148,15 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         if let Some((name, value)) = bad {
             return Err(ParamError { name, value, must: "a number above 0" });
         }
-        Ok(Self { params, state: None, stamp: None, used_at: 0, run: 0, counts: Counts::default() })
+        Ok(Self {
+            params,
+            state: None,
+            stamp: None,
+            used_at: 0,
+            doubt: None,
+            run: 0,
+            counts: Counts::default(),
+        })
     }
 
     /// A filter whose state at `stamp` is known.
@@ -178,6 +190,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         }
         let prior = self.state.map(|state| state.predicted(dt, &self.params.process));
         self.state = prior;
+        self.doubt = self.doubt.map(|state| state.predicted(dt, &self.params.process));
         let Some(z) = measurement else {
             self.counts.missing += 1;
             return Ok(if prior.is_some() { Outcome::Predicted } else { Outcome::Waiting });
@@ -201,21 +214,35 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
             self.counts.refused += 1;
             return Outcome::Refused;
         }
+        let doubt = self.doubt.take();
         let Some(prior) = prior else {
             self.run = 0;
-            self.state = Some(State::at_rest(z, &self.params.open_sd, &self.params.initial_velocity_sd));
+            self.state = Some(self.at_rest(z));
             return Outcome::Started;
         };
         let Some(innovation) = prior.innovation(z) else {
             self.counts.refused += 1;
             return Outcome::Refused;
         };
-        if innovation.exceeds(self.params.gate) {
-            self.counts.gated += 1;
-            return Outcome::Gated(innovation);
+        if !innovation.exceeds(self.params.gate) {
+            self.state = Some(prior.updated(&innovation, z));
+            return Outcome::Updated(innovation);
         }
-        self.state = Some(prior.updated(&innovation, z));
-        Outcome::Updated(innovation)
+        let fits = |state: &State<N, X>| state.innovation(z).filter(|i| !i.exceeds(self.params.gate));
+        if let Some((state, innovation)) = doubt.and_then(|state| Some((state, fits(&state)?))) {
+            // One outlier is one; two that agree are where the head is.
+            self.give_up();
+            self.run = 0;
+            self.state = Some(state.updated(&innovation, z));
+            return Outcome::Started;
+        }
+        self.counts.gated += 1;
+        self.doubt = Some(self.at_rest(z));
+        Outcome::Gated(innovation)
+    }
+
+    fn at_rest(&self, z: &Measurement<N, X>) -> State<N, X> {
+        State::at_rest(z, &self.params.open_sd, &self.params.initial_velocity_sd)
     }
 
     /// The state `stamp` stands for, predicted from the last one, which stays as it is. `None` where there is none, or
@@ -235,6 +262,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
     }
 
     fn give_up(&mut self) {
+        self.doubt = None;
         self.counts.given_up += u64::from(self.state.take().is_some());
     }
 

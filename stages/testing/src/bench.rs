@@ -41,7 +41,7 @@ pub struct Left {
 
 impl Bench {
     /// Puts the operator `name` of a pipeline on the bench. The pipeline may use `feed.image`, `feed.cloud`,
-    /// `feed.pose`, `feed.track` and `feed.rejection` (output `out`) besides the kinds of `stages`.
+    /// `feed.pose`, `feed.report`, `feed.track` and `feed.rejection` (output `out`) besides the kinds of `stages`.
     ///
     /// # Errors
     /// The faults of the text, or why the operator cannot be made.

@@ -2,7 +2,7 @@
 
 use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
-use stillpoint_samples::{DepthImage, PointCloud, Pose, Rejection, Sample, Track};
+use stillpoint_samples::{DepthImage, PointCloud, Pose, PoseReport, Rejection, Sample, Track};
 
 macro_rules! feed {
     ($name:ident, $kind:literal, $sample:ty, $about:literal) => {
@@ -42,6 +42,7 @@ macro_rules! feed {
 feed!(FeedImage, "feed.image", DepthImage, "Depth images that a bench feeds.");
 feed!(FeedCloud, "feed.cloud", PointCloud, "Clouds that a bench feeds.");
 feed!(FeedPose, "feed.pose", Pose, "Poses that a bench feeds.");
+feed!(FeedReport, "feed.report", PoseReport, "Reports of poses that a bench feeds.", FrameRule::None);
 feed!(FeedTrack, "feed.track", Track, "Tracks that a bench feeds.");
 feed!(FeedRejection, "feed.rejection", Rejection, "Rejections that a bench feeds.", FrameRule::None);
 
@@ -50,6 +51,7 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<FeedImage>(),
     Stage::of::<FeedCloud>(),
     Stage::of::<FeedPose>(),
+    Stage::of::<FeedReport>(),
     Stage::of::<FeedTrack>(),
     Stage::of::<FeedRejection>(),
 ];

@@ -33,6 +33,11 @@ pub struct Step {
 pub trait Filter: Send {
     /// Uses a pose that was measured at `origin` and arrived at `time`, both ns.
     fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step;
+    /// Whether a measurement acquired at `origin`, ns, or later has come.
+    fn has_seen(&self, origin: u64) -> bool;
+    /// Ends the track, for what is measured from now on is in another frame. Where the newest measurement, acquired at
+    /// `origin` or later, ns, is so already, it begins the next track.
+    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<Step>;
     /// The track at `time`, ns, predicted from what was measured before; `None` where a newer one was sent.
     fn predict(&self, time: u64) -> Option<TrackElement>;
 }
@@ -42,7 +47,8 @@ pub struct FilterOf<const N: usize, X> {
     kalman: Kalman<N, X>,
     channels: Channels<N>,
     given: Given,
-    last: Option<PoseElement>,
+    /// The newest measurement, and when it was acquired, ns.
+    last: Option<(PoseElement, u64)>,
     repeated: u64,
     /// When the last measurement that was used arrived, ns.
     used_at: u64,
@@ -126,9 +132,9 @@ impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
 
 impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
     fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step {
-        let same = self.last.is_some_and(|last| has_same_numbers(&last, pose));
+        let same = self.last.is_some_and(|(last, _)| has_same_numbers(&last, pose));
         self.repeated = if same { self.repeated + 1 } else { 0 };
-        self.last = Some(*pose);
+        self.last = Some((*pose, origin));
         let measurement = self.measurement(pose);
         let silent = time.saturating_sub(self.used_at) > self.kalman.params().horizon;
         let outcome = match self.kalman.step(origin, Some(&measurement)) {
@@ -162,6 +168,16 @@ impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
             innovation.as_ref().map_or(0, |i: &Innovation<N>| i.measured.iter().filter(|m| **m).count());
         let nees = self.nees(truths, origin);
         Step { metrics: self.metrics(Some(&track), dof, nees, time), track: Some(track) }
+    }
+
+    fn has_seen(&self, origin: u64) -> bool {
+        self.last.is_some_and(|(_, acquired)| acquired >= origin)
+    }
+
+    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<Step> {
+        self.kalman.restart();
+        let (pose, acquired) = self.last.take()?;
+        (acquired >= origin).then(|| self.measure(&pose, acquired, time, truths))
     }
 
     fn predict(&self, time: u64) -> Option<TrackElement> {

@@ -5,16 +5,17 @@ use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
-use stillpoint_samples::{Cause, Diagnostics, Pose, Sample, Track};
+use stillpoint_samples::{Cause, Diagnostics, Pose, PoseReport, Sample, Track};
 
 use crate::channels::{Channels, Follow, InSamples};
 use crate::kalman::{Kalman, KalmanParams};
-use crate::operators::filter::{Filter, FilterOf, Given, METRICS};
+use crate::operators::filter::{Filter, FilterOf, Given, METRICS, Step};
 use crate::operators::truths::Truths;
 use crate::process::{Hold, ProcessNoise};
 
 const MEASUREMENT: usize = 0;
 const TRUTH: usize = 1;
+const REPORT: usize = 2;
 const STATE: usize = 0;
 const DIAGNOSTICS: usize = 1;
 
@@ -66,10 +67,15 @@ pub struct FilterParams {
 /// infinite variance is not used. A measurement acquired no later than the last one is counted as late and sends no
 /// state; where all are late for the horizon, the sensor's clock went back, and the track begins anew. With a timer,
 /// each tick sends the state predicted to the tick, which changes nothing in the filter. Where nothing was used for the
-/// horizon there is no estimate: what is sent then says so and has no numbers.
+/// horizon there is no estimate: what is sent then says so and has no numbers. Two measurements in a row that the gate
+/// refuses, and that agree, begin the track anew; so does the first one against another reference, where `report` tells.
 pub struct EstimateKalman {
     filter: Box<dyn Filter>,
     truths: Truths,
+    /// Number of the reference that poses are relative to; 0 before the first.
+    reference: u32,
+    /// Measurements acquired from then on, ns, are relative to another reference than the track.
+    anew_from: Option<u64>,
 }
 
 impl Operator for EstimateKalman {
@@ -92,6 +98,13 @@ impl Operator for EstimateKalman {
                 policy: Policy::Queue(8),
                 required: false,
                 about: "True pose of the same thing, for the NEES alone.",
+            },
+            Input {
+                name: "report",
+                sample: PoseReport::KIND,
+                policy: Policy::Queue(4),
+                required: false,
+                about: "How the measurement was found: with another reference the track begins anew.",
             },
         ],
         outputs: &[
@@ -119,7 +132,7 @@ impl Operator for EstimateKalman {
             Follow::Position => filter::<3, SVector<f64, 3>>(&params, Channels::POSITION)?,
             Follow::Pose => filter::<6, Isometry3<f64>>(&params, Channels::POSE)?,
         };
-        Ok(Self { filter, truths: Truths::default() })
+        Ok(Self { filter, truths: Truths::default(), reference: 0, anew_from: None })
     }
 
     fn capacities(_: &FilterParams) -> Vec<usize> {
@@ -138,14 +151,44 @@ impl Operator for EstimateKalman {
         {
             self.truths.keep(truth.head.origin, *pose);
         }
+        if let Some(report) = activation.fresh::<PoseReport>(REPORT)
+            && let Some(said) = report.first()
+            && let Some(step) = self.hear(said.reference, report.head.origin, activation.time)
+        {
+            return send(&step, outputs);
+        }
         let Some(measured) = activation.fresh::<Pose>(MEASUREMENT) else { return Ok(()) };
         let Some(pose) = measured.first() else { return Ok(()) };
-        let step = self.filter.measure(pose, measured.head.origin, activation.time, &self.truths);
-        if let Some(track) = &step.track {
-            outputs.send::<Track>(STATE, track)?;
+        let origin = measured.head.origin;
+        if self.anew_from.is_some_and(|from| origin >= from) {
+            self.anew_from = None;
+            self.filter.begin_anew(u64::MAX, activation.time, &self.truths);
         }
-        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &step.metrics)
+        send(&self.filter.measure(pose, origin, activation.time, &self.truths), outputs)
     }
+}
+
+impl EstimateKalman {
+    /// Hears which reference the pose acquired at `origin`, ns, is relative to. Pose and report are of one activation, and
+    /// either may come first: what was made of the pose meanwhile is made anew.
+    fn hear(&mut self, reference: u32, origin: u64, time: u64) -> Option<Step> {
+        let before = std::mem::replace(&mut self.reference, reference);
+        if before == 0 || before == reference {
+            return None;
+        }
+        if !self.filter.has_seen(origin) {
+            self.anew_from = Some(origin);
+            return None;
+        }
+        self.filter.begin_anew(origin, time, &self.truths)
+    }
+}
+
+fn send(step: &Step, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    if let Some(track) = &step.track {
+        outputs.send::<Track>(STATE, track)?;
+    }
+    outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &step.metrics)
 }
 
 fn filter<const N: usize, X: InSamples<N>>(

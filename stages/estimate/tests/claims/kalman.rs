@@ -75,15 +75,53 @@ fn innovation_beyond_the_gate_is_counted_and_not_used() {
 }
 
 #[test]
-fn true_jump_is_followed_once_the_covariance_has_grown() {
+fn two_that_agree_beyond_the_gate_begin_the_track_anew() {
     let (mut filter, now) = settled();
-    let mut frames = 0;
-    while (filter.state().unwrap().position.x - 0.52).abs() > 1e-3 {
-        frames += 1;
-        assert!(frames < 90, "still at {}", filter.state().unwrap().position.x);
-        filter.step(now + frames * PERIOD, Some(&at(0.52))).unwrap();
+    assert!(matches!(filter.step(now + PERIOD, Some(&at(0.52))), Ok(Outcome::Gated(_))));
+    assert_eq!(filter.step(now + 2 * PERIOD, Some(&at(0.521))), Ok(Outcome::Started));
+    let state = filter.state().unwrap();
+    assert!((state.position.x - 0.521).abs() < 1e-3 && filter.run() == 1, "{state:?}");
+    // The velocity is that of the two.
+    assert!((state.velocity.x - 0.03).abs() < 0.005, "{state:?}");
+    assert_eq!(filter.counts(), Counts { used: 61, gated: 1, given_up: 1, ..Counts::default() });
+    assert!(matches!(filter.step(now + 3 * PERIOD, Some(&at(0.522))), Ok(Outcome::Updated(_))));
+}
+
+#[test]
+fn outliers_that_do_not_agree_begin_nothing() {
+    let (mut filter, now) = settled();
+    for k in 1..=6 {
+        let z = 0.5 + if k % 2 == 0 { 0.1 } else { -0.1 };
+        assert!(matches!(filter.step(now + k * PERIOD, Some(&at(z))), Ok(Outcome::Gated(_))), "{k}");
     }
-    assert!(filter.counts().gated > 0);
+    // One that fits the track ends the doubt: the next outlier is alone again.
+    assert!(matches!(filter.step(now + 7 * PERIOD, Some(&at(0.5))), Ok(Outcome::Updated(_))));
+    assert!(matches!(filter.step(now + 8 * PERIOD, Some(&at(0.6))), Ok(Outcome::Gated(_))));
+    assert!((filter.state().unwrap().position.x - 0.5).abs() < 1e-3);
+}
+
+/// A cough: 2 mm up and down in 0.4 s, measured to a few micrometres every 100 ms.
+#[test]
+fn a_head_that_moves_faster_than_was_thought_is_not_lost() {
+    let process = ProcessNoise::per_step(0.05);
+    let mut filter = Kalman::<1>::new(KalmanParams { process, ..params() }).unwrap();
+    let (mut worst, mut gated) = (0.0_f64, 0);
+    for k in 1..100_u64 {
+        let t = k as f64 * 0.1;
+        let since = (t - 5.03) / 0.4;
+        let z = if (0.0..1.0).contains(&since) {
+            1e-3 * (1.0 - (2.0 * std::f64::consts::PI * since).cos())
+        } else {
+            0.0
+        };
+        let z = Measurement { position: Vector1::new(z), covariance: Matrix1::new(9e-12) };
+        let outcome = filter.step(k * 100_000_000, Some(&z)).unwrap();
+        gated += u32::from(matches!(outcome, Outcome::Gated(_)));
+        worst = worst.max((filter.state().unwrap().position.x - z.position.x).abs());
+    }
+    // Frames that are refused cost about what the head moved meanwhile. (Where a track waits
+    // for its horizon instead, 9.9 mm.)
+    assert!(gated > 0 && worst < 2.5e-3, "{gated} refused, {worst} m");
 }
 
 #[test]
@@ -183,7 +221,7 @@ fn filter_without_a_usable_measurement_for_its_horizon_has_no_state_and_starts_a
     }
     // Gated measurements do not count: it would predict for ever.
     for k in 6..=15 {
-        filter.step(k * PERIOD, Some(&at(0.9))).unwrap();
+        filter.step(k * PERIOD, Some(&at(if k % 2 == 0 { 0.9 } else { 1.9 }))).unwrap();
         assert!(filter.state().is_some(), "{k}");
     }
     assert!(filter.predicted_to(15 * PERIOD).is_some() && filter.predicted_to(15 * PERIOD + 1).is_none());

@@ -3,7 +3,9 @@
 use proptest::prelude::*;
 
 use stillpoint_pipeline::files::KeptFiles;
-use stillpoint_samples::{Diagnostics, Pose, PoseElement, Standing, Track, TrackElement};
+use stillpoint_samples::{
+    Diagnostics, Pose, PoseElement, PoseReport, PoseReportElement, Standing, Track, TrackElement,
+};
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 
@@ -50,6 +52,52 @@ fn metric(left: &Left, name: &str) -> f64 {
 
 fn feed(bench: &mut Bench, pose: PoseElement) -> Option<TrackElement> {
     feed_aged(bench, pose, 0)
+}
+
+const REPORTED: &str = "
+stillpoint: 1
+name: estimate
+frames: { camera: { parent: couch, at: [0 m, 0 m, 1 m] } }
+operators:
+  feed: { use: feed.pose, frame: couch }
+  told: { use: feed.report }
+  filter: { use: estimate.kalman, inputs: { measurement: { from: feed.out, queue: 4 }, report: told.out } }
+";
+
+/// How much later the second sample of a frame comes, ns.
+const LATER: u64 = 10_000_000;
+
+fn report(bench: &mut Bench, reference: u32, age: u64) -> Option<TrackElement> {
+    let said = PoseReportElement { reference, ..zerocopy::FromZeros::new_zeroed() };
+    let left = bench.feed::<PoseReport>(2, &(), &[said], age);
+    assert_eq!(left.fault, None);
+    track(&left)
+}
+
+/// The head has not moved, but against another reference its pose has other numbers: no motion may come of that.
+#[test]
+fn another_reference_begins_the_track_anew_whether_it_is_told_before_the_pose_or_after() {
+    for told_first in [true, false] {
+        let mut bench = bench(REPORTED);
+        let mut frame = |reference, x| {
+            let pose = pose([x, 0.0, 0.1], 1e-4);
+            if told_first {
+                assert!(report(&mut bench, reference, 0).is_none());
+                feed_aged(&mut bench, pose, LATER)
+            } else {
+                let before = feed_aged(&mut bench, pose, 0);
+                report(&mut bench, reference, LATER).or(before)
+            }
+            .unwrap()
+        };
+        for _ in 0..50 {
+            frame(1, 0.0);
+        }
+        let track = frame(2, 0.0002);
+        assert_eq!((track.run, track.standing()), (1, Standing::Measured), "{told_first}");
+        assert_eq!((track.position[0], track.velocity[0]), (0.0002, 0.0), "{told_first}");
+        assert_eq!(frame(2, 0.0002).run, 2, "the same reference again changes nothing");
+    }
 }
 
 #[test]
