@@ -2,7 +2,8 @@
 //!
 //! What a camera tracks is not the head's origin: a centroid, a highest place, a reference surface have one of their
 //! own. So the mean difference is told apart as an offset: of an estimate with all six channels the mean rigid one, so that
-//! a turn of the head is no error of position, and of others the mean of each channel.
+//! a turn of the head is no error of position, and of others the mean of each channel. Where a tracker takes another
+//! reference, another offset begins.
 
 use nalgebra::Isometry3;
 use serde::Serialize;
@@ -28,6 +29,7 @@ pub struct Truth<'a> {
     states: &'a [State],
     /// Longest gap that is interpolated over, ns.
     longest: f64,
+    references: &'a [u64],
 }
 
 impl<'a> Truth<'a> {
@@ -37,7 +39,8 @@ impl<'a> Truth<'a> {
         let mut gaps: Vec<f64> =
             states.windows(2).map(|w| (w[1].origin - w[0].origin) as f64).filter(|g| *g > 0.0).collect();
         gaps.sort_by(f64::total_cmp);
-        Self { states, longest: LARGEST_GAP * quantile(&gaps, 0.5).unwrap_or(0.0) }
+        let longest = LARGEST_GAP * quantile(&gaps, 0.5).unwrap_or(0.0);
+        Self { states, longest, references: &signal.references }
     }
 
     /// The channels at a time, interpolated between the samples beside it.
@@ -87,7 +90,8 @@ pub struct Comparison {
     /// The estimates that have a truth, with the offset taken from their errors.
     pub pairs: Vec<Pair>,
     /// The offset, m and rad; none where the channel is not known. Of an estimate with all six channels the truth's pose on
-    /// the head that the estimate follows, else the mean of estimate minus truth.
+    /// the head that the estimate follows, else the mean of estimate minus truth. Against the last reference, where there
+    /// were several.
     pub offset: [Option<f64>; 6],
 }
 
@@ -96,12 +100,30 @@ pub fn compare(truth: &Truth<'_>, estimate: &[State]) -> Comparison {
     let known = estimate.iter().filter(|s| s.standing != Standing::None);
     let states: Vec<(&State, [f64; 6])> = known.filter_map(|s| Some((s, truth.at(s.origin)?))).collect();
     let whole = |(state, at): &(&State, [f64; 6])| state.channels.iter().chain(at).all(|c| c.is_finite());
-    if !states.is_empty() && states.iter().all(whole) {
-        let poses: Vec<_> = states.iter().map(|(s, at)| (pose(*at), pose(s.channels))).collect();
-        let offset = mean_offset(&poses).unwrap_or_default();
-        let moved = states.iter().map(|(s, at)| pair(s, *at, numbers(&(pose(s.channels) * offset))));
-        return Comparison { pairs: moved.collect(), offset: numbers(&offset).map(Some) };
+    let mut found = Comparison::default();
+    let mut rest = &states[..];
+    for from in truth.references.iter().copied().chain([u64::MAX]) {
+        let (before, after) = rest.split_at(rest.partition_point(|(state, _)| state.origin < from));
+        rest = after;
+        if before.is_empty() {
+            continue;
+        }
+        let of_one = if before.iter().all(whole) { about_mean_pose(before) } else { about_mean(before) };
+        found.pairs.extend(of_one.pairs);
+        found.offset = of_one.offset;
     }
+    found
+}
+
+/// Of states with all six channels.
+fn about_mean_pose(states: &[(&State, [f64; 6])]) -> Comparison {
+    let poses: Vec<_> = states.iter().map(|(s, at)| (pose(*at), pose(s.channels))).collect();
+    let offset = mean_offset(&poses).unwrap_or_default();
+    let moved = states.iter().map(|(s, at)| pair(s, *at, numbers(&(pose(s.channels) * offset))));
+    Comparison { pairs: moved.collect(), offset: numbers(&offset).map(Some) }
+}
+
+fn about_mean(states: &[(&State, [f64; 6])]) -> Comparison {
     let mut pairs: Vec<Pair> = states.iter().map(|(s, at)| pair(s, *at, s.channels)).collect();
     let offset: [Option<f64>; 6] = std::array::from_fn(|i| {
         mean(&pairs.iter().map(|p| p.error[i]).filter(|e| e.is_finite()).collect::<Vec<_>>())
@@ -208,7 +230,14 @@ mod tests {
     fn signal(states: impl IntoIterator<Item = State>) -> Signal {
         let mut kept = Thinned::default();
         states.into_iter().for_each(|s| kept.push(s));
-        Signal { topic: "rig.truth".into(), frame: None, part: Part::Truth, states: kept, tracking: None }
+        Signal {
+            topic: "rig.truth".into(),
+            frame: None,
+            part: Part::Truth,
+            states: kept,
+            tracking: None,
+            references: Vec::new(),
+        }
     }
 
     #[test]
@@ -248,6 +277,20 @@ mod tests {
         for channel in 0..6 {
             assert!(found.figures("e", channel).unwrap().worst < 1e-9, "{channel}");
         }
+    }
+
+    #[test]
+    fn another_reference_has_another_offset() {
+        let true_pose = |k: u64| [0.0, 0.0, 0.1, 0.2 * (k as f64 * 0.1).sin(), 0.0, 0.1];
+        let mut truth = signal((0..200).map(|k| state(k, true_pose(k))));
+        let own = [[0.03, -0.08, 0.05, 0.3, -0.2, 0.1], [0.0, 0.01, 0.02, 0.0, 0.1, -0.1]].map(pose);
+        let estimate: Vec<State> =
+            (0..200).map(|k| state(k, numbers(&(pose(true_pose(k)) * own[usize::from(k >= 120)])))).collect();
+        assert!(compare(&Truth::of(&truth), &estimate).figures("e", 3).unwrap().worst > 1.0);
+        truth.references = vec![120];
+        let found = compare(&Truth::of(&truth), &estimate);
+        assert_eq!(found.pairs.len(), 200);
+        assert!((0..6).all(|channel| found.figures("e", channel).unwrap().worst < 1e-9));
     }
 
     #[test]

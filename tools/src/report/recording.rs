@@ -88,8 +88,14 @@ impl<'s> Recording<'s> {
                 }
             }
         }
+        let mut references: Vec<u64> =
+            recording.alignments.iter().flat_map(|a| a.reference.1.iter().copied()).collect();
+        references.sort_unstable();
         for signal in &mut recording.signals {
             signal.states.items_mut().sort_by_key(|s| s.origin);
+            if signal.part == Part::Truth {
+                signal.references.clone_from(&references);
+            }
         }
         recording
     }
@@ -103,6 +109,7 @@ impl<'s> Recording<'s> {
                 part: self.part(topic),
                 states: Thinned::default(),
                 tracking: None,
+                references: Vec::new(),
             });
             return Some(self.signals.len() - 1);
         }

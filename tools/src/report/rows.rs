@@ -68,6 +68,9 @@ pub struct Signal {
     pub states: Thinned<State>,
     /// Of a track.
     pub tracking: Option<Tracking>,
+    /// Of a truth: when, ns, a tracker that is compared with it took another reference. From then on its poses have
+    /// another offset.
+    pub references: Vec<u64>,
 }
 
 /// Named numbers over time.
@@ -108,6 +111,8 @@ pub struct Alignments {
     pub refused: [u64; 7],
     /// Those that have a fit.
     pub fits: Thinned<Fit>,
+    /// Number of the newest reference, and when, ns, there was another one than before.
+    pub reference: (u32, Vec<u64>),
 }
 
 /// How well a frame fits the reference.
@@ -254,6 +259,11 @@ impl Alignments {
         let status = PoseStatus::from_number(report.status).map_or(UNKNOWN_STATUS, |s| s as usize);
         self.statuses[status.min(UNKNOWN_STATUS)] += 1;
         self.refused[(report.refused & 63).count_ones() as usize] += 1;
+        let (newest, changes) = &mut self.reference;
+        if *newest != 0 && *newest != report.reference {
+            changes.push(origin);
+        }
+        *newest = report.reference;
         if report.residual_rms.is_finite() {
             self.fits.push(Fit {
                 origin,
