@@ -25,11 +25,12 @@ pub struct FilterParams {
     /// What is followed: one coordinate of the position, all three, or the whole pose.
     #[param(default = "position")]
     pub follow: Follow,
-    /// Standard deviation of the acceleration, on each axis.
-    #[param(unit = "m/s2", default = "100 mm/s2", above = "0 mm/s2", max = "100 m/s2")]
+    /// Standard deviation of the acceleration, on each axis. A cough that moves a head by 2 mm in 0.4 s has 250 mm/s2: with
+    /// far less it is refused where poses are exact.
+    #[param(unit = "m/s2", default = "300 mm/s2", above = "0 mm/s2", max = "100 m/s2")]
     pub acceleration_sd: f64,
     /// Standard deviation of the angular acceleration, about each axis.
-    #[param(unit = "rad/s2", default = "60 deg/s2", above = "0 deg/s2", max = "1000 rad/s2")]
+    #[param(unit = "rad/s2", default = "300 deg/s2", above = "0 deg/s2", max = "1000 rad/s2")]
     pub angular_acceleration_sd: f64,
     /// How long an acceleration lasts. Without it, from one measurement to the next; give it where tracks of other rates
     /// are fused with this one.

@@ -16,8 +16,8 @@ frames: { camera: { parent: couch, at: [0 m, 0 m, 1 m] } }
 operators:
   a: { use: feed.pose, frame: couch }
   b: { use: feed.pose, frame: couch }
-  first: { use: estimate.kalman, inputs: { measurement: a.out }, params: { follow: z, acceleration_hold: 33 ms } }
-  second: { use: estimate.kalman, inputs: { measurement: b.out }, params: { follow: z, acceleration_hold: 33 ms } }
+  first: { use: estimate.kalman, inputs: { measurement: a.out }, params: { follow: z, acceleration_sd: 100 mm/s2, acceleration_hold: 33 ms } }
+  second: { use: estimate.kalman, inputs: { measurement: b.out }, params: { follow: z, acceleration_sd: 100 mm/s2, acceleration_hold: 33 ms } }
   fused:
     use: estimate.fuse
     every: 20 ms

@@ -180,9 +180,13 @@ fn every_frame_of_the_default_pipeline_becomes_a_state() {
         assert!(!run.bytes(topic).is_empty(), "{topic}");
     }
     let states = run.samples::<Track>("filter.state");
-    assert_eq!(states.len(), 30);
+    // The report of the second reference comes behind its first pose, whose state is made anew.
+    let mut frames: Vec<u64> = states.iter().map(|s| s.head.origin).collect();
+    assert_eq!(frames.len(), 31);
+    frames.dedup();
+    assert_eq!(frames.len(), 30);
     let last = states.last().unwrap();
-    assert_eq!((last.first().unwrap().accepted, last.first().unwrap().rejected), (30, 0));
+    assert_eq!((last.first().unwrap().accepted, last.first().unwrap().rejected), (31, 0));
     let statuses = run.samples::<PoseReport>("head.report");
     let status = |i: usize| PoseStatus::from_number(statuses[i].first().unwrap().status).unwrap();
     // The first face is a reference, and the one after the script's word at 500 ms.

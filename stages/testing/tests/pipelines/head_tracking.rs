@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Diagnostics, Pose, Track};
+use stillpoint_samples::{Diagnostics, Pose, PoseReport, Track};
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
@@ -43,6 +43,47 @@ fn the_filtered_pose_follows_the_head_in_the_couchs_frame() {
     // The head's origin, the centroid of the reference, lies in the face: above and in front of the ear canals.
     let offset = seen_at(90).translation.vector - true_at(90).translation.vector;
     assert!(offset.x.abs() < 0.02 && offset.z > 0.0 && offset.z < 0.12, "{offset}");
+}
+
+/// How far the filtered pose is from the measured one of the same frame, for each frame that has one: m, rad.
+fn filtered_from_measured(run: &Run) -> Vec<(u64, [f64; 2])> {
+    let poses = run.samples::<Pose>("head.pose");
+    let states = run.samples::<Track>("filter.state");
+    let of = |origin: u64| states.iter().rev().find(|s| s.head.origin == origin);
+    let pairs = poses.iter().filter_map(|pose| {
+        let origin = pose.head.origin;
+        let (p, s) = (*pose.first()?, *of(origin)?.first()?);
+        let off = isometry(p.position, p.orientation).inverse() * isometry(s.position, s.orientation);
+        Some((origin, [off.translation.vector.norm(), off.rotation.angle()]))
+    });
+    pairs.collect()
+}
+
+/// The head nods and coughs from 11 s on, by 2 mm and 1.7 degrees within some frames.
+#[test]
+fn a_cough_is_followed() {
+    let run = head_tracking(13_000, |text| text.replace("motion: sweep", "motion: nods"));
+    let off = filtered_from_measured(&run);
+    assert!(off.len() > 120, "{} frames", off.len());
+    let worst = |i: usize| off.iter().map(|(_, off)| off[i]).fold(0.0, f64::max);
+    assert!(worst(0) < 0.1e-3 && worst(1).to_degrees() < 0.1, "{} m, {} rad", worst(0), worst(1));
+}
+
+/// A person says `capture` again while the head is turned: from the first frame against the new reference on the filter
+/// has that pose, and nothing of the way from the old one to it.
+#[test]
+fn another_reference_is_no_motion() {
+    let said = "every: 20 ms, params: { script: [{ at: 3 s, say: capture }] } }";
+    let run = head_tracking(5000, |text| text.replacen("every: 20 ms }", said, 1));
+    let reports = run.samples::<PoseReport>("head.report");
+    let numbers: Vec<u32> = reports.iter().map(|r| r.first().unwrap().reference).collect();
+    assert_eq!((numbers[0], *numbers.last().unwrap()), (1, 2), "{numbers:?}");
+    let off = filtered_from_measured(&run);
+    let worst = |i: usize| off.iter().map(|(_, off)| off[i]).fold(0.0, f64::max);
+    assert!(worst(0) < 0.1e-3 && worst(1).to_degrees() < 0.1, "{} m, {} rad", worst(0), worst(1));
+    let runs: Vec<u64> =
+        run.samples::<Track>("filter.state").iter().map(|s| s.first().unwrap().run).collect();
+    assert_eq!(runs.iter().filter(|run| **run == 1).count(), 2, "{runs:?}");
 }
 
 #[test]
