@@ -49,7 +49,7 @@ pub struct RigStateElement {
     /// A [`RigMode`] as its number.
     pub mode: u32,
     /// The faults that act at the moment, as bits: 1 a stuck valve, 2 a leak, 4 a weak supply, 8 a blind camera, 16 a
-    /// silent camera, 32 lost duties.
+    /// silent camera, 32 lost duties, 64 a frozen camera.
     pub faults: u32,
     /// Bit i is set where bladder i is pressed or emptied beyond what its model covers.
     pub unmodelled: u32,
@@ -71,6 +71,8 @@ pub enum RigFault {
     SilentCamera = 16,
     /// Duties get lost on their way.
     LostDuties = 32,
+    /// The camera sends the same image again and again.
+    FrozenCamera = 64,
 }
 
 impl RigFault {
@@ -82,6 +84,7 @@ impl RigFault {
         ("blind_camera", RigFault::BlindCamera),
         ("silent_camera", RigFault::SilentCamera),
         ("lost_duties", RigFault::LostDuties),
+        ("frozen_camera", RigFault::FrozenCamera),
     ];
 }
 

@@ -73,6 +73,9 @@ pub struct Sight {
     renderer: Renderer,
     sensor: DepthSensor,
     intrinsics: Intrinsics,
+    is_frozen: bool,
+    /// The image that a frozen camera sends; empty before its first.
+    kept: Vec<u16>,
 }
 
 impl Sight {
@@ -111,7 +114,17 @@ impl Sight {
                 reserved: 0,
                 length: width * height,
             },
+            is_frozen: false,
+            kept: Vec::new(),
         })
+    }
+
+    /// Says whether the next image is to be sent again and again, whatever there is to be seen then.
+    pub fn freeze(&mut self, is_frozen: bool) {
+        self.is_frozen = is_frozen;
+        if !is_frozen {
+            self.kept.clear();
+        }
     }
 
     /// Sends the image of the head at a pose.
@@ -125,11 +138,18 @@ impl Sight {
         outputs: &mut Outputs<'_>,
         port: usize,
     ) -> Result<(), StepError> {
-        let view = self.renderer.render(couch_from_head).map_err(failure)?;
         let pixels = self.intrinsics.length as usize;
         let mut image = outputs.open::<DepthImage>(port, pixels)?;
         *image.body() = self.intrinsics;
+        if !self.kept.is_empty() {
+            image.elements().copy_from_slice(&self.kept);
+            return image.finish(pixels);
+        }
+        let view = self.renderer.render(couch_from_head).map_err(failure)?;
         self.sensor.sense(view, &mut activation.random(), image.elements()).map_err(failure)?;
+        if self.is_frozen {
+            self.kept.extend_from_slice(image.elements());
+        }
         image.finish(pixels)
     }
 

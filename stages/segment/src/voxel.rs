@@ -11,7 +11,7 @@ pub const NO_VOXEL: u32 = u32::MAX;
 const PIECE: usize = 128;
 
 /// Sums over the points of a voxel: x, y, z, and how many they are.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Sums([f64; 4]);
 
 /// A voxel grid with its buffers; after the first frames of a size, [`downsample`](Self::downsample) allocates nothing.
@@ -19,6 +19,8 @@ struct Sums([f64; 4]);
 pub struct VoxelGrid {
     index: CellIndex,
     voxels: Vec<Sums>,
+    /// The same of the cloud before.
+    before: Vec<Sums>,
     counts: Vec<u32>,
     centroids: Vec<[f32; 3]>,
     voxel_of_point: Vec<u32>,
@@ -37,8 +39,9 @@ impl VoxelGrid {
     /// Voxels are in the order in which the cloud first enters them. Points that are not finite, too far away or
     /// 2^20 cells from the origin are in none.
     pub fn downsample(&mut self, cloud: Cloud<'_>, leaf: f64, range_max: f64) {
-        let Self { index, voxels, voxel_of_point, .. } = self;
+        let Self { index, voxels, before, voxel_of_point, .. } = self;
         index.clear();
+        std::mem::swap(voxels, before);
         voxels.clear();
         voxel_of_point.clear();
         let inverse_leaf = 1.0 / leaf;
@@ -74,6 +77,13 @@ impl VoxelGrid {
             self.centroids.push([x, y, z].map(|s| (s * inverse) as f32));
             self.counts.push(count as u32);
         }
+    }
+
+    /// Whether the last cloud gave the same voxels as the one before it, to the bit: with the noise of a sensor that is
+    /// alive two never do. Nothing but the clouds counts, neither what was removed nor what was replaced.
+    #[must_use]
+    pub fn is_repeated(&self) -> bool {
+        self.voxels == self.before
     }
 
     /// Removes the voxels that are not to be kept, one answer for each; their points are then in none.
@@ -164,6 +174,23 @@ mod tests {
         assert_eq!(grid.centroids(), [[0.205, 0.0, 1.0], [0.4, 0.0, 1.0]]);
         grid.replace(&[[0.2, 0.0, 1.0], [0.4, 0.0, 0.9]]);
         assert_eq!(grid.centroids()[1], [0.4, 0.0, 0.9]);
+    }
+
+    #[test]
+    fn same_cloud_again_is_noticed_whatever_became_of_its_voxels() {
+        let mut grid = VoxelGrid::new();
+        let cloud = [[0.0, 0.0, 1.0], [0.2, 0.0, 1.0], NAN];
+        let mut next = cloud;
+        next[1][2] = next[1][2].next_up();
+        let mut is_repeated = |cloud: &[[f32; 3]]| {
+            grid.downsample(Cloud::unorganised(cloud), 0.1, 10.0);
+            let is_repeated = grid.is_repeated();
+            grid.retain(&[false, true]);
+            grid.replace(&[[0.3, 0.0, 1.0]]);
+            is_repeated
+        };
+        let seen = [&cloud, &cloud, &next, &cloud, &cloud].map(|cloud| is_repeated(cloud));
+        assert_eq!(seen, [false, true, false, false, true]);
     }
 
     #[test]

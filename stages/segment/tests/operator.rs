@@ -111,9 +111,13 @@ fn plane_hull_and_clusters_are_sent_beside_the_face() {
     let [block] = table.elements else { panic!("{} clusters", table.elements.len()) };
     assert_eq!((block.chosen, block.touches, block.voxels), (1, 0, block.face_voxels));
     assert!((block.height_max - 0.2).abs() < 1e-5 && block.centroid[2] > 0.79);
-    // The plane of one frame is where the next one's search begins.
-    let left = bench.feed::<PointCloud>(0, &grid, &cloud, 0);
-    assert_eq!(view::<Plane>(&left, PLANE).elements[0].kept, 1);
+    // The plane of one frame is where the next one's search begins; the same frame again is not searched.
+    let mut next = cloud.clone();
+    next[0].xyz[0] += 1e-4;
+    for (cloud, kept) in [(&cloud, 0), (&next, 1), (&next, 1)] {
+        let left = bench.feed::<PointCloud>(0, &grid, cloud, 0);
+        assert_eq!(view::<Plane>(&left, PLANE).elements[0].kept, kept);
+    }
 }
 
 #[test]

@@ -15,7 +15,7 @@ use stillpoint_rig::setting::Setting;
 use stillpoint_rig::trajectory::{Motion, Trajectory};
 use stillpoint_segment::mls::MlsParams;
 use stillpoint_segment::outliers::OutlierParams;
-use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter};
+use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Seen};
 
 const WIDTH: usize = 320;
 
@@ -77,6 +77,46 @@ fn frames_like_earlier_ones_take_no_memory() {
             }
         }
     }
+}
+
+#[test]
+fn same_frame_again_has_the_same_findings_and_takes_no_memory() {
+    let frames = frames(3);
+    for params in [FaceParams::default(), all_steps()] {
+        let (mut segmenter, mut living) =
+            (FaceSegmenter::new(params).unwrap(), FaceSegmenter::new(params).unwrap());
+        let cloud = |points| Cloud { points, width: WIDTH };
+        let findings = |seen: &Seen<'_>| (format!("{seen:?}"), seen.face.unwrap().to_vec());
+        for (number, points) in frames.iter().enumerate() {
+            let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
+            let first = findings(&segmenter.segment(cloud(points), &mut rng));
+            for seed in 10..13 {
+                // Other random numbers, as each activation has.
+                let mut rng = ChaCha8Rng::seed_from_u64(seed);
+                let taken = allocation_counter::measure(|| {
+                    assert!(segmenter.segment(cloud(points), &mut rng).face.is_ok());
+                });
+                // The first time there are two frames of the size.
+                assert!(seed == 10 || taken.count_total == 0, "{taken:?}, {seed}");
+                assert!(findings(&segmenter.segment(cloud(points), &mut rng)) == first, "frame {number}");
+            }
+            // A frame is searched as if none had been repeated.
+            let mut rng = ChaCha8Rng::seed_from_u64(number as u64);
+            assert!(findings(&living.segment(cloud(points), &mut rng)) == first, "frame {number}");
+        }
+    }
+}
+
+#[test]
+fn points_of_the_same_voxels_in_another_order_are_found_where_they_are() {
+    let frame = frames(1).remove(0);
+    let dense: Vec<[f32; 3]> = frame.into_iter().filter(|p| p[0].is_finite()).collect();
+    let late: Vec<[f32; 3]> = std::iter::once([f32::NAN; 3]).chain(dense.iter().copied()).collect();
+    let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let face = segmenter.segment(Cloud::unorganised(&dense), &mut rng).face.unwrap().to_vec();
+    let shifted = segmenter.segment(Cloud::unorganised(&late), &mut rng).face.unwrap();
+    assert!(face.iter().map(|place| place + 1).eq(shifted.iter().copied()));
 }
 
 #[test]

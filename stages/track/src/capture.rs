@@ -119,14 +119,15 @@ impl Capture {
         Ok(Offer::Taken)
     }
 
-    /// Adds a face that was tracked, if the reference is to have more frames. The first face itself counts as one.
+    /// Adds a face that was tracked, if the reference is to have more frames. The first face itself counts as one. Says
+    /// whether that changed the surface.
     pub fn add(
         &mut self,
         tracker: &mut HeadTracker,
         cloud: &[Vector3<f64>],
         current_from_reference: &Isometry3<f64>,
-    ) {
-        let State::Gathering(left) = self.state else { return };
+    ) -> bool {
+        let State::Gathering(left) = self.state else { return false };
         if left < self.frames {
             let most = self.most / self.frames as usize;
             let count = cloud.len().min(most);
@@ -140,6 +141,7 @@ impl Capture {
             let _ = tracker.refine(&self.cloud);
             self.state = State::Complete;
         }
+        left == 1
     }
 
     /// The points of a reference that has become complete, once.

@@ -26,6 +26,8 @@ pub enum Fault {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
+    /// The camera sends the first image that it takes while it is broken, again and again, as if it were new.
+    FrozenCamera,
     /// Duties get lost on their way.
     LostDuties {
         /// The part that arrives, 0 to 1.
@@ -42,6 +44,7 @@ impl Fault {
             Self::WeakSupply { .. } => RigFault::WeakSupply,
             Self::BlindCamera => RigFault::BlindCamera,
             Self::SilentCamera => RigFault::SilentCamera,
+            Self::FrozenCamera => RigFault::FrozenCamera,
             Self::LostDuties { .. } => RigFault::LostDuties,
         };
         fault as u32
@@ -91,6 +94,7 @@ impl Said {
             RigFault::WeakSupply => Fault::WeakSupply { left: left()? },
             RigFault::BlindCamera => Fault::BlindCamera,
             RigFault::SilentCamera => Fault::SilentCamera,
+            RigFault::FrozenCamera => Fault::FrozenCamera,
             RigFault::LostDuties => Fault::LostDuties { left: left()? },
         };
         let lasts = match value(3) {

@@ -226,6 +226,7 @@ impl<K: Bladders> BladderRig<K> {
         if faults & Fault::BlindCamera.bit() != 0 {
             return self.sight.send_blind(outputs, DEPTH);
         }
+        self.sight.freeze(faults & Fault::FrozenCamera.bit() != 0);
         self.sight.send(couch_from_head, activation, outputs, DEPTH)
     }
 }

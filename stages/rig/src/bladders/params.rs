@@ -43,6 +43,8 @@ pub enum Break {
     BlindCamera,
     /// The camera sends nothing.
     SilentCamera,
+    /// The camera sends the same image again and again.
+    FrozenCamera,
     /// Of the duties only the part `left` arrives.
     LostDuties,
 }
@@ -197,6 +199,7 @@ impl FaultParams {
             Break::WeakSupply => Fault::WeakSupply { left: self.left },
             Break::BlindCamera => Fault::BlindCamera,
             Break::SilentCamera => Fault::SilentCamera,
+            Break::FrozenCamera => Fault::FrozenCamera,
             Break::LostDuties => Fault::LostDuties { left: self.left },
         };
         Scheduled { fault, begin: self.at, end: self.at.saturating_add(self.lasts) }

@@ -166,7 +166,8 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
                     drive.leak[bladder] += self.plant.valves.discharge * area;
                 }
                 Fault::WeakSupply { left } => drive.supply = room + left * (drive.supply - room),
-                Fault::BlindCamera | Fault::SilentCamera | Fault::LostDuties { .. } => {}
+                Fault::BlindCamera | Fault::SilentCamera | Fault::FrozenCamera | Fault::LostDuties { .. } => {
+                }
             }
         }
         drive

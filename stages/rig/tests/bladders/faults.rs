@@ -66,6 +66,18 @@ fn a_blind_camera_sends_empty_images_and_a_silent_one_none() {
 }
 
 #[test]
+fn a_frozen_camera_sends_the_same_image_as_if_it_were_new() {
+    let faults = "faults: [{ kind: frozen_camera, at: 1 s, lasts: 1 s }]";
+    let run = simulate(&text("three_bladders", faults, ""), 3000);
+    let images = run.samples::<DepthImage>("rig.depth");
+    let is_same: Vec<bool> = images.windows(2).map(|pair| pair[0].elements == pair[1].elements).collect();
+    assert!((0..29).all(|i| is_same[i] == (10..19).contains(&i)), "{is_same:?}");
+    assert!(images.windows(2).all(|pair| pair[1].head.origin - pair[0].head.origin == 100_000_000));
+    let states = run.samples::<RigState>("rig.state");
+    assert_eq!([50, 150, 250].map(|tick| states[tick].first().unwrap().faults), [0, 64, 0]);
+}
+
+#[test]
 fn a_camera_loses_the_part_of_its_images_that_the_config_says() {
     let lossy =
         text("three_bladders", "motion: still", "").replace("camera: { width", "camera: { lost: 0.3, width");

@@ -43,6 +43,14 @@ pub struct FaceSegmenter {
     /// For each voxel.
     face_voxels: Vec<bool>,
     indices: Vec<u32>,
+    found: Option<Found>,
+}
+
+/// What the last frame came to.
+#[derive(Debug, Clone, Copy)]
+struct Found {
+    plane: Option<PlaneFit>,
+    face: Result<(), Rejection>,
 }
 
 impl FaceSegmenter {
@@ -70,6 +78,7 @@ impl FaceSegmenter {
             pairs: PairsSeen::default(),
             face_voxels: Vec::new(),
             indices: Vec::new(),
+            found: None,
         })
     }
 
@@ -81,7 +90,8 @@ impl FaceSegmenter {
 
     /// Finds the face in `cloud`: all points in the voxels of the largest cluster between the two heights over the
     /// plane's inliers. The plane of the frame before is where the search for this one's begins; nothing else is left
-    /// from frame to frame.
+    /// from frame to frame, but that a frame whose voxels are those of the frame before, to the bit, is not searched
+    /// anew: what comes of the same image does not differ, so that a frozen camera is noticed downstream.
     pub fn segment(&mut self, cloud: Cloud<'_>, rng: &mut impl Rng) -> Seen<'_> {
         self.segment_in_steps(cloud, rng, &mut |_| {})
     }
@@ -93,43 +103,54 @@ impl FaceSegmenter {
         rng: &mut impl Rng,
         ended: &mut impl FnMut(Step),
     ) -> Seen<'_> {
-        self.above.clear();
-        self.table.clear();
-        self.support.clear();
-        let (plane, face) = match self.stand(cloud, rng, ended) {
-            Ok(plane) => (Some(plane), self.choose(cloud, &plane.plane, ended)),
-            Err(rejection) => (None, Err(rejection)),
-        };
+        self.simplify(cloud, ended);
+        let again = self.found.filter(|_| self.grid.is_repeated());
+        let found = again.unwrap_or_else(|| self.search(cloud, rng, ended));
+        self.found = Some(found);
+        if found.face.is_ok() {
+            self.gather();
+            ended(Step::Gather);
+        }
         Seen {
             points: self.grid.points(),
             voxels: self.grid.centroids().len(),
             outliers: self.removed,
-            plane,
+            plane: found.plane,
             hull: self.support.hull(),
             above: self.above.len(),
             clusters: self.table.rows(),
-            face: face.map(|()| self.indices.as_slice()),
+            face: found.face.map(|()| self.indices.as_slice()),
         }
     }
 
-    /// Voxels and the plane that most of them lie on.
-    fn stand(
-        &mut self,
-        cloud: Cloud<'_>,
-        rng: &mut impl Rng,
-        ended: &mut impl FnMut(Step),
-    ) -> Result<PlaneFit, Rejection> {
-        let params = self.params;
-        let needed = params.min_points;
-        self.grid.downsample(cloud, params.leaf, params.range_max);
+    /// Voxels without outliers.
+    fn simplify(&mut self, cloud: Cloud<'_>, ended: &mut impl FnMut(Step)) {
+        self.grid.downsample(cloud, self.params.leaf, self.params.range_max);
         ended(Step::Voxel);
         self.removed = 0;
-        if let Some(outliers) = &params.outliers {
+        if let Some(outliers) = &self.params.outliers {
             let before = self.grid.centroids().len();
             self.grid.retain(self.outliers.keep(self.grid.centroids(), outliers));
             self.removed = before - self.grid.centroids().len();
             ended(Step::Outliers);
         }
+    }
+
+    /// Plane and face among the voxels.
+    fn search(&mut self, cloud: Cloud<'_>, rng: &mut impl Rng, ended: &mut impl FnMut(Step)) -> Found {
+        self.above.clear();
+        self.table.clear();
+        self.support.clear();
+        match self.stand(rng, ended) {
+            Ok(plane) => Found { plane: Some(plane), face: self.choose(cloud, &plane.plane, ended) },
+            Err(rejection) => Found { plane: None, face: Err(rejection) },
+        }
+    }
+
+    /// The plane that most voxels lie on.
+    fn stand(&mut self, rng: &mut impl Rng, ended: &mut impl FnMut(Step)) -> Result<PlaneFit, Rejection> {
+        let params = self.params;
+        let needed = params.min_points;
         if let Some(smoothing) = &params.smoothing {
             self.grid.replace(self.mls.smooth(self.grid.centroids(), smoothing, rng));
             ended(Step::Smooth);
@@ -148,7 +169,7 @@ impl FaceSegmenter {
         Ok(fit)
     }
 
-    /// What stands on the plane, its clusters, and the points of the face.
+    /// What stands on the plane, its clusters, and the voxels of the face.
     fn choose(
         &mut self,
         cloud: Cloud<'_>,
@@ -189,8 +210,6 @@ impl FaceSegmenter {
         for (_, &label) in self.is_face.iter().zip(self.clusters.labels()).filter(|(is, _)| **is) {
             self.table.add_face(label);
         }
-        self.gather();
-        ended(Step::Gather);
         Ok(())
     }
 

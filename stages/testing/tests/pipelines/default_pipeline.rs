@@ -4,7 +4,7 @@ use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{
     Actuation, ActuationState, FarEnd, FarEndDoing, Gate, Pose, PoseReport, PoseStatus, RigState, Target,
-    Track,
+    Track, View,
 };
 use stillpoint_testing::run::START;
 use stillpoint_testing::{Run, run};
@@ -169,6 +169,34 @@ fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
         off <= 4.2 + 1e-9 && dark < vents && vents <= 4.3 + 1e-9,
         "off {off}, dark {dark}, vents {vents}"
     );
+}
+
+#[test]
+fn a_camera_that_freezes_ends_the_beam_and_then_vents_the_rig() {
+    let frozen = ("motion: breathes,", "motion: breathes, faults: [{ kind: frozen_camera, at: 4 s }],");
+    let run = default_pipeline(&[frozen, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
+    let first = |stamps: &mut dyn Iterator<Item = u64>| stamps.map(seconds).find(|s| *s > 4.0).unwrap();
+    let gates = run.samples::<Gate>("gate.state");
+    let off = first(&mut gates.iter().filter(|g| g.first().unwrap().beam == 0).map(|g| g.head.stamp));
+    let states = run.samples::<Actuation>("valves.state");
+    let is_armed = |a: &View<'_, Actuation>| a.first().unwrap().state == ActuationState::Armed as u32;
+    let left = first(&mut states.iter().filter(|a| !is_armed(a)).map(|a| a.head.stamp));
+    let far = run.samples::<FarEnd>("far.state");
+    let dark = first(&mut far.iter().filter(|s| s.first().unwrap().beam == 0).map(|s| s.head.stamp));
+    let is_venting = |s: &View<'_, FarEnd>| s.first().unwrap().doing() == FarEndDoing::Venting;
+    let vents = first(&mut far.iter().filter(|s| is_venting(s)).map(|s| s.head.stamp));
+    // The image of 4.0 s comes again at 4.1, 4.2 and 4.3 s. That last time it is no news: the pose is of 4.2 s, stale
+    // after three frames, and the rig is safe 100 ms later.
+    assert!(
+        off <= 4.5 + 1e-9 && left <= 4.52 && dark < vents && vents <= 4.6 + 1e-9,
+        "{off} {left} {dark} {vents}"
+    );
+    // Until then it was held, and it does not come back.
+    let tracks = run.samples::<Track>("filter.state");
+    let repeated: Vec<u64> = tracks[40..].iter().map(|t| t.first().unwrap().repeated).collect();
+    assert!(repeated.iter().copied().eq(0..20), "{repeated:?}");
+    assert!(states.iter().filter(|a| (2.1..4.0).contains(&seconds(a.head.stamp))).all(is_armed));
+    assert!(!is_armed(states.last().unwrap()));
 }
 
 #[test]

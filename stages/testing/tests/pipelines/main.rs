@@ -4,6 +4,7 @@
 
 mod default_pipeline;
 mod examples;
+mod frozen;
 mod guide;
 mod head_tracking;
 mod held_head;

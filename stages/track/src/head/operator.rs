@@ -13,10 +13,10 @@ use stillpoint_samples::{
 
 use super::params::{CaptureBy, HeadParams, Method, Origin};
 use super::report;
-use crate::capture::Capture;
+use crate::capture::{Capture, Offer};
 use crate::output_frame::output_from_face;
 use crate::quaternion::PairedPose;
-use crate::tracker::{HeadTracker, TrackedPose};
+use crate::tracker::{HeadTracker, Loss, TrackedPose};
 use crate::uncertainty::{Uncertainty, of_three_points};
 
 const FACE: usize = 0;
@@ -29,6 +29,9 @@ const REPORT: usize = 3;
 
 /// Sends the pose of each face against the reference, and a report on each.
 ///
+/// The face of the frame before again, to the bit, has the same pose and report, as long as the reference is the same: so
+/// filters see that a camera is frozen.
+///
 /// The head's frame is that of the capture: its axes are those of the pose's frame, its origin is `origin`. So the pose
 /// at the capture is a translation, and a pose's rotation is the head's since.
 pub struct TrackHead {
@@ -40,8 +43,19 @@ pub struct TrackHead {
     capture: Capture,
     /// From the face's frame into that of the pose.
     output_from_face: Isometry3<f64>,
-    /// The finite points of the frame.
+    /// The finite points of the frame, and of the one before.
     cloud: Vec<Vector3<f64>>,
+    before: Vec<Vector3<f64>>,
+    /// What was found in the frame before, against the reference that there is.
+    found: Option<Found>,
+}
+
+/// What was found in a frame.
+struct Found {
+    tracked: Result<TrackedPose, Loss>,
+    dense: Option<PoseElement>,
+    three_points: Option<PoseElement>,
+    report: PoseReportElement,
 }
 
 impl Operator for TrackHead {
@@ -130,6 +144,8 @@ impl Operator for TrackHead {
             capture,
             output_from_face: isometry(&output_from_face),
             cloud: Vec::new(),
+            before: Vec::new(),
+            found: None,
         })
     }
 
@@ -149,27 +165,40 @@ impl Operator for TrackHead {
         }
         let Some(face) = activation.fresh::<PointCloud>(FACE) else { return Ok(()) };
         let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
+        std::mem::swap(&mut self.cloud, &mut self.before);
         self.cloud.clear();
         self.cloud.extend(face.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from))));
-        let mut said = report::empty();
-        said.not_finite = (face.elements.len() - self.cloud.len()) as u32;
         let time = face.head.origin;
         let captured = self.capture.offer(&mut self.tracker, &self.cloud, time, self.min_points);
-        self.send_three_points(&mut said, outputs)?;
-        let tracked = self.tracker.track(&self.cloud, time);
-        said.status = report::status(&captured, &tracked) as u32;
-        match &tracked {
-            Ok(tracked) => {
-                self.send_dense(tracked, &mut said, outputs)?;
-                self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference);
-            }
-            Err(loss) => report::of_loss(&mut said, loss),
+        let is_repeated = self.cloud == self.before && captured != Ok(Offer::Taken);
+        // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
+        // each time, and nobody would notice that the camera is frozen.
+        let again = self.found.take().filter(|_| is_repeated);
+        let found = again.unwrap_or_else(|| self.find(time));
+        if let Some(pose) = &found.three_points {
+            outputs.send::<Pose>(THREE_POINTS, pose)?;
         }
-        said.reference = self.capture.number();
+        let pose = match self.method {
+            Method::Dense => &found.dense,
+            Method::ThreePoints => &found.three_points,
+        };
+        if let Some(pose) = pose {
+            outputs.send::<Pose>(POSE, pose)?;
+        }
+        let report = PoseReportElement {
+            status: report::status(&captured, &found.tracked) as u32,
+            not_finite: (face.elements.len() - self.cloud.len()) as u32,
+            reference: self.capture.number(),
+            ..found.report
+        };
+        let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
+            self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference)
+        });
+        self.found = Some(found).filter(|_| !is_refined);
         if let Some(cloud) = self.capture.completed() {
             send_cloud(cloud, outputs)?;
         }
-        outputs.send::<PoseReport>(REPORT, &said)
+        outputs.send::<PoseReport>(REPORT, &report)
     }
 }
 
@@ -194,44 +223,40 @@ impl TrackHead {
         moved * Translation3::from(origin.translation.vector)
     }
 
-    fn send_dense(
-        &self,
-        tracked: &TrackedPose,
-        said: &mut PoseReportElement,
-        outputs: &mut Outputs<'_>,
-    ) -> Result<(), StepError> {
+    /// Looks for the head in the frame, which was acquired at `time`, ns.
+    fn find(&mut self, time: u64) -> Found {
+        let mut report = report::empty();
+        let three_points = self.three_points(&mut report);
+        let tracked = self.tracker.track(&self.cloud, time);
+        let dense = match &tracked {
+            Ok(tracked) => Some(self.dense(tracked, &mut report)),
+            Err(loss) => {
+                report::of_loss(&mut report, loss);
+                None
+            }
+        };
+        Found { tracked, dense, three_points, report }
+    }
+
+    fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {
         let pose = self.output_from_head(&tracked.current_from_reference);
         let now = self.output_from_face * tracked.alignment.surface_from_cloud.inverse();
         let length = self.tracker.surface().map_or(f64::NAN, |s| s.length());
         let known = Uncertainty::new(&tracked.alignment, length, &now, &pose.translation.vector);
-        report::of_alignment(said, &tracked.alignment);
-        report::of_uncertainty(said, &known, length);
-        if self.method == Method::Dense {
-            outputs.send::<Pose>(POSE, &element(&pose, &known.covariance))?;
-        }
-        Ok(())
+        report::of_alignment(report, &tracked.alignment);
+        report::of_uncertainty(report, &known, length);
+        element(&pose, &known.covariance)
     }
 
-    fn send_three_points(
-        &mut self,
-        said: &mut PoseReportElement,
-        outputs: &mut Outputs<'_>,
-    ) -> Result<(), StepError> {
-        let Some(PairedPose { model_from_measured, gap, .. }) = self.tracker.three_points(&self.cloud) else {
-            return Ok(());
-        };
-        said.three_points_gap = gap;
+    fn three_points(&self, report: &mut PoseReportElement) -> Option<PoseElement> {
+        let PairedPose { model_from_measured, gap, .. } = self.tracker.three_points(&self.cloud)?;
+        report.three_points_gap = gap;
         let motion = model_from_measured.inverse();
         let pose = self.output_from_head(&motion);
-        let Some(points) = self.tracker.three_points_of_reference() else { return Ok(()) };
+        let points = self.tracker.three_points_of_reference()?;
         let now = points.map(|p| (self.output_from_face * motion * Point3::from(p)).coords);
         let covariance = of_three_points(&now, self.three_points_sd, &pose.translation.vector);
-        let element = element(&pose, &covariance);
-        outputs.send::<Pose>(THREE_POINTS, &element)?;
-        if self.method == Method::ThreePoints {
-            outputs.send::<Pose>(POSE, &element)?;
-        }
-        Ok(())
+        Some(element(&pose, &covariance))
     }
 }
 

@@ -12,6 +12,7 @@ use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 use stillpoint_track::head::HeadParams;
 use stillpoint_track::tracker::TrackParams;
+use zerocopy::IntoBytes;
 
 use crate::shapes::{camera_from_body, head, sphere};
 
@@ -85,6 +86,12 @@ fn feed(bench: &mut Bench, cloud: &[Vector3<f64>]) -> Said {
 fn feed_points(bench: &mut Bench, points: &[Point]) -> Said {
     let shape = CloudShape { width: points.len() as u32, height: 1, reserved: 0, length: 0 };
     Said::of(&bench.feed::<PointCloud>(0, &shape, points, 0))
+}
+
+/// A frame without a face.
+fn reject(bench: &mut Bench) -> Said {
+    let why = RejectionElement::new(4, "nothing there is a head", 0.0, 100.0);
+    Said::of(&bench.feed::<Rejection>(2, &(), &[why], 0))
 }
 
 fn command(bench: &mut Bench, verb: Verb) {
@@ -214,7 +221,70 @@ fn a_lost_head_has_no_pose_and_is_found_again() {
     let few = feed(&mut bench, &cloud[..50]);
     assert_eq!(few.status(), PoseStatus::TooFewPoints);
     assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Found);
-    assert_eq!(feed(&mut bench, &cloud).status(), PoseStatus::Tracked);
+    let next = head(&moved([0.001, 0.0, 0.0], [0.0; 3]));
+    assert_eq!(feed(&mut bench, &next).status(), PoseStatus::Tracked);
+}
+
+/// What is said of a frame but its head, which has its time and number.
+fn findings(said: &Said) -> (Option<PoseElement>, Option<PoseElement>, Vec<u8>) {
+    (said.pose, said.three_points, said.report.as_bytes().to_vec())
+}
+
+#[test]
+fn the_same_face_again_has_the_same_pose_to_the_bit() {
+    for method in ["dense", "three_points"] {
+        let mut bench = bench(|t| t.replace("capture: first", &format!("capture: first, method: {method}")));
+        feed(&mut bench, &head(&camera_from_body()));
+        let still = head(&moved([0.003, -0.002, 0.004], [0.05, 0.0, 0.0]));
+        let first = feed(&mut bench, &still);
+        assert_eq!(first.status(), PoseStatus::Tracked);
+        for _ in 0..3 {
+            let again = feed(&mut bench, &still);
+            assert!(findings(&again) == findings(&first));
+            assert!(again.bytes != first.bytes, "its time differs");
+        }
+        // Frames without a face, and points that are none, come between.
+        reject(&mut bench);
+        let mut points: Vec<Point> =
+            still.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
+        points.insert(7, Point { xyz: [f32::NAN; 3] });
+        let again = feed_points(&mut bench, &points);
+        assert_eq!((again.pose, again.report.not_finite), (first.pose, 1));
+        // One number that differs makes it another face.
+        points[20].xyz[2] = points[20].xyz[2].next_up();
+        assert!(feed_points(&mut bench, &points).report.as_bytes() != again.report.as_bytes());
+    }
+}
+
+#[test]
+fn a_lost_head_stays_lost_in_the_same_face_again() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    let elsewhere = sphere(&moved([0.05, 0.0, 0.1], [0.0; 3]), 0.05);
+    let lost = feed(&mut bench, &elsewhere);
+    let again = feed(&mut bench, &elsewhere);
+    assert_eq!((lost.status(), again.pose), (PoseStatus::Lost, None));
+    assert!(findings(&again) == findings(&lost));
+}
+
+#[test]
+fn the_same_face_again_is_captured_where_that_is_asked_for() {
+    let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_frames: 3"));
+    feed(&mut bench, &head(&camera_from_body()));
+    let still = head(&moved([0.005, 0.0, 0.0], [0.0, 0.1, 0.0]));
+    (0..4).for_each(|_| drop(feed(&mut bench, &still)));
+    let before = feed(&mut bench, &still);
+    assert!(isometry(&before.pose.unwrap()).rotation.angle() > 0.05);
+    command(&mut bench, Verb::Capture);
+    let captured = feed(&mut bench, &still);
+    assert_eq!((captured.status(), captured.report.reference), (PoseStatus::Captured, 2));
+    assert!(isometry(&captured.pose.unwrap()).rotation.angle() < 1e-3);
+    // Gathered, complete, and then tracked on the surface of all three.
+    let then = [(); 4].map(|()| feed(&mut bench, &still));
+    assert!(then.iter().all(|said| said.status() == PoseStatus::Tracked));
+    let sent = [0, 1, 2, 3].map(|i: usize| then[i].reference.as_ref().map(Vec::len));
+    assert_eq!(sent, [None, Some(3 * still.len()), None, None]);
+    assert!(findings(&then[0]) != findings(&then[2]) && findings(&then[2]) == findings(&then[3]));
 }
 
 #[test]
@@ -310,8 +380,7 @@ fn equal_frames_give_equal_bytes_wherever_the_buffers_lie() {
 fn a_frame_without_a_face_has_a_report_and_the_head_is_followed_on() {
     let mut bench = bench(str::to_owned);
     feed(&mut bench, &head(&camera_from_body()));
-    let why = RejectionElement::new(4, "nothing there is a head", 0.0, 100.0);
-    let said = Said::of(&bench.feed::<Rejection>(2, &(), &[why], 0));
+    let said = reject(&mut bench);
     assert_eq!((said.status(), said.report.reference), (PoseStatus::NoFace, 1));
     assert!(said.pose.is_none() && said.three_points.is_none() && said.report.overlap.is_nan());
     let said = feed(&mut bench, &head(&moved([2e-3, 0.0, 0.0], [0.0; 3])));
