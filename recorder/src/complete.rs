@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use stillpoint_samples::{Cause, Entry, RefKind};
 
 use crate::account::{END_RECORD, Lost, RECOVERED_RECORD};
+use crate::ended::Ended;
 use crate::part::Part;
 use crate::recover::DAMAGED_PLACES;
-use crate::session::{Ended, Session};
+use crate::session::Session;
 use crate::topic::Role;
 
 /// Whether a session says of itself that it is complete.
@@ -33,6 +34,18 @@ pub enum Gap {
         /// Bytes in the file.
         size: u64,
     },
+    /// The recorder died, and the part was mended.
+    Mended {
+        /// The last part.
+        part: PathBuf,
+    },
+    /// The recorder has not ended it yet.
+    BeingRecorded {
+        /// The part that it writes.
+        part: PathBuf,
+    },
+    /// Another program recorded it.
+    Foreign,
     /// Bytes are not what was written.
     Damaged {
         /// The part.
@@ -58,6 +71,15 @@ impl fmt::Display for Gap {
                 "{}: the recorder died; {whole} of {size} bytes are whole records and no end of session follows",
                 part.display()
             ),
+            Self::Mended { part } => {
+                write!(f, "{}: the recorder died; what it had not flushed is missing", part.display())
+            }
+            Self::BeingRecorded { part } => {
+                write!(f, "{}: it is being recorded; what follows is not there yet", part.display())
+            }
+            Self::Foreign => {
+                f.write_str("this is not a session of stillpoint: nothing says what should be there")
+            }
             Self::Damaged { part, offset, what } => {
                 write!(f, "{}: what stands at offset {offset} is damaged: {what}", part.display())
             }
@@ -79,9 +101,13 @@ impl fmt::Display for Gap {
 /// All that is missing.
 pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
     let mut gaps = Vec::new();
-    if let Ended::Cut { part, whole, size } = session.ended() {
-        gaps.push(Gap::Cut { part, whole, size });
-    }
+    gaps.extend(match session.ended() {
+        Ended::InOrder | Ended::Early { .. } => None,
+        Ended::BeingRecorded { part } => Some(Gap::BeingRecorded { part }),
+        Ended::Cut { part, whole, size } => Some(Gap::Cut { part, whole, size }),
+        Ended::Mended { part } => Some(Gap::Mended { part }),
+        Ended::Foreign => Some(Gap::Foreign),
+    });
     gaps.extend(open_ends(session));
     for part in &session.parts {
         for d in &part.damage {

@@ -1,6 +1,6 @@
 //! The folder of a session: `part-000.mcap`, `part-001.mcap`, ... Only its owner may read it: sessions hold faces.
 
-use std::fs::{DirBuilder, File, OpenOptions};
+use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -16,7 +16,8 @@ pub fn create_session(path: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(path)
 }
 
-/// Creates the next part of a session, mode 0600: the first, or the one after the last that is there.
+/// Creates the next part of a session, mode 0600: the first, or the one after the last that is there. It is locked for
+/// as long as the file is open, so that nobody mends it meanwhile.
 ///
 /// # Errors
 /// What the operating system answers.
@@ -26,7 +27,12 @@ pub fn create_part(session: &Path) -> io::Result<(PathBuf, File)> {
         let path = session.join(format!("part-{number:03}.mcap"));
         match create_private(&path) {
             Err(e) if e.kind() == io::ErrorKind::AlreadyExists => number += 1,
-            made => return Ok((path, made?)),
+            made => {
+                let file = made?;
+                // Whoever looks holds it for a moment only. A file system without locks goes without.
+                let _ = file.lock();
+                return Ok((path, file));
+            }
         }
     }
 }
@@ -37,6 +43,18 @@ pub fn create_part(session: &Path) -> io::Result<(PathBuf, File)> {
 /// It is there already, or what the operating system answers.
 pub fn create_private(path: &Path) -> io::Result<File> {
     OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)
+}
+
+/// Whether the writer of a part has it open, in whatever process.
+pub(crate) fn is_being_written(part: &File) -> bool {
+    match part.try_lock_shared() {
+        Ok(()) => {
+            let _ = part.unlock();
+            false
+        }
+        Err(TryLockError::WouldBlock) => true,
+        Err(TryLockError::Error(_)) => false,
+    }
 }
 
 /// The parts of a session in their order; a file is a session of one part.

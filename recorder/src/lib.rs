@@ -37,6 +37,7 @@
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
 //! - `layout`, `mapping`: whether a recorded type is a kind of this build; how one of an older layout becomes one
+//! - `ended`: how the recording came to its end
 //! - `complete`: what is missing
 //! - `recover`, `cut`: mends a session whose recorder died, up to where it is consistent
 //! - `file`: MCAP as bytes that nobody vouches for
@@ -50,6 +51,7 @@ mod channels;
 mod complete;
 mod cut;
 mod encoded;
+mod ended;
 mod error;
 mod fetch;
 mod file;
@@ -70,6 +72,7 @@ mod writer;
 pub use account::{ClockSample, Closing, LEDGER_ATTACHMENT, Lost};
 pub use complete::{Completeness, Gap};
 pub use encoded::Encoded;
+pub use ended::Ended;
 pub use error::SessionError;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
@@ -80,6 +83,6 @@ pub use opening::{Attachment, Compression, Opening};
 pub use raw::RawMessage;
 pub use recover::{RecoverError, Report, recover, recover_session};
 pub use samples::{Recorded, Samples};
-pub use session::{Ended, Session, Topic};
+pub use session::{Session, Topic};
 pub use topic::{Role, TopicInfo};
 pub use writer::{CHUNK_SIZE, PartWriter, TopicId, WriteError};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 
-use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL};
+use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RECOVERED_RECORD};
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
@@ -44,12 +44,41 @@ pub(crate) struct Part {
     pub schemas: BTreeMap<u16, Schema>,
     pub channels: BTreeMap<u16, PartChannel>,
     pub damage: Vec<Damage>,
+    /// A recorder has it open.
+    pub is_being_written: bool,
 }
 
 impl Part {
     /// Whether its recorder ended it, and did not die.
     pub fn ended_in_order(&self) -> bool {
-        self.scan.metadata.iter().any(|(name, _)| name == END_RECORD)
+        self.has_record(END_RECORD)
+    }
+
+    /// Whether this project recorded it. That it was mended says nothing of that.
+    pub fn is_ours(&self) -> bool {
+        let own = |name: &str| name.starts_with("stillpoint.") && name != RECOVERED_RECORD;
+        self.scan.metadata.iter().any(|(name, _)| own(name))
+            || self.channels.values().any(|c| c.purpose != Use::Opaque)
+    }
+
+    /// Whether it is cut or damaged, or was closed without an end.
+    pub fn needs_mending(&self) -> bool {
+        let ends = self.ended_in_order() || self.has_record(RECOVERED_RECORD);
+        !self.scan.footer || !self.damage.is_empty() || self.is_ours() && !ends
+    }
+
+    /// Stored bytes of its largest whole chunk.
+    pub fn largest_chunk(&self) -> u64 {
+        self.scan.blocks.iter().filter(|b| !b.cut).map(|b| b.stored).max().unwrap_or(0)
+    }
+
+    /// Whether it ends inside a chunk, as one does whose recorder was killed while it wrote.
+    pub fn ends_in_chunk(&self) -> bool {
+        self.scan.blocks.last().is_some_and(|b| b.cut)
+    }
+
+    fn has_record(&self, record: &str) -> bool {
+        self.scan.metadata.iter().any(|(name, _)| name == record)
     }
 
     /// Walks over the file and hands every message of it to `each`. `None`: it is no MCAP file.
@@ -58,11 +87,13 @@ impl Part {
         source: Source,
         mut each: impl FnMut(&PartChannel, u32, usize, &Message<'_>) -> Result<(), String>,
     ) -> io::Result<Option<Self>> {
+        // Asked first: what ends in the meantime is whole.
+        let is_being_written = source.is_being_written();
         let size = source.size()?;
         let Some(mut scan) = scan(&source)? else { return Ok(None) };
         let damage = std::mem::take(&mut scan.damage);
-        let mut part =
-            Self { path, source, size, scan, schemas: BTreeMap::new(), channels: BTreeMap::new(), damage };
+        let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
+        let mut part = Self { path, source, size, scan, schemas, channels, damage, is_being_written };
         // Every block passes through the same room.
         let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
         for number in 0..part.scan.blocks.len() {

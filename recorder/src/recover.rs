@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -10,11 +11,12 @@ use mcap::write::NoSeek;
 
 use crate::account::RECOVERED_RECORD;
 use crate::cut::{Limits, consistent_cut};
+use crate::ended::Ended;
 use crate::error::SessionError;
 use crate::file::{Buffer, Message, Record, Source, next_record, scan};
-use crate::folder::{create_private, is_blank, session_parts};
+use crate::folder::{create_private, is_being_written, is_blank, session_parts};
 use crate::part::{Part, PartChannel, Use};
-use crate::session::{Ended, Session};
+use crate::session::Session;
 use crate::topic::Role;
 
 /// Entry of the record that says what mending did.
@@ -26,6 +28,14 @@ pub enum RecoverError {
     /// It cannot be read.
     #[error(transparent)]
     Session(#[from] SessionError),
+    /// Its recorder lives.
+    #[error(
+        "{part}: it is still being recorded; wait until the run has ended: it mends by itself what was cut"
+    )]
+    BeingRecorded {
+        /// The part that is written.
+        part: PathBuf,
+    },
     /// The mended file cannot be written.
     #[error("{path}: cannot write the mended part: {cause}; the part as it was is untouched")]
     Write {
@@ -55,6 +65,8 @@ pub struct Report {
     pub entries_dropped: u64,
     /// Places that were damaged, with what was wrong; what they held is dropped.
     pub damage: Vec<String>,
+    /// Where the part as it was is kept: more of it was dropped than a recorder that dies leaves behind.
+    pub kept: Option<PathBuf>,
 }
 
 impl fmt::Display for Report {
@@ -71,7 +83,11 @@ impl fmt::Display for Report {
             self.damage.len(),
             self.bytes_cut,
             self.bytes
-        )
+        )?;
+        match &self.kept {
+            Some(kept) => write!(f, "; the part as it was is kept as {}", kept.display()),
+            None => Ok(()),
+        }
     }
 }
 
@@ -87,43 +103,81 @@ pub fn recover<W: Write>(input: Source, out: W) -> Result<(W, Report), RecoverEr
 }
 
 /// Mends the parts of a session in place, those that need it: each is written anew beside the old one, which it then
-/// replaces. A part in which nothing stands is removed. Gives the parts that were mended.
+/// replaces. The old one is kept under another name where more of it is dropped than a recorder that dies leaves behind.
+/// A part in which nothing stands is removed. Gives the parts that were mended.
 ///
 /// # Errors
-/// The session cannot be read, or a mended part not written; the old part then stays.
+/// The session is being recorded or cannot be read, or a mended part not written; the old part then stays.
 pub fn recover_session(path: &Path) -> Result<Vec<(PathBuf, Report)>, RecoverError> {
+    let io = |cause| SessionError::Io { path: path.to_owned(), cause };
+    let parts = session_parts(path).map_err(io)?;
+    for part in &parts {
+        if is_being_written(&File::open(part).map_err(io)?) {
+            return Err(RecoverError::BeingRecorded { part: part.clone() });
+        }
+    }
     let session = Session::open_any(path)?;
     let limits = limits(&session);
-    let mut mended = Vec::new();
-    let io = |cause| SessionError::Io { path: path.to_owned(), cause };
-    for part in session_parts(path).map_err(io)? {
+    for part in parts {
         if part != path && is_blank(&part).map_err(io)? {
             std::fs::remove_file(&part).map_err(io)?;
         }
     }
-    for part in session.parts.iter().filter(|p| !p.scan.footer || !p.damage.is_empty()) {
-        let beside = part.path.with_extension("mcap.mending");
-        let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };
-        // One that was left by a run that died is worth nothing.
-        match std::fs::remove_file(&beside) {
-            Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(failed(e)),
-            _ => {}
-        }
-        let file = create_private(&beside).map_err(failed)?;
-        let (file, report) = rewrite(&session, part, &limits, io::BufWriter::with_capacity(1 << 16, file))?;
-        let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
-        file.sync_all().map_err(failed)?;
-        std::fs::rename(&beside, &part.path).map_err(failed)?;
-        mended.push((part.path.clone(), report));
+    let mut mended = Vec::new();
+    for part in session.parts.iter().filter(|p| p.needs_mending()) {
+        mended.push((part.path.clone(), mend(&session, part, &limits)?));
     }
     Ok(mended)
+}
+
+/// Mends a part in place. Where that fails nothing is left beside it.
+fn mend(session: &Session, part: &Part, limits: &Limits) -> Result<Report, RecoverError> {
+    let beside = part.path.with_extension("mcap.mending");
+    let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };
+    // One that was left by a run that died is worth nothing.
+    match std::fs::remove_file(&beside) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(failed(e)),
+        _ => {}
+    }
+    let replace = || {
+        let file = create_private(&beside).map_err(failed)?;
+        let (file, mut report) = rewrite(session, part, limits, io::BufWriter::with_capacity(1 << 16, file))?;
+        let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
+        file.sync_all().map_err(failed)?;
+        if report.bytes_cut > part.largest_chunk() && !part.ends_in_chunk() {
+            report.kept = Some(keep(&part.path).map_err(failed)?);
+        }
+        std::fs::rename(&beside, &part.path).map_err(failed)?;
+        Ok(report)
+    };
+    replace().inspect_err(|_| {
+        let _ = std::fs::remove_file(&beside);
+    })
+}
+
+/// Gives a part a second name, under which it stays when another takes its place.
+fn keep(part: &Path) -> io::Result<PathBuf> {
+    let name = |n: u32| match n {
+        0 => "mcap.damaged".to_owned(),
+        n => format!("mcap.damaged-{n}"),
+    };
+    let mut number = 0;
+    loop {
+        let kept = part.with_extension(name(number));
+        match std::fs::hard_link(part, &kept) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => number += 1,
+            // A file system without links.
+            Err(_) => return std::fs::copy(part, &kept).map(|_| kept),
+            Ok(()) => return Ok(kept),
+        }
+    }
 }
 
 /// Only a session that was cut is ahead of itself.
 fn limits(session: &Session) -> Limits {
     match session.ended() {
-        Ended::InOrder => Limits::new(),
-        Ended::Cut { .. } => consistent_cut(session),
+        Ended::InOrder | Ended::Early { .. } => Limits::new(),
+        _ => consistent_cut(session),
     }
 }
 

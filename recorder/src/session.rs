@@ -42,22 +42,6 @@ pub struct Topic {
     pub bytes: u64,
 }
 
-/// How the recording of a session came to its end.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Ended {
-    /// The recorder ended it.
-    InOrder,
-    /// The recorder died: the last part is readable up to a byte.
-    Cut {
-        /// The last part.
-        part: PathBuf,
-        /// Where its last whole record ends, bytes.
-        whole: u64,
-        /// Bytes in the file.
-        size: u64,
-    },
-}
-
 /// Which sample: number of the topic in [`Session::topics`], incarnation, sequence.
 pub(crate) type SampleKey = (usize, u32, u64);
 
@@ -215,15 +199,6 @@ impl Session {
             }
         }
         unended
-    }
-
-    /// How the recording ended.
-    pub fn ended(&self) -> Ended {
-        match self.parts.last() {
-            Some(p) if p.ended_in_order() => Ended::InOrder,
-            Some(p) => Ended::Cut { part: p.path.clone(), whole: p.scan.whole, size: p.size },
-            None => Ended::Cut { part: PathBuf::new(), whole: 0, size: 0 },
-        }
     }
 
     /// Whether everything that replay needs is there, and if not, what is missing.

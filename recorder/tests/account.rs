@@ -106,6 +106,19 @@ fn what_the_supervisor_states_is_a_gap() {
 }
 
 #[test]
+fn a_run_that_did_not_end_in_order_says_why() {
+    let end = |facts: &[(&str, &str)]| {
+        let facts = facts.iter().map(|(name, fact)| ((*name).to_owned(), (*fact).to_owned())).collect();
+        let closing = Closing { facts, ..Closing::default() };
+        open(vec![part(Role::Source, &[0], &[]).finish(&closing).unwrap()]).ended()
+    };
+    let early = |reason: &str| Ended::Early { reason: reason.into() };
+    assert_eq!(end(&[("in_order", "true")]), Ended::InOrder);
+    assert_eq!(end(&[("in_order", "false"), ("ended_early", "it fell over")]), early("it fell over"));
+    assert_eq!(end(&[("in_order", "false")]), early("the run did not end in order"));
+}
+
+#[test]
 fn another_layout_is_refused_with_the_fields_that_differ() {
     let bytes = part(Role::Source, &[0], &[]).finish(&Closing::default()).unwrap();
     // The topic's description stands uncompressed: `xyz` becomes `zyx` and the hash another.

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use fixture::{Written, pipeline, samples};
 use stillpoint_recorder::{
-    Completeness, Compression, Ended, RecoverError, Report, Session, SessionError, Source, create_part,
+    Completeness, Compression, Ended, Gap, RecoverError, Report, Session, SessionError, Source, create_part,
     create_session, recover, recover_session,
 };
 
@@ -108,8 +108,79 @@ fn a_mended_file_is_not_said_to_have_ended_in_order() {
     let (bytes, _) = pipeline(Compression::Lz4, 25);
     let (mended, _) = mend(&bytes[..bytes.len() / 2]);
     let session = Session::from_bytes([mended.into()]).unwrap();
-    assert!(matches!(session.ended(), Ended::Cut { .. }));
+    assert_eq!(session.ended(), Ended::Mended { part: "part-000.mcap".into() });
+    assert!(!session.needs_mending());
     assert!(session.metadata().contains_key("stillpoint.recovered"));
+    let Completeness::Gaps(gaps) = session.completeness() else { panic!("nothing says what followed") };
+    assert_eq!(gaps[0], Gap::Mended { part: "part-000.mcap".into() });
+}
+
+#[test]
+fn a_part_that_is_being_written_is_not_mended_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("session");
+    create_session(&path).unwrap();
+    let (bytes, _) = pipeline(Compression::Lz4, 25);
+    let (part, mut file) = create_part(&path).unwrap();
+    let error = recover_session(&path).unwrap_err();
+    assert!(matches!(error, RecoverError::BeingRecorded { .. }) && part.exists(), "{error}");
+    std::io::Write::write_all(&mut file, &bytes[..bytes.len() / 2]).unwrap();
+    for named in [&path, &part] {
+        let error = recover_session(named).unwrap_err();
+        assert!(error.to_string().contains("still being recorded"), "{error}");
+        let session = Session::open(named).unwrap();
+        assert_eq!(session.ended(), Ended::BeingRecorded { part: part.clone() });
+        assert!(!session.needs_mending());
+        let Completeness::Gaps(gaps) = session.completeness() else { panic!("it goes on") };
+        assert_eq!(gaps[0], Gap::BeingRecorded { part: part.clone() });
+    }
+    drop(file);
+    let session = Session::open(&path).unwrap();
+    assert!(matches!(session.ended(), Ended::Cut { .. }) && session.needs_mending());
+    assert_eq!(recover_session(&path).unwrap().len(), 1);
+}
+
+#[test]
+fn a_damaged_length_takes_nothing_away_for_good() {
+    let folder = tempfile::tempdir().unwrap();
+    let part = folder.path().join("part-000.mcap");
+    let (bytes, _) = pipeline(Compression::None, 200);
+    let chunks: Vec<_> = boundaries(&bytes).into_iter().filter(|at| bytes.get(*at) == Some(&6)).collect();
+    let mut damaged = bytes.clone();
+    damaged[chunks[2] + 6] ^= 1;
+    std::fs::write(&part, &damaged).unwrap();
+    let (_, report) = recover_session(folder.path()).unwrap().pop().unwrap();
+    assert!(report.bytes_cut > bytes.len() as u64 / 2, "{report}");
+    let kept = folder.path().join("part-000.mcap.damaged");
+    assert_eq!(report.kept.as_ref(), Some(&kept));
+    assert!(report.to_string().ends_with(&format!("is kept as {}", kept.display())), "{report}");
+    assert_eq!(std::fs::read(&kept).unwrap(), damaged);
+    opens_in_the_ordinary_reader(&std::fs::read(&part).unwrap());
+    // Once more: what was kept is not written over.
+    std::fs::write(&part, &damaged).unwrap();
+    let again = recover_session(folder.path()).unwrap().pop().unwrap().1.kept.unwrap();
+    assert_eq!(again, folder.path().join("part-000.mcap.damaged-1"));
+    // A kill leaves less behind than a chunk: that is dropped.
+    std::fs::write(&part, &bytes[..chunks[3] + 5000]).unwrap();
+    assert_eq!(recover_session(folder.path()).unwrap().pop().unwrap().1.kept, None);
+}
+
+#[test]
+fn what_another_program_recorded_has_no_end_and_is_mended_only_where_it_is_cut() {
+    let mut w = mcap::Writer::new(std::io::Cursor::new(Vec::new())).unwrap();
+    let channel = w.add_channel(0, "/odom", "cdr", &Default::default()).unwrap();
+    let header =
+        mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    w.write_to_known_channel(&header, &[7; 100]).unwrap();
+    w.finish().unwrap();
+    let bytes = w.into_inner().into_inner();
+    let whole = Session::from_bytes([Arc::from(&bytes[..])]).unwrap();
+    assert_eq!(whole.completeness(), Completeness::Gaps(vec![Gap::Foreign]));
+    assert_eq!((whole.ended(), whole.needs_mending()), (Ended::Foreign, false));
+    let cut = Session::from_bytes([Arc::from(&bytes[..bytes.len() - 20])]).unwrap();
+    assert_eq!((cut.ended(), cut.needs_mending()), (Ended::Foreign, true));
+    let mended = Session::from_bytes([mend(&bytes[..bytes.len() - 20]).0.into()]).unwrap();
+    assert_eq!((mended.ended(), mended.needs_mending()), (Ended::Foreign, false));
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_recorder::{Completeness, Ended as End, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
+use stillpoint_recorder::{Completeness, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
@@ -26,13 +26,7 @@ impl Info {
             Completeness::Complete => Vec::new(),
             Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
         };
-        let ended = match session.ended() {
-            End::InOrder => "in order".to_string(),
-            End::Cut { part, whole, size } => format!(
-                "cut: {} is readable up to byte {whole} of {size}; mend it with `stillpoint recover`",
-                part.display()
-            ),
-        };
+        let ended = ending(&session);
         if self.json {
             let topics: Vec<_> = session
                 .topics()
@@ -99,6 +93,12 @@ impl Info {
         }
         Ok(Exit::Done)
     }
+}
+
+/// How the recording ended, and what to do where it is to be mended.
+pub fn ending(session: &Session) -> String {
+    let advice = if session.needs_mending() { "; mend it with `stillpoint recover`" } else { "" };
+    format!("{}{advice}", session.ended())
 }
 
 /// How the layout of a topic stands to this build's, where it is another.

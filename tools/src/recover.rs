@@ -36,6 +36,7 @@ impl Recover {
                         "damage": r.damage,
                         "bytes": r.bytes,
                         "bytes_cut": r.bytes_cut,
+                        "kept": r.kept,
                     })
                 })
                 .collect();

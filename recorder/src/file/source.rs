@@ -7,6 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::buffer::Buffer;
+use crate::folder::is_being_written;
 
 /// Where the bytes of one part are.
 #[derive(Clone, Debug)]
@@ -24,6 +25,14 @@ impl Source {
     /// What the operating system answers.
     pub fn open(path: &Path) -> io::Result<Self> {
         Ok(Self::File(Arc::new(File::open(path)?)))
+    }
+
+    /// Whether a recorder has the file open.
+    pub(crate) fn is_being_written(&self) -> bool {
+        match self {
+            Self::Bytes(_) => false,
+            Self::File(f) => is_being_written(f),
+        }
     }
 
     /// Bytes that are there.

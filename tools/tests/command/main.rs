@@ -174,6 +174,9 @@ fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
         "{said}"
     );
     assert_eq!(call(&["recover", "--json"]), (Some(0), "[]\n".to_owned()), "it is whole now");
+    let (_, said) = call(&["info"]);
+    assert!(said.contains("ended cut, and ") && said.contains(" is mended"), "{said}");
+    assert!(!said.contains("stillpoint recover"), "{said}");
     let (code, said) = call(&["replay", "--json"]);
     let replay: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!((code, replay["differences"].as_u64()), (Some(4), Some(0)), "{said}");

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use stillpoint_recorder::{Completeness, Ended};
+use stillpoint_recorder::Completeness;
 use stillpoint_samples::{Cause, Outcome};
 
 use super::operators::is_activation;
 use crate::exit::Failure;
+use crate::info::ending;
 use crate::report::numbers::{count, fixed};
 use crate::report::page::{Block, Cell, Mood, Section, Table};
 use crate::report::recording::Recording;
@@ -77,12 +78,7 @@ pub fn of(recording: &Recording<'_>) -> Faults {
         Completeness::Complete => Vec::new(),
         Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
     };
-    let ended = match session.ended() {
-        Ended::InOrder => "in order".to_owned(),
-        Ended::Cut { whole, size, .. } => format!(
-            "cut: the last part is readable up to byte {whole} of {size}; `stillpoint recover` mends it"
-        ),
-    };
+    let ended = ending(session);
     let lost = session.lost().iter().map(|l| Lost {
         topic: l.topic.clone(),
         incarnation: l.incarnation,
