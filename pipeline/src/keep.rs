@@ -3,7 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, TopicId, create_part, create_session};
+use stillpoint_recorder::{
+    Closing, Compression, Opening, PartWriter, TopicId, WriteError, create_part, create_session,
+    session_parts,
+};
 use stillpoint_samples::Entry;
 use zerocopy::IntoBytes;
 
@@ -23,6 +26,19 @@ pub fn create_folder(session: &Path) -> Result<(), String> {
     })
 }
 
+/// Removes the session of a run that did not begin: nothing was recorded. What else stands in its folder stays.
+pub fn remove_folder(session: &Path) {
+    for part in session_parts(session).unwrap_or_default() {
+        let _ = std::fs::remove_file(part);
+    }
+    let _ = std::fs::remove_dir(session);
+}
+
+/// What is said where a part takes no more.
+pub(crate) fn no_room(part: &Path, reason: &dyn std::fmt::Display) -> String {
+    format!("{}: {reason}; make room, or choose another folder with --record", part.display())
+}
+
 /// What is said where a session cannot be written.
 pub(crate) fn refused(place: &Path, e: &std::io::Error) -> String {
     format!("{}: {e}; choose another folder with --record", place.display())
@@ -36,6 +52,8 @@ pub struct Keeper {
     topics: Vec<(Option<TopicId>, BTreeMap<usize, TopicId>)>,
     scratch: stillpoint_samples::AlignedBytes,
     last: u64,
+    /// The first reason why something could not be written: what is written after it fails by it.
+    refused: Option<String>,
 }
 
 impl Keeper {
@@ -52,11 +70,20 @@ impl Keeper {
         compression: Compression,
     ) -> Result<Self, String> {
         create_folder(session)?;
+        Self::open(session, graph, opening, compression).inspect_err(|_| remove_folder(session))
+    }
+
+    fn open(
+        session: &Path,
+        graph: &Graph,
+        opening: &Opening,
+        compression: Compression,
+    ) -> Result<Self, String> {
         let (path, file) = create_part(session).map_err(|e| refused(session, &e))?;
-        let mut part = PartWriter::new(file, compression, opening).map_err(|e| e.to_string())?;
+        let mut part = PartWriter::new(file, compression, opening).map_err(|e| no_room(&path, &e))?;
         let mut topics = vec![(None, BTreeMap::new()); graph.operators.len()];
         for (info, (operator, port)) in topic_infos(graph) {
-            let id = part.add_topic(info).map_err(|e| e.to_string())?;
+            let id = part.add_topic(info).map_err(|e| no_room(&path, &e))?;
             match port {
                 None => topics[operator].0 = Some(id),
                 Some(port) => {
@@ -65,18 +92,17 @@ impl Keeper {
             }
         }
         let scratch = stillpoint_samples::AlignedBytes::default();
-        Ok(Self { part, path, topics, scratch, last: 0 })
+        Ok(Self { part, path, topics, scratch, last: 0, refused: None })
     }
 
     /// Ends the session in order, with its ledger as JSON. Gives the file.
     pub fn finish(self, ledger: Option<String>) -> Result<PathBuf, String> {
-        self.close(ledger, BTreeMap::from([("in_order".to_string(), "true".to_string())]))
+        self.close(ledger, end_facts(None))
     }
 
     /// Ends the session of a run that ended before its time, and says why.
     pub fn finish_early(self, ledger: Option<String>, reason: &str) -> Result<PathBuf, String> {
-        let facts = [("in_order", "false"), ("ended_early", reason)];
-        self.close(ledger, facts.map(|(name, fact)| (name.to_string(), fact.to_string())).into())
+        self.close(ledger, end_facts(Some(reason)))
     }
 
     fn close(self, ledger: Option<String>, facts: BTreeMap<String, String>) -> Result<PathBuf, String> {
@@ -86,13 +112,19 @@ impl Keeper {
             facts,
             realtime_ns: self.last,
         };
-        self.part.finish(&closing).map_err(|e| e.to_string())?;
-        Ok(self.path)
+        match (self.part.finish(&closing), self.refused) {
+            (Ok(_), None) => Ok(self.path),
+            (_, Some(first)) => Err(first),
+            (Err(e), None) => Err(no_room(&self.path, &e)),
+        }
     }
-}
 
-impl Witness for Keeper {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+    fn write(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, Parcel)],
+    ) -> Result<(), WriteError> {
         let stamp = entry.head.stamp;
         self.last = self.last.max(stamp);
         let (journal, kept) = &self.topics[operator];
@@ -104,14 +136,29 @@ impl Witness for Keeper {
             self.scratch[head.len()..meta].copy_from_slice(body);
             self.scratch[meta..].copy_from_slice(refs);
             let (meta, payload) = self.scratch.split_at(meta);
-            let pieces = stillpoint_samples::Pieces { meta, payload };
-            self.part.write(*journal, pieces, stamp).map_err(|e| e.to_string())?;
+            self.part.write(*journal, stillpoint_samples::Pieces { meta, payload }, stamp)?;
         }
         for (port, parcel) in outputs {
             if let Some(topic) = kept.get(port) {
-                self.part.write(*topic, parcel.pieces(), stamp).map_err(|e| e.to_string())?;
+                self.part.write(*topic, parcel.pieces(), stamp)?;
             }
         }
         Ok(())
+    }
+}
+
+/// What the end of a session says of the end of its run: why that was early, if it was.
+pub(crate) fn end_facts(early: Option<&str>) -> BTreeMap<String, String> {
+    let in_order = ("in_order".to_string(), early.is_none().to_string());
+    let reason = early.map(|reason| ("ended_early".to_string(), reason.to_string()));
+    reason.into_iter().chain([in_order]).collect()
+}
+
+impl Witness for Keeper {
+    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+        self.write(operator, entry, outputs).map_err(|e| {
+            let said = no_room(&self.path, &e);
+            self.refused.get_or_insert(said).clone()
+        })
     }
 }

@@ -96,6 +96,7 @@ fn ctrl_c_ends_a_start_up_that_hangs() {
     assert_eq!(done.code(), 1);
     assert!(done.err.contains("stopped while it was starting"), "{}", done.err);
     assert!(!lives(child));
+    assert!(!bench.path("sessions/fragile-0001").exists(), "nothing was recorded");
     assert!(bench.run_ids().is_empty());
     assert_eq!(shared_objects(&id), 0);
 }
@@ -141,6 +142,7 @@ fn children_end_when_the_supervisor_is_killed_and_the_next_run_sweeps() {
     let session = bench.path("s/chain-0001");
     let info = bench.call(&["info", text(&session), "--json"]).good();
     assert!(info["gaps"].as_array().unwrap().contains(&json!("the supervisor died")), "{}", info["gaps"]);
+    assert_eq!(info["ended"], "early: the supervisor died");
     let replay = bench.call(&["replay", text(&session), "--json"]);
     assert_eq!(replay.json()["differences"], 0);
     assert!(replay.json()["identical"]["sink.sum"].as_u64().unwrap() >= 20);
@@ -203,6 +205,7 @@ fn a_simulated_run_reports_what_failed_and_says_so_where_it_ended_by_it() {
     let info = bench.call(&["info", &session, "--json"]).good();
     let end = &info["metadata"]["stillpoint.end"];
     assert_eq!(end["fact.in_order"], "false");
+    assert!(info["ended"].as_str().unwrap().starts_with("early: "), "{}", info["ended"]);
     assert!(end["fact.ended_early"].as_str().unwrap().contains("the mixer panics at activation 20"), "{end}");
 }
 

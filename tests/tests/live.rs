@@ -203,6 +203,8 @@ fn a_process_that_is_never_restarted_ends_the_run_in_order() {
     assert!(reason.contains("the mixer panics at activation 20"), "{reason}");
     assert!(reason.ends_with("its restart policy is never"), "{reason}");
     assert_eq!(report["balanced"], true, "{}", report["ledger"]);
+    let info = bench.call(&["info", report["session"].as_str().unwrap(), "--json"]).good();
+    assert_eq!(info["ended"], format!("early: {reason}"));
     let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
     assert_eq!(replay["identical_all"], true);
 }
@@ -220,6 +222,7 @@ fn an_operator_that_cannot_be_made_says_why_and_leaves_nothing() {
         assert_eq!(done.code(), 1);
         assert!(done.err.contains(words) && done.err.contains("fragile"), "{}", done.err);
         assert!(bench.run_ids().is_empty());
+        assert!(!bench.path("s/fragile-0001").exists(), "a session of a run that did not begin");
         assert_eq!(crate::bench::shared_objects(&id), 0);
     }
 }

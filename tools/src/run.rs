@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
-use stillpoint_pipeline::keep::create_folder;
+use stillpoint_pipeline::keep::{create_folder, remove_folder};
 use stillpoint_pipeline::live::{Launch, RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
@@ -177,8 +177,9 @@ impl Run {
             identity: identity(),
         };
         let mut line = StatusLine::new(registry, !self.json);
-        let supervisor =
-            Supervisor::start(checked.graph.clone(), options, &stop, &mut line).map_err(Failure::failed)?;
+        let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
+            .inspect_err(|_| session.into_iter().for_each(remove_folder))
+            .map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
         line.close();
         if let Some(session) = session {

@@ -59,22 +59,6 @@ pub fn simulate(
         incarnations: Vec::new(),
         directed: true,
     };
-    let keeper = match session {
-        None => None,
-        Some(session) => {
-            let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
-            Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
-        }
-    };
-    let mut witness = Witnesses {
-        graph: graph.clone(),
-        keeper,
-        ledger: Ledger::default(),
-        status: Status::new(graph),
-        faults: Vec::new(),
-        samples: 0,
-        bytes: 0,
-    };
     let mut local;
     let mut threads;
     let mut processes;
@@ -93,6 +77,23 @@ pub fn simulate(
                 .map_err(Failure::failed)?;
             &mut processes
         }
+    };
+    // Last: a run that cannot begin leaves no session.
+    let keeper = match session {
+        None => None,
+        Some(session) => {
+            let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
+            Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
+        }
+    };
+    let mut witness = Witnesses {
+        graph: graph.clone(),
+        keeper,
+        ledger: Ledger::default(),
+        status: Status::new(graph),
+        faults: Vec::new(),
+        samples: 0,
+        bytes: 0,
     };
     let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
     let ended_early = ended.err().map(|e| e.to_string());

@@ -176,8 +176,8 @@ pub enum ToRecorder {
         ledger: String,
         /// Reasons why the session is not complete, as far as the supervisor knows.
         gaps: Vec<String>,
-        /// Whether the run ended as it should.
-        in_order: bool,
+        /// Why the run did not end as it should, if it did not.
+        ended_early: Option<String>,
     },
 }
 

@@ -21,7 +21,7 @@ use super::pipe::{Line, take_control, tell};
 use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
-use crate::keep::refused;
+use crate::keep::{end_facts, no_room, refused};
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
 
@@ -89,14 +89,14 @@ fn serve(registry: &Registry) -> Result<(), String> {
                     recorder.connect()?;
                     tell(&FromWorker::Connected { number })?;
                 }
-                Line::Message(ToRecorder::Finish { ledger, gaps, in_order }) => {
-                    let facts = BTreeMap::from([("in_order".to_string(), in_order.to_string())]);
-                    let report = recorder.finish(Some(ledger), gaps, facts)?;
+                Line::Message(ToRecorder::Finish { ledger, gaps, ended_early }) => {
+                    let report = recorder.finish(Some(ledger), gaps, end_facts(ended_early.as_deref()))?;
                     return tell(&FromWorker::Recorded(report));
                 }
                 Line::Ended => {
                     recorder.outlive(graph.outlives())?;
-                    recorder.finish(None, vec!["the supervisor died".to_string()], BTreeMap::new())?;
+                    let reason = "the supervisor died";
+                    recorder.finish(None, vec![reason.to_string()], end_facts(Some(reason)))?;
                     return Ok(());
                 }
             }
@@ -157,7 +157,7 @@ impl Recorder {
             _ => Compression::Lz4,
         };
         let start = opening(graph, &hello.hello, &hello.identity)?;
-        let mut part = PartWriter::new(file, compression, &start).map_err(|e| e.to_string())?;
+        let mut part = PartWriter::new(file, compression, &start).map_err(|e| no_room(&path, &e))?;
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),
@@ -211,10 +211,7 @@ impl Recorder {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
             return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
-                Some(Ok(Err(reason))) => format!(
-                    "{}: {reason}; make room, or choose another folder with --record",
-                    self.part.display()
-                ),
+                Some(Ok(Err(reason))) => no_room(&self.part, &reason),
                 _ => "the recording's writer ended".to_string(),
             });
         }

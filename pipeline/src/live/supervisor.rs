@@ -273,7 +273,8 @@ impl Supervisor {
             self.read_journals();
             self.listen();
             self.tell_faults(run);
-            if let Some(reason) = self.care_for_children(now)? {
+            // A child that cannot be started ends the run, too, and in order.
+            if let Some(reason) = self.care_for_children(now).unwrap_or_else(Some) {
                 early = Some(reason);
                 break;
             }

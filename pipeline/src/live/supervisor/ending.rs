@@ -108,7 +108,7 @@ impl Supervisor {
         recorder.tell(&ToRecorder::Finish {
             ledger,
             gaps: self.gaps(report),
-            in_order: report.ended_early.as_deref().is_none_or(|e| e == "stopped"),
+            ended_early: report.ended_early.clone().filter(|reason| reason != "stopped"),
         });
         loop {
             match recorder.answer(PATIENCE, &mut self.told) {
