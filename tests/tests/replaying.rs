@@ -231,6 +231,21 @@ fn one_operator_is_compared_alone_or_with_all_downstream() {
 }
 
 #[test]
+fn a_replay_that_compares_nothing_says_so_and_exits_5() {
+    let bench = Bench::new();
+    let session = recorded(&bench, "wrong.yaml", &[]);
+    // A source is not done again.
+    let done = bench.call(&["replay", &session, "--json", "--only", "source"]);
+    assert_eq!((done.code(), done.json()["identical_all"].as_bool()), (5, Some(false)), "{}", done.err);
+    let said = bench.call(&["replay", &session, "--only", "source"]);
+    assert!(said.code() == 5 && said.out.contains("nothing could be compared"), "{}", said.out);
+    // Where no sample is kept the journals are compared.
+    let session = recorded(&bench, "sources.yaml", &["--clock", "simulated"]);
+    let said = bench.call(&["replay", &session]);
+    assert!(said.code() == 0 && said.out.contains("the journals are the same"), "{}", said.out);
+}
+
+#[test]
 fn a_session_is_never_written_over_and_the_message_says_what_to_do() {
     let bench = Bench::new();
     let file = pipeline("chain.yaml");

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 pub enum Exit {
     /// Done.
     Done = 0,
-    /// Failed, or the ledger does not balance.
+    /// Failed, a recording was given up, or the ledger does not balance.
     Failed = 1,
     /// The command line or the pipeline is wrong.
     Wrong = 2,
@@ -16,6 +16,8 @@ pub enum Exit {
     Differs = 3,
     /// A session cannot be replayed as a whole; what can be is the same.
     Open = 4,
+    /// A replay compared nothing.
+    Nothing = 5,
 }
 
 impl From<Exit> for ExitCode {

@@ -9,8 +9,9 @@
 //! }
 //! ```
 //!
-//! Exit codes: 0 done; 1 failed, or the ledger does not balance; 2 the command line or the pipeline is wrong; 3 a replay
-//! differs; 4 a session cannot be replayed as a whole, but nothing differs.
+//! Exit codes: 0 done; 1 failed, a recording was given up, or the ledger does not balance; 2 the command line or the
+//! pipeline is wrong; 3 a replay differs; 4 a session cannot be replayed as a whole, but nothing differs; 5 a replay
+//! compared nothing.
 
 // A command speaks on standard output.
 #![allow(clippy::print_stdout)]

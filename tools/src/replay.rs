@@ -153,6 +153,8 @@ impl Replay {
 
     fn say(&self, report: &ReplayReport, wall: f64) -> Ended {
         let exit = match report.differences {
+            0 if !report.open.is_empty() => Exit::Open,
+            0 if report.compared_nothing() => Exit::Nothing,
             0 if report.is_identical() => Exit::Done,
             0 => Exit::Open,
             _ => Exit::Differs,
@@ -160,7 +162,7 @@ impl Replay {
         if self.json {
             let mut value = serde_json::to_value(report).map_err(Failure::failed)?;
             value["wall_seconds"] = wall.into();
-            value["identical_all"] = report.is_identical().into();
+            value["identical_all"] = (report.is_identical() && !report.compared_nothing()).into();
             print_json(&value)?;
             return Ok(exit);
         }
@@ -188,8 +190,12 @@ impl Replay {
         let speed = report.seconds / wall.max(1e-9);
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
-            None if report.compared() == 0 => {
-                "no sample could be compared: the recording keeps no topic of these operators".to_string()
+            None if report.compared_nothing() => {
+                "nothing could be compared: no activation of these operators is done again".to_string()
+            }
+            None if report.compared() == 0 && report.open.is_empty() => {
+                "the journals are the same; no sample could be compared: the recording keeps no topic of these operators"
+                    .to_string()
             }
             None if report.open.is_empty() => "identical".to_string(),
             None => {

@@ -159,6 +159,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         };
         self.report.activations += 1;
         if self.compared.contains(&operator) {
+            self.report.activations_compared += 1;
             self.compare_entries(operator, entry, &committed.entry);
         }
         for (port, parcel) in &committed.outputs {

@@ -13,6 +13,8 @@ use crate::placement::PlacementError;
 pub struct ReplayReport {
     /// Activations that were done again.
     pub activations: u64,
+    /// Of them, those whose journal entry was compared with the recorded one.
+    pub activations_compared: u64,
     /// By topic: samples compared with the recording, and found the same.
     pub identical: BTreeMap<String, u64>,
     /// By topic: samples that the recording does not hold; they were made again.
@@ -67,6 +69,11 @@ impl ReplayReport {
     /// Samples compared with the recording, and found the same.
     pub fn compared(&self) -> u64 {
         self.identical.values().sum()
+    }
+
+    /// Whether no activation was done again and compared, neither its entry nor its samples.
+    pub fn compared_nothing(&self) -> bool {
+        self.activations_compared == 0 && self.differences == 0
     }
 
     /// Whether the session is complete, everything could be replayed, and all that could be compared is the same.
