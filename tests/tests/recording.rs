@@ -125,13 +125,58 @@ fn a_full_disk_is_named_and_the_run_goes_on_to_its_end() {
     let file = pipeline("flood.yaml");
     let done = bench.start(&["run", text(&file), "--for", "3 s", "--json", "--record", "disk"]).finish();
     let info = bench.call(&["info", "disk/flood-0001", "--json"]);
+    let files = std::fs::read_dir(bench.path("disk/flood-0001")).unwrap().flatten();
+    let left: Vec<String> = files.map(|f| f.file_name().to_string_lossy().into_owned()).collect();
+    std::fs::remove_dir_all(bench.path("disk/flood-0001")).unwrap();
+    let clock = ["--clock", "simulated", "--for", "3 s", "--record", "disk"];
+    let simulated = bench.call(&[&["run", text(&file)], &clock[..]].concat());
     drop(disk);
     // A patient is not let go because of a disk: the run goes on, the fault is told, and the session says what it lacks.
     assert!(done.json()["seconds"].as_f64().unwrap() >= 3.0);
     assert_eq!(done.json()["balanced"], true);
+    assert_eq!(done.code(), 1, "a recording was asked for, and there is none");
     assert!(done.err.contains("No space left on device"), "{}", done.err);
     assert!(info.err.is_empty() && info.json()["complete"] == json!(false), "{}", info.out);
+    assert!(left.iter().all(|name| name.ends_with(".mcap")), "{left:?}");
+    assert_eq!(done.json()["parts"], left.len());
+    assert_eq!(done.json()["complete"], false);
     assert!(bench.run_ids().is_empty());
+    // In one process the first answer of the disk is the one that is told.
+    let error = simulated.err.trim();
+    assert_eq!(simulated.code(), 1, "{error}");
+    assert!(error.contains("disk/flood-0001/part-000.mcap: ") && error.contains("No space left"), "{error}");
+}
+
+#[test]
+fn a_session_that_is_being_recorded_says_so_and_is_not_mended() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    let part = bench.path("s/chain-0001/part-000.mcap");
+    wait_for("a flush", || (part.metadata().ok()?.len() > 100_000).then_some(()));
+    for session in ["s/chain-0001", "s/chain-0001/part-000.mcap"] {
+        let refused = bench.call(&["recover", session]);
+        assert_eq!(refused.code(), 1, "{}", refused.out);
+        assert!(refused.err.contains("part-000.mcap: it is still being recorded"), "{}", refused.err);
+        let info = bench.call(&["info", session, "--json"]).good();
+        assert_eq!(info["ended"], json!(format!("not yet: {} is being recorded", name_of(session))));
+        assert!(info["gaps"][0].as_str().unwrap().contains("it is being recorded"), "{}", info["gaps"]);
+        assert!(!info.to_string().contains("died") && !info.to_string().contains("stillpoint recover"));
+    }
+    let replay = bench.call(&["replay", "s/chain-0001"]);
+    assert_eq!(replay.code(), 4, "{}", replay.err);
+    assert!(replay.out.contains("part-000.mcap: it is being recorded"), "{}", replay.out);
+
+    let report = run.stop().good();
+    assert_eq!((&report["complete"], &report["parts"]), (&json!(true), &json!(1)), "{}", report["gaps"]);
+    assert_eq!(bench.call(&["recover", "s/chain-0001", "--json"]).good(), json!([]));
+    let replay = bench.call(&["replay", "s/chain-0001", "--json"]).good();
+    assert_eq!(replay["identical_all"], true);
+}
+
+/// The part of a session that is named by its folder or by the part.
+fn name_of(session: &str) -> String {
+    if session.ends_with(".mcap") { session.to_owned() } else { format!("{session}/part-000.mcap") }
 }
 
 #[test]

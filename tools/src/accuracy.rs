@@ -1,7 +1,6 @@
 //! How far the filtered head is from the rig's truth, out of a session.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
@@ -96,8 +95,7 @@ impl Place {
 }
 
 /// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not.
-pub fn of_session(path: &Path) -> Option<Accuracy> {
-    let session = Session::open(path).ok()?;
+pub fn of_session(session: &Session) -> Option<Accuracy> {
     let topics = session.topics();
     let truth =
         topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;

@@ -3,7 +3,6 @@
 
 use std::collections::VecDeque;
 use std::fmt::{Display, Formatter};
-use std::path::Path;
 
 use serde::Serialize;
 use stillpoint_actuate::aim::{Aim, Tolerances};
@@ -66,8 +65,7 @@ impl Hold {
     }
 
     /// The same with the samples of a session. Topics that it does not keep stay without.
-    pub fn of_session(graph: &Graph, path: &Path) -> Option<Held> {
-        let session = Session::open(path).ok()?;
+    pub fn of_session(graph: &Graph, session: &Session) -> Option<Held> {
         let mut hold = Self::of(graph);
         let topics: Vec<String> = hold.topics().map(str::to_owned).collect();
         for recorded in session.samples_where(|t| topics.contains(&t.name)) {

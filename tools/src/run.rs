@@ -132,7 +132,9 @@ impl Run {
             self.live(registry, &checked, length, session.as_deref())?
         };
         let good = report.balanced
-            && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"));
+            && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
+            // A recording that was given up has no last part that was ended.
+            && (session.is_none() || !report.recorded.is_empty());
         let summary = Summary::new(&report, &checked.graph, is_live, session.as_deref());
         if self.json {
             print_json(&summary.to_json()?)?;

@@ -1,11 +1,12 @@
 //! What is said at the end of a run.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::{Fault, RunReport};
 use stillpoint_pipeline::operator::Policy;
+use stillpoint_recorder::{Completeness, Session, session_parts};
 
 use crate::accuracy::{self, Accuracy};
 use crate::exit::Failure;
@@ -23,17 +24,26 @@ pub struct Summary<'a> {
     session: Option<&'a Path>,
     held: Option<Held>,
     accuracy: Option<Accuracy>,
+    /// Why the session is not complete.
+    gaps: Vec<String>,
     too_slow: Vec<String>,
 }
 
 impl<'a> Summary<'a> {
     /// Of a run of this graph; whether it was a live one.
     pub fn new(report: &'a RunReport, graph: &Graph, is_live: bool, session: Option<&'a Path>) -> Self {
+        let opened = session.map(Session::open);
+        let readable = opened.as_ref().and_then(|o| o.as_ref().ok());
         Self {
             report,
             session,
-            held: session.and_then(|session| Hold::of_session(graph, session)),
-            accuracy: session.and_then(accuracy::of_session),
+            held: readable.and_then(|session| Hold::of_session(graph, session)),
+            accuracy: readable.and_then(accuracy::of_session),
+            gaps: match opened.as_ref().map(|o| o.as_ref().map(Session::completeness)) {
+                None | Some(Ok(Completeness::Complete)) => Vec::new(),
+                Some(Ok(Completeness::Gaps(gaps))) => gaps.iter().map(ToString::to_string).collect(),
+                Some(Err(e)) => vec![e.to_string()],
+            },
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
         }
     }
@@ -45,6 +55,9 @@ impl<'a> Summary<'a> {
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
             value["session_bytes"] = size_of(session).into();
+            value["parts"] = parts(session).len().into();
+            value["complete"] = self.gaps.is_empty().into();
+            value["gaps"] = json!(self.gaps);
             value["held"] = json!(self.held);
             value["accuracy"] = json!(self.accuracy);
         }
@@ -77,8 +90,43 @@ impl<'a> Summary<'a> {
             println!("\n{accuracy}");
         }
         if let Some(session) = self.session {
-            print_session(report, session);
+            self.print_session(session);
         }
+    }
+
+    fn print_session(&self, session: &Path) {
+        let report = self.report;
+        let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
+        let size = size_of(session) as f64 / 1e6;
+        let count = parts(session).len();
+        println!();
+        if report.recorded.is_empty() {
+            println!("THE RECORDING FAILED: nobody ended it");
+        }
+        println!(
+            "session {}: {size:.1} MB{}, {count} part{}, {} samples{}",
+            session.display(),
+            // A session of no length has no rate.
+            if report.seconds >= 1e-3 {
+                format!(" ({:.1} MB/s)", size / report.seconds)
+            } else {
+                String::new()
+            },
+            if count == 1 { "" } else { "s" },
+            report.recorded.iter().map(|r| r.samples).sum::<u64>(),
+            if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
+        );
+        match self.gaps.split_first() {
+            None => println!("complete: everything that a replay needs is there"),
+            Some((first, [])) => println!("not complete: {first}"),
+            Some((first, more)) => {
+                println!("not complete: {first}; and {} more: `stillpoint info` lists them", more.len());
+            }
+        }
+        println!(
+            "replay it: stillpoint replay {0}    (cargo run --release -- replay {0})",
+            session.display()
+        );
     }
 }
 
@@ -188,24 +236,12 @@ fn print_ledger(report: &RunReport) {
     println!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }
 
-fn print_session(report: &RunReport, session: &Path) {
-    println!();
-    let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
-    let size = size_of(session) as f64 / 1e6;
-    println!(
-        "session {}: {size:.1} MB{}, {} parts, {} samples{}",
-        session.display(),
-        // A session of no length has no rate.
-        if report.seconds >= 1e-3 { format!(" ({:.1} MB/s)", size / report.seconds) } else { String::new() },
-        report.recorded.len(),
-        report.recorded.iter().map(|r| r.samples).sum::<u64>(),
-        if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
-    );
-    println!("replay it: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
+/// The files of a session.
+fn parts(session: &Path) -> Vec<PathBuf> {
+    session_parts(session).unwrap_or_default()
 }
 
 /// Bytes of a session's files.
 fn size_of(session: &Path) -> u64 {
-    let parts = stillpoint_recorder::session_parts(session).unwrap_or_default();
-    parts.iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum()
+    parts(session).iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum()
 }
