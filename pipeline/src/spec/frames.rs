@@ -56,8 +56,9 @@ fn frame(entry: &Entry, findings: &Findings) -> Option<(Frame, Span)> {
     };
     let measured = keys.get("measured").and_then(|e| date(e, findings));
     let residual = keys.get("residual").and_then(|e| length(e, findings));
-    let parent = parent?;
-    let parent_from_frame = Rigid::from_angles(at?, rotation?);
+    // What could not be read was said: a frame without it is still one, and whoever names it makes no mistake.
+    let parent = parent.unwrap_or_else(|| Marked::new("couch".to_owned(), entry.key.span));
+    let parent_from_frame = Rigid::from_angles(at.unwrap_or_default(), rotation.unwrap_or_default());
     Some((Frame { parent: parent.value, parent_from_frame, measured, residual }, parent.span))
 }
 

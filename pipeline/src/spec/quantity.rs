@@ -123,7 +123,11 @@ fn in_dimension<'t>(
             format!("write it in {}", or(&units().collect::<Vec<_>>())),
         ));
     }
-    let near = nearest(written, units())
+    // The letter for a millionth is written `u` here. Units of one or two letters are all alike: another is no typing error.
+    let plain = written.replace(['\u{b5}', '\u{3bc}'], "u").replace('\u{b0}', "deg");
+    let spelt = units().find(|u| u.eq_ignore_ascii_case(&plain));
+    let near = spelt
+        .or_else(|| nearest(written, units()).filter(|_| written.chars().count() > 2))
         .or_else(|| nearest(written, DIMENSIONS.iter().flat_map(|d| d.units).map(|u| u.symbol)));
     let help = match near {
         Some(near) if dimension.unit(near).is_some() => format!("did you mean `{number} {near}`?"),
