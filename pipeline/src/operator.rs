@@ -110,6 +110,25 @@ pub struct Kind {
 #[error("{0}")]
 pub struct SetupError(pub String);
 
+/// Parameters that are each in their range and do not go together.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{reason}")]
+pub struct Misfit {
+    /// The parameters of it: the fault stands at the first that the config gives, one of the command line before others.
+    pub params: &'static [&'static str],
+    /// What does not fit, with units.
+    pub reason: String,
+    /// What to write instead.
+    pub help: &'static str,
+}
+
+impl Misfit {
+    /// A misfit inside one parameter, of which a set-up would say this.
+    pub fn inside(params: &'static [&'static str], reason: SetupError) -> Self {
+        Self { params, reason: reason.0, help: "change one of them" }
+    }
+}
+
 /// Why a step failed, in a sentence. None of the outputs of the activation is sent.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{0}")]
@@ -127,6 +146,12 @@ pub trait Operator: Sized + Send + 'static {
     /// Stages of a step whose times are worth knowing, in the order of their work. The live executor measures them and
     /// sends them as `<operator>.timing`; the step says when one has ended with [`Outputs::lap`].
     const LAPS: &'static [&'static str] = &[];
+
+    /// Refuses parameters that are each in their range and do not go together. The checker says it with the place, and
+    /// [`new`](Operator::new) sees no others.
+    fn fit(_params: &Self::Params) -> Result<(), Misfit> {
+        Ok(())
+    }
 
     /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.
     fn new(params: Self::Params, setup: &Setup<'_>) -> Result<Self, SetupError>;
@@ -167,6 +192,8 @@ pub struct Stage {
     pub fields: &'static [ParamField],
     /// Reads the parameters of a config; faults go into the reader.
     pub read: fn(&mut ParamReader<'_>) -> Option<CheckedParams>,
+    /// Refuses parameters that do not go together.
+    pub fit: fn(&CheckedParams) -> Result<(), Misfit>,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// Makes the operator.
@@ -185,6 +212,7 @@ impl Stage {
                 let params = <T::Params as Params>::read(reader)?;
                 Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved() })
             },
+            fit: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::fit(&params)),
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {
@@ -193,6 +221,7 @@ impl Stage {
                         T::KIND.name
                     ))
                 })?;
+                T::fit(&params).map_err(|misfit| SetupError(misfit.to_string()))?;
                 Ok(Box::new(T::new(params, setup)?))
             },
         }

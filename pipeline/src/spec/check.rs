@@ -7,7 +7,7 @@ use super::faults::{Code, Faults, Findings};
 use super::machine::Machine;
 use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
-use super::tree::Entry;
+use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
 use super::{assemble, hosts, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
@@ -122,7 +122,25 @@ fn params(
     };
     // A missing parameter is reported where the operator is: it has no place of its own.
     let place = parsed.name.span;
-    (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))
+    let params =
+        (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))?;
+    if let Err(misfit) = (stage.fit)(&params) {
+        let given =
+            |name: &&str| entries.iter().find(|e| e.key.value == *name).map(|e| changed_last(&e.value));
+        let place = misfit.params.iter().filter_map(given).rev().max_by_key(|p| p.source).unwrap_or(place);
+        findings.say(place, Code::OutOfRange, misfit.reason, misfit.help);
+    }
+    Some(params)
+}
+
+/// The place in a value that the last argument changed, else its own.
+fn changed_last(node: &Node) -> Span {
+    let inner: Vec<Span> = match &node.value {
+        Value::List(items) => items.iter().map(changed_last).collect(),
+        Value::Map(entries) => entries.iter().map(|e| changed_last(&e.value)).collect(),
+        _ => Vec::new(),
+    };
+    inner.into_iter().filter(|p| p.source > node.span.source).max_by_key(|p| p.source).unwrap_or(node.span)
 }
 
 fn timer(parsed: &ParsedOperator<'_>, stage: &Stage, wired: &Wired, findings: &Findings) {

@@ -1,7 +1,7 @@
 //! Kinds of operators with the ports and parameters of a small pipeline. They do nothing: only their description counts.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Registry, Role, SetupError, Stage, StepError, Timer,
+    FrameRule, Input, Kind, Misfit, Output, Policy, Registry, Role, SetupError, Stage, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -11,12 +11,16 @@ use stillpoint_samples::{
 use crate::others;
 
 macro_rules! kind {
-    ($name:ident, $params:ty, $kind:expr $(, laps: $laps:expr)?) => {
+    ($name:ident, $params:ty, $kind:expr $(, laps: $laps:expr)? $(, fit: $fit:expr)?) => {
         pub struct $name;
         impl Operator for $name {
             type Params = $params;
             const KIND: Kind = $kind;
             $(const LAPS: &'static [&'static str] = $laps;)?
+            $(fn fit(params: &$params) -> Result<(), Misfit> {
+                let fit: fn(&$params) -> Result<(), Misfit> = $fit;
+                fit(params)
+            })?
             fn new(_: $params, _: &Setup<'_>) -> Result<Self, SetupError> {
                 Ok(Self)
             }
@@ -102,6 +106,14 @@ kind!(
         inputs: &[needs("image", DepthImage::KIND, Policy::Queue(4))],
         outputs: &[sends("cloud", PointCloud::KIND, FrameRule::Key)],
         timer: Timer::No,
+    },
+    fit: |params| match params.far > params.near {
+        true => Ok(()),
+        false => Err(Misfit {
+            params: &["near", "far"],
+            reason: format!("`far` is {} m and must be greater than `near`, {} m", params.far, params.near),
+            help: "raise `far`, or lower `near`",
+        }),
     }
 );
 

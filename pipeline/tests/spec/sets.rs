@@ -50,6 +50,11 @@ fn a_faulty_set_is_refused_at_the_argument() {
             "`leaf`: `80 mm` is out of range: it must be from 0.5 mm to 50 mm",
             "the nearest allowed value is `50 mm`",
         ),
+        (
+            "cloud.near=3 m",
+            "`far` is 2 m and must be greater than `near`, 3 m",
+            "raise `far`, or lower `near`",
+        ),
         ("face.laef=4 mm", "segment.face has no parameter `laef`", "did you mean `leaf`?"),
         ("fase.leaf=4 mm", "there is no operator `fase`", "did you mean `face`?"),
         ("face.leaf", "`face.leaf` sets nothing: `=` is missing", "write `--set operator.param=value`"),

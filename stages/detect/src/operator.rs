@@ -1,7 +1,7 @@
 //! `detect.face`: where grey images show faces.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{FaceBox, FaceBoxes, FaceBoxesShape, GreyImage, Sample};
@@ -85,13 +85,21 @@ impl Operator for DetectFace {
         timer: Timer::No,
     };
 
-    fn new(params: DetectFaceParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        if params.largest < params.smallest {
-            return Err(SetupError(format!(
-                "`largest` is {} and `smallest` is {}: exchange them",
-                params.largest, params.smallest
-            )));
+    fn fit(params: &DetectFaceParams) -> Result<(), Misfit> {
+        let DetectFaceParams { smallest, largest, .. } = params;
+        if largest >= smallest {
+            return Ok(());
         }
+        Err(Misfit {
+            params: &["smallest", "largest"],
+            reason: format!(
+                "`largest` is {largest} pixels and must be at least `smallest`, {smallest} pixels"
+            ),
+            help: "raise `largest`, or lower `smallest`",
+        })
+    }
+
+    fn new(params: DetectFaceParams, _: &Setup<'_>) -> Result<Self, SetupError> {
         let detector = FaceDetector::new()
             .map_err(|e| SetupError(format!("the face model in this program cannot be read: {e}")))?;
         let params = DetectParams {

@@ -1,7 +1,7 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -124,7 +124,7 @@ impl Operator for SegmentFace {
     type Params = SegmentParams;
     const KIND: Kind = Kind {
         name: "segment.face",
-        about: "The face: the largest cluster of what stands over the supporting plane.",
+        about: "The face among what stands over the supporting plane: a head cut from what it touches, or the largest cluster.",
         role: Role::Operator,
         inputs: &[Input {
             name: "cloud",
@@ -174,6 +174,23 @@ impl Operator for SegmentFace {
         timer: Timer::No,
     };
     const LAPS: &'static [&'static str] = Step::NAMES;
+
+    fn fit(params: &SegmentParams) -> Result<(), Misfit> {
+        let SegmentParams { height_min, height_max, .. } = *params;
+        if height_max > height_min {
+            return Ok(());
+        }
+        let mm = |metres: f64| (metres * 1e6).round() / 1e3;
+        Err(Misfit {
+            params: &["height_min", "height_max"],
+            reason: format!(
+                "`height_max` is {} mm and must be greater than `height_min`, {} mm",
+                mm(height_max),
+                mm(height_min)
+            ),
+            help: "a face stands between these heights over the plane: raise `height_max`, or lower `height_min`",
+        })
+    }
 
     fn new(params: SegmentParams, _: &Setup<'_>) -> Result<Self, SetupError> {
         let chain = FaceParams {

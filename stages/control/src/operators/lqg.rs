@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
-use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 
 use crate::identified::Identified;
@@ -70,6 +70,10 @@ impl Operator for ControlLqg {
         outputs: OUTPUTS,
         timer: Timer::Required,
     };
+
+    fn fit(params: &LqgParams) -> Result<(), Misfit> {
+        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    }
 
     fn new(params: LqgParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let plant = params.plant.checked()?;

@@ -1,6 +1,6 @@
 //! `control.mrac`: the adaptive controller.
 
-use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::DutyReason;
 
@@ -94,6 +94,10 @@ impl Operator for ControlMrac {
         outputs: OUTPUTS,
         timer: Timer::Required,
     };
+
+    fn fit(params: &MracParams) -> Result<(), Misfit> {
+        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    }
 
     fn new(params: MracParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let plant = params.plant.checked()?;

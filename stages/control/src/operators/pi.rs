@@ -1,6 +1,6 @@
 //! `control.pi`: the baseline.
 
-use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 
 use crate::operators::params::PlantParams;
@@ -50,6 +50,10 @@ impl Operator for ControlPi {
         outputs: OUTPUTS,
         timer: Timer::Required,
     };
+
+    fn fit(params: &PiParams) -> Result<(), Misfit> {
+        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    }
 
     fn new(params: PiParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let plant = params.plant.checked()?;

@@ -1,7 +1,7 @@
 //! `control.target`: where the head is to be.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Track};
@@ -171,20 +171,12 @@ impl Operator for ControlTarget {
         timer: Timer::Required,
     };
 
+    fn fit(params: &TargetParams) -> Result<(), Misfit> {
+        goal(params).map(drop).map_err(|e| Misfit::inside(&["moves", "reach", "rig", "channels"], e))
+    }
+
     fn new(params: TargetParams, _: &Setup<'_>) -> Result<Self, SetupError> {
-        let channels = Channels::new(&params.channels).map_err(|e| SetupError(format!("`channels`: {e}")))?;
-        let reach = reach(&params.reach, &channels)?;
-        let moves = planned(&params.moves, &channels)?;
-        let absolute = params.counted_from == CountedFrom::Frame;
-        let rig = Rig::of(params.rig, params.head_mass)
-            .map_err(|e| SetupError(format!("`head_mass` is {} kg: {e}", params.head_mass)))?;
-        refuse_unmoved(&rig, &channels)?;
-        if !absolute {
-            refuse_unreachable(&moves, &reach, &channels)?;
-            refuse_unheld(&moves, &rig, &channels)?;
-        }
-        let (settle, over) = (params.settle, params.command_over);
-        Ok(Self { goal: Goal::new(GoalParams { channels, absolute, moves, reach, rig, settle, over }) })
+        Ok(Self { goal: goal(&params)? })
     }
 
     fn capacities(params: &TargetParams) -> Vec<usize> {
@@ -228,3 +220,20 @@ const ASKED: [&str; 6] =
     ["asked_x_m", "asked_y_m", "asked_z_m", "asked_pitch_rad", "asked_roll_rad", "asked_yaw_rad"];
 const TARGET: [&str; 6] =
     ["target_x_m", "target_y_m", "target_z_m", "target_pitch_rad", "target_roll_rad", "target_yaw_rad"];
+
+/// What is to be reached, of parameters that go together.
+fn goal(params: &TargetParams) -> Result<Goal, SetupError> {
+    let channels = Channels::new(&params.channels).map_err(|e| SetupError(format!("`channels`: {e}")))?;
+    let reach = reach(&params.reach, &channels)?;
+    let moves = planned(&params.moves, &channels)?;
+    let absolute = params.counted_from == CountedFrom::Frame;
+    let rig = Rig::of(params.rig, params.head_mass)
+        .map_err(|e| SetupError(format!("`head_mass` is {} kg: {e}", params.head_mass)))?;
+    refuse_unmoved(&rig, &channels)?;
+    if !absolute {
+        refuse_unreachable(&moves, &reach, &channels)?;
+        refuse_unheld(&moves, &rig, &channels)?;
+    }
+    let (settle, over) = (params.settle, params.command_over);
+    Ok(Goal::new(GoalParams { channels, absolute, moves, reach, rig, settle, over }))
+}
