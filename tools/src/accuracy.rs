@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use serde::Serialize;
-use stillpoint_recorder::Session;
+use stillpoint_recorder::{Session, Topic};
 use stillpoint_samples::{Pieces, Pose, PoseElement, Sample, Standing, Track, TrackElement};
 
 use crate::offset::mean_offset;
+use crate::report::wiring::{Stage, Wiring};
 
 /// Motion of the filtered head against the truth.
 ///
@@ -44,23 +45,32 @@ pub struct Turns {
 impl std::fmt::Display for Accuracy {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let named = ["x", "y", "z"].into_iter().zip(self.rms_mm);
-        let axes = named.filter_map(|(axis, rms)| Some(format!("{axis} {:.2}", rms?))).collect::<Vec<_>>();
+        let axes =
+            named.filter_map(|(axis, rms)| Some(format!("{axis} {}", three(rms?)))).collect::<Vec<_>>();
         write!(
             f,
-            "accuracy of {} against the rig's truth, motion only: rms {} mm, worst {:.2} mm, while the head moved up to {:.1} mm",
+            "accuracy of {} against the rig's truth, motion only: rms {} mm, worst {} mm, while the head moved up to {} mm",
             self.topic,
             axes.join(", "),
-            self.worst_mm,
-            self.moved_mm
+            three(self.worst_mm),
+            three(self.moved_mm)
         )?;
         if let Some(Turns { rms_deg: [x, y, z], worst_deg, turned_deg }) = self.turns {
+            let [x, y, z, worst, turned] = [x, y, z, worst_deg, turned_deg].map(three);
             write!(
                 f,
-                "; rms about x {x:.2}, y {y:.2}, z {z:.2} degrees, worst {worst_deg:.2}, while it turned up to {turned_deg:.1}"
+                "; rms about x {x}, y {y}, z {z} degrees, worst {worst}, while it turned up to {turned}"
             )?;
         }
         write!(f, " ({} samples)", self.samples)
     }
+}
+
+/// Three digits that count, and at most six behind the point.
+fn three(value: f64) -> String {
+    let before = if value == 0.0 { 0.0 } else { libm::log10(value.abs()).floor() };
+    let digits = (2.0 - before).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$}")
 }
 
 /// A place and a direction; NaN where they are not known.
@@ -94,30 +104,44 @@ impl Place {
     }
 }
 
-/// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not.
+/// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not. Of several tracks it
+/// is that of the last in a chain.
 pub fn of_session(session: &Session) -> Option<Accuracy> {
     let topics = session.topics();
     let truth =
         topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;
-    let track = topics.iter().find(|t| t.type_name == Track::KIND.type_name() && t.frame == truth.frame)?;
-    let (truth_name, track_name) = (truth.name.clone(), track.name.clone());
+    let is_track = |t: &&Topic| t.type_name == Track::KIND.type_name() && t.frame == truth.frame;
+    let tracks: Vec<&str> = topics.iter().filter(is_track).map(|t| t.name.as_str()).collect();
+    let last = last_of(&tracks, &Wiring::of(session));
     let mut true_at: BTreeMap<u64, Place> = BTreeMap::new();
-    let mut tracked: Vec<(u64, Place)> = Vec::new();
-    for recorded in session.samples_where(|t| t.name == truth_name || t.name == track_name) {
+    let mut tracked: BTreeMap<&str, Vec<(u64, Place)>> = BTreeMap::new();
+    for recorded in session.samples_where(|t| t.name == truth.name || last.contains(&t.name.as_str())) {
         let recorded = recorded.ok()?;
-        if topics[recorded.topic].name == truth_name {
+        let name = topics[recorded.topic].name.as_str();
+        if name == truth.name {
             let view = Pieces::split(Pose::KIND, &recorded.sample).ok()?.view::<Pose>().ok()?;
             true_at.insert(view.head.origin, Place::of_pose(view.first()?));
         } else {
             let view = Pieces::split(Track::KIND, &recorded.sample).ok()?.view::<Track>().ok()?;
             let track = view.first()?;
             if track.standing() != Standing::None {
-                tracked.push((view.head.origin, Place::of_track(track)));
+                tracked.entry(name).or_default().push((view.head.origin, Place::of_track(track)));
             }
         }
     }
-    let pairs: Vec<_> = tracked.into_iter().filter_map(|(t, p)| Some((*true_at.get(&t)?, p))).collect();
-    of_pairs(track_name, &pairs)
+    last.into_iter().find_map(|name| {
+        let places = tracked.get(name)?;
+        let pairs: Vec<_> = places.iter().filter_map(|(t, p)| Some((*true_at.get(t)?, *p))).collect();
+        of_pairs(name.to_owned(), &pairs)
+    })
+}
+
+/// Those of the tracks that no operator makes another of.
+fn last_of<'a>(tracks: &[&'a str], wiring: &Wiring) -> Vec<&'a str> {
+    let makes_another =
+        |stage: &Stage, of: &str| stage.outputs.iter().any(|o| o != of && tracks.contains(&o.as_str()));
+    let is_last = |name: &&&str| !wiring.consumers(name).any(|stage| makes_another(stage, name));
+    tracks.iter().filter(is_last).copied().collect()
 }
 
 /// Compares pairs of truth and estimate; `None` where there are none.
@@ -209,6 +233,12 @@ mod tests {
         let pairs: Vec<_> = pairs.into_iter().map(|(truth, e)| (truth, position(e))).collect();
         let found = of_pairs("it".into(), &pairs).unwrap();
         assert!(found.worst_mm > 1.0 && found.turns.is_none());
+    }
+
+    #[test]
+    fn small_errors_keep_three_digits() {
+        let told = [0.0, 0.004_321, 0.3, 12.345, 1234.5].map(three);
+        assert_eq!(told, ["0.00", "0.00432", "0.300", "12.3", "1234"]);
     }
 
     #[test]

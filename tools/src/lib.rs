@@ -35,6 +35,7 @@ mod plan;
 mod quantity;
 mod reach;
 mod recover;
+mod refused;
 mod replay;
 mod report;
 mod rig;

@@ -11,6 +11,7 @@ use stillpoint_recorder::{Completeness, Session, session_parts};
 use crate::accuracy::{self, Accuracy};
 use crate::exit::Failure;
 use crate::hold::{Held, Hold};
+use crate::refused::{self, Refused};
 
 /// Failures that are shown.
 const MOST_FAULTS: usize = 10;
@@ -26,6 +27,7 @@ pub struct Summary<'a> {
     accuracy: Option<Accuracy>,
     /// Why the session is not complete.
     gaps: Vec<String>,
+    refused: Vec<Refused>,
     too_slow: Vec<String>,
 }
 
@@ -44,11 +46,13 @@ impl<'a> Summary<'a> {
                 Some(Ok(Completeness::Gaps(gaps))) => gaps.iter().map(ToString::to_string).collect(),
                 Some(Err(e)) => vec![e.to_string()],
             },
+            refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
         }
     }
 
-    /// The report as JSON, with the session's path, how the head was held, and the accuracy.
+    /// The report as JSON, with the session's path, how the head was held, the accuracy, and the frames without a
+    /// result.
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
@@ -60,6 +64,7 @@ impl<'a> Summary<'a> {
             value["gaps"] = json!(self.gaps);
             value["held"] = json!(self.held);
             value["accuracy"] = json!(self.accuracy);
+            value["refused"] = json!(self.refused);
         }
         Ok(value)
     }
@@ -88,6 +93,12 @@ impl<'a> Summary<'a> {
         }
         if let Some(accuracy) = &self.accuracy {
             println!("\n{accuracy}");
+        }
+        if !self.refused.is_empty() {
+            println!();
+        }
+        for refused in &self.refused {
+            println!("{refused}");
         }
         if let Some(session) = self.session {
             self.print_session(session);

@@ -36,6 +36,6 @@ mod source;
 mod statistics;
 mod thinned;
 mod views;
-mod wiring;
+pub mod wiring;
 
 pub use command::Report;

@@ -227,6 +227,49 @@ fn a_model_is_fitted_to_a_session_and_comes_with_what_it_was_made_from() {
 }
 
 #[test]
+fn a_run_says_how_many_frames_had_no_face_and_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
+    let run = ["run", &file, "--clock", "simulated", "--for", "1s", "--record", "s"];
+    let sound = stillpoint(folder.path(), &run);
+    assert!(
+        sound.status.success() && !text(&sound.stdout).contains("had no face"),
+        "{}",
+        text(&sound.stdout)
+    );
+    // Nothing stands so high over the couch.
+    let high = ["--set", "face.height_min=350 mm"];
+    let none = stillpoint(folder.path(), &[&run[..], &high].concat());
+    assert!(text(&none.stdout).contains("\nface: 6 of 6 frames had no face: "), "{}", text(&none.stdout));
+    let none = stillpoint(folder.path(), &[&run[..], &high, &["--json"]].concat());
+    let said: serde_json::Value = serde_json::from_slice(&none.stdout).unwrap();
+    assert_eq!(
+        (&said["refused"][0]["operator"], &said["refused"][0]["refused"]),
+        (&"face".into(), &6.into())
+    );
+}
+
+#[test]
+fn parameters_that_do_not_go_together_are_found_before_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    for (example, set, message) in [
+        (
+            "own-recording",
+            "face.height_min=400 mm",
+            "`height_max` is 360 mm and must be greater than `height_min`, 400 mm",
+        ),
+        ("one-dof-lqg", "law.plant.bladders=[]", "`plant.bladders`"),
+    ] {
+        let file =
+            root().join(format!("examples/{example}.yaml")).canonicalize().unwrap().display().to_string();
+        let out = stillpoint(folder.path(), &["check", &file, "--set", set]);
+        let said = format!("{}{}", text(&out.stdout), text(&out.stderr));
+        assert_eq!(out.status.code(), Some(2), "{said}");
+        assert!(said.contains(message) && said.contains(&format!("--set `{set}`")), "{said}");
+    }
+}
+
+#[test]
 fn a_model_is_fitted_to_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let (mut y, mut table) = (0.0, "u,y\n".to_string());

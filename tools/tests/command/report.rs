@@ -129,7 +129,9 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
         [format!("{c}.width='160 px'"), format!("{c}.height='120 px'"), format!("{c}.focal_length='141 px'")]
     });
     let sets: Vec<&str> = sizes.iter().flatten().map(String::as_str).collect();
-    let (session, _) = run(folder.path(), "examples/one-dof-tracking.yaml", "8s", &sets);
+    let (session, said) = run(folder.path(), "examples/one-dof-tracking.yaml", "8s", &sets);
+    // Of three tracks the run states the accuracy of the one that is made of the others.
+    assert_eq!(said["accuracy"]["topic"], "fused.state");
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
     let figures = &json["sections"]["filters"]["figures"];
@@ -146,6 +148,7 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
     }
     let intervals: Vec<f64> = filters.iter().map(|f| f["interval_ms"].as_f64().unwrap().round()).collect();
     assert_eq!(intervals, [33.0, 67.0]);
+    assert!(page.contains("lag in second 1, mm"));
     let fused = &figures["fused"][0];
     assert_eq!(fused["topic"], "fused.state");
     let ratio = fused["over_centralised"].as_f64().unwrap();

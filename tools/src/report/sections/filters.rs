@@ -78,6 +78,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     )));
     if !figures.filters.is_empty() {
         section.blocks.push(Block::Table(filter_table(&figures.filters)));
+        section.blocks.push(Block::Table(lag_table(&figures.filters)));
     }
     if !figures.fused.is_empty() {
         section.blocks.push(Block::Table(fused_table(&figures.fused)));
@@ -217,26 +218,14 @@ fn centralised(recording: &Recording<'_>, fused: &Signal, channel: usize, truth:
 }
 
 fn filter_table(filters: &[Filter]) -> Table {
-    let lag = format!("lag in second 1, 2 and 6 of {RAMP_MM_PER_S:.0} mm/s, mm");
-    let columns = [
-        "filter",
-        "of",
-        "channel",
-        "raw variance",
-        "filtered",
-        "unit",
-        "reduction here",
-        "of white noise",
-        &lag,
-        "interval, ms",
-    ];
+    let columns =
+        ["filter", "of", "channel", "raw variance", "filtered", "unit", "reduction here", "of white noise"];
     let mut table = Table::new(
         "\"Reduction here\" is of the recorded errors: noise of neighbouring frames that goes together is not filtered away. \
-         \"Of white noise\" and the lag are those of the last gains that the filter used.",
+         \"Of white noise\" is that of the last gains that the filter used.",
         &columns,
     );
     for f in filters {
-        let lag = f.lag_mm.map_or_else(|| fixed(None, 0), |lag| lag.map(|l| fixed(l, 3)).join(", "));
         table.row([
             Cell::text(&f.topic),
             Cell::text(&f.measurement),
@@ -246,8 +235,28 @@ fn filter_table(filters: &[Filter]) -> Table {
             Cell::text(format!("{}²", f.unit)),
             Cell::number(percent(f.reduction)),
             Cell::number(percent(f.reduction_of_white_noise)),
-            Cell::number(lag),
+        ]);
+    }
+    table
+}
+
+fn lag_table(filters: &[Filter]) -> Table {
+    let columns = ["filter", "channel", "interval, ms", "lag in second 1, mm", "in second 2", "in second 6"];
+    let mut table = Table::new(
+        format!(
+            "Mean lag behind a ramp of {RAMP_MM_PER_S:.0} mm/s from rest, by the last gains that the filter used."
+        ),
+        &columns,
+    );
+    for f in filters {
+        let [first, second, sixth] = f.lag_mm.map_or([None; 3], |lag| lag.map(Some));
+        table.row([
+            Cell::text(&f.topic),
+            Cell::text(f.channel),
             Cell::number(fixed(f.interval_ms, 2)),
+            Cell::number(fixed(first, 3)),
+            Cell::number(fixed(second, 3)),
+            Cell::number(fixed(sixth, 3)),
         ]);
     }
     table
