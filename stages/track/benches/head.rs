@@ -1,4 +1,4 @@
-//! Time of a pose: the rig's head at 640x480 with the noise of a structured-light camera, its face cut out by label.
+//! Time of a pose, and of the lesser ways to one (centroid, summit, forehead, three points): the rig's head at 640x480 with the noise of a structured-light camera, its face cut out by label.
 //!
 //! `cargo bench -p stillpoint-track`
 
@@ -15,7 +15,9 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::trajectory::{Motion, Trajectory, rest_on_pad};
-use stillpoint_track::HeadTracker;
+use stillpoint_track::forehead::{FaceArea, ForeheadFinder, HeadTop};
+use stillpoint_track::summit::SummitFinder;
+use stillpoint_track::{HeadTracker, centroid};
 
 const FRAMES: u64 = 20;
 
@@ -73,6 +75,24 @@ fn head(criterion: &mut Criterion) {
     });
     group.bench_function("three points", |b| b.iter(|| followed.three_points(black_box(&faces[5]))));
     group.finish();
+    let face: Vec<[f32; 3]> = faces[5].iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+    lesser(criterion, &face);
+}
+
+/// The ways to a position, on a face; the forehead on a grid that the face fills.
+fn lesser(criterion: &mut Criterion, face: &[[f32; 3]]) {
+    criterion.bench_function("track.centroid", |b| b.iter(|| centroid(black_box(face).iter().copied())));
+    // The camera looks along z: what is nearest to it is highest.
+    let towards: Vec<[f32; 3]> = face.iter().map(|[x, y, z]| [*x, *y, -z]).collect();
+    let mut summit = SummitFinder::default();
+    criterion.bench_function("track.summit", |b| b.iter(|| summit.find(black_box(&towards), 0.01, 0.008)));
+    let width = face.len().isqrt();
+    let side = width as f64;
+    let area = FaceArea { left: 0.0, top: 0.0, width: side, height: side };
+    let mut forehead = ForeheadFinder::default();
+    criterion.bench_function("track.forehead", |b| {
+        b.iter(|| forehead.find(black_box(&face[..width * width]), width, &area, HeadTop::Up));
+    });
 }
 
 criterion_group!(benches, head);

@@ -12,6 +12,7 @@ mod rendered;
 mod scene;
 mod shapes;
 mod simulated;
+mod steady;
 mod summit;
 mod tracking;
 mod vectors;
