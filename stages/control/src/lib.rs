@@ -2,6 +2,7 @@
 //!
 //! - [`riccati`], [`lyapunov`]: the matrix equations behind the gains
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
+//! - [`squeeze`]: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
@@ -33,6 +34,7 @@ pub mod projection;
 pub mod reference;
 pub mod riccati;
 pub mod rig;
+pub mod squeeze;
 pub mod tensor_file;
 pub mod valves;
 

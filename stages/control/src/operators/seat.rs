@@ -4,16 +4,19 @@
 use stillpoint_pipeline::operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
 use stillpoint_pipeline::{Activation, Outputs, Setup};
 use stillpoint_samples::{
-    Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing, Target, TargetStatus, Track,
+    Actuation, ActuationState, Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing,
+    Target, TargetStatus, Track,
 };
 
 use crate::channels::{Channel, difference};
 use crate::operators::freshness::Freshness;
 use crate::operators::params::CheckedPlant;
+use crate::squeeze::Squeeze;
 use crate::valves::split;
 
 const STATE: usize = 0;
 const TARGET: usize = 1;
+const ACTUATION: usize = 2;
 const DUTIES: usize = 0;
 const DIAGNOSTICS: usize = 1;
 
@@ -32,6 +35,13 @@ pub const INPUTS: &[Input] = &[
         policy: Policy::Latest,
         required: true,
         about: "Where it is to be, in the frame of the state.",
+    },
+    Input {
+        name: "actuation",
+        sample: Actuation::KIND,
+        policy: Policy::Latest,
+        required: false,
+        about: "Pressures of the bladders, `valves.state`: needed where there are more bladders than channels.",
     },
 ];
 
@@ -71,6 +81,9 @@ pub enum Look {
 /// Between samples and a law.
 pub struct Seat {
     plant: CheckedPlant,
+    squeeze: Squeeze,
+    /// Of the samples that duties are made from; the pressures, which are made from duties, do not count.
+    origin: Option<u64>,
     every: u64,
     stale: u64,
     freshness: Freshness,
@@ -90,7 +103,7 @@ impl Seat {
     /// A controller's seat, with these names of numbers behind those that every controller sends.
     ///
     /// # Errors
-    /// There is no timer, or its period is not below `stale`.
+    /// There is no timer, its period is not below `stale`, or nobody says the pressures that have to be held.
     pub fn new(
         plant: CheckedPlant,
         stale: u64,
@@ -106,10 +119,20 @@ impl Seat {
                 every as f64 * 1e-6
             )));
         }
+        let squeeze = Squeeze::new(&plant.effect);
+        if squeeze.is_free() && !setup.is_connected(ACTUATION) {
+            let (bladders, channels) = (plant.effect.bladders(), plant.effect.channels());
+            return Err(SetupError(format!(
+                "{bladders} bladders hold {channels} channels, and with them how hard they squeeze the head, which no pose \
+                 tells: connect `actuation: {{ from: valves.state, delay: 10 ms }}`"
+            )));
+        }
         let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
         metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
         Ok(Self {
             plant,
+            squeeze,
+            origin: None,
             every,
             stale,
             freshness: Freshness::default(),
@@ -134,12 +157,26 @@ impl Seat {
 
     /// Looks at the samples of an activation.
     pub fn look(&mut self, activation: &Activation<'_>) -> Look {
+        self.feel(activation);
         let look = self.read(activation);
         match look {
             Look::Idle(_) => self.acted_at = None,
             Look::Ready { .. } => self.acted_at = Some(activation.nominal),
         }
         look
+    }
+
+    /// Takes the pressures, of valves that follow.
+    fn feel(&mut self, activation: &Activation<'_>) {
+        self.squeeze.rest();
+        self.origin = None;
+        let Some(actuation) = activation.input::<Actuation>(ACTUATION) else { return };
+        let state = activation.input::<Track>(STATE).map(|s| s.head.origin);
+        let target = activation.input::<Target>(TARGET).map(|t| t.head.origin);
+        self.origin = Some(state.into_iter().chain(target).min().unwrap_or(activation.time));
+        if let Some(element) = actuation.first().filter(|a| a.state() == ActuationState::Armed) {
+            self.squeeze.see(&element.pressure);
+        }
     }
 
     fn read(&mut self, activation: &Activation<'_>) -> Look {
@@ -216,7 +253,7 @@ impl Seat {
         self.send(outputs, &DutiesElement::shut(valves, reasons))
     }
 
-    /// Sends net duties of the bladders, each within -1 to 1. Returns false, and has all valves shut, where one of them
+    /// Sends net duties of the bladders, each within -1 to 1, with what holds the squeeze. Returns false, and has all valves shut, where one of them
     /// is no number: the law is lost then.
     pub fn act(&mut self, outputs: &mut Outputs<'_>, net: &[f64], reasons: u32) -> Result<bool, StepError> {
         if net.iter().any(|v| !v.is_finite()) {
@@ -225,8 +262,10 @@ impl Seat {
             return Ok(false);
         }
         let mut duties = DutiesElement { valves: 2 * net.len() as u32, reasons, ..DutiesElement::default() };
-        duties.net[..net.len()].copy_from_slice(net);
-        duties.saturated = split(net, &mut duties.duty);
+        let held = &mut duties.net[..net.len()];
+        held.copy_from_slice(net);
+        self.squeeze.correct(held);
+        duties.saturated = split(held, &mut duties.duty);
         if duties.saturated != 0 {
             duties.reasons |= DutyReason::Saturated.bit();
         }
@@ -237,6 +276,9 @@ impl Seat {
     fn send(&mut self, outputs: &mut Outputs<'_>, duties: &DutiesElement) -> Result<(), StepError> {
         self.metrics[0].value = self.age;
         self.metrics[1].value = f64::from(duties.idle);
+        if let Some(origin) = self.origin {
+            outputs.acquired_at(origin);
+        }
         outputs.send::<Duties>(DUTIES, duties)?;
         outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
     }

@@ -12,8 +12,8 @@ use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
 use stillpoint_pipeline::setup::Setup;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
-    AlignedBytes, Cause, Head, Pieces, Sample, SampleKind, Standing, Target, TargetElement, TargetStatus,
-    Track, TrackElement,
+    Actuation, ActuationElement, ActuationState, AlignedBytes, Cause, Head, Pieces, Sample, SampleKind,
+    Standing, Target, TargetElement, TargetStatus, Track, TrackElement,
 };
 use zerocopy::IntoBytes;
 
@@ -30,6 +30,7 @@ operators:
   lqg: { use: control.lqg, every: 10 ms, inputs: { state: feed.out, target: target.reference } }
   mrac: { use: control.mrac, every: 10 ms, inputs: { state: feed.out, target: target.reference } }
   learned: { use: control.mrac, every: 10 ms, inputs: { state: feed.out, target: target.reference }, params: { features: lstm, model: net } }
+  squeezing: { use: control.pi, every: 10 ms, inputs: { state: feed.out, target: target.reference }, params: { plant: { channels: [z, roll] } } }
 ";
 
 /// Lends what was made before, as shared memory does.
@@ -50,7 +51,7 @@ fn allocations<T: Operator>(graph: &Graph, files: &KeptFiles, name: &str, steps:
     let setup = Setup {
         operator: name,
         every: Some(10_000_000),
-        connected: &[true, true, false],
+        connected: &[true, true, name == "squeezing"],
         input_frames: &[],
         output_frames: &[],
         frames: &frames,
@@ -91,10 +92,19 @@ fn allocations<T: Operator>(graph: &Graph, files: &KeptFiles, name: &str, steps:
         let target = sample::<Target>(&target, time);
         let consumed =
             |pieces| Brought { sample: Some(Consumed { pieces, held: false }), ..Brought::default() };
+        let pressures = ActuationElement {
+            pressure: [7e3 + 1e3 * wave; 8],
+            state: ActuationState::Armed as u32,
+            ..ActuationElement::default()
+        };
+        let pressures = sample::<Actuation>(&pressures, time);
         let mut inputs = [Brought::default(); 3];
         inputs[0] = consumed(Pieces::split(Track::KIND, &state).unwrap());
         if T::KIND.inputs[1].sample.name == "Target" {
             inputs[1] = consumed(Pieces::split(Target::KIND, &target).unwrap());
+        }
+        if name == "squeezing" {
+            inputs[2] = consumed(Pieces::split(Actuation::KIND, &pressures).unwrap());
         }
         let activation = Activation {
             index: k,
@@ -132,6 +142,7 @@ fn steps_of_targets_and_controllers_allocate_nothing() {
     let graph = check(TEXT, "quiet.yaml", &[], &registry, &files).unwrap();
     assert_eq!(allocations::<ControlTarget>(&graph, &files, "target", 300), 0);
     assert_eq!(allocations::<ControlPi>(&graph, &files, "pi", 300), 0);
+    assert_eq!(allocations::<ControlPi>(&graph, &files, "squeezing", 300), 0);
     assert_eq!(allocations::<ControlLqg>(&graph, &files, "lqg", 300), 0);
     assert_eq!(allocations::<ControlMrac>(&graph, &files, "mrac", 300), 0);
     assert_eq!(allocations::<ControlMrac>(&graph, &files, "learned", 300), 0);

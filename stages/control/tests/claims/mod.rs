@@ -10,6 +10,7 @@
 //! - `random`: normal random numbers
 //! - `plants`: heads on bladders that answer to duties
 //! - `goals`: `control.target` on a bench
+//! - `squeeze`: bladders that are more than the channels they hold
 //! - `loops`: target, controller and head in a loop
 
 mod adaptive;
@@ -24,4 +25,5 @@ mod plants;
 mod printed_gains;
 mod random;
 mod rig_loop;
+mod squeeze;
 mod vectors;
