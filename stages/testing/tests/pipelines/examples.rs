@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{PointCloud, Pose, Standing, Track, View};
 use stillpoint_testing::{Run, run};
 
@@ -29,6 +30,32 @@ fn every_example_checks_and_runs() {
         }
     }
     assert!(seen >= 2);
+}
+
+/// Else a target that its bladders cannot hold is accepted.
+#[test]
+fn every_target_of_a_head_on_bladders_names_the_rig() {
+    let mut targets = 0;
+    for entry in std::fs::read_dir(from_root("examples")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_none_or(|e| e != "yaml") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).unwrap();
+        let graph = check(&text, "test.yaml", &[], &registry(), &DiskFiles::beside(&path)).unwrap();
+        let rigs: Vec<&str> = graph
+            .operators
+            .iter()
+            .filter_map(|o| o.stage.kind.name.strip_prefix("rig."))
+            .filter(|rig| rig.contains("bladder"))
+            .collect();
+        for target in graph.operators.iter().filter(|o| o.stage.kind.name == "control.target") {
+            let named = target.params.resolved["rig"].as_str().unwrap();
+            assert!(rigs.is_empty() || rigs.contains(&named), "{}: {}", path.display(), target.name);
+            targets += 1;
+        }
+    }
+    assert!(targets >= 6, "{targets}");
 }
 
 #[test]
