@@ -1,4 +1,4 @@
-//! How a head is held: its estimate against the target, the gate of the beam, the valves. Out of the samples of a run that
+//! How a head is held: its estimate against the target, the gate of the beam, the valves, and their far end. Out of the samples of a run that
 //! goes on, or of a session; no name and no kind of operator has to be known for that.
 
 use std::collections::VecDeque;
@@ -9,9 +9,12 @@ use stillpoint_actuate::aim::{Aim, Tolerances};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_recorder::{Session, TopicKind};
 use stillpoint_samples::{
-    Actuation, ActuationElement, ActuationReason, Gate, GateElement, GateReason, Pieces, Sample, SampleKind,
-    Target, TargetElement, Track,
+    Actuation, ActuationElement, ActuationReason, Diagnostics, FarEnd as FarEndSample, Gate, GateElement,
+    GateReason, Pieces, Sample, SampleKind, Target, TargetElement, Track,
 };
+
+use crate::far_end::{FarEnd, FarEnds};
+use crate::target_refusals::{CHANNELS, Refusals};
 
 /// How much of the end of a run its errors are told of, ns.
 const LAST: u64 = 5_000_000_000;
@@ -29,6 +32,7 @@ pub struct Hold {
     aims: Vec<Aimed>,
     gates: Vec<(String, Option<GateElement>)>,
     valves: Vec<(String, Option<ActuationElement>)>,
+    far_ends: Vec<FarEnds>,
 }
 
 /// A target and the estimate that stands against it: the one that its operator counts from.
@@ -36,6 +40,7 @@ struct Aimed {
     target: String,
     estimate: String,
     newest: Option<TargetElement>,
+    refusals: Refusals,
     /// Times, ns, and estimate less target, m and rad, in the end of what was taken.
     errors: VecDeque<(u64, [f64; 6])>,
 }
@@ -55,12 +60,25 @@ impl Hold {
             let ports = node.inputs.iter().zip(node.stage.kind.inputs);
             let from = ports.filter(|(_, port)| *port.sample == *Track::KIND).find_map(|(i, _)| i.edge)?;
             let estimate = graph.operators[from.operator].outputs[from.output].topic.clone();
-            Some(Aimed { target, estimate, newest: None, errors: VecDeque::new() })
+            Some(Aimed {
+                target,
+                estimate,
+                newest: None,
+                refusals: Refusals::default(),
+                errors: VecDeque::new(),
+            })
         });
         Self {
             aims: aims.collect(),
             gates: sent(Gate::KIND).map(|(_, topic)| (topic, None)).collect(),
             valves: sent(Actuation::KIND).map(|(_, topic)| (topic, None)).collect(),
+            far_ends: sent(FarEndSample::KIND)
+                .map(|(node, topic)| {
+                    let mut ports = node.outputs.iter().zip(node.stage.kind.outputs);
+                    let reasons = ports.find(|(_, port)| *port.sample == *Diagnostics::KIND);
+                    FarEnds::new(&topic, reasons.map(|(o, _)| o.topic.clone()))
+                })
+                .collect(),
         }
     }
 
@@ -84,7 +102,10 @@ impl Hold {
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
         let gates = self.gates.iter().map(|(topic, _)| topic.as_str());
-        aims.chain(gates).chain(self.valves.iter().map(|(topic, _)| topic.as_str()))
+        let far_ends = self.far_ends.iter();
+        let far_ends = far_ends.flat_map(|f| [Some(f.topic.as_str()), f.diagnostics.as_deref()]).flatten();
+        let valves = self.valves.iter().map(|(topic, _)| topic.as_str());
+        aims.chain(gates).chain(valves).chain(far_ends)
     }
 
     /// Takes a sample. Targets before estimates of the same time.
@@ -94,6 +115,7 @@ impl Hold {
                 && let Some(target) = pieces.view::<Target>().ok().as_ref().and_then(|v| v.first())
             {
                 aim.newest = Some(*target);
+                aim.refusals.take(pieces.head().stamp, target);
             }
             if aim.estimate == topic
                 && let Some(target) = &aim.newest
@@ -115,6 +137,18 @@ impl Hold {
         if let (Some((_, newest)), Ok(view)) = (valves, pieces.view::<Actuation>()) {
             *newest = view.first().copied();
         }
+        for far in &mut self.far_ends {
+            if far.topic == topic
+                && let Ok(view) = pieces.view::<FarEndSample>()
+                && let Some(state) = view.first()
+            {
+                far.take(view.head.stamp, state);
+            } else if far.diagnostics.as_deref() == Some(topic)
+                && let Ok(view) = pieces.view::<Diagnostics>()
+            {
+                far.take_reasons(view.elements);
+            }
+        }
     }
 
     /// How it is held.
@@ -123,9 +157,10 @@ impl Hold {
         let told =
             |(topic, newest): &(String, Option<ActuationElement>)| newest.map(|a| Valves::of(topic, &a));
         Held {
-            targets: self.aims.iter().map(Against::of).filter(|a| !a.channels.is_empty()).collect(),
+            targets: self.aims.iter().map(Against::of).filter(Against::has_news).collect(),
             gates: self.gates.iter().filter_map(known).collect(),
             valves: self.valves.iter().filter_map(told).collect(),
+            far_ends: self.far_ends.iter().filter_map(FarEnds::told).collect(),
         }
     }
 }
@@ -139,6 +174,8 @@ pub struct Held {
     pub gates: Vec<Beam>,
     /// Valves.
     pub valves: Vec<Valves>,
+    /// Far ends of valves and beam.
+    pub far_ends: Vec<FarEnd>,
 }
 
 /// An estimate against its target.
@@ -150,6 +187,8 @@ pub struct Against {
     pub estimate: String,
     /// The channels that the target holds.
     pub channels: Vec<Off>,
+    /// What was asked for and refused.
+    pub refusals: Refusals,
 }
 
 /// Estimate less target in one channel.
@@ -211,7 +250,7 @@ impl Against {
             let known: Vec<f64> = all.filter(|e| e.is_finite()).collect();
             let squares: f64 = known.iter().map(|e| e * e).sum();
             Some(Off {
-                channel: ["x", "y", "z", "pitch", "roll", "yaw"][place],
+                channel: CHANNELS[place],
                 unit,
                 now: *known.last()?,
                 rms: (squares / known.len() as f64).sqrt(),
@@ -219,7 +258,18 @@ impl Against {
             })
         };
         let channels = (0..6).filter_map(channel).collect();
-        Self { target: aim.target.clone(), estimate: aim.estimate.clone(), channels }
+        let [target, estimate] = [&aim.target, &aim.estimate].map(String::clone);
+        Self { target, estimate, channels, refusals: aim.refusals.clone() }
+    }
+
+    fn has_news(&self) -> bool {
+        !self.channels.is_empty() || self.refusals.refused > 0
+    }
+
+    /// Whether what was asked for last was refused, and why.
+    fn refused(&self) -> Option<String> {
+        let why = self.refusals.why.as_ref().filter(|_| self.refusals.stands_refused)?;
+        Some(format!("target refused: {why}"))
     }
 }
 
@@ -269,20 +319,28 @@ impl Held {
         let off = |o: &Off| format!("{} {:+.2} {}", o.channel, o.now, o.unit);
         let targets = self.targets.iter().flat_map(|a| &a.channels).map(off);
         let gates = self.gates.iter().map(|g| format!("beam {}", g.word()));
-        targets.chain(gates).chain(self.valves.iter().map(|v| format!("valves {}", v.word()))).collect()
+        let valves = self.valves.iter().map(|v| format!("valves {}", v.word()));
+        let refused = self.targets.iter().filter_map(Against::refused);
+        let far_ends = self.far_ends.iter().filter_map(FarEnd::now);
+        targets.chain(refused).chain(gates).chain(valves).chain(far_ends).collect()
     }
 }
 
 /// How it was held at the end of a run, a line for each thing.
 impl Display for Held {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
-        for Against { target, estimate, channels } in &self.targets {
+        for Against { target, estimate, channels, refusals } in &self.targets {
             let off = |o: &Off| {
                 let Off { channel, unit, now, rms, worst } = o;
                 format!("{channel} {now:+.2} {unit} (rms {rms:.2}, worst {worst:.2})")
             };
             let channels = channels.iter().map(off).collect::<Vec<_>>().join(", ");
-            writeln!(f, "{estimate} off {target} at the end (and in the last 5 s): {channels}")?;
+            if !channels.is_empty() {
+                writeln!(f, "{estimate} off {target} at the end (and in the last 5 s): {channels}")?;
+            }
+            if let Some(said) = refusals.said() {
+                writeln!(f, "{target}: {said}")?;
+            }
         }
         for gate in &self.gates {
             let Beam { topic, duty, watched_s, leases, .. } = gate;
@@ -296,6 +354,6 @@ impl Display for Held {
             let refused = because(&format!("refused commands {refused}"), lacking);
             writeln!(f, "{topic}: {}; {faults}; {refused}", valves.word())?;
         }
-        Ok(())
+        self.far_ends.iter().try_for_each(|far| writeln!(f, "{far}"))
     }
 }

@@ -24,6 +24,7 @@ mod chart;
 mod check;
 mod echo;
 mod exit;
+mod far_end;
 mod hold;
 mod identify;
 mod info;
@@ -47,6 +48,7 @@ mod show;
 mod simulate;
 mod status_line;
 mod summary;
+mod target_refusals;
 #[cfg(feature = "train")]
 mod train;
 #[cfg(not(feature = "train"))]

@@ -4,6 +4,7 @@
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
 //! - [`squeeze`]: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
+//! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
 //! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
@@ -32,6 +33,7 @@ pub mod pi;
 pub mod predictor;
 pub mod projection;
 pub mod reference;
+pub mod response;
 pub mod riccati;
 pub mod rig;
 pub mod squeeze;

@@ -18,6 +18,7 @@ use stillpoint_samples::{
 };
 use stillpoint_track::angles::PoseNumbers;
 
+use super::laws::NETWORK;
 use crate::exit::Failure;
 use crate::pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 
@@ -112,7 +113,8 @@ impl Course {
             text = text.replace(from, to);
         }
         let mut files = KeptFiles::default();
-        files.files.extend(EMBEDDED_FILES.iter().map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
+        let named = EMBEDDED_FILES.iter().chain([&NETWORK]);
+        files.files.extend(named.map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
         let graph = check(&text, "bench.yaml", &plan.sets, registry, &files).map_err(Failure::wrong)?;
         let graph = Arc::new(graph);
         let mut watch = Watch::new(graph.clone());

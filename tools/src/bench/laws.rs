@@ -16,18 +16,26 @@ pub enum Law {
     Lqg,
     /// Model-reference adaptive.
     Mrac,
+    /// The same over the features of the network that comes with the project.
+    MracLstm,
 }
+
+/// The network that comes with the project, by a name from the pipeline's file.
+pub const NETWORK: (&str, &[u8]) = (
+    "stages/control/data/controller-3dof.safetensors",
+    include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
+);
 
 impl Law {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Pi, Self::Lqg, Self::Mrac];
+    pub const ALL: [Self; 4] = [Self::Pi, Self::Lqg, Self::Mrac, Self::MracLstm];
 
     /// Its kind of operator.
     pub fn kind(self) -> &'static str {
         match self {
             Self::Pi => "control.pi",
             Self::Lqg => "control.lqg",
-            Self::Mrac => "control.mrac",
+            Self::Mrac | Self::MracLstm => "control.mrac",
         }
     }
 }
@@ -51,8 +59,11 @@ pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
         Some((line.to_owned(), format!("{} }}", without_gains.replace(now.kind(), law.kind()))))
     });
     let whole = Plan::from_camera_to_valve();
-    let sets = [format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
-    Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets.to_vec()].concat(), ..whole }
+    let mut sets = vec![format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
+    if law == Some(Law::MracLstm) {
+        sets.extend([format!("{name}.features=lstm"), format!("{name}.model={}", NETWORK.0)]);
+    }
+    Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
 }
 
 /// A quarter of the camera's pixels.

@@ -2,6 +2,7 @@
 
 use clap::Args;
 use serde::Serialize;
+use stillpoint_control::response::{Step as StepOf, response};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::quantity;
 
@@ -9,7 +10,6 @@ use super::course::{Course, STEP, from_model, worst};
 use super::crew;
 use super::laws::{self, Law};
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::report::response::{Step as StepOf, response};
 
 /// How far off the head may be once it is there: mm, degrees, degrees.
 pub const WITHIN: [f64; 3] = [0.5, 0.2, 0.2];
@@ -212,11 +212,11 @@ fn print(rows: &[Row]) {
 mod tests {
     use super::*;
 
-    /// A tenth of the bench: two seeds, until a little after the head should be there.
-    fn tenth(law: Option<Law>, rise: &str, seconds: f64) -> Row {
+    /// A part of the bench: a few seeds, until a little after the head should be there.
+    fn tenth(law: Option<Law>, rise: &str, seconds: f64, seeds: u64) -> Row {
         let registry = crate::bench::registry(&[]);
         let step = Step {
-            seeds: 2,
+            seeds,
             seconds,
             rises: vec![rise.to_owned()],
             law,
@@ -227,27 +227,38 @@ mod tests {
         };
         let rise_s = super::seconds(rise).unwrap();
         let outcomes: Vec<Outcome> =
-            crew::each(&[1, 2], 2, |seed| step.run(rise, rise_s, *seed, &registry)).unwrap();
+            crew::each(&(1..=seeds).collect::<Vec<_>>(), 2, |seed| step.run(rise, rise_s, *seed, &registry))
+                .unwrap();
         row(rise, &outcomes)
     }
 
     #[test]
     fn the_sources_step_rises_as_the_reference_model_says_and_stays_where_it_should() {
-        let row = tenth(None, "20 s", 46.0);
+        let row = tenth(None, "20 s", 46.0, 2);
         assert_eq!((row.rose, row.held), (2, 2), "{:?}", row.outcomes);
         assert!(row.outcomes[0].worst != row.outcomes[1].worst, "seeds differ");
     }
 
     #[test]
     fn with_a_faster_reference_model_it_settles_in_five_seconds() {
-        let row = tenth(None, "3 s", 12.0);
+        let row = tenth(None, "3 s", 12.0, 2);
         assert_eq!(row.rose, 2, "{:?}", row.outcomes);
     }
 
     #[test]
     fn the_adaptive_law_does_so_too_in_the_place_of_the_pipelines() {
-        let row = tenth(Some(Law::Mrac), "20 s", 46.0);
+        let row = tenth(Some(Law::Mrac), "20 s", 46.0, 2);
         assert_eq!((row.rose, row.held), (2, 2), "{:?}", row.outcomes);
+    }
+
+    #[test]
+    fn the_adaptive_law_over_the_network_does_so_too() {
+        let row = tenth(Some(Law::MracLstm), "20 s", 46.0, 1);
+        assert_eq!((row.rose, row.held), (1, 1), "{:?}", row.outcomes);
+        // It is another law than that over the pose.
+        let plain = tenth(Some(Law::Mrac), "20 s", 6.0, 1);
+        let network = tenth(Some(Law::MracLstm), "20 s", 6.0, 1);
+        assert!(plain.outcomes[0].from_model != network.outcomes[0].from_model);
     }
 
     #[test]

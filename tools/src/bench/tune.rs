@@ -13,6 +13,8 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// Seeds of the held-out runs begin here.
 const FIRST_HELD_OUT: u64 = 1000;
+/// The laws that are searched where none is named.
+const SEARCHED: [Law; 3] = [Law::Pi, Law::Lqg, Law::Mrac];
 
 /// Tune PI, LQI and MRAC with the same search and the same number of runs, and compare them on seeds, masses and faults
 /// that the search has not seen. A place costs what the worst of its runs does: the root mean square of the truth less the
@@ -74,7 +76,7 @@ fn dials(law: Law) -> &'static [Dial] {
     match law {
         Law::Pi => PI,
         Law::Lqg => LQG,
-        Law::Mrac => MRAC,
+        Law::Mrac | Law::MracLstm => MRAC,
     }
 }
 
@@ -131,7 +133,7 @@ impl HeldOut {
 impl Tune {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let laws = self.law.map_or_else(|| Law::ALL.to_vec(), |law| vec![law]);
+        let laws = self.law.map_or_else(|| SEARCHED.to_vec(), |law| vec![law]);
         let rows = laws.iter().map(|law| self.tuned(*law, registry)).collect::<Result<Vec<_>, _>>()?;
         if self.json {
             print_json(&rows)?

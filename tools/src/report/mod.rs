@@ -7,7 +7,6 @@
 //! - `recording`, `rows`, `wiring`, `thinned`: what is read of a session; small samples over time; who feeds whom; long
 //!   rows in bounded memory
 //! - `motion`, `statistics`: estimates against the truth; plain numbers
-//! - `response`: answers to steps of a target
 //! - `ramp`: what the gains of a filter do to noise and to a ramp
 //! - `views`, `again`, `overlay`: images with what was found in them; what had to be made again; the same as pictures
 //! - `sections`: one file for each section
@@ -29,7 +28,6 @@ mod picture;
 mod ramp;
 mod ranking;
 mod recording;
-pub mod response;
 mod rows;
 mod sections;
 mod source;

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic};
 use stillpoint_samples::{
-    Actuation, ActuationReason, BytesError, Diagnostics, Duties, DutiesElement, Gate, Health, Pieces, Pose,
-    PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
+    Actuation, ActuationReason, BytesError, Diagnostics, Duties, DutiesElement, FarEnd, Gate, Health, Pieces,
+    Pose, PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
 };
 
 pub use super::rows::{
@@ -15,6 +15,7 @@ pub use super::rows::{
 };
 use super::thinned::Thinned;
 use super::wiring::Wiring;
+use crate::far_end::{FarEnds, doing};
 
 /// Samples that could not be read and are shown; more are counted.
 const UNREADABLE_SHOWN: usize = 10;
@@ -43,6 +44,8 @@ pub struct Recording<'s> {
     pub duties: Vec<Orders>,
     /// What gates of the beam said.
     pub gates: Vec<Gates>,
+    /// Far ends of valves and beam.
+    pub far_ends: Vec<FarEnds>,
     /// Pressures, as a rig has them or as actuation estimates them.
     pub pressures: Vec<Pressures>,
     /// States of actuation and of rigs, where they changed.
@@ -68,6 +71,7 @@ impl<'s> Recording<'s> {
             targets: Vec::new(),
             duties: Vec::new(),
             gates: Vec::new(),
+            far_ends: Vec::new(),
             pressures: Vec::new(),
             states: Vec::new(),
             refusals: Thinned::default(),
@@ -135,6 +139,15 @@ impl<'s> Recording<'s> {
             self.gates.push(Gates { topic: topic.name.clone(), ..Gates::default() });
             return Some(self.gates.len() - 1);
         }
+        if is_any_of(topic, &[FarEnd::KIND]) {
+            let stage = self.wiring.producer(&topic.name).map(|(stage, _)| stage);
+            let is_reasons = |t: &&Topic| {
+                stage.is_some_and(|s| s.outputs.contains(&t.name)) && is_any_of(t, &[Diagnostics::KIND])
+            };
+            let reasons = self.session.topics().iter().find(is_reasons).map(|t| t.name.clone());
+            self.far_ends.push(FarEnds::new(&topic.name, reasons));
+            return Some(self.far_ends.len() - 1);
+        }
         if is_any_of(topic, &[Actuation::KIND, RigState::KIND]) {
             self.pressures.push(Pressures { topic: topic.name.clone(), ..Pressures::default() });
             return Some(self.pressures.len() - 1);
@@ -169,7 +182,17 @@ impl<'s> Recording<'s> {
                 signal.states.push(State::of_track(head.origin, track));
                 signal.tracking = Some(Tracking::of(track, signal.tracking.as_ref()));
             }
+        } else if *kind == *FarEnd::KIND {
+            let far = place.and_then(|p| self.far_ends.get_mut(p));
+            if let (Some(far), Some(state)) = (far, pieces.view::<FarEnd>()?.first()) {
+                far.take(head.stamp, state);
+                note(&mut self.states, &topic.name, "", doing(state), head.stamp);
+            }
         } else if *kind == *Diagnostics::KIND {
+            let of = |far: &&mut FarEnds| far.diagnostics.as_deref() == Some(&topic.name);
+            if let Some(far) = self.far_ends.iter_mut().find(of) {
+                far.take_reasons(pieces.view::<Diagnostics>()?.elements);
+            }
             if let Some(metrics) = place.and_then(|p| self.metrics.get_mut(p)) {
                 for metric in pieces.view::<Diagnostics>()?.elements {
                     metrics.push(metric.name(), head.stamp, metric.value);
@@ -189,6 +212,7 @@ impl<'s> Recording<'s> {
             if let (Some(aims), Some(target)) = (aims, pieces.view::<Target>()?.first()) {
                 let ([x, y, z], [pitch, roll, yaw]) = (target.position, target.angles);
                 aims.values.push((head.stamp, [x, y, z, pitch, roll, yaw]));
+                aims.refusals.take(head.stamp, target);
             }
         } else if *kind == *Duties::KIND {
             let orders = place.and_then(|p| self.duties.get_mut(p));
@@ -291,6 +315,7 @@ const READ: &[&SampleKind] = &[
     PoseReport::KIND,
     Target::KIND,
     Duties::KIND,
+    FarEnd::KIND,
     Gate::KIND,
     Actuation::KIND,
     RigState::KIND,

@@ -8,6 +8,7 @@ use stillpoint_samples::{
 use stillpoint_track::PoseNumbers;
 
 use super::thinned::Thinned;
+use crate::target_refusals::Refusals;
 
 /// What a pose is to the estimate of a head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -139,6 +140,8 @@ pub struct Aims {
     pub frame: Option<String>,
     /// (stamp in ns; x, y, z in m, pitch, roll, yaw in rad, NaN where not controlled).
     pub values: Thinned<(u64, [f64; 6])>,
+    /// Those that were refused.
+    pub refusals: Refusals,
 }
 
 /// Duties of valves over time.

@@ -76,3 +76,49 @@ fn closed_loops_replay_bit_for_bit_what_they_did_live() {
         assert!(replay["activations"].as_u64().unwrap() > 100, "{}", file.display());
     }
 }
+
+#[test]
+fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
+    let folder = tempfile::tempdir().unwrap();
+    // The far end has another key than the valves, and half a metre is more than any bladder lifts.
+    std::fs::write(folder.path().join("own.key"), "0123456789abcdef0123456789abcdef".repeat(2)).unwrap();
+    std::fs::create_dir_all(folder.path().join("examples/data")).unwrap();
+    std::fs::copy(root().join("examples/data/rig.key"), folder.path().join("examples/data/rig.key")).unwrap();
+    let file = folder.path().join("pipeline.yaml");
+    let script = "{ at: 2 s, say: arm }, { at: 2.2 s, say: target, values: [0.5, 0, 0] }]";
+    let whole = std::fs::read_to_string(root().join("pipeline.yaml")).unwrap();
+    std::fs::write(&file, whole.replacen("{ at: 2 s, say: arm }]", script, 1)).unwrap();
+    let small =
+        ["width='320 px'", "height='240 px'", "focal_length='283 px'"].map(|s| format!("rig.camera.{s}"));
+    let mut sets = vec!["--clock", "simulated", "--for", "2400 ms", "--set", "valves.key=own.key"];
+    sets.extend(small.iter().flat_map(|s| ["--set", s.as_str()]));
+    let (json, session) = run(folder.path(), &file, &sets);
+
+    let far = &json["held"]["far_ends"][0];
+    assert_eq!((&far["doing"], &far["accepted"], &far["on_s"]), (&"venting".into(), &0.into(), &0.0.into()));
+    let refused = far["refused"].as_u64().unwrap();
+    assert!(refused > 100 && far["reasons"][0]["reason"] == "forged", "{far}");
+    let target = &json["held"]["targets"][0]["refusals"];
+    assert_eq!((&target["asked"], &target["refused"]), (&1.into(), &1.into()), "{target}");
+    assert_eq!(target["why"], "it cannot be reached (z)");
+
+    let said = stillpoint(folder.path(), &["report", &session.display().to_string(), "--json"]);
+    let report: Value = serde_json::from_slice(&said.stdout).unwrap();
+    let figures = |section: &str| report["sections"][section]["figures"].clone();
+    assert_eq!(figures("actuation")["far_ends"][0]["refused"], refused);
+    assert_eq!(figures("actuation")["far_ends"][0]["reasons"][0]["reason"], "forged");
+    assert_eq!(figures("gate")["far_ends"][0]["on"], 0.0);
+    assert_eq!(figures("targets")["refused"][0]["why"], "it cannot be reached (z)");
+
+    let out = stillpoint(
+        folder.path(),
+        &[&["run", &file.display().to_string(), "--record", "t"], &sets[..]].concat(),
+    );
+    for line in [
+        "far.state: venting, beam off; on 0 % (0.0 s)",
+        "0 for the beam (forged",
+        "target.reference: 1 of 1 targets asked for refused, the last because it cannot be reached (z)",
+    ] {
+        assert!(text(&out.stdout).contains(line), "{line}: {}", text(&out.stdout));
+    }
+}

@@ -1,10 +1,11 @@
 //! Heads on bladders whose loop closes through images.
 
 use nalgebra::{UnitQuaternion, Vector3};
+use stillpoint_control::response::{response, steps};
 use stillpoint_mechanics::contact::friction::{FingerForce, Friction};
 use stillpoint_mechanics::plant::layouts;
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Actuation, Duties, Pose, RigMode, RigState};
+use stillpoint_samples::{Actuation, Duties, Pose, RigMode, RigState, Target, Track};
 use stillpoint_testing::{Run, run_keeping};
 
 use crate::{from_root, registry};
@@ -24,7 +25,8 @@ fn held(name: &str, changes: &[(&str, &str)], ms: u64) -> Run {
 
 /// Five minutes of images are some gigabytes.
 fn no_image(topic: &str) -> bool {
-    topic.starts_with("rig.") && topic != "rig.depth" || ["valves.state", "law.duties"].contains(&topic)
+    let others = ["valves.state", "law.duties", "target.reference", "fused.state"];
+    topic.starts_with("rig.") && topic != "rig.depth" || others.contains(&topic)
 }
 
 /// x, y, z in mm and pitch, roll, yaw in degrees from the first pose, by the truth.
@@ -173,25 +175,40 @@ fn a_head_that_is_pushed_by_5_mm_and_3_degrees_is_back_in_5_s() {
     assert_eq!((last.state().word(), last.faults), ("armed", 0));
 }
 
-/// Section 4.2, figure 4.7: the source's standard deviation is 1.5 mm, its overshoot 5 mm, it settles in 24 s.
+/// Section 4.2, figure 4.7: the source's standard deviation is 1.5 mm, its overshoot 5 mm, it settles in 24 s. By the
+/// measure of the reports, a band of 5 % of the step. The truth answers both steps; the estimate is judged with it, but for
+/// when it settles: its noise alone leaves the quarter of a millimetre that the step down has for a band.
 #[test]
 fn one_bladder_and_two_cameras_hold_a_height() {
-    let run = held("one-dof-lqg.yaml", &[], 34_000);
-    hold_bladders(&run);
-    stays_armed(&run);
-    let heights: Vec<f64> = moved(&run).iter().map(|m| m[2]).collect();
-    let at = |seconds: f64| (seconds / 11.111_111e-3) as usize;
-    // The step is asked for 5 s after the first estimate, at the latest at 5.3 s.
-    let up = &heights[at(15.3)..at(20.0)];
-    let mean = up.iter().sum::<f64>() / up.len() as f64;
-    let sd = (up.iter().map(|z| (z - mean) * (z - mean)).sum::<f64>() / up.len() as f64).sqrt();
-    let over = heights[at(5.0)..at(20.0)].iter().copied().fold(0.0, f64::max) - 10.0;
-    let settled = (at(5.3)..at(20.0)).rev().find(|i| (heights[*i] - mean).abs() > 1.0).unwrap_or(at(5.3));
-    let seconds = settled as f64 * 11.111_111e-3 - 5.3;
-    eprintln!(
-        "mean {mean:.2} mm of 10, sd {sd:.2} mm, overshoot {over:.2} mm, within 1 mm after {seconds:.1} s"
-    );
-    assert!((mean - 10.0).abs() < 1.0 && sd < 0.5 && over < 1.0 && seconds < 10.0);
-    let down = heights[at(30.0)..].iter().map(|z| (z - 5.0).abs()).fold(0.0, f64::max);
-    assert!(down < 1.5, "{down}");
+    for seed in ["3", "1", "2"] {
+        let (seed, rig) = (format!("\nseed: {seed}\n"), format!("      motion: still\n      seed: {seed}\n"));
+        let changes = [("\nseed: 3\n", seed.as_str()), ("      motion: still\n", rig.as_str())];
+        let run = held("one-dof-lqg.yaml", &changes, 34_000);
+        hold_bladders(&run);
+        stays_armed(&run);
+        let mm = |stamp: u64, m: f64| (stamp as f64 * 1e-9, m * 1e3);
+        let targets = run.samples::<Target>("target.reference");
+        let target: Vec<_> =
+            targets.iter().map(|t| mm(t.head.stamp, t.first().unwrap().position[2])).collect();
+        let poses = run.samples::<Pose>("rig.truth");
+        let truth: Vec<_> = poses.iter().map(|p| mm(p.head.stamp, p.first().unwrap().position[2])).collect();
+        let tracks = run.samples::<Track>("fused.state");
+        let seen: Vec<_> = tracks.iter().map(|t| mm(t.head.origin, t.first().unwrap().position[2])).collect();
+        let steps = steps(&target, target.last().unwrap().0);
+        // The truth as the cameras would have it without what changes of their errors, as in a report.
+        let at = |time: f64| truth.iter().rfind(|(t, _)| *t <= time).unwrap().1;
+        let offset = seen.iter().map(|(time, z)| z - at(*time)).sum::<f64>() / seen.len() as f64;
+        let as_seen: Vec<_> = truth.iter().map(|(time, z)| (*time, z + offset)).collect();
+        let heights: Vec<f64> = steps.iter().map(|s| (s.to - s.from).round()).collect();
+        assert_eq!(heights, [10.0, -5.0]);
+        for step in steps {
+            let by_truth = response(step, &as_seen).unwrap();
+            let by_estimate = response(step, &seen).unwrap();
+            eprintln!("seed {}: by truth {by_truth:.2?}\n  by estimate {by_estimate:.2?}", &seed.trim());
+            assert!(by_truth.settling_s.is_some_and(|s| s <= 10.0), "{by_truth:?}");
+            for found in [by_truth, by_estimate] {
+                assert!(found.overshoot <= 1.0 && found.sd <= 0.5 && found.left.abs() < 0.25, "{found:?}");
+            }
+        }
+    }
 }

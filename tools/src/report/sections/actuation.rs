@@ -5,7 +5,8 @@ use serde::Serialize;
 use super::tracks::LINE;
 use crate::chart::{Chart, Series, Style};
 use crate::exit::Failure;
-use crate::report::numbers::fixed;
+use crate::far_end::{FarEnd, FarEnds};
+use crate::report::numbers::{count, fixed};
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::recording::{Pressures, Recording};
 use crate::report::source::Source;
@@ -18,6 +19,8 @@ const SHOWN: usize = 60;
 struct Figures {
     bladders: Vec<Bladder>,
     changes: Vec<Change>,
+    /// What became of the datagrams.
+    far_ends: Vec<FarEnd>,
 }
 
 /// Pressure over the room, kPa.
@@ -46,6 +49,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let figures = Figures {
         bladders: recording.pressures.iter().flat_map(bladders).collect(),
         changes: changes.collect(),
+        far_ends: recording.far_ends.iter().filter_map(FarEnds::told).collect(),
     };
     let mut section = Section::new("actuation", "Pressures and actuation", &figures)?;
     if figures.bladders.is_empty() && figures.changes.is_empty() {
@@ -66,6 +70,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     }
     section.blocks.push(Block::Table(table));
     section.blocks.extend(recording.pressures.iter().filter(|p| p.bladders > 0).map(|p| chart(recording, p)));
+    if !figures.far_ends.is_empty() {
+        section.blocks.push(Block::Table(datagrams(&figures.far_ends)));
+    }
     let caption = match figures.changes.len().checked_sub(SHOWN) {
         None | Some(0) => "Every change of state.".to_owned(),
         Some(more) => format!("The first {SHOWN} changes of state; {more} more stand in --json."),
@@ -75,6 +82,24 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         table.row([Cell::number(fixed(c.at_s, 3)), Cell::text(&c.topic), Cell::text(&c.state)]);
     }
     Ok(section.with(Block::Table(table)))
+}
+
+fn datagrams(far_ends: &[FarEnd]) -> Table {
+    let columns =
+        ["far end", "at the end", "accepted", "refused", "refused, beam", "missing", "reasons of refusals"];
+    let mut table = Table::new("What the far end made of the datagrams.", &columns);
+    for far in far_ends {
+        table.row([
+            Cell::text(&far.topic),
+            Cell::text(far.doing),
+            Cell::number(count(far.accepted)),
+            Cell::fault(far.refused),
+            Cell::fault(far.refused_beam),
+            Cell::number(count(far.missing)),
+            Cell::text(far.why()),
+        ]);
+    }
+    table
 }
 
 fn bladders(p: &Pressures) -> impl Iterator<Item = Bladder> {

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use serde_json::Value;
+use stillpoint_control::response::{Response, response, steps};
 use stillpoint_pipeline::session::PARAMS;
 
 use super::tracks::LINE;
@@ -12,7 +13,6 @@ use crate::report::numbers::{fixed, percent};
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::ranking::{Contender, Rank, ranking, said};
 use crate::report::recording::{Aims, Orders, Part, Recording, Signal};
-use crate::report::response::{Response, response, steps};
 use crate::report::source::Source;
 use crate::report::statistics::for_a_line;
 use crate::report::wiring::Stage;

@@ -6,6 +6,7 @@ use stillpoint_samples::GateReason;
 use super::tracks::LINE;
 use crate::chart::{Chart, Series, Style};
 use crate::exit::Failure;
+use crate::far_end::FarEnd;
 use crate::report::numbers::{count, fixed, percent};
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::recording::{Gates, Recording};
@@ -15,6 +16,17 @@ use crate::report::statistics::for_a_line;
 #[derive(Serialize)]
 struct Figures {
     gates: Vec<Figured>,
+    /// How long the beam was on at the far end, which is no longer than it was allowed.
+    far_ends: Vec<BeamOn>,
+}
+
+#[derive(Serialize)]
+struct BeamOn {
+    topic: String,
+    /// Part of the time watched.
+    on: Option<f64>,
+    on_s: f64,
+    watched_s: f64,
 }
 
 #[derive(Serialize)]
@@ -37,10 +49,20 @@ struct Figured {
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
     let gates = || recording.gates.iter().filter(|g| !g.values.items().is_empty());
-    let figures = Figures { gates: gates().map(figured).collect() };
+    let far_ends = recording.far_ends.iter().filter_map(|far| far.told().map(BeamOn::of)).collect();
+    let figures = Figures { gates: gates().map(figured).collect(), far_ends };
     let mut section = Section::new("gate", "Beam gate", &figures)?;
-    if figures.gates.is_empty() {
+    if figures.gates.is_empty() && figures.far_ends.is_empty() {
         return Ok(section.nothing("The session has no gate of a beam."));
+    }
+    for far in &figures.far_ends {
+        section.blocks.push(Block::Text(format!(
+            "{}: the beam was on at the far end for {} s of {} s ({}).",
+            far.topic,
+            fixed(far.on_s, 2),
+            fixed(far.watched_s, 2),
+            percent(far.on)
+        )));
     }
     for (gate, rows) in figures.gates.iter().zip(gates()) {
         section.blocks.push(Block::Text(format!(
@@ -60,6 +82,12 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         section.blocks.push(chart(recording, rows));
     }
     Ok(section)
+}
+
+impl BeamOn {
+    fn of(far: FarEnd) -> Self {
+        Self { on: far.duty(), topic: far.topic, on_s: far.on_s, watched_s: far.watched_s }
+    }
 }
 
 /// How long the leases were held that ended.

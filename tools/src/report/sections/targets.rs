@@ -1,6 +1,7 @@
 //! Targets, and how the estimate follows them: over time, and step by step.
 
 use serde::Serialize;
+use stillpoint_control::response::{Response, response, steps};
 
 use super::tracks::LINE;
 use crate::chart::{Chart, Series, Style};
@@ -9,13 +10,21 @@ use crate::report::motion::{CHANNELS, unit};
 use crate::report::numbers::fixed;
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::recording::{Aims, Part, Recording, Signal};
-use crate::report::response::{Response, response, steps};
 use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
 
 #[derive(Serialize)]
 struct Figures {
     channels: Vec<Followed>,
+    refused: Vec<Refused>,
+}
+
+/// A target that was asked for and refused.
+#[derive(Serialize)]
+struct Refused {
+    target: String,
+    at_s: f64,
+    why: String,
 }
 
 /// A channel of a target and the estimate that follows it, in mm or degrees.
@@ -44,13 +53,25 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
             }
         }
     }
-    let figures = Figures { channels };
+    let refused = recording.targets.iter().flat_map(|aims| {
+        aims.refusals.each.iter().map(|r| Refused {
+            target: aims.topic.clone(),
+            at_s: recording.seconds(r.stamp),
+            why: r.why.clone(),
+        })
+    });
+    let figures = Figures { channels, refused: refused.collect() };
     let mut section = Section::new("targets", "Targets", &figures)?;
-    if figures.channels.is_empty() {
+    if figures.channels.is_empty() && figures.refused.is_empty() {
         let said = "The session has no target with an estimate in its frame.";
         return Ok(section.nothing(said));
     }
-    section.blocks.push(Block::Table(following(&figures.channels)));
+    if !figures.refused.is_empty() {
+        section.blocks.push(Block::Table(refusals(&figures.refused)));
+    }
+    if !figures.channels.is_empty() {
+        section.blocks.push(Block::Table(following(&figures.channels)));
+    }
     if figures.channels.iter().any(|c| !c.steps.is_empty()) {
         section.blocks.push(Block::Table(answers(&figures.channels)));
     }
@@ -122,6 +143,14 @@ fn follow(
         ],
     };
     Some((figures, Block::Chart(chart, String::new())))
+}
+
+fn refusals(refused: &[Refused]) -> Table {
+    let mut table = Table::new("Targets that were asked for and refused.", &["target", "at, s", "why"]);
+    for r in refused {
+        table.row([Cell::text(&r.target), Cell::number(fixed(r.at_s, 2)), Cell::text(&r.why)]);
+    }
+    table
 }
 
 fn following(channels: &[Followed]) -> Table {

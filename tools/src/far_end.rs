@@ -1,0 +1,164 @@
+//! What the far end of valves and beam made of the datagrams, out of its samples: of a run that goes on, or of a session.
+
+use std::fmt::{Display, Formatter};
+
+use serde::Serialize;
+use stillpoint_samples::{FarEndDoing, FarEndElement, Metric};
+
+/// A far end over time.
+#[derive(Clone, Debug, Default)]
+pub struct FarEnds {
+    /// Topic of its state.
+    pub topic: String,
+    /// Topic of its refusals by reason, if there is one.
+    pub diagnostics: Option<String>,
+    newest: Option<(u64, FarEndElement)>,
+    begun: u64,
+    on_for: u64,
+    reasons: Vec<Refused>,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FarEnd {
+    /// Topic of its state.
+    pub topic: String,
+    /// `following`, `holding` or `venting`, at the end.
+    pub doing: &'static str,
+    /// Datagrams for the valves that were accepted.
+    pub accepted: u64,
+    /// Datagrams that were refused: for the valves, or for nobody.
+    pub refused: u64,
+    /// The same for the beam.
+    pub refused_beam: u64,
+    /// Both by reason, where they were kept.
+    pub reasons: Vec<Refused>,
+    /// Numbers of datagrams that never came, or were refused.
+    pub missing: u64,
+    /// Whether the beam is on at the end.
+    pub beam: bool,
+    /// How long the beam was on at the far end, s.
+    pub on_s: f64,
+    /// How long it was watched, s.
+    pub watched_s: f64,
+}
+
+/// Datagrams that were refused for one reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Refused {
+    /// The reason.
+    pub reason: String,
+    /// How many.
+    pub count: u64,
+}
+
+impl FarEnds {
+    /// One with these topics, of which nothing was taken yet.
+    pub fn new(topic: &str, diagnostics: Option<String>) -> Self {
+        Self { topic: topic.to_owned(), diagnostics, ..Self::default() }
+    }
+
+    /// Takes a state of this time, ns. What it says holds until the next.
+    pub fn take(&mut self, stamp: u64, state: &FarEndElement) {
+        match &self.newest {
+            None => self.begun = stamp,
+            Some((since, before)) if before.beam != 0 => self.on_for += stamp.saturating_sub(*since),
+            Some(_) => {}
+        }
+        self.newest = Some((stamp, *state));
+    }
+
+    /// Takes its counts of refusals by reason.
+    pub fn take_reasons(&mut self, metrics: &[Metric]) {
+        let counts = metrics.iter().filter(|m| m.value > 0.0);
+        self.reasons =
+            counts.map(|m| Refused { reason: m.name().to_owned(), count: m.value as u64 }).collect();
+    }
+
+    /// What became of it; nothing where it was silent.
+    pub fn told(&self) -> Option<FarEnd> {
+        let (last, state) = self.newest.as_ref()?;
+        Some(FarEnd {
+            topic: self.topic.clone(),
+            doing: doing(state),
+            accepted: state.accepted,
+            refused: state.refused,
+            refused_beam: state.refused_beam,
+            reasons: self.reasons.clone(),
+            missing: state.missing,
+            beam: state.beam != 0,
+            on_s: self.on_for as f64 * 1e-9,
+            watched_s: last.saturating_sub(self.begun) as f64 * 1e-9,
+        })
+    }
+}
+
+/// What the far end has the valves do, in a word.
+pub fn doing(state: &FarEndElement) -> &'static str {
+    match state.doing() {
+        FarEndDoing::Holding => "holding",
+        FarEndDoing::Venting => "venting",
+        FarEndDoing::Following => "following",
+    }
+}
+
+impl FarEnd {
+    /// Part of the time watched in which the beam was on; none before any was watched.
+    pub fn duty(&self) -> Option<f64> {
+        (self.watched_s > 0.0).then(|| self.on_s / self.watched_s)
+    }
+
+    /// The reasons of refusals, with how often.
+    pub fn why(&self) -> String {
+        self.reasons.iter().map(|r| format!("{} {}", r.reason, r.count)).collect::<Vec<_>>().join(", ")
+    }
+
+    /// What is wrong at the moment, in a few words; nothing where nothing was refused.
+    pub fn now(&self) -> Option<String> {
+        let all = self.refused + self.refused_beam;
+        (all > 0).then(|| format!("far end {}, refused {all} datagrams ({})", self.doing, self.why()))
+    }
+}
+
+impl Display for FarEnd {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let Self { topic, doing, accepted, refused, refused_beam, on_s, watched_s, .. } = self;
+        let duty = self.duty().map_or("-".to_owned(), |duty| format!("{:.0} %", duty * 100.0));
+        let beam = if self.beam { "on" } else { "off" };
+        write!(
+            f,
+            "{topic}: {doing}, beam {beam}; on {duty} ({on_s:.1} s) of {watched_s:.1} s; \
+             accepted {accepted} datagrams, refused {refused} for the valves and {refused_beam} for the beam"
+        )?;
+        if self.reasons.is_empty() { Ok(()) } else { write!(f, " ({})", self.why()) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_beam_was_on_from_a_sample_that_says_so_to_the_next() {
+        let mut far = FarEnds::new("far.state", None);
+        assert_eq!(far.told(), None);
+        let on = |k: u64| (2..5).contains(&k) || k == 9;
+        for k in 0..11 {
+            let state = FarEndElement { beam: u32::from(on(k)), accepted: k, doing: 2, ..Default::default() };
+            far.take(1_000_000_000 + k * 500_000_000, &state);
+        }
+        let told = far.told().unwrap();
+        assert_eq!((told.on_s, told.watched_s, told.duty()), (2.0, 5.0, Some(0.4)));
+        assert_eq!((told.doing, told.beam, told.accepted, told.now()), ("following", false, 10, None));
+    }
+
+    #[test]
+    fn refusals_stand_with_their_reasons() {
+        let mut far = FarEnds::new("far.state", None);
+        far.take(0, &FarEndElement { refused: 300, refused_beam: 102, doing: 1, ..Default::default() });
+        far.take_reasons(&[Metric::new("late", 0.0), Metric::new("forged", 402.0)]);
+        let told = far.told().unwrap();
+        assert_eq!(told.now().unwrap(), "far end venting, refused 402 datagrams (forged 402)");
+        assert!(told.to_string().ends_with("refused 300 for the valves and 102 for the beam (forged 402)"));
+    }
+}
