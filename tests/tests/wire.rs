@@ -22,9 +22,8 @@ const ROUNDS: u64 = 3;
 fn bedside(bench: &Bench) -> (std::path::PathBuf, String) {
     let camera = "camera: { every: 100 ms, width: 160 px, height: 120 px, focal_length: 141 px }";
     let yaml = PIPELINE
-        .replace("camera: { every: 100 ms }", camera)
-        .replace("far.state]", "far.state, far.diagnostics]");
-    assert!(yaml.contains("far.diagnostics]"));
+        .replace("camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }", camera);
+    assert!(yaml.contains(camera) && yaml.contains("far.diagnostics]"));
     let yaml = on_free_ports(&yaml);
     let line = yaml.lines().find(|line| line.contains("valves.datagram: { udp:")).unwrap();
     let address = line.split("udp: ").nth(1).unwrap().split(',').next().unwrap().to_owned();

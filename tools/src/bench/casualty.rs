@@ -129,7 +129,7 @@ impl Fault {
                 .replace("operators:\n", &format!("operators:\n{poison}"))
                 .replace("control: [target,", "control: [poison, target,");
         }
-        text.replace("rig.truth,", "rig.truth, far.duties, far.diagnostics,")
+        text.replace("rig.truth,", "rig.truth, far.duties,")
     }
 
     /// Does it. Gives when: of what a person says, when the run has heard it.
