@@ -29,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let registry = Registry::new(&[stillpoint_rig::STAGES, stillpoint_ingest::STAGES]);
     let run = run(TEXT, &registry, &KeptFiles::default(), 12_000)?;
     std::fs::create_dir_all(folder.join("depth"))?;
+    std::fs::create_dir_all(folder.join("grey"))?;
     std::fs::create_dir_all(folder.join("clouds"))?;
     for (number, image) in run.samples::<DepthImage>("rig.depth").iter().enumerate() {
         let file = std::fs::File::create(folder.join(format!("depth/{number:03}.png")))?;
@@ -38,6 +39,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         encoder.set_compression(png::Compression::High);
         let bytes: Vec<u8> = image.elements.iter().flat_map(|count| count.to_be_bytes()).collect();
         encoder.write_header()?.write_image_data(&bytes)?;
+        let file = std::fs::File::create(folder.join(format!("grey/{number:03}.png")))?;
+        let mut encoder = png::Encoder::new(file, image.body.width, image.body.height);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_compression(png::Compression::High);
+        encoder.write_header()?.write_image_data(&shaded(image.elements, image.body.width as usize))?;
     }
     let clouds = run.samples::<PointCloud>("coarse.cloud");
     for (number, cloud) in clouds.iter().take(2).enumerate() {
@@ -48,6 +54,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         )?;
     }
     record(&run, &folder.join("clouds.mcap"))
+}
+
+/// What a lamp at the camera makes of a depth image in counts of 0.1 mm: bright where the surface faces it.
+fn shaded(counts: &[u16], width: usize) -> Vec<u8> {
+    let slope = |count: u16, next: Option<&u16>| match next {
+        // A pixel is as wide as its depth over the focal length.
+        Some(&next) if count > 0 && next > 0 => {
+            (f64::from(next) - f64::from(count)) * 283.0 / f64::from(count)
+        }
+        _ => f64::INFINITY,
+    };
+    let shade = |(at, &count): (usize, &u16)| {
+        let (x, y) = (slope(count, counts.get(at + 1)), slope(count, counts.get(at + width)));
+        (230.0 / (1.0 + x * x + y * y).sqrt()) as u8
+    };
+    counts.iter().enumerate().map(shade).collect()
 }
 
 /// Records three clouds as any session does: a topic of `sensor_msgs/msg/PointCloud2`.

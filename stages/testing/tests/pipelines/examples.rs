@@ -1,13 +1,15 @@
 //! `examples/`: each one checks and runs on the data beside it.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::spec::check;
-use stillpoint_samples::{PointCloud, Pose, Standing, Track, View};
+use stillpoint_samples::{PointCloud, Pose, Rejection, Standing, Track, View};
 use stillpoint_testing::{Run, run};
 
+use crate::real_data::perception;
 use crate::{from_root, registry};
 
 fn example(name: &str, ms: u64) -> Run {
@@ -66,6 +68,55 @@ fn a_folder_of_depth_images_becomes_a_track() {
     // The head of the rig lies on its pad: its face is 100 to 250 mm over the couch.
     let height = tracks[5].first().unwrap().position[2];
     assert!(height > 0.1 && height < 0.25, "{height} m");
+}
+
+#[test]
+fn the_shaded_head_of_the_rig_has_no_face_and_each_frame_says_so() {
+    let run = example("forehead.yaml", 1000);
+    let rejections = run.samples::<Rejection>("forehead.rejection");
+    assert_eq!(rejections.len(), 6);
+    assert!(rejections.iter().all(|r| r.first().unwrap().reason() == "the image shows no face"));
+    assert!(run.bytes("forehead.position").is_empty());
+}
+
+/// A depth image of one distance, in counts of 0.1 mm.
+fn flat(path: &Path, [width, height]: [u32; 2], count: u16) {
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    let bytes = count.to_be_bytes().repeat((width * height) as usize);
+    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+}
+
+#[test]
+fn the_forehead_of_a_photograph_is_followed_away_from_the_camera() {
+    let Some(root) = perception() else { return };
+    let folder = std::env::temp_dir().join(format!("stillpoint-forehead-example-{}", std::process::id()));
+    // One photograph, and made depths: 10 mm/s away from 800 mm.
+    for (number, name) in ["0.png", "1.png", "2.png", "3.png", "4.png", "5.png"].into_iter().enumerate() {
+        let [grey, depth] = ["data/grey", "data/depth"].map(|data| folder.join(data));
+        std::fs::create_dir_all(&grey).unwrap();
+        std::fs::create_dir_all(&depth).unwrap();
+        std::fs::copy(root.join("real/ensenso_ir_face_1.png"), grey.join(name)).unwrap();
+        flat(&depth.join(name), [1280, 1024], 8000 + 10 * number as u16);
+    }
+    let text = std::fs::read_to_string(from_root("examples/forehead.yaml")).unwrap();
+    let text = text
+        .replace("max_pixels: 307200", "max_pixels: 1310720")
+        .replace("files: data/depth", "files: data/depth\n      max_pixels: 1310720");
+    let text = text.replace("top: down, smallest: 40", "top: left, smallest: 80, largest: 640").replace(
+        "fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px",
+        "fx: 1200 px, fy: 1200 px, cx: 640 px, cy: 512 px",
+    );
+    let run = run(&text, &registry(), &DiskFiles::beside(&folder.join("forehead.yaml")), 1000).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(run.failed(), [] as [&str; 0]);
+    assert!(run.bytes("forehead.rejection").is_empty());
+    let tracks = run.samples::<Track>("filter.state");
+    assert_eq!(tracks.len(), 6);
+    let distance = tracks[5].first().unwrap().position[2];
+    eprintln!("after 5 mm: {:.3} mm", distance * 1e3);
+    assert!((distance - 0.805).abs() < 1e-3, "{distance} m");
 }
 
 #[test]

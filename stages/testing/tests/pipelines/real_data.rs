@@ -16,7 +16,7 @@ use crate::{from_root, registry};
 const HEAD: u8 = 4;
 
 /// The perception data, or `None` with a message where it is not there.
-fn perception() -> Option<PathBuf> {
+pub fn perception() -> Option<PathBuf> {
     let beside = from_root("../shared/data");
     let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception");
     if root.is_dir() {
