@@ -137,6 +137,7 @@ impl Trial {
             ("      reference: head.report\n", ""),
             ("[cloud, face, head, filter]", "[head, filter]"),
             ("head.report, ", ""),
+            (", report: head.report", ""),
             SEEING,
         ];
         let changes = own.iter().chain(self.changes);
