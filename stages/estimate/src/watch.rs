@@ -9,7 +9,7 @@ pub enum Verdict {
     Waiting,
     /// It has sent nothing for too long.
     Silent,
-    /// The times of its samples jumped, lie in the future, or are older than any delay explains.
+    /// The times of its samples jumped, lie farther ahead than clocks may differ, or are older than any delay explains.
     Clock,
     /// It sends the same measurement again and again.
     Frozen,
@@ -52,6 +52,9 @@ pub struct WatchParams {
     pub timeout: u64,
     /// A delay from acquisition to arrival that differs by more than this from the one before is a jump of a clock, ns.
     pub clock_jump: u64,
+    /// A sensor's clock may be ahead by so much, ns. Those that NTP or PTP keeps together differ by a few milliseconds, or
+    /// by microseconds.
+    pub clock_ahead: u64,
     /// So many repetitions of a measurement make a sensor frozen.
     pub frozen_after: u64,
     /// So many measurements in a row that its filter does not use leave it out.
@@ -186,7 +189,9 @@ impl Watch {
             (now - delay(last)).unsigned_abs() > u128::from(self.params.clock_jump)
                 || report.origin <= last.origin
         };
-        now < 0 || now > i128::from(self.params.timeout) || self.last.as_ref().is_some_and(jumped)
+        now < -i128::from(self.params.clock_ahead)
+            || now > i128::from(self.params.timeout)
+            || self.last.as_ref().is_some_and(jumped)
     }
 
     /// What is thought of the sensor.

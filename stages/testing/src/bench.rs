@@ -62,18 +62,19 @@ impl Bench {
         self
     }
 
-    /// Feeds a sample to an input, 10 ms after the last activation where [`at`](Self::at) does not say else, acquired `age` ns before.
+    /// Feeds a sample to an input, 10 ms after the last activation where [`at`](Self::at) does not say else, acquired `age` ns before;
+    /// of less than 0, it comes from a clock that is ahead.
     pub fn feed<S: Sample>(
         &mut self,
         port: usize,
         body: &S::Body,
         elements: &[S::Element],
-        age: u64,
+        age: i64,
     ) -> Left {
         self.advance();
         let head = Head {
             stamp: self.time,
-            origin: self.time.saturating_sub(age),
+            origin: self.time.saturating_add_signed(-age),
             sequence: self.sequence,
             incarnation: 0,
             count: elements.len() as u32,

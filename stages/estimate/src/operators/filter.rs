@@ -10,7 +10,7 @@ use crate::operators::truths::Truths;
 use crate::state::{Innovation, State};
 
 /// Numbers of a diagnostics sample.
-pub const METRICS: usize = 12;
+pub const METRICS: usize = 13;
 
 /// Standard deviations that stand in place of the measurements' own.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,8 @@ pub struct Step {
 
 /// A filter of any number of channels.
 pub trait Filter: Send {
-    /// Uses a pose that was measured at `origin` and arrived at `time`, both ns.
+    /// Uses a pose that was measured at `origin` and arrived at `time`, both ns. One that was measured later than it
+    /// arrived, by more than clocks may differ, is not used.
     fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step;
     /// Whether a measurement acquired at `origin`, ns, or later has come.
     fn has_seen(&self, origin: u64) -> bool;
@@ -47,6 +48,10 @@ pub struct FilterOf<const N: usize, X> {
     kalman: Kalman<N, X>,
     channels: Channels<N>,
     given: Given,
+    /// How far a sensor's clock may be ahead, ns.
+    clock_ahead: u64,
+    /// Measurements that were farther ahead.
+    early: u64,
     /// The newest measurement, and when it was acquired, ns.
     last: Option<(PoseElement, u64)>,
     repeated: u64,
@@ -56,8 +61,8 @@ pub struct FilterOf<const N: usize, X> {
 
 impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
     /// A filter that has seen nothing.
-    pub fn new(kalman: Kalman<N, X>, channels: Channels<N>, given: Given) -> Self {
-        Self { kalman, channels, given, last: None, repeated: 0, used_at: 0 }
+    pub fn new(kalman: Kalman<N, X>, channels: Channels<N>, given: Given, clock_ahead: u64) -> Self {
+        Self { kalman, channels, given, clock_ahead, early: 0, last: None, repeated: 0, used_at: 0 }
     }
 
     /// The measurement with the standard deviations that are given.
@@ -86,7 +91,7 @@ impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
         };
         TrackElement {
             accepted: counts.used,
-            rejected: counts.rejected(),
+            rejected: counts.rejected() + self.early,
             run,
             repeated: self.repeated,
             channels: self.channels.bits(),
@@ -115,6 +120,7 @@ impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
             Metric::new("gated", counts.gated as f64),
             Metric::new("refused", counts.refused as f64),
             Metric::new("late", counts.stale as f64),
+            Metric::new("early", self.early as f64),
             Metric::new("repeated", self.repeated as f64),
             Metric::new("given_up", counts.given_up as f64),
             Metric::new("since_used_s", since),
@@ -132,6 +138,11 @@ impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
 
 impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
     fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step {
+        if origin > time.saturating_add(self.clock_ahead) {
+            self.early += 1;
+            let track = self.track(None, Standing::None);
+            return Step { metrics: self.metrics(Some(&track), 0, None, time), track: Some(track) };
+        }
         let same = self.last.is_some_and(|(last, _)| has_same_numbers(&last, pose));
         self.repeated = if same { self.repeated + 1 } else { 0 };
         self.last = Some((*pose, origin));

@@ -52,6 +52,9 @@ pub struct FuseParams {
     /// A delay from acquisition to arrival that differs by more than this from the one before is a jump of a clock.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 min")]
     pub clock_jump: u64,
+    /// A sensor's clock may be ahead of this machine's by so much. One that is farther ahead is left out.
+    #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
+    pub clock_ahead: u64,
     /// So many repetitions of the same measurement make a sensor frozen.
     #[param(default = 3, min = 1)]
     pub frozen_after: u64,
@@ -66,11 +69,12 @@ pub struct FuseParams {
 /// Track-to-track fusion (4.2.3, SCIENCE D3) of sensors of any rates.
 ///
 /// Origins are taken to be on one clock, the session's, which sources map their own to; a constant error of one is
-/// estimated from the motion (`clock_offset_s`, not corrected), a jump leaves the sensor out. The tracks are those of
-/// `estimate.kalman` without `every:`, which carry the gains that the cross covariance needs.
+/// estimated from the motion (`clock_offset_s`, not corrected), a jump, or one that is farther ahead than `clock_ahead`,
+/// leaves the sensor out. The tracks are those of `estimate.kalman` without `every:`, which carry the gains that the
+/// cross covariance needs.
 ///
-/// A track sends the fused state at its origin, unless a newer one was sent; each tick sends it predicted to the tick. A
-/// sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate was is
+/// A track sends the fused state at its origin, and a tick the state predicted to the tick, unless a newer one was sent.
+/// A sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate was is
 /// left out, and `health` says why; with neither left there is no estimate, and what is sent says so and has no numbers.
 pub struct EstimateFuse {
     fusion: Box<dyn Fusion>,
@@ -131,6 +135,7 @@ impl Operator for EstimateFuse {
             watch: WatchParams {
                 timeout: params.timeout,
                 clock_jump: params.clock_jump,
+                clock_ahead: params.clock_ahead,
                 frozen_after: params.frozen_after,
                 unused_after: params.unused_after,
                 readmit_after: params.readmit_after,
@@ -156,7 +161,7 @@ impl Operator for EstimateFuse {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let time = activation.time;
         let fused = if activation.cause == Cause::Timer {
-            Some(self.fusion.predict(time))
+            self.fusion.predict(time)
         } else {
             let side = if activation.port == 0 { Side::First } else { Side::Second };
             let Some(view) = activation.fresh::<Track>(activation.port) else { return Ok(()) };

@@ -52,8 +52,8 @@ pub trait Fusion: Send {
         origin: u64,
         time: u64,
     ) -> Result<Option<TrackElement>, String>;
-    /// What is known at `time`, ns.
-    fn predict(&mut self, time: u64) -> TrackElement;
+    /// What is known at `time`, ns; `None` where something newer was sent.
+    fn predict(&mut self, time: u64) -> Option<TrackElement>;
     /// The health of both sensors at `time`, ns.
     fn health(&self, time: u64) -> [SensorHealth; 2];
     /// Numbers about the fusion.
@@ -273,11 +273,15 @@ impl<const N: usize, const M: usize, X: InSamples<N>> Fusion for FusionOf<N, M, 
         Ok(Some(self.output(origin, standing)))
     }
 
-    fn predict(&mut self, time: u64) -> TrackElement {
+    fn predict(&mut self, time: u64) -> Option<TrackElement> {
         for sensor in &mut self.sensors {
             sensor.watch.look(time);
         }
-        self.output(time, Standing::Predicted)
+        let is_ahead = |side: usize| {
+            let newest = self.sensors[side].track.as_ref();
+            self.is_used(side) && newest.is_some_and(|(origin, _)| *origin > time)
+        };
+        (!(0..2).any(is_ahead)).then(|| self.output(time, Standing::Predicted))
     }
 
     fn health(&self, time: u64) -> [SensorHealth; 2] {

@@ -60,16 +60,22 @@ pub struct FilterParams {
     /// How long it predicts without a measurement that it uses. After that there is no estimate.
     #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
     pub horizon: u64,
+    /// A sensor's clock may be ahead of this machine's by so much. What was measured later than it arrives by more than
+    /// this is not used.
+    #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
+    pub clock_ahead: u64,
 }
 
 /// Constant-velocity filter (SCIENCE D1-D2), from acquisition time to acquisition time.
 ///
 /// Each measurement sends the state at its acquisition time; one that is refused sends the prediction. A direction of
 /// infinite variance is not used. A measurement acquired no later than the last one is counted as late and sends no
-/// state; where all are late for the horizon, the sensor's clock went back, and the track begins anew. With a timer,
-/// each tick sends the state predicted to the tick, which changes nothing in the filter. Where nothing was used for the
-/// horizon there is no estimate: what is sent then says so and has no numbers. Two measurements in a row that the gate
-/// refuses, and that agree, begin the track anew; so does the first one against another reference, where `report` tells.
+/// state; where all are late for the horizon, the sensor's clock went back, and the track begins anew. One whose
+/// acquisition lies ahead is counted as early, and sends a sample without numbers: there is no estimate of that time.
+/// With a timer, each tick sends the state predicted to the tick, unless a newer one was sent; that changes nothing in
+/// the filter. Where nothing was used for the horizon there is no estimate: what is sent then says so and has no numbers.
+/// Two measurements in a row that the gate refuses, and that agree, begin the track anew; so does the first one against
+/// another reference, where `report` tells.
 pub struct EstimateKalman {
     filter: Box<dyn Filter>,
     truths: Truths,
@@ -209,5 +215,5 @@ fn filter<const N: usize, X: InSamples<N>>(
     })
     .map_err(|e| SetupError(e.to_string()))?;
     let given = Given { length: params.measurement_sd, angle: params.measurement_angle_sd };
-    Ok(Box::new(FilterOf::new(kalman, channels, given)))
+    Ok(Box::new(FilterOf::new(kalman, channels, given, params.clock_ahead)))
 }

@@ -69,12 +69,12 @@ impl Rig {
             covariance,
         };
         // 5 ms from acquisition to the filter, as the sensor's clock has it.
-        let age = (5 * MS as i64 - shot.clock) as u64;
+        let age = 5 * MS as i64 - shot.clock;
         let left = self.filters[side].at(time + 5 * MS).feed::<Pose>(0, &(), &[pose], age);
         let (_, sent) = left.outputs.iter().find(|(port, _)| *port == 0)?;
         let view = sent.pieces().view::<Track>().unwrap();
         // 1 ms more to the fusion.
-        let age = age + MS;
+        let age = age + MS as i64;
         let left = self.fuse.at(time + 6 * MS).feed::<Track>(side, &(), view.elements, age);
         assert_eq!(left.fault, None);
         let track = sent_track(&left);
@@ -82,9 +82,10 @@ impl Rig {
         track
     }
 
-    fn tick(&mut self, time: u64) -> TrackElement {
+    fn tick(&mut self, time: u64) -> Option<TrackElement> {
         let left = self.fuse.at(time).tick();
-        let track = sent_track(&left).unwrap();
+        assert_eq!(left.fault, None);
+        let track = sent_track(&left);
         self.last = Some(left);
         track
     }
@@ -153,7 +154,7 @@ fn run(
                 let Some(shot) = script(side, ms, shot) else { continue };
                 (rig.measure(side, time, shot), height)
             }
-            None => (Some(rig.tick(time)), height),
+            None => (rig.tick(time), height),
         };
         if let Some(track) = track {
             seen.push(Seen { time: ms, track, truth, reasons: rig.reasons() });
@@ -302,6 +303,35 @@ fn clock_that_jumps_is_named() {
 }
 
 #[test]
+fn clock_that_is_a_little_ahead_for_good_is_used_and_one_that_is_far_ahead_is_named() {
+    // 6 ms pass from acquisition to the fusion: a stamp that is 9 ms late is 3 ms ahead there.
+    for (clock, verdict) in [(7, "used"), (9, "used"), (12, "clock"), (30, "clock")] {
+        let (rig, seen) = run(TEXT, 4, still, |side, _, shot| {
+            Some(Shot { clock: if side == 1 { clock * MS as i64 } else { 0 }, ..shot })
+        });
+        let course = course(&seen, 1);
+        assert_eq!(course.last(), Some(&verdict), "{clock} ms: {course:?}");
+        assert!(course.iter().all(|reason| ["waiting", verdict].contains(reason)), "{clock} ms: {course:?}");
+        assert_eq!(rig.metric("sensors_used"), if verdict == "used" { 2.0 } else { 1.0 });
+        assert!(seen.iter().all(|s| s.error().abs() < 4e-3 || s.track.standing() == Standing::None));
+    }
+    let wide = TEXT.replace("params: { follow: z", "params: { clock_ahead: 40 ms, follow: z");
+    let ahead = |_, _, shot| Some(Shot { clock: 30 * MS as i64, ..shot });
+    let (rig, _) = run(&wide, 4, still, ahead);
+    assert_eq!(rig.reasons(), ["used", "used"]);
+}
+
+#[test]
+fn no_tick_sends_a_state_that_is_older_than_the_last_one() {
+    let mut rig = Rig::new(TEXT);
+    // Acquired at 1009 ms by the sensor's clock, and here at 1006 ms.
+    assert!(rig.measure(0, 1000 * MS, Shot { clock: 9 * MS as i64, value: 0.15 }).is_some());
+    assert!(rig.tick(1008 * MS).is_none());
+    assert_eq!(rig.reasons(), ["used", "waiting"]);
+    assert_eq!(rig.tick(1010 * MS).unwrap().standing(), Standing::Predicted);
+}
+
+#[test]
 fn numbers_that_are_none_leave_a_sensor_out() {
     let (_, seen) = run(TEXT, 3, still, |side, ms, shot| {
         Some(if side == 0 && ms > 1000 { Shot { value: f64::NAN, ..shot } } else { shot })
@@ -391,7 +421,7 @@ fn poses_are_fused_with_their_rotations() {
             let at = time + side as u64 * 12 * MS;
             let left = rig.filters[side].at(at).feed::<Pose>(0, &(), &[pose], 0);
             let track = sent_track(&left).unwrap();
-            let left = rig.fuse.at(at + MS).feed::<Track>(side, &(), &[track], MS);
+            let left = rig.fuse.at(at + MS).feed::<Track>(side, &(), &[track], MS as i64);
             assert_eq!(left.fault, None);
             last = sent_track(&left).or(last);
             rig.last = Some(left);

@@ -33,7 +33,7 @@ fn pose(position: [f64; 3], sd: f64) -> PoseElement {
     PoseElement { position, orientation: [1.0, 0.0, 0.0, 0.0], covariance }
 }
 
-fn feed_aged(bench: &mut Bench, pose: PoseElement, age: u64) -> Option<TrackElement> {
+fn feed_aged(bench: &mut Bench, pose: PoseElement, age: i64) -> Option<TrackElement> {
     let left = bench.feed::<Pose>(0, &(), &[pose], age);
     assert_eq!(left.fault, None);
     track(&left)
@@ -65,9 +65,9 @@ operators:
 ";
 
 /// How much later the second sample of a frame comes, ns.
-const LATER: u64 = 10_000_000;
+const LATER: i64 = 10_000_000;
 
-fn report(bench: &mut Bench, reference: u32, age: u64) -> Option<TrackElement> {
+fn report(bench: &mut Bench, reference: u32, age: i64) -> Option<TrackElement> {
     let said = PoseReportElement { reference, ..zerocopy::FromZeros::new_zeroed() };
     let left = bench.feed::<PoseReport>(2, &(), &[said], age);
     assert_eq!(left.fault, None);
@@ -223,6 +223,39 @@ fn a_sensor_whose_clock_goes_back_is_late_for_the_horizon_and_then_followed_agai
 }
 
 #[test]
+fn a_sensor_whose_clock_is_a_little_ahead_is_followed_and_one_that_is_farther_ahead_is_counted_as_early() {
+    let text = TEXT.replace("use: estimate.kalman,", "use: estimate.kalman, every: 10 ms,");
+    let mut bench = bench(&text);
+    for step in 0..20_u32 {
+        let (z, ahead) = (0.5 + f64::from(step) * 1e-4, if step % 2 == 0 { -1_000_000 } else { -5_000_000 });
+        let sent = feed_aged(&mut bench, pose([0.5, 0.5, z], 1e-3), ahead).unwrap();
+        assert_eq!((sent.standing(), sent.accepted), (Standing::Measured, u64::from(step) + 1));
+    }
+    // One stamp that is far ahead says nothing of now, and spoils nothing.
+    for ahead in [-5_000_001, -3_600_000_000_000] {
+        let left = bench.feed::<Pose>(0, &(), &[pose([0.9; 3], 1e-3)], ahead);
+        assert_eq!(track(&left).unwrap().standing(), Standing::None);
+    }
+    let predicted = track(&bench.tick()).unwrap();
+    assert_eq!((predicted.standing(), predicted.run), (Standing::Predicted, 20));
+    let left = bench.feed::<Pose>(0, &(), &[pose([0.5, 0.5, 0.502], 1e-3)], 0);
+    let sent = track(&left).unwrap();
+    assert_eq!((sent.standing(), sent.run, sent.rejected), (Standing::Measured, 21, 2));
+    assert_eq!((metric(&left, "early"), metric(&left, "late"), metric(&left, "given_up")), (2.0, 0.0, 0.0));
+}
+
+#[test]
+fn how_far_a_clock_may_be_ahead_is_a_parameter() {
+    let hour = 3_600_000_000_000;
+    let ahead =
+        |params: &str, ns: i64| feed_aged(&mut with(params), pose([0.5; 3], 1e-3), -ns).unwrap().standing();
+    assert_eq!(ahead("clock_ahead: 50 ms", 50_000_000), Standing::Measured);
+    assert_eq!(ahead("clock_ahead: 0 ms", 0), Standing::Measured);
+    assert_eq!(ahead("clock_ahead: 0 ms", 1), Standing::None);
+    assert_eq!(ahead("clock_ahead: 1 s", hour), Standing::None);
+}
+
+#[test]
 fn a_frame_that_comes_again_is_counted_as_repeated() {
     let mut bench = bench(TEXT);
     let again = pose([0.5, 0.1, 0.2], 1e-3);
@@ -331,7 +364,7 @@ fn any_number() -> impl Strategy<Value = f64> {
 proptest! {
     #[test]
     fn no_measurement_stops_it_and_its_numbers_stay_finite(
-        steps in prop::collection::vec(([any_number(), any_number(), any_number()], any_number(), 0u64..30_000_000), 1..40),
+        steps in prop::collection::vec(([any_number(), any_number(), any_number()], any_number(), -10_000_000i64..30_000_000), 1..40),
     ) {
         let mut bench = bench(TEXT).padded(3);
         let mut twin = self::bench(TEXT);
