@@ -9,7 +9,7 @@
 //! - `releases`: sessions of every release
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
-//! - `seeing`: a head followed live, captured by a person
+//! - `seeing`: a head followed live, captured by a person; two cameras on any number of threads
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
 //! - `controllers`: three loops in one pipeline

@@ -1,8 +1,10 @@
-//! A head followed live against a reference that a person captures, recorded and replayed.
+//! A head followed live against a reference that a person captures, recorded and replayed; and by two cameras, on any number
+//! of threads.
 
 use serde_json::Value;
 
-use crate::bench::{Bench, pipeline};
+use crate::bench::{Bench, Done, pipeline, text};
+use crate::conformance::placements_agree;
 
 fn samples(bench: &Bench, topic: &str, session: &str) -> Vec<Value> {
     let done = bench.call(&["echo", topic, "--session", session]);
@@ -42,5 +44,46 @@ fn a_live_capture_makes_the_reference_and_the_session_replays_bit_for_bit() {
     assert_eq!(replay["identical_all"], true, "{replay}");
     for topic in ["head.pose", "head.report", "head.reference", "filter.state"] {
         assert!(replay["identical"].get(topic).is_some(), "{topic}: {replay}");
+    }
+}
+
+/// Runs a command where libraries may take so many threads.
+fn on_threads(bench: &Bench, threads: &str, arguments: &[&str]) -> Done {
+    let mut command = bench.command(arguments);
+    for variable in ["RAYON_NUM_THREADS", "OMP_NUM_THREADS", "KIT_THREADS"] {
+        command.env(variable, threads);
+    }
+    bench.begin(command).finish()
+}
+
+/// One thread for all operators, one for each, a process for each group of them.
+#[test]
+fn two_cameras_one_track_is_the_same_on_every_placement() {
+    placements_agree("eyes.yaml");
+}
+
+#[test]
+fn two_cameras_one_track_replays_bit_for_bit_with_other_threads() {
+    let bench = Bench::new();
+    let file = pipeline("eyes.yaml");
+    let run = |clock: &[&str], threads: &str| {
+        let arguments = [&["run", text(&file), "--for", "2 s", "--json", "--record", "s"], clock].concat();
+        on_threads(&bench, threads, &arguments).good()["session"].as_str().unwrap().to_owned()
+    };
+    let bytes = |session: &str| std::fs::read(bench.path(session).join("part-000.mcap")).unwrap();
+    let simulated = ["1", "5"].map(|threads| run(&["--clock", "simulated"], threads));
+    assert!(bytes(&simulated[0]) == bytes(&simulated[1]), "other threads make another session");
+    // All of the chain took part, or this shows nothing.
+    let both = |health: &Value| (0..2).all(|side| health["elements"][side]["reason"] == "used");
+    let used = samples(&bench, "fused.health", &simulated[0]).iter().filter(|h| both(h)).count();
+    assert!(used > 50, "{used}");
+    for session in [&simulated[0], &run(&[], "3")] {
+        for threads in ["1", "7"] {
+            let replay = on_threads(&bench, threads, &["replay", session, "--json"]).good();
+            assert_eq!(replay["identical_all"], true, "{threads} threads: {replay}");
+            for topic in ["fast_face.face", "slow_head.pose", "fast_filter.state", "fused.state"] {
+                assert!(replay["identical"][topic].as_u64().unwrap() > 3, "{topic}: {replay}");
+            }
+        }
     }
 }
