@@ -11,13 +11,11 @@ use stillpoint_pipeline::record::Record;
 use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec::check;
-use stillpoint_samples::{
-    AlignedBytes, Cause, HEAD_SIZE, Head, JournalRef, Outcome, RefKind, Sample, SampleKind,
-};
-use zerocopy::IntoBytes;
+use stillpoint_samples::{Cause, Head, JournalRef, Outcome, RefKind, Sample, SampleKind};
 
 use crate::feed;
 use crate::run::START;
+use crate::sample::bytes_of;
 
 /// One operator of a pipeline on the bench.
 pub struct Bench {
@@ -79,14 +77,8 @@ impl Bench {
             incarnation: 0,
             count: elements.len() as u32,
         };
-        let mut meta = head.as_bytes().to_vec();
-        meta.extend_from_slice(body.as_bytes());
-        let mut bytes = AlignedBytes::copy_of(&[&meta[..], elements.as_bytes()].concat());
-        if meta.len() > HEAD_SIZE {
-            let end = meta.len();
-            bytes[end - 4..end].copy_from_slice(&head.count.to_le_bytes());
-        }
-        let parcel = Parcel { kind: S::KIND, bytes: Arc::new(bytes) };
+        let bytes = Arc::new(bytes_of::<S>(&head, body, elements));
+        let parcel = Parcel { kind: S::KIND, bytes };
         let reference = JournalRef {
             first: self.sequence,
             total: self.sequence + 1,

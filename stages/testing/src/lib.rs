@@ -2,11 +2,16 @@
 //!
 //! - [`mod@run`]: a whole pipeline, and all that it sent
 //! - [`mod@bench`]: one operator, activated with samples that a test makes
+//! - [`mod@quiet`]: one operator, of which a step can be watched alone
+//! - [`mod@sample`]: samples as bytes
 //! - [`mod@feed`]: kinds that stand upstream of an operator on a bench
 
 pub mod bench;
 pub mod feed;
+pub mod quiet;
 pub mod run;
+pub mod sample;
 
 pub use bench::Bench;
+pub use quiet::Quiet;
 pub use run::{Run, run, run_keeping};
