@@ -2,8 +2,8 @@
 //!
 //! A person arms, with everything there. Then commands are followed while nothing is missing. What is missing (a stale pose,
 //! a stale command) has it hold, and then brings the safe state. It goes by itself: from holding at once, from venting
-//! when it has settled. What is missing for too long, a pressure above its limit, numbers that are none, and another
-//! reference while it vents are faults: a person has to resume. A person can vent and disarm at any time.
+//! when it has settled. What is missing for too long, a pressure above its limit, numbers that are none, and a
+//! reference that was lost with who held it are faults: a person has to resume. A person can vent and disarm at any time.
 //!
 //! Whatever vents first holds, for as long as the beam needs to be told (`lead`): by then the state says why nothing is
 //! followed any more, and who allows the beam has ended its lease.
@@ -189,9 +189,11 @@ impl Machine {
             return self.fail(seen.faults);
         }
         if reference != seen.reference {
-            // Poses are of another reference now: what the controller makes of them, nobody meant. A vent that has begun
-            // goes on: valves that shut now would leave the head halfway.
-            if self.vented {
+            // Poses are of another reference now: what the controller makes of them, nobody meant. Where a person took it,
+            // the head stays where it is. Where who held it died, or a vent has begun, the safe state follows: valves that
+            // shut now would leave the head halfway.
+            let holder = |reference: Option<(u32, u32)>| reference.map(|(_, holder)| holder);
+            if self.vented || holder(reference) != holder(seen.reference) {
                 return self.fail(Reason::REFERENCE);
             }
             self.lacking = Reason::REFERENCE;

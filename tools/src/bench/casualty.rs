@@ -56,7 +56,7 @@ pub enum Due {
     OrdersEnd,
     /// Orders to follow end: safe 100 ms after the last of them was obeyed.
     FollowingEnds,
-    /// The pose grows stale: safe 100 ms after three frame periods, unless poses come again before.
+    /// The pose grows stale, or its reference is lost: safe 100 ms after three frame periods.
     PoseStale,
     /// The valves go on following.
     GoesOn,
@@ -223,7 +223,7 @@ impl Trial {
             Fault::Kill(process) => e.died.iter().any(|p| p == process),
             Fault::Stop("control") => e.reasons & Reason::GAP != 0,
             Fault::Stop("perception") | Fault::Silence => {
-                e.vents_ms.is_none() || e.reasons & (Reason::POSE_STALE | Reason::NO_POSE) != 0
+                e.reasons & (Reason::POSE_STALE | Reason::NO_POSE) != 0
             }
             Fault::Poison => e.reasons & (Reason::POSE_NOT_FINITE | Reason::COMMAND_NOT_FINITE) != 0,
             Fault::Garbage | Fault::Flood => e.refused > 0,

@@ -114,8 +114,6 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
         let in_time = match fault.due() {
             Due::GoesOn => e.vents_ms.is_none(),
             Due::GoesOnOrEnds if e.vents_ms.is_none() => true,
-            // A process that is back before its pose is missed for too long needs no safe state.
-            Due::PoseStale if e.vents_ms.is_none() => matches!(fault, Fault::Kill(_)) && e.last_pose_ms > 0.0,
             _ => ends,
         };
         let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);

@@ -194,11 +194,19 @@ fn another_reference_while_it_vents_is_a_fault_that_vents_on() {
 }
 
 #[test]
-fn another_reference_disarms() {
-    for other in [None, Some((2, 0)), Some((1, 1))] {
+fn another_reference_of_the_same_tracker_disarms() {
+    let mut machine = armed(Safe::Vent);
+    assert_eq!(machine.look(&Seen { reference: Some((2, 0)), ..seen(10) }), Order::Hold);
+    assert_eq!((machine.state(), machine.refused().1), (State::Disarmed, Reason::REFERENCE));
+}
+
+#[test]
+fn a_reference_that_died_with_its_tracker_is_a_fault_though_poses_come_again_in_time() {
+    for other in [None, Some((1, 1)), Some((2, 1))] {
         let mut machine = armed(Safe::Vent);
-        assert_eq!(machine.look(&Seen { reference: other, ..seen(10) }), Order::Hold);
-        assert_eq!((machine.state(), machine.refused().1), (State::Disarmed, Reason::REFERENCE));
+        let look = |machine: &mut Machine, ms| machine.look(&Seen { reference: other, ..seen(ms) });
+        assert_eq!((look(&mut machine, 10), look(&mut machine, 30)), (Order::Hold, Order::Vent));
+        assert_eq!(state(&machine), (State::Fault, Reason::REFERENCE));
     }
 }
 
