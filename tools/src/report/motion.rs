@@ -5,8 +5,10 @@
 //! a turn of the head is no error of position, and of others the mean of each channel. Where a tracker takes another
 //! reference, another offset begins.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, SMatrix, Vector6};
 use serde::Serialize;
+use stillpoint_estimate::Manifold;
+use stillpoint_estimate::consistency::nees;
 use stillpoint_samples::Standing;
 use stillpoint_track::PoseNumbers;
 
@@ -82,6 +84,9 @@ pub struct Pair {
     pub error: [f64; 6],
     /// Standard deviations that the estimate claims.
     pub sd: [f64; 6],
+    /// Normalised square of the error, of all channels that are known, and how many these are; none where a rotation is
+    /// known and not all six channels.
+    pub nees: Option<(f64, usize)>,
 }
 
 /// An estimate against the truth.
@@ -119,7 +124,13 @@ pub fn compare(truth: &Truth<'_>, estimate: &[State]) -> Comparison {
 fn about_mean_pose(states: &[(&State, [f64; 6])]) -> Comparison {
     let poses: Vec<_> = states.iter().map(|(s, at)| (pose(*at), pose(s.channels))).collect();
     let offset = mean_offset(&poses).unwrap_or_default();
-    let moved = states.iter().map(|(s, at)| pair(s, *at, numbers(&(pose(s.channels) * offset))));
+    let back = offset.inverse();
+    let moved = states.iter().map(|(s, at)| {
+        let pair = pair(s, *at, numbers(&(pose(s.channels) * offset)));
+        // The estimate claims its covariance of its own place on the head.
+        let error = pose(s.channels).minus(&(pose(*at) * back));
+        Pair { nees: normalised(&error, s), ..pair }
+    });
     Comparison { pairs: moved.collect(), offset: numbers(&offset).map(Some) }
 }
 
@@ -128,8 +139,11 @@ fn about_mean(states: &[(&State, [f64; 6])]) -> Comparison {
     let offset: [Option<f64>; 6] = std::array::from_fn(|i| {
         mean(&pairs.iter().map(|p| p.error[i]).filter(|e| e.is_finite()).collect::<Vec<_>>())
     });
-    for pair in &mut pairs {
+    for (pair, (state, _)) in pairs.iter_mut().zip(states) {
         pair.error = std::array::from_fn(|i| pair.error[i] - offset[i].unwrap_or(0.0));
+        if pair.error[3..].iter().all(|e| !e.is_finite()) {
+            pair.nees = normalised(&Vector6::from(pair.error), state);
+        }
     }
     Comparison { pairs, offset }
 }
@@ -137,7 +151,19 @@ fn about_mean(states: &[(&State, [f64; 6])]) -> Comparison {
 /// A state with these channels beside the truth.
 fn pair(state: &State, truth: [f64; 6], channels: [f64; 6]) -> Pair {
     let error = std::array::from_fn(|i| difference(i, channels[i], truth[i]));
-    Pair { origin: state.origin, truth, error, sd: state.sd }
+    Pair { origin: state.origin, truth, error, sd: state.sd(), nees: None }
+}
+
+/// The square of an error over the covariance that a state claims, of the channels where it is finite.
+fn normalised(error: &Vector6<f64>, state: &State) -> Option<(f64, usize)> {
+    let known: [bool; 6] = std::array::from_fn(|i| error[i].is_finite());
+    let covariance = SMatrix::<f64, 6, 6>::from_fn(|i, j| match (known[i] && known[j], i == j) {
+        (true, _) => state.covariance[6 * i + j],
+        (false, true) => 1.0,
+        (false, false) => 0.0,
+    });
+    let error = error.map(|e| if e.is_finite() { e } else { 0.0 });
+    Some((nees(&error, &covariance)?, known.iter().filter(|k| **k).count()))
 }
 
 fn pose(channels: [f64; 6]) -> Isometry3<f64> {
@@ -224,7 +250,8 @@ mod tests {
     use crate::report::thinned::Thinned;
 
     fn state(origin: u64, channels: [f64; 6]) -> State {
-        State { origin, channels, sd: [1e-3; 6], nis: f64::NAN, standing: Standing::Measured }
+        let covariance = std::array::from_fn(|i| if i % 7 == 0 { 1e-6 } else { 0.0 });
+        State { origin, channels, covariance, nis: f64::NAN, standing: Standing::Measured }
     }
 
     fn signal(states: impl IntoIterator<Item = State>) -> Signal {
@@ -277,6 +304,52 @@ mod tests {
         for channel in 0..6 {
             assert!(found.figures("e", channel).unwrap().worst < 1e-9, "{channel}");
         }
+    }
+
+    /// Numbers of a normal distribution's shape: the sum of twelve even ones, less six.
+    fn noise() -> impl FnMut() -> f64 {
+        let mut seed = 1_u64;
+        move || {
+            let mut even = || {
+                seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                (seed >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            (0..12).map(|_| even()).sum::<f64>() - 6.0
+        }
+    }
+
+    #[test]
+    fn errors_that_are_as_claimed_have_a_normalised_square_of_as_many_as_there_are_channels() {
+        // Errors of 1 mm in the height, and in all channels, where x goes with the turn about z: x = 2 mm, turn = 1 mrad.
+        let true_pose =
+            |k: u64| [0.0, 0.0, 0.1, 0.2 * (k as f64 * 0.1).sin(), 0.5, 0.1 * (k as f64 * 0.07).sin()];
+        let truth = signal((0..3000).map(|k| state(k, true_pose(k))));
+        let own = pose([0.03, -0.08, 0.05, 0.3, -0.2, 0.1]);
+        let mut normal = noise();
+        let mut poses = Vec::new();
+        for k in 0..3000 {
+            let turn = normal() * 1e-3;
+            let [x, y, z, a, b] = std::array::from_fn(|_| normal() * 1e-3);
+            let error = Vector6::new(x + turn, y, z, a, b, turn);
+            let mut at = state(k, numbers(&(pose(true_pose(k)) * own).plus(&error)));
+            at.covariance[0] = 2e-6;
+            (at.covariance[5], at.covariance[30]) = (1e-6, 1e-6);
+            poses.push(at);
+        }
+        let mean_of = |found: &Comparison, channels: usize| {
+            let of = found.pairs.iter().filter_map(|p| p.nees).inspect(|(_, n)| assert_eq!(*n, channels));
+            mean(&of.map(|(square, _)| square).collect::<Vec<_>>()).unwrap()
+        };
+        let whole = mean_of(&compare(&Truth::of(&truth), &poses), 6);
+        assert!((whole - 6.0).abs() < 0.25, "{whole}");
+        let heights: Vec<State> = (0..3000)
+            .map(|k| {
+                let z = true_pose(k)[2] + 0.05 + normal() * 1e-3;
+                state(k, [f64::NAN, f64::NAN, z, f64::NAN, f64::NAN, f64::NAN])
+            })
+            .collect();
+        let height = mean_of(&compare(&Truth::of(&truth), &heights), 1);
+        assert!((height - 1.0).abs() < 0.1, "{height}");
     }
 
     #[test]

@@ -31,8 +31,8 @@ pub struct State {
     pub origin: u64,
     /// x, y, z in m, pitch, roll, yaw in rad; NaN where not known.
     pub channels: [f64; 6],
-    /// Standard deviations of the position in m, and of small rotations about the frame's axes in rad.
-    pub sd: [f64; 6],
+    /// Covariance of the position in m and of small rotations about the frame's axes in rad, row by row.
+    pub covariance: [f64; 36],
     /// Normalised innovation squared; NaN where nothing was measured.
     pub nis: f64,
     /// What a track stands on; a pose is measured.
@@ -227,16 +227,21 @@ pub struct Refusal {
 impl State {
     /// Of a pose that was acquired at `origin`, ns.
     pub fn of_pose(origin: u64, pose: &PoseElement) -> Self {
-        let sd = std::array::from_fn(|i| pose.covariance[7 * i].sqrt());
-        let channels = known(channels(pose.position, pose.orientation), sd);
-        Self { origin, channels, sd, nis: f64::NAN, standing: Standing::Measured }
+        let channels = known(channels(pose.position, pose.orientation), &pose.covariance);
+        Self { origin, channels, covariance: pose.covariance, nis: f64::NAN, standing: Standing::Measured }
     }
 
     /// Of a track at `origin`, ns.
     pub fn of_track(origin: u64, track: &TrackElement) -> Self {
-        let sd = std::array::from_fn(|i| track.covariance[13 * i].sqrt());
-        let channels = known(channels(track.position, track.orientation), sd);
-        Self { origin, channels, sd, nis: track.nis, standing: track.standing() }
+        // The rates stand behind.
+        let covariance = std::array::from_fn(|i| track.covariance[i / 6 * 12 + i % 6]);
+        let channels = known(channels(track.position, track.orientation), &covariance);
+        Self { origin, channels, covariance, nis: track.nis, standing: track.standing() }
+    }
+
+    /// Standard deviations of the position in m, and of small rotations about the frame's axes in rad.
+    pub fn sd(&self) -> [f64; 6] {
+        std::array::from_fn(|i| self.covariance[7 * i].sqrt())
     }
 }
 
@@ -308,6 +313,6 @@ fn channels(position: [f64; 3], orientation: [f64; 4]) -> [f64; 6] {
 }
 
 /// A channel of infinite variance is not known.
-fn known(channels: [f64; 6], sd: [f64; 6]) -> [f64; 6] {
-    std::array::from_fn(|i| if sd[i].is_finite() { channels[i] } else { f64::NAN })
+fn known(channels: [f64; 6], covariance: &[f64; 36]) -> [f64; 6] {
+    std::array::from_fn(|i| if covariance[7 * i].is_finite() { channels[i] } else { f64::NAN })
 }

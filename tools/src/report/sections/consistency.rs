@@ -1,14 +1,16 @@
-//! Whether filters claim what their errors are: NIS over time, and NEES where a filter was told the truth.
+//! Whether estimates claim what their errors are: NIS of filters, and NEES where the session has a truth.
 
 use serde::Serialize;
 use stillpoint_samples::Standing;
 
+use super::errors::compared;
 use super::tracks::DOTS;
 use crate::chart::{Chart, Series, Style};
 use crate::exit::Failure;
+use crate::report::motion::Comparison;
 use crate::report::numbers::{count, fixed, percent};
 use crate::report::page::{Block, Cell, Section, Table};
-use crate::report::recording::{Recording, Signal};
+use crate::report::recording::{Part, Recording, Signal};
 use crate::report::source::Source;
 use crate::report::statistics::{for_dots, mean};
 
@@ -24,15 +26,15 @@ const BOUNDS: [[f64; 2]; 6] = [
 
 #[derive(Serialize)]
 struct Figures {
-    filters: Vec<Filter>,
+    estimates: Vec<Estimate>,
 }
 
 #[derive(Serialize)]
-struct Filter {
+struct Estimate {
     topic: String,
-    /// Measurements used and refused, by the last sample.
-    used: u64,
-    refused: u64,
+    /// Measurements used and refused, by the last sample of a track.
+    used: Option<u64>,
+    refused: Option<u64>,
     nis: Option<Normalised>,
     nees: Option<Normalised>,
 }
@@ -64,43 +66,48 @@ impl Normalised {
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
-    let (mut filters, mut charts) = (Vec::new(), Vec::new());
-    for signal in &recording.signals {
-        let Some(tracking) = signal.tracking else { continue };
+    let compared = compared(recording);
+    let (mut estimates, mut charts) = (Vec::new(), Vec::new());
+    for signal in recording.signals.iter().filter(|s| s.part != Part::Truth) {
+        let found = compared.iter().find(|c| c.signal.topic == signal.topic).map(|c| &c.found);
         let nis = nis(recording, signal);
-        let values: Vec<f64> = nis.iter().map(|(_, v)| *v).collect();
-        let nis_figures = Normalised::of(&values, nis_expected(recording, signal));
-        let (nees_values, nees_expected) = nees(recording, signal);
-        let nees: Vec<f64> = nees_values.iter().map(|(_, v)| *v).collect();
-        let nees_figures = Normalised::of(&nees, nees_expected);
+        let nis_figures = Normalised::of(&numbers(&nis), nis_expected(recording, signal));
+        let (nees, expected) = nees(recording, signal, found);
+        let nees_figures = Normalised::of(&numbers(&nees), expected);
         if nis_figures.is_none() && nees_figures.is_none() {
             continue;
         }
         charts.extend(nis_figures.as_ref().map(|f| chart("NIS", &signal.topic, &nis, f)));
-        charts.extend(nees_figures.as_ref().map(|f| chart("NEES", &signal.topic, &nees_values, f)));
-        filters.push(Filter {
+        charts.extend(nees_figures.as_ref().map(|f| chart("NEES", &signal.topic, &nees, f)));
+        estimates.push(Estimate {
             topic: signal.topic.clone(),
-            used: tracking.accepted,
-            refused: tracking.rejected,
+            used: signal.tracking.map(|t| t.accepted),
+            refused: signal.tracking.map(|t| t.rejected),
             nis: nis_figures,
             nees: nees_figures,
         });
     }
-    let figures = Figures { filters };
+    let figures = Figures { estimates };
     let mut section = Section::new("consistency", "Consistency", &figures)?;
-    if figures.filters.is_empty() {
-        let said = "The session has no filtered track with innovations.";
+    if figures.estimates.is_empty() {
+        let said = "The session has no filtered track with innovations, and no estimate with a truth.";
         return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(
         "NIS is the square of what a measurement adds, over what the filter expects it to be; NEES the same of the error of \
-         the estimate. Where a filter's noises are right the mean is the number of channels, and 95 % lie within the \
-         bounds. A smaller mean says that the filter expects more noise than there is."
+         the estimate, that of the filter itself where it was told the truth, else against the session's truth without the \
+         constant offset. Where an estimate's claims are right the mean is the number of channels, and 95 % lie within the \
+         bounds. A smaller mean says that it expects more noise than there is, a larger one less. A filter that allows for \
+         accelerations which the head does not make has a small NIS for that reason alone."
             .into(),
     ));
-    section.blocks.push(Block::Table(table(&figures.filters)));
+    section.blocks.push(Block::Table(table(&figures.estimates)));
     section.blocks.extend(charts);
     Ok(section)
+}
+
+fn numbers(values: &[(f64, f64)]) -> Vec<f64> {
+    values.iter().map(|(_, v)| *v).collect()
 }
 
 fn nis(recording: &Recording<'_>, signal: &Signal) -> Vec<(f64, f64)> {
@@ -118,11 +125,22 @@ fn nis_expected(recording: &Recording<'_>, signal: &Signal) -> f64 {
     said.filter(|v| v.is_finite()).unwrap_or(f64::from(channels))
 }
 
-fn nees(recording: &Recording<'_>, signal: &Signal) -> (Vec<(f64, f64)>, f64) {
-    let values = diagnostics(recording, signal, "nees").iter().filter(|(_, v)| v.is_finite());
-    let values = values.map(|(stamp, v)| (recording.seconds(*stamp), *v)).collect();
-    let expected = diagnostics(recording, signal, "nees_mean_expected").last().map_or(f64::NAN, |(_, v)| *v);
-    (values, expected)
+/// By the filter's diagnostics; where it was not told the truth, by the comparison with it. And what is to be expected.
+fn nees(recording: &Recording<'_>, signal: &Signal, found: Option<&Comparison>) -> (Vec<(f64, f64)>, f64) {
+    let said = diagnostics(recording, signal, "nees").iter().filter(|(_, v)| v.is_finite());
+    let told: Vec<_> = said.map(|(stamp, v)| (recording.seconds(*stamp), *v)).collect();
+    if !told.is_empty() {
+        let expected =
+            diagnostics(recording, signal, "nees_mean_expected").last().map_or(f64::NAN, |(_, v)| *v);
+        return (told, expected);
+    }
+    let pairs = found.map_or(&[][..], |f| &f.pairs);
+    let Some(channels) = pairs.iter().filter_map(|p| p.nees).map(|(_, channels)| channels).max() else {
+        return (Vec::new(), f64::NAN);
+    };
+    // An estimate that lacks channels for a while is judged where it has all.
+    let of_all = pairs.iter().filter_map(|p| Some((p.origin, p.nees.filter(|(_, n)| *n == channels)?.0)));
+    (of_all.map(|(origin, square)| (recording.seconds(origin), square)).collect(), channels as f64)
 }
 
 /// A number that the operator of a track says about its work.
@@ -148,16 +166,18 @@ fn chart(what: &str, topic: &str, values: &[(f64, f64)], figures: &Normalised) -
     Block::Chart(chart, String::new())
 }
 
-fn table(filters: &[Filter]) -> Table {
-    let columns = ["track", "used", "refused", "number", "samples", "mean", "expected", "within 95 % bounds"];
+fn table(estimates: &[Estimate]) -> Table {
+    let columns =
+        ["estimate", "used", "refused", "number", "samples", "mean", "expected", "within 95 % bounds"];
     let mut table = Table::new("", &columns);
-    for f in filters {
+    let whole = |n: Option<u64>| Cell::number(n.map_or_else(String::new, count));
+    for f in estimates {
         for (name, n) in [("NIS", &f.nis), ("NEES", &f.nees)] {
             let Some(n) = n else { continue };
             table.row([
                 Cell::text(&f.topic),
-                Cell::number(count(f.used)),
-                Cell::number(count(f.refused)),
+                whole(f.used),
+                whole(f.refused),
                 Cell::text(name),
                 Cell::number(count(n.samples as u64)),
                 Cell::number(fixed(n.mean, 3)),

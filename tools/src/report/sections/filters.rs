@@ -199,7 +199,7 @@ fn centralised(recording: &Recording<'_>, fused: &Signal, channel: usize, truth:
     let mut estimates = Vec::new();
     for state in at_measurements(fused) {
         while let Some(z) = waiting.next_if(|z| z.origin <= state.origin) {
-            let (value, sd) = (z.channels[channel], z.sd[channel]);
+            let (value, sd) = (z.channels[channel], z.sd()[channel]);
             if value.is_finite() && sd.is_finite() {
                 let z_here = Measurement { position: Vector1::new(value), covariance: Matrix1::new(sd * sd) };
                 // Measurements of one time follow each other by a nanosecond: no time at all.
