@@ -54,6 +54,7 @@ mod train;
 #[cfg(not(feature = "train"))]
 #[path = "train_absent.rs"]
 mod train;
+mod uncaptured;
 
 use std::process::ExitCode;
 

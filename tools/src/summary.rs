@@ -12,6 +12,7 @@ use crate::accuracy::{self, Accuracy};
 use crate::exit::Failure;
 use crate::hold::{Held, Hold};
 use crate::refused::{self, Refused};
+use crate::uncaptured::{self, Uncaptured};
 
 /// Failures that are shown.
 const MOST_FAULTS: usize = 10;
@@ -28,6 +29,7 @@ pub struct Summary<'a> {
     /// Why the session is not complete.
     gaps: Vec<String>,
     refused: Vec<Refused>,
+    uncaptured: Vec<Uncaptured>,
     too_slow: Vec<String>,
 }
 
@@ -47,12 +49,13 @@ impl<'a> Summary<'a> {
                 Some(Err(e)) => vec![e.to_string()],
             },
             refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
+            uncaptured: readable.map_or_else(Vec::new, |session| uncaptured::of_session(session, graph)),
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
         }
     }
 
-    /// The report as JSON, with the session's path, how the head was held, the accuracy, and the frames without a
-    /// result.
+    /// The report as JSON, with the session's path, how the head was held, the accuracy, the frames without a
+    /// result, and the trackers without a reference.
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
@@ -65,6 +68,7 @@ impl<'a> Summary<'a> {
             value["held"] = json!(self.held);
             value["accuracy"] = json!(self.accuracy);
             value["refused"] = json!(self.refused);
+            value["uncaptured"] = json!(self.uncaptured);
         }
         Ok(value)
     }
@@ -94,8 +98,11 @@ impl<'a> Summary<'a> {
         if let Some(accuracy) = &self.accuracy {
             println!("\n{accuracy}");
         }
-        if !self.refused.is_empty() {
+        if !self.refused.is_empty() || !self.uncaptured.is_empty() {
             println!();
+        }
+        for uncaptured in &self.uncaptured {
+            println!("{uncaptured}");
         }
         for refused in &self.refused {
             println!("{refused}");

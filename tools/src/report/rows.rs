@@ -262,6 +262,11 @@ impl Tracking {
 }
 
 impl Alignments {
+    /// Whether the tracker never had a reference: it had no pose.
+    pub fn is_uncaptured(&self) -> bool {
+        self.reference.0 == 0 && self.reference.1.is_empty() && self.statuses.iter().any(|n| *n > 0)
+    }
+
     /// Takes the report of a frame that was acquired at `origin`, ns.
     pub fn take(&mut self, origin: u64, report: &PoseReportElement) {
         let status = PoseStatus::from_number(report.status).map_or(UNKNOWN_STATUS, |s| s as usize);

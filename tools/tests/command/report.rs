@@ -177,6 +177,36 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
 }
 
 #[test]
+fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let waits = [&SMALL[..], &["head.capture=command"]].concat();
+    let (session, said) = run(folder.path(), "examples/head-tracking.yaml", "1s", &waits);
+    let uncaptured = &said["uncaptured"][0];
+    assert_eq!(
+        (&uncaptured["operator"], &uncaptured["command"]),
+        (&"head".into(), &"console.capture".into())
+    );
+    assert_eq!(uncaptured["frames"], 10);
+    let (json, page) = report(folder.path(), &session);
+    stands_alone(&page);
+    assert_eq!(json["sections"]["summary"]["figures"]["uncaptured"][0], "head.report");
+    assert_eq!(json["sections"]["alignment"]["figures"]["trackers"][0]["uncaptured"], true);
+    assert!(page.contains("none captured: no pose") && page.contains("no reference was captured"));
+    // What people read; and with a reference, nothing is said.
+    let file = root().join("examples/head-tracking.yaml").canonicalize().unwrap().display().to_string();
+    for (capture, is_told) in [("command", true), ("first", false)] {
+        let set = format!("head.capture={capture}");
+        let mut arguments =
+            vec!["run", &file, "--clock", "simulated", "--for", "1s", "--record", "t", "--set", &set];
+        arguments.extend(SMALL.iter().flat_map(|set| ["--set", set]));
+        let out = stillpoint(folder.path(), &arguments);
+        let line = "head: NO REFERENCE was captured, so none of 10 frames has a pose: stillpoint send console.capture \
+                    takes the next face\n";
+        assert_eq!(text(&out.stdout).contains(line), is_told, "{}{}", text(&out.stdout), text(&out.stderr));
+    }
+}
+
+#[test]
 fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let folder = tempfile::tempdir().unwrap();
     let (session, said) = run(folder.path(), "pipeline.yaml", "6s", &[]);

@@ -22,6 +22,8 @@ struct Figures {
 struct Tracker {
     topic: String,
     frames: u64,
+    /// No frame became a reference.
+    uncaptured: bool,
     statuses: Vec<(&'static str, u64)>,
     /// Frames in which at least one direction was refused.
     with_refused_directions: u64,
@@ -50,6 +52,13 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
             ]);
         }
         section.blocks.push(Block::Table(table));
+        if t.uncaptured {
+            section.blocks.push(Block::Warning(format!(
+                "{}: no reference was captured in the whole session, so no frame has a pose.",
+                t.topic
+            )));
+            continue;
+        }
         let mut table = Table::new("", &["of frames with a fit", "p50", "p99", "max"]);
         for (name, s, digits) in [
             ("residual, mm", &t.residual_mm, 3),
@@ -68,7 +77,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
             )));
         }
     }
-    for a in &recording.alignments {
+    for a in recording.alignments.iter().filter(|a| !a.fits.items().is_empty()) {
         section.blocks.push(chart(recording, a, "residual, mm", |f| f.residual * 1e3));
         section.blocks.push(chart(recording, a, "overlap, part", |f| f.overlap));
     }
@@ -82,6 +91,7 @@ fn tracker(a: &Alignments) -> Tracker {
     Tracker {
         topic: a.topic.clone(),
         frames: a.statuses.iter().sum(),
+        uncaptured: a.is_uncaptured(),
         statuses: names.map(|(name, at)| (name, a.statuses[at])).filter(|(_, n)| *n > 0).collect(),
         with_refused_directions: a.refused[1..].iter().sum(),
         residual_mm: spread(|f| f.residual * 1e3),

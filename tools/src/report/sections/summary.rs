@@ -25,6 +25,8 @@ struct Figures {
     file_bytes: u64,
     parts: usize,
     failed_activations_and_restarts: usize,
+    /// Topics of trackers that never had a reference.
+    uncaptured: Vec<String>,
     unreadable_samples: u64,
     ledger_lines: usize,
     ledger_unexplained: u64,
@@ -56,6 +58,12 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         file_bytes: parts.iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum(),
         parts: parts.len(),
         failed_activations_and_restarts: faults.events.len(),
+        uncaptured: recording
+            .alignments
+            .iter()
+            .filter(|a| a.is_uncaptured())
+            .map(|a| a.topic.clone())
+            .collect(),
         unreadable_samples: faults.unreadable,
         ledger_lines: accounts.lines.len(),
         ledger_unexplained: accounts.unexplained,
@@ -92,6 +100,10 @@ fn tiles(f: &Figures, accounts: &ledger::Accounts) -> Vec<Tile> {
     tiles.push(Tile::state("ledger", ledger, balanced));
     let failed = f.failed_activations_and_restarts;
     tiles.push(Tile::state("failures and restarts", count(failed as u64), failed == 0));
+    let without = f.uncaptured.iter();
+    tiles.extend(
+        without.map(|topic| Tile::state(&format!("reference of {topic}"), "none captured: no pose", false)),
+    );
     tiles.push(Tile::plain("operators", f.operators.to_string()));
     tiles.push(Tile::plain("samples", count(f.samples)));
     let size = format!(

@@ -1,0 +1,76 @@
+//! Trackers that no reference was captured for, out of a session: they had no pose.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_recorder::Session;
+use stillpoint_samples::{ConsoleCommand, Pieces, PoseReport, PoseStatus, Sample};
+
+/// A tracker that waited for a capture until the end.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Uncaptured {
+    /// The operator.
+    pub operator: String,
+    /// Frames that it reported on.
+    pub frames: u64,
+    /// Frames that were to become the reference, and were not fit for it.
+    pub unfit: u64,
+    /// Frames without a face.
+    pub without_a_face: u64,
+    /// The topic on which it hears commands, where it is connected to one.
+    pub command: Option<String>,
+}
+
+impl std::fmt::Display for Uncaptured {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { operator, frames, unfit, without_a_face, command } = self;
+        write!(f, "{operator}: NO REFERENCE was captured, so none of {frames} frames has a pose")?;
+        match (unfit, command) {
+            (1.., _) => write!(f, "; {unfit} of them were not fit for one")?,
+            (0, Some(topic)) => write!(f, ": stillpoint send {topic} takes the next face")?,
+            (0, None) => {}
+        }
+        if *without_a_face > 0 { write!(f, "; {without_a_face} of them show no face") } else { Ok(()) }
+    }
+}
+
+/// Those of the session's trackers that never had a reference, by the reports that it keeps.
+pub fn of_session(session: &Session, graph: &Graph) -> Vec<Uncaptured> {
+    let topics = session.topics();
+    let mut waiting: BTreeMap<usize, Option<Uncaptured>> = BTreeMap::new();
+    for recorded in session.samples_where(|t| t.type_name == PoseReport::KIND.type_name()).flatten() {
+        let Ok(pieces) = Pieces::split(PoseReport::KIND, &recorded.sample) else { continue };
+        let Ok(view) = pieces.view::<PoseReport>() else { continue };
+        let Some(report) = view.first() else { continue };
+        let operator = &topics[recorded.topic].operator;
+        let tracker = waiting.entry(recorded.topic).or_insert_with(|| {
+            Some(Uncaptured {
+                operator: operator.clone(),
+                frames: 0,
+                unfit: 0,
+                without_a_face: 0,
+                command: command_of(graph, operator),
+            })
+        });
+        if report.reference != 0 {
+            *tracker = None;
+        }
+        if let Some(tracker) = tracker {
+            let is = |status: PoseStatus| u64::from(report.status == status as u32);
+            tracker.frames += 1;
+            tracker.unfit += is(PoseStatus::CaptureRefused);
+            tracker.without_a_face += is(PoseStatus::NoFace);
+        }
+    }
+    waiting.into_values().flatten().collect()
+}
+
+/// The topic of an operator's input of commands.
+fn command_of(graph: &Graph, operator: &str) -> Option<String> {
+    let node = &graph.operators[graph.operator(operator)?];
+    let ports = node.stage.kind.inputs.iter();
+    let (_, input) = ports.zip(&node.inputs).find(|(port, _)| *port.sample == *ConsoleCommand::KIND)?;
+    let edge = input.edge?;
+    Some(graph.operators[edge.operator].outputs[edge.output].topic.clone())
+}
