@@ -34,7 +34,7 @@ pub fn short(value: impl Into<Option<f64>>) -> String {
 /// A part as per cent.
 pub fn percent(part: impl Into<Option<f64>>) -> String {
     match part.into() {
-        Some(v) if v.is_finite() => format!("{:.1} %", v * 100.0),
+        Some(v) if v.is_finite() => format!("{} %", fixed(v * 100.0, 1)),
         _ => NONE.to_owned(),
     }
 }
@@ -94,7 +94,7 @@ mod tests {
             (count(7), count(1234), count(123_456)),
             ("7".into(), "1\u{202f}234".into(), "123\u{202f}456".into())
         );
-        assert_eq!(percent(0.8081), "80.8 %");
+        assert_eq!((percent(0.8081), percent(-1e-5)), ("80.8 %".into(), "0.0 %".into()));
     }
 
     #[test]

@@ -177,6 +177,25 @@ fn two_sensors_are_judged_by_the_filter_that_has_both() {
 }
 
 #[test]
+fn poses_claim_what_their_errors_are_and_a_filter_that_allows_for_coughs_expects_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let sets = [&SMALL[..], &["rig.noise=kinect_v1", "head.min_points=200"]].concat();
+    let (session, _) = run(folder.path(), "examples/head-tracking.yaml", "10s", &sets);
+    let (json, page) = report(folder.path(), &session);
+    stands_alone(&page);
+    let estimates = json["sections"]["consistency"]["figures"]["estimates"].as_array().unwrap();
+    let of = |topic: &str| estimates.iter().find(|e| e["topic"] == topic).unwrap();
+    for topic in ["head.pose", "filter.state"] {
+        let nees = &of(topic)["nees"];
+        let [mean, within] = ["mean", "within"].map(|k| nees[k].as_f64().unwrap());
+        assert!(nees["samples"] == 100 && nees["expected"] == 6.0, "{nees}");
+        // The mean of a hundred squares of six numbers has a deviation of 0.35.
+        assert!((4.0..8.0).contains(&mean) && within > 0.85, "{topic}: {nees}");
+    }
+    assert!(of("filter.state")["nis"]["mean"].as_f64().unwrap() < 1.5);
+}
+
+#[test]
 fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let waits = [&SMALL[..], &["head.capture=command"]].concat();

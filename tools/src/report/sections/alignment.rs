@@ -78,8 +78,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         }
     }
     for a in recording.alignments.iter().filter(|a| !a.fits.items().is_empty()) {
-        section.blocks.push(chart(recording, a, "residual, mm", |f| f.residual * 1e3));
-        section.blocks.push(chart(recording, a, "overlap, part", |f| f.overlap));
+        section.blocks.push(chart(recording, a, "Residual", "mm", |f| f.residual * 1e3));
+        section.blocks.push(chart(recording, a, "Overlap", "part", |f| f.overlap));
     }
     Ok(section)
 }
@@ -101,9 +101,11 @@ fn tracker(a: &Alignments) -> Tracker {
     }
 }
 
-fn chart(recording: &Recording<'_>, a: &Alignments, y: &str, of: fn(&Fit) -> f64) -> Block {
+fn chart(recording: &Recording<'_>, a: &Alignments, what: &str, unit: &str, of: fn(&Fit) -> f64) -> Block {
     let points: Vec<_> = a.fits.items().iter().map(|f| (recording.seconds(f.origin), of(f))).collect();
-    let name = y.split(',').next().unwrap_or(y).to_owned();
+    let name = what.to_lowercase();
+    let y = format!("{name}, {unit}");
     let series = vec![Series { name, points: for_a_line(&points, LINE), style: Style::Line }];
-    Block::Chart(Chart { title: a.topic.clone(), x: "time, s".into(), y: y.into(), series }, String::new())
+    let title = format!("{what} of {}", a.topic);
+    Block::Chart(Chart { title, x: "time, s".into(), y, series }, String::new())
 }

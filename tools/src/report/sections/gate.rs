@@ -95,6 +95,7 @@ fn lengths(gate: &Figured) -> String {
     let seconds = |s: Option<f64>| fixed(s, 2);
     match gate.ended {
         0 => String::new(),
+        1 => format!("; the one that ended was held for {} s", seconds(gate.longest_s)),
         ended => format!(
             "; the {} that ended were held for {} to {} s, half of them for {} s or more",
             count(ended as u64),
@@ -177,6 +178,10 @@ mod tests {
         assert_eq!(
             super::lengths(&found),
             "; the 2 that ended were held for 1.00 to 2.00 s, half of them for 2.00 s or more"
+        );
+        assert_eq!(
+            super::lengths(&Figured { ended: 1, ..found }),
+            "; the one that ended was held for 2.00 s"
         );
         assert_eq!(super::lengths(&figured(&Gates::default())), "");
     }

@@ -44,7 +44,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     if let Some(reason) = &figures.pipeline_is_foreign {
         say(Block::Warning(format!("This build cannot run the session's pipeline: {reason}")));
     }
-    let mut facts = Table::new("", &["fact", ""]);
+    let mut facts = Table::new("", &["fact", "value"]);
     let started = figures.started_utc.iter().map(|t| ("started".to_owned(), t.clone()));
     let own = figures.run.iter().chain(&figures.identity).filter(|(name, _)| *name != "cpu_features");
     for (name, value) in started.chain(own.map(|(n, v)| (words(n), v.clone()))) {
