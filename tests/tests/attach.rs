@@ -28,6 +28,45 @@ fn a_command_arrives_is_recorded_and_replays() {
 }
 
 #[test]
+fn a_target_is_said_to_be_taken_or_refused_by_each_who_takes_it() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("targets.yaml"));
+    for topic in ["target.reference", "height.reference"] {
+        crate::bench::wait_for("a start to count from", || {
+            let sample: Value = serde_json::from_str(&bench.wait_for_samples(topic, 1)).unwrap();
+            (sample["elements"][0]["status"] == 1).then_some(())
+        });
+    }
+    for (values, code, said) in [
+        (
+            &["0.01", "0", "0"][..],
+            1,
+            ["target.reference: taken", "height.reference: refused, because it needs one"],
+        ),
+        (
+            &["0.5"],
+            1,
+            ["target.reference: refused, because it needs one", "because it cannot be reached (z); the"],
+        ),
+        (&["0.01"], 1, ["target.reference: refused, because it needs one", "height.reference: taken"]),
+    ] {
+        let sent = bench.call(&[&["send", "console.target"], values].concat());
+        assert_eq!(sent.code(), code, "{}{}", sent.out, sent.err);
+        assert!(sent.out.starts_with("sent console.target"), "{}", sent.out);
+        assert!(said.iter().all(|line| sent.out.contains(line)), "{said:?}: {}", sent.out);
+    }
+    // Who is stopped says nothing.
+    let stopped = rustix::process::Pid::from_raw(run.child("target", 0) as i32).unwrap();
+    rustix::process::kill_process(stopped, rustix::process::Signal::STOP).unwrap();
+    let sent = bench.call(&["send", "console.target", "0.02"]);
+    rustix::process::kill_process(stopped, rustix::process::Signal::CONT).unwrap();
+    assert_eq!(sent.code(), 0, "{}{}", sent.out, sent.err);
+    let lines = ["target.reference: no answer within 1 s; `stillpoint echo", "height.reference: taken"];
+    assert!(lines.iter().all(|line| sent.out.contains(line)), "{}", sent.out);
+    run.stop().good();
+}
+
+#[test]
 fn a_command_to_nobody_fails_with_words() {
     let bench = Bench::new();
     let nobody = bench.call(&["send", "console.arm"]);

@@ -17,6 +17,7 @@
 #![allow(clippy::print_stdout)]
 
 mod accuracy;
+mod answer;
 mod attach;
 mod bench;
 mod case;

@@ -10,13 +10,15 @@ use stillpoint_samples::{Command, ConsoleCommand, HEAD_SIZE, Head, RigFault, Sam
 use stillpoint_shm::Topic;
 use zerocopy::IntoBytes;
 
+use crate::answer::{self, Answer};
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
 
 /// How long the console may take to send a command on.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Send a person's command into a running pipeline. It becomes a sample that is recorded and replayed.
+/// Send a person's command into a running pipeline. It becomes a sample that is recorded and replayed. Of a target it says
+/// whether it was taken, or refused and why; a refusal ends with 1.
 #[derive(Args)]
 pub struct Send {
     /// Console and verb, such as `console.arm`.
@@ -45,8 +47,20 @@ impl Send {
             ))
         })?;
         let values = self.numbers(verb)?;
+        let listeners = match verb {
+            Verb::Target => answer::listen(registry, &self.which, console)?,
+            _ => Vec::new(),
+        };
         println!("{}", deliver(registry, &self.which, console, verb, &values)?);
-        Ok(Exit::Done)
+        let mut exit = Exit::Done;
+        for listener in &listeners {
+            let answer = listener.answer()?;
+            println!("{}", answer.line(listener.topic()));
+            if matches!(answer, Answer::Refused(_)) {
+                exit = Exit::Failed;
+            }
+        }
+        Ok(exit)
     }
 }
 

@@ -60,7 +60,7 @@ impl Refusals {
 }
 
 /// Why a target was refused, and in which channels.
-fn words(target: &TargetElement) -> String {
+pub fn words(target: &TargetElement) -> String {
     let why = Refusal::of(target.refusal).map_or("of a reason that this build does not know", Refusal::words);
     let bits = target.unreachable;
     let channels: Vec<_> =
