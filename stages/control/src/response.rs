@@ -26,7 +26,9 @@ pub struct Response {
     /// The step.
     #[serde(flatten)]
     pub step: Step,
-    /// From 10 % to 90 % of the step, s; none where it was not reached.
+    /// How long it was between 10 % and 90 % of the step, s; none where 90 % was not reached. Where it goes up evenly that
+    /// is the time from the one to the other. What swings about its way, as a head that breathes, crosses 90 % for the
+    /// first time too early, by as much as its swing is large beside how slowly it comes.
     pub rise_s: Option<f64>,
     /// From the step until it stays within 5 % of the step, s; none where it does not.
     pub settling_s: Option<f64>,
@@ -65,7 +67,8 @@ pub fn response(step: Step, value: &[(f64, f64)]) -> Option<Response> {
         return None;
     }
     let part = |v: f64| (v - step.from) / height;
-    let reached = |level: f64| during.iter().find(|p| part(p.1) >= level).map(|p| p.0);
+    let between = during.windows(2).filter(|w| (0.1..0.9).contains(&part(w[0].1))).map(|w| w[1].0 - w[0].0);
+    let reached = during.iter().any(|p| part(p.1) >= 0.9);
     let last_outside = during.iter().rposition(|p| (part(p.1) - 1.0).abs() > BAND);
     let settled = match last_outside {
         None => during.first(),
@@ -78,7 +81,7 @@ pub fn response(step: Step, value: &[(f64, f64)]) -> Option<Response> {
     let beyond = during.iter().map(|p| (part(p.1) - 1.0) * height.abs()).fold(0.0, f64::max);
     Some(Response {
         step,
-        rise_s: reached(0.1).zip(reached(0.9)).map(|(low, high)| high - low),
+        rise_s: reached.then(|| between.sum()),
         settling_s: settled.map(|p| p.0 - step.at_s),
         overshoot: beyond,
         left,
@@ -105,6 +108,26 @@ mod tests {
         assert!((found.rise_s.unwrap() - tau * 9f64.ln()).abs() < 3e-3, "{found:?}");
         assert!((found.settling_s.unwrap() - tau * 20f64.ln()).abs() < 3e-3, "{found:?}");
         assert!(found.overshoot == 0.0 && found.left.abs() < 1e-3 && found.sd < 1e-3);
+    }
+
+    #[test]
+    fn what_breathes_on_its_way_rises_as_slowly_as_what_does_not() {
+        let step = Step { at_s: 0.0, until_s: 120.0, from: 0.0, to: 1.0 };
+        let (rise, swing, period) = (20.0, 0.045, 4.0);
+        let mut crossings = Vec::new();
+        for phase in 0..8 {
+            let breath =
+                |t: f64| swing * (core::f64::consts::TAU * (t / period + f64::from(phase) / 8.0)).sin();
+            let points: Vec<_> = (0..12_000)
+                .map(|k| 0.01 * f64::from(k))
+                .map(|t| (t, 1.0 - (-t * 9f64.ln() / rise).exp() + breath(t)))
+                .collect();
+            let first = |level: f64| points.iter().find(|p| p.1 >= level).unwrap().0;
+            crossings.push(first(0.9) - first(0.1));
+            let found = response(step, &points).unwrap().rise_s.unwrap();
+            assert!((found / rise - 1.0).abs() < 0.06, "{phase}: {found}");
+        }
+        assert!(crossings.iter().any(|c| *c < 17.0), "first crossings are too early: {crossings:?}");
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub struct Step {
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Outcome {
     seed: u64,
-    /// From 10 % to 90 % of the step, s.
+    /// How long it was between 10 % and 90 % of the step, s.
     rise_s: [Option<f64>; 3],
     /// Until it stays within 5 % of the step, or within what is allowed, s.
     settling_s: [Option<f64>; 3],
@@ -78,8 +78,7 @@ struct Outcome {
 struct Row {
     rise: String,
     seeds: usize,
-    /// Seeds that rose as the reference model says, within 10 % (height and roll: a pitch of 1.35 degrees is no larger
-    /// than what a person does to it), or settled in 5 s.
+    /// Seeds that rose as the reference model says, within 10 %, or settled in 5 s.
     rose: usize,
     /// Seeds that stayed within what is allowed from 40 s on.
     held: usize,
@@ -159,7 +158,7 @@ fn row(rise: &str, outcomes: &[Outcome]) -> Row {
         if asked < SETTLES {
             return o.settling_s.iter().all(|s| s.is_some_and(|s| s <= SETTLES));
         }
-        [0, 2].iter().all(|i| o.rise_s[*i].is_some_and(|s| (s / asked - 1.0).abs() <= RISE_WITHIN))
+        o.rise_s.iter().all(|s| s.is_some_and(|s| (s / asked - 1.0).abs() <= RISE_WITHIN))
     };
     let held = |o: &&Outcome| (0..3).all(|i| o.worst[i] <= WITHIN[i]);
     Row {
