@@ -10,7 +10,7 @@ use crate::setup::Files;
 use crate::spec::faults::{Code, Complaint, Findings};
 use crate::spec::near::{nearest, shown};
 use crate::spec::source::Span;
-use crate::spec::tree::{Entry, Keys, Node, Value};
+use crate::spec::tree::{Entry, Keys, Node, TEXT, Value};
 use crate::spec::yaml;
 
 /// Source number of a default: it stands in no text that people see.
@@ -95,7 +95,7 @@ impl<'a> ParamReader<'a> {
         field: &ParamField,
         names: &'static [&'static str],
     ) -> Option<&'n str> {
-        let text = node.scalar(&shown(field.name), "a text", self.findings)?;
+        let text = node.scalar(&shown(field.name), TEXT, self.findings)?;
         if names.contains(&text) {
             return Some(text);
         }

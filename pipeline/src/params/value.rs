@@ -6,7 +6,7 @@ use super::{Names, ParamField, ParamReader};
 use crate::spec::faults::{Code, Complaint};
 use crate::spec::near::{listed, shown};
 use crate::spec::quantity;
-use crate::spec::tree::{Node, Value};
+use crate::spec::tree::{Node, TEXT, Value};
 
 /// Type of a parameter, for schema and reference.
 #[derive(Clone, Copy, Debug)]
@@ -188,6 +188,9 @@ integers!(u8, u16, u32, u64, usize, i32, i64);
 impl ParamValue for bool {
     const TYPE: ParamType = ParamType::Switch;
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
+        if let Value::Switch(on) = node.value {
+            return Some(on);
+        }
         scalar(node, field, reader, "`true` or `false`", |text| match text {
             "true" => Ok(true),
             "false" => Ok(false),
@@ -211,7 +214,7 @@ impl ParamValue for String {
     const TYPE: ParamType = ParamType::Text;
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
         let text = if field.choices.is_empty() {
-            node.scalar(&shown(field.name), "a text", reader.findings())?
+            node.scalar(&shown(field.name), TEXT, reader.findings())?
         } else {
             reader.choice(node, field, field.choices)?
         };

@@ -20,7 +20,7 @@ use crate::stream;
 
 /// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
 /// each.
-pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNode> {
+pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings) -> Vec<ProcessNode> {
     let numbers = numbers(document);
     let mut home: BTreeMap<usize, &str> = BTreeMap::new();
     let mut processes = Vec::new();
@@ -29,7 +29,14 @@ pub fn processes(document: &Document<'_>, findings: &Findings) -> Vec<ProcessNod
         let mut operators = Vec::new();
         for member in &parsed.operators {
             let Some(&number) = numbers.get(member.value.as_str()) else {
-                unknown_operator(document, member, findings);
+                // The far end of a link that is at fault is not there, and that is said already.
+                let is_far_end = document
+                    .operators
+                    .iter()
+                    .any(|o| member.value.starts_with(&format!("{}_", o.name.value)));
+                if links_stand || !is_far_end {
+                    unknown_operator(document, member, findings);
+                }
                 continue;
             };
             match home.insert(number, name) {

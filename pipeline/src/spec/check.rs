@@ -9,7 +9,7 @@ use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
-use super::{assemble, hosts, order, port_frames, sets, sync, wiring, yaml};
+use super::{assemble, hosts, links, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::{Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
@@ -93,10 +93,12 @@ fn pass(
         checked.push((params, named.into_inner()));
     }
     let policies = sync::policies(&document, &wired, findings);
-    let order = order::upstream_first(&document, &wired, findings);
+    links::check_taken(&document, &wired, findings);
+    let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
+    let order = order::upstream_first(&document, &wired, links_stand, findings);
     let frames = port_frames::resolve(&document, &wired, findings);
-    let processes = assemble::processes(&document, findings);
-    hosts::check(&document, &wired, &processes, whole.host.as_ref(), findings);
+    let processes = assemble::processes(&document, links_stand, findings);
+    hosts::check(&document, &wired, &processes, links_stand, whole.host.as_ref(), findings);
     machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);
     let record = assemble::record(&document, &wired, findings);
     if !findings.is_empty() {

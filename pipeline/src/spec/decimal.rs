@@ -27,6 +27,11 @@ impl Decimal<'_> {
         Some((if self.negative { -value } else { value }, power))
     }
 
+    /// Whether it is larger than what is counted anywhere.
+    pub fn is_huge(&self) -> bool {
+        self.text(0).parse().is_ok_and(|value: f64| value.abs() > 1e18)
+    }
+
     /// The decimal times `factor` times ten to `shift`, where that is a whole number.
     pub fn shifted(&self, shift: i32, factor: i128) -> Option<i128> {
         let (digits, power) = self.digits()?;

@@ -25,6 +25,8 @@ pub struct Document<'t> {
     pub frames: Frames,
     /// The operators, in the order of the file.
     pub operators: Vec<ParsedOperator<'t>>,
+    /// Where the links stand.
+    pub links: Option<Span>,
     /// The processes, in the order of the file.
     pub processes: Vec<ParsedProcess>,
     /// What is recorded.
@@ -47,12 +49,13 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
             Vec::new()
         }
     };
-    if let Some(entry) = keys.get("links") {
+    let links = keys.get("links").map(|entry| {
         links::read(&entry.value, &mut operators, findings);
-    }
+        entry.value.span
+    });
     let processes = keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
-    Some(Document { name, seed, frames, operators, processes, record })
+    Some(Document { name, seed, frames, operators, links, processes, record })
 }
 
 fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {

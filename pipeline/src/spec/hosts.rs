@@ -13,6 +13,7 @@ pub fn check(
     document: &Document<'_>,
     wired: &[Wired],
     processes: &[ProcessNode],
+    links_stand: bool,
     chosen: Option<&Marked<String>>,
     findings: &Findings,
 ) {
@@ -23,7 +24,8 @@ pub fn check(
         }
     }
     for (number, (operator, wired)) in document.operators.iter().zip(wired).enumerate() {
-        if operator.link.is_some() {
+        // Links that are at fault are said already.
+        if operator.link.is_some() || !links_stand {
             continue;
         }
         for input in &wired.inputs {

@@ -87,14 +87,21 @@ fn input(entry: &Entry, findings: &Findings) -> ParsedInput {
 }
 
 fn latest(entry: &Entry, findings: &Findings) -> Option<Marked<ParsedPolicy>> {
-    let text = entry.value.scalar("`latest`", "`true`", findings)?;
-    if text != "true" {
+    if let Value::Text(_) | Value::Switch(false) = &entry.value.value {
+        let found = match &entry.value.value {
+            Value::Text(text) => shown(text),
+            other => other.words().to_owned(),
+        };
         findings.say(
             entry.value.span,
             Code::Policy,
-            format!("`latest` is {}, but it can only be switched on", shown(text)),
+            format!("`latest` is {found}, but it can only be switched on"),
             "write `latest: true`, or `queue: N` to take every sample",
         );
+        return None;
+    }
+    if !matches!(entry.value.value, Value::Switch(true)) {
+        entry.value.refuse("`latest`", "`true`", findings);
         return None;
     }
     Some(Marked::new(ParsedPolicy::Latest, entry.key.span))

@@ -7,13 +7,14 @@
 
 use std::net::SocketAddr;
 
-use super::document::{missing, time};
+use super::document::{Document, missing, time};
 use super::faults::{Code, Findings};
 use super::inputs::{ParsedInput, ParsedPolicy, Topic, topic_at};
 use super::near::shown;
 use super::operators::ParsedOperator;
 use super::source::Marked;
 use super::tree::{Entry, Keys, Node};
+use super::wiring::Wired;
 use crate::graph::Wire;
 use crate::{link, stream};
 
@@ -55,21 +56,11 @@ fn far_end<'t>(
     let port = if is_stream { stream::PORT } else { "datagram" };
     let same =
         |t: &Topic| t.operator.value == topic.value.operator.value && t.port.value == topic.value.port.value;
-    let mut taken = false;
     for input in operators.iter_mut().flat_map(|o| &mut o.inputs) {
         if let Some(from) = input.from.as_mut().filter(|from| same(&from.value)) {
-            taken = true;
             from.value.operator.value.clone_from(&name);
             from.value.port.value = port.to_owned();
         }
-    }
-    if !taken {
-        findings.say(
-            entry.key.span,
-            Code::UnknownTopic,
-            format!("nobody takes {what}, so the link leads nowhere"),
-            "connect an input to it, or remove the link",
-        );
     }
     let span = entry.key.span;
     let input = ParsedInput {
@@ -92,6 +83,29 @@ fn far_end<'t>(
         deadline: None,
         link: wire,
     })
+}
+
+/// Finds links that lead nowhere, once the inputs are connected.
+pub fn check_taken(document: &Document<'_>, wired: &[Wired], findings: &Findings) {
+    for (far, parsed) in document.operators.iter().enumerate().filter(|(_, o)| o.link.is_some()) {
+        // A topic that is not there is a fault of its own.
+        let Some(span) = wired[far].inputs.iter().find(|i| i.edge.is_some()).map(|i| i.span) else {
+            continue;
+        };
+        let takes =
+            |i: &ParsedInput| i.from.as_ref().is_some_and(|t| t.value.operator.value == parsed.name.value);
+        if !document.operators.iter().flat_map(|o| &o.inputs).any(takes) {
+            let Some(Topic { operator, port }) = parsed.inputs[0].from.as_ref().map(|t| &t.value) else {
+                continue;
+            };
+            findings.say(
+                span,
+                Code::UnknownTopic,
+                format!("nobody takes `{}.{}`, so the link leads nowhere", operator.value, port.value),
+                "connect an input to it, or remove the link",
+            );
+        }
+    }
 }
 
 fn wire(keys: &Keys<'_>, entry: &Entry, findings: &Findings) -> Option<Wire> {

@@ -15,7 +15,7 @@
 //! ```
 //!
 //! Text to tree:
-//! - `source`: texts and places in them
+//! - `text`, `source`: texts and places in them
 //! - `yaml`, `tree`: YAML as it was written, each key and value with its place
 //! - `sets`: `--set operator.param=value`, applied to the tree
 //! - `units`, `decimal`, `quantity`: numbers with units, read as SI
@@ -54,6 +54,7 @@ pub mod schema;
 mod sets;
 pub mod source;
 mod sync;
+mod text;
 pub mod tree;
 pub mod units;
 mod wiring;
@@ -62,3 +63,4 @@ pub mod yaml;
 pub use check::{check, check_for};
 pub use faults::{Code, Fault, Faults};
 pub use machine::Machine;
+pub use text::text;

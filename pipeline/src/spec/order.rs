@@ -7,8 +7,13 @@ use super::faults::{Code, Findings};
 use super::wiring::Wired;
 
 /// Numbers of operators, upstream first, ties in the order of the file. Edges with a delay do not count. Each cycle
-/// that is left is a fault.
-pub fn upstream_first(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> Vec<usize> {
+/// that is left is a fault, where the `links` that may cut it stand.
+pub fn upstream_first(
+    document: &Document<'_>,
+    wired: &[Wired],
+    links_stand: bool,
+    findings: &Findings,
+) -> Vec<usize> {
     let mut upstream: Vec<BTreeSet<usize>> = wired
         .iter()
         .map(|w| {
@@ -16,7 +21,7 @@ pub fn upstream_first(document: &Document<'_>, wired: &[Wired], findings: &Findi
         })
         .collect();
     let mut order = settle(&mut upstream, None);
-    while order.len() < wired.len() && !findings.is_full() {
+    while order.len() < wired.len() && links_stand && !findings.is_full() {
         let cycle = cycle(&upstream);
         if cycle.is_empty() {
             break;

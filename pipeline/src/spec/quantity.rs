@@ -19,6 +19,9 @@ pub fn whole(text: &str) -> Result<i128, Complaint> {
     let (decimal, unit) = split(text).ok_or_else(|| not_a_number(text, "a whole number", "5"))?;
     refuse_unit(text, unit)?;
     decimal.shifted(0, 1).ok_or_else(|| {
+        if decimal.is_huge() {
+            return too_large(text, "5");
+        }
         Complaint::new(
             Code::NotANumber,
             format!("{} is not a whole number", shown(text)),
@@ -58,6 +61,9 @@ pub fn whole_in(text: &str, unit: &str) -> Result<i128, Complaint> {
         Factor::Real(_) => None,
     };
     value.ok_or_else(|| {
+        if decimal.is_huge() {
+            return too_large(text, &example(dimension));
+        }
         Complaint::new(
             Code::NotANumber,
             format!("{} is not a whole number of {unit}", shown(text)),
@@ -181,6 +187,14 @@ fn finite(text: &str, value: f64) -> Result<f64, Complaint> {
     Err(Complaint::new(Code::NotANumber, format!("{} is not finite", shown(text)), "write a finite number"))
 }
 
+fn too_large(text: &str, example: &str) -> Complaint {
+    Complaint::new(
+        Code::OutOfRange,
+        format!("{} is too large", shown(text)),
+        format!("write a smaller value, for example `{example}`"),
+    )
+}
+
 fn not_a_number(text: &str, due: &str, example: &str) -> Complaint {
     let dotted = text.replacen(',', ".", 1);
     let help = if text.contains(',') && split(&dotted).is_some() {
@@ -217,7 +231,10 @@ mod tests {
         assert_eq!(nanoseconds("31622400.000000000 s"), Ok(31_622_400_000_000_000));
         assert!(nanoseconds("0.5 ns").is_err());
         assert!(nanoseconds("-1 s").is_err());
-        assert!(nanoseconds("1e300 s").is_err());
+        for huge in ["1e300 s", "1e400 s", "-1e30 s"] {
+            assert_eq!(nanoseconds(huge).unwrap_err().code, Code::OutOfRange, "{huge}");
+        }
+        assert_eq!(nanoseconds("1e-400 s").unwrap_err().code, Code::NotANumber);
     }
 
     #[test]

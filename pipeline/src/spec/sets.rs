@@ -29,7 +29,15 @@ pub fn apply(root: &mut Node, sets: &[String], findings: &Findings) -> Whole {
             continue;
         };
         let offset = path.len() + 1;
-        let node = yaml::parse(value, source, offset, findings);
+        let node = if value.starts_with('*') {
+            // No pipeline has an alias, so that a pattern such as `*.tif` needs no second quotes on a command line.
+            Some(Node::text(
+                value,
+                Span { start: offset, column: all.column + path.chars().count() + 1, ..all },
+            ))
+        } else {
+            yaml::parse(value, source, offset, findings)
+        };
         let Some(node) = node.filter(|n| !matches!(n.value, Value::Nothing)) else {
             if value.trim().is_empty() {
                 let message = format!("{} sets no value", shown(text));

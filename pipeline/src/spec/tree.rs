@@ -4,6 +4,9 @@ use super::faults::{Code, Findings};
 use super::near::{listed, nearest, shown};
 use super::source::{Marked, Span};
 
+/// What is due where any text will do.
+pub const TEXT: &str = "a text";
+
 /// A value and where it stands.
 #[derive(Clone, Debug)]
 pub struct Node {
@@ -20,7 +23,9 @@ pub enum Value {
     Nothing,
     /// Something was written that was refused already: say no more about it.
     Refused,
-    /// A scalar as its text.
+    /// `true` or `false`, not in quotes.
+    Switch(bool),
+    /// Any other scalar as its text.
     Text(String),
     /// A sequence.
     List(Vec<Node>),
@@ -42,6 +47,8 @@ impl Value {
     pub fn words(&self) -> &'static str {
         match self {
             Self::Nothing => "nothing",
+            Self::Switch(true) => "`true`",
+            Self::Switch(false) => "`false`",
             Self::Refused | Self::Text(_) => "a text",
             Self::List(_) => "a list",
             Self::Map(_) => "a mapping",
@@ -64,12 +71,12 @@ impl Node {
     pub fn refuse(&self, what: &str, due: &str, findings: &Findings) {
         if !matches!(self.value, Value::Refused) {
             let found = self.value.words();
-            findings.say(
-                self.span,
-                Code::WrongShape,
-                format!("{what} is {found}, but must be {due}"),
-                format!("write {due}"),
-            );
+            let help = match self.value {
+                Value::Switch(on) if due == TEXT => format!("if it is a text, put it in quotes: `\"{on}\"`"),
+                _ => format!("write {due}"),
+            };
+            let message = format!("{what} is {found}, but must be {due}");
+            findings.say(self.span, Code::WrongShape, message, help);
         }
     }
 

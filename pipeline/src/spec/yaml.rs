@@ -129,7 +129,12 @@ impl Growth<'_> {
                 self.marks(anchor, tag, span);
                 let nothing = style == ScalarStyle::Plain
                     && matches!(text.as_ref(), "" | "~" | "null" | "Null" | "NULL");
-                let value = if nothing { Value::Nothing } else { Value::Text(text.into_owned()) };
+                let value = match text.as_ref() {
+                    _ if nothing => Value::Nothing,
+                    "true" if style == ScalarStyle::Plain => Value::Switch(true),
+                    "false" if style == ScalarStyle::Plain => Value::Switch(false),
+                    _ => Value::Text(text.into_owned()),
+                };
                 self.place(Node::new(value, span));
             }
             Event::Alias(_) => {
@@ -226,7 +231,24 @@ impl Growth<'_> {
         let (message, help) = if indented_by_tab {
             ("a tab indents this line, which YAML forbids".to_owned(), "indent with spaces".to_owned())
         } else if info.contains("anchor") {
-            ("this names an anchor, which a pipeline does not have".into(), "write the value itself".into())
+            let pattern =
+                line.chars().skip(span.column - 1).take_while(|c| !matches!(c, ',' | ']' | '}' | ' '));
+            let pattern: String = pattern.collect();
+            (
+                "this names an anchor, which a pipeline does not have".into(),
+                match pattern.strip_prefix('*') {
+                    Some(rest) if rest.chars().any(|c| !c.is_alphanumeric() && c != '_') => {
+                        format!("if it is a text, put it in quotes: `\"{pattern}\"`")
+                    }
+                    _ => "write the value itself".into(),
+                },
+            )
+        } else if info.contains("unprintable") {
+            let found = self.places.text[span.start - self.places.offset..].chars().next().unwrap_or('\0');
+            (
+                format!("the character U+{:04X} stands here, which no YAML text has", found as u32),
+                "remove it; is this the file of a pipeline?".into(),
+            )
         } else if let Some((at, bracket)) = unclosed.filter(|(at, _)| at.line < span.line) {
             span = at.first(1);
             let close = if bracket == '{' { '}' } else { ']' };

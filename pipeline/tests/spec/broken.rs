@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use stillpoint_pipeline::spec::{Code, Faults, check};
+use stillpoint_pipeline::spec::{Code, Faults, check, text};
 
 use crate::disk::Disk;
 use crate::kinds::registry;
@@ -21,7 +21,10 @@ fn files() -> Vec<PathBuf> {
 
 fn faults_of(path: &Path) -> Option<Faults> {
     let name = path.file_name().unwrap().to_string_lossy();
-    check(&fs::read_to_string(path).unwrap(), &name, &[], &registry(), &Disk).err()
+    match text(fs::read(path).unwrap(), &name) {
+        Ok(text) => check(&text, &name, &[], &registry(), &Disk).err(),
+        Err(faults) => Some(faults),
+    }
 }
 
 #[test]

@@ -15,6 +15,7 @@ use crate::kinds::registry;
 fn as_json(node: &Node) -> Json {
     match &node.value {
         Value::Nothing | Value::Refused => Json::Null,
+        Value::Switch(on) => json!(on),
         Value::Text(text) => {
             serde_json::from_str(text).ok().filter(|v: &Json| !v.is_string()).unwrap_or(json!(text))
         }

@@ -43,6 +43,13 @@ fn a_set_can_give_a_list() {
 }
 
 #[test]
+fn a_set_that_begins_with_a_star_is_a_text() {
+    let faults = head_with(&["face.model=*.net"]).err().unwrap().to_string();
+    assert!(faults.contains("`*.net` cannot be used"), "{faults}");
+    assert!(faults.contains("\n  | face.model=*.net\n  |            ^^^^^\n"), "{faults}");
+}
+
+#[test]
 fn a_faulty_set_is_refused_at_the_argument() {
     for (set, message, help) in [
         (
