@@ -24,7 +24,7 @@ pub struct Echo {
     /// The topic, `operator.port`; `operator.journal` for a journal, `operator.timing` for laps.
     topic: String,
     /// End after so many samples.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// Read a session instead of a running pipeline.
     #[arg(long, value_name = "SESSION")]
@@ -45,16 +45,21 @@ impl Echo {
     fn recorded(&self, path: &std::path::Path) -> Ended {
         let session = Session::open(path).map_err(Failure::failed)?;
         let names = || session.topics().iter().map(|t| t.name.as_str());
-        if session.topic_number(&self.topic).is_none() {
+        let Some(number) = session.topic_number(&self.topic) else {
+            if session.topics().is_empty() {
+                return Err(Failure::failed(format!("{}: it holds no topic", path.display())));
+            }
             return Err(no_topic(&self.topic, names()));
-        }
+        };
+        let Some(kind) = session.topics()[number].kind.kind() else {
+            let (path, topic) = (path.display(), &self.topic);
+            return Err(Failure::failed(format!(
+                "{path}: `{topic}` has messages of another program, which `echo` cannot read"
+            )));
+        };
         let limit = usize::try_from(self.count.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
         for recorded in session.samples_where(|t| t.name == self.topic).take(limit) {
             let recorded = recorded.map_err(Failure::failed)?;
-            let type_name = &session.topics()[recorded.topic].type_name;
-            let Some(kind) = stillpoint_samples::all().iter().find(|k| k.type_name() == *type_name) else {
-                continue;
-            };
             let sample = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
             if !print(&show::to_json(kind, sample)) {
                 break;
@@ -74,7 +79,9 @@ impl Echo {
             signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
         }
         let mut shown = 0;
-        while !stop.load(Ordering::Relaxed) && self.which.is_going_on(&root) {
+        loop {
+            // Asked before the look: what was sent until the end is shown, too.
+            let over = stop.load(Ordering::Relaxed) || !self.which.is_going_on(&root);
             // Polled: a listener would cost the publisher time.
             while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
                 let value = show::to_json(kind, sample.pieces());
@@ -88,9 +95,11 @@ impl Echo {
                     return Ok(Exit::Done);
                 }
             }
+            if over {
+                return Ok(Exit::Done);
+            }
             std::thread::sleep(Duration::from_millis(10));
         }
-        Ok(Exit::Done)
     }
 }
 

@@ -1,11 +1,13 @@
 //! `stillpoint operators`
 
 use clap::Args;
-use stillpoint_pipeline::operator::Registry;
+use serde_json::{Value, json};
+use stillpoint_pipeline::operator::{Registry, Role, Stage, Timer};
+use stillpoint_pipeline::params::{ParamField, ParamType};
 use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_pipeline::spec::reference::{reference, reference_of};
+use stillpoint_pipeline::spec::reference::{frame_of, policy_of, reference, reference_of, type_of};
 
-use crate::exit::{Ended, Exit, Failure};
+use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// Show the kinds of operators, or one of them.
 #[derive(Args)]
@@ -15,6 +17,9 @@ pub struct Operators {
     /// Print the whole reference page.
     #[arg(long)]
     all: bool,
+    /// Print JSON: of each kind its ports and parameters.
+    #[arg(long, conflicts_with = "all")]
+    json: bool,
 }
 
 impl Operators {
@@ -22,6 +27,7 @@ impl Operators {
     pub fn execute(&self, registry: &Registry) -> Ended {
         match &self.kind {
             Some(name) => match registry.get(name) {
+                Some(stage) if self.json => print_json(&described(stage))?,
                 Some(stage) => print!("{}", reference_of(stage)),
                 None => {
                     let near = nearest(name, registry.iter().map(|s| s.kind.name));
@@ -29,6 +35,7 @@ impl Operators {
                     return Err(Failure::wrong(format!("there is no kind of operator `{name}`{help}")));
                 }
             },
+            None if self.json => print_json(&registry.iter().map(described).collect::<Vec<_>>())?,
             None if self.all => print!("{}", reference(registry)),
             None => {
                 for stage in registry.iter() {
@@ -38,4 +45,49 @@ impl Operators {
         }
         Ok(Exit::Done)
     }
+}
+
+/// A kind of operator for programs: what the reference page says of it.
+fn described(stage: &Stage) -> Value {
+    let kind = &stage.kind;
+    let inputs = kind.inputs.iter().map(|i| {
+        json!({
+            "name": i.name, "takes": i.sample.name, "consumed": policy_of(i.policy), "required": i.required,
+            "about": i.about,
+        })
+    });
+    let outputs = kind.outputs.iter().map(
+        |o| json!({ "name": o.name, "sends": o.sample.name, "frame": frame_of(o.frame), "about": o.about }),
+    );
+    json!({
+        "kind": kind.name,
+        "about": kind.about,
+        "role": match kind.role {
+            Role::Operator => "operator",
+            Role::Source => "source",
+        },
+        "timer": match kind.timer {
+            Timer::No => "no",
+            Timer::Optional => "optional",
+            Timer::Required => "required",
+        },
+        "inputs": inputs.collect::<Vec<_>>(),
+        "outputs": outputs.collect::<Vec<_>>(),
+        "params": stage.fields.iter().map(param).collect::<Vec<_>>(),
+        "laps": stage.laps,
+    })
+}
+
+/// A parameter; those of a group stand in it.
+fn param(field: &ParamField) -> Value {
+    let nested = match field.ty {
+        ParamType::Group(fields) => fields,
+        _ => &[],
+    };
+    json!({
+        "name": field.name, "type": type_of(field), "unit": field.unit, "required": field.is_required(),
+        "default": field.default, "min": field.min, "above": field.above, "max": field.max,
+        "choices": field.choices(), "about": field.about,
+        "params": nested.iter().map(param).collect::<Vec<_>>(),
+    })
 }

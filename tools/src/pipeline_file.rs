@@ -7,9 +7,9 @@ use clap::Args;
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_pipeline::spec::{self, Faults, Machine};
+use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
 
-use crate::exit::Failure;
+use crate::exit::{Ended, Exit, Failure, print_json};
 
 /// The default pipeline, for a program that is started away from its source.
 pub const EMBEDDED: &str = include_str!("../../pipeline.yaml");
@@ -52,9 +52,44 @@ pub struct Checked {
     pub graph: Arc<Graph>,
 }
 
+/// Why a pipeline is refused.
+pub enum Refused {
+    /// Its file cannot be read.
+    Unreadable {
+        /// The file, as the user named it.
+        file: PathBuf,
+        /// Why.
+        reason: std::io::Error,
+    },
+    /// It has faults.
+    Faults(Faults),
+}
+
+impl Refused {
+    /// Ends the command: says it as `check --json` does, or to people.
+    pub fn end(self, json: bool) -> Ended {
+        let faults = match self {
+            Self::Unreadable { file, reason } if !json => {
+                return Err(Failure::wrong(format!("{}: {reason}; {NAME_ONE}", file.display())));
+            }
+            Self::Faults(faults) if !json => return Err(Failure::wrong(faults)),
+            Self::Unreadable { file, reason } => serde_json::json!([{
+                "file": file, "line": 1, "column": 1, "start": 0, "end": 0,
+                "code": Code::FileMissing.name(), "message": reason.to_string(), "help": NAME_ONE,
+            }]),
+            Self::Faults(faults) => faults.to_json(),
+        };
+        print_json(&serde_json::json!({ "pipeline": null, "operators": [], "faults": faults }))?;
+        Ok(Exit::Wrong)
+    }
+}
+
+/// What to do about a file that cannot be read.
+const NAME_ONE: &str = "name the file of a pipeline";
+
 impl PipelineFile {
     /// Reads it.
-    pub fn read(&self) -> Result<Source, Failure> {
+    pub fn read(&self) -> Result<Source, Refused> {
         let default = PathBuf::from("pipeline.yaml");
         let path = match &self.file {
             Some(path) => path.clone(),
@@ -69,31 +104,21 @@ impl PipelineFile {
                 return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
             }
         };
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| Failure::wrong(format!("{}: {e}; name the file of a pipeline", path.display())))?;
+        let bytes =
+            std::fs::read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
+        let text = spec::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
         let file = std::path::absolute(&path).unwrap_or(path);
         let files = DiskFiles::beside(&file);
         Ok(Source { text, file, files })
     }
 
     /// Reads and checks. Faults name the file as the user did.
-    pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Failure> {
+    pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Refused> {
         let source = self.read()?;
-        match self.check_source(&source, registry, machine) {
-            Ok(graph) => Ok(Checked { source, graph: Arc::new(graph) }),
-            Err(faults) => Err(Failure::wrong(faults)),
-        }
-    }
-
-    /// Checks what was read.
-    pub fn check_source(
-        &self,
-        source: &Source,
-        registry: &Registry,
-        machine: &Machine,
-    ) -> Result<Graph, Faults> {
         let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
         let name = shown.display().to_string();
-        spec::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
+        let graph = spec::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
+            .map_err(Refused::Faults)?;
+        Ok(Checked { source, graph: Arc::new(graph) })
     }
 }

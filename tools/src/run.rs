@@ -49,7 +49,7 @@ pub struct Run {
     /// Compression of the recording: lz4, zstd or none.
     #[arg(long, default_value = "lz4", value_parser = ["lz4", "zstd", "none"])]
     compression: String,
-    /// Print the report as JSON.
+    /// Print the report as JSON; of a pipeline that is refused, the faults, as `check --json` does.
     #[arg(long)]
     json: bool,
     /// How its children are started, where not as this program.
@@ -108,7 +108,10 @@ impl Run {
         let in_processes = self.lock_step != Some(LockStep::Threads)
             && (self.clock == Clock::Live || self.lock_step.is_some());
         let machine = if in_processes { Machine::here() } else { Machine::default() };
-        let checked = self.pipeline.check(registry, &machine)?;
+        let checked = match self.pipeline.check(registry, &machine) {
+            Ok(checked) => checked,
+            Err(refused) => return refused.end(self.json),
+        };
         let length = match (&self.length, &self.pipeline.file) {
             (Some(text), _) => Some(time(text)?),
             (None, None) if self.host.is_none() => Some(time(DEFAULT_LENGTH)?),
@@ -120,7 +123,9 @@ impl Run {
         let is_live = self.clock == Clock::Live && self.lock_step.is_none();
         let report = if !is_live {
             let length = length.ok_or_else(|| {
-                Failure::wrong("a simulated run has no end of its own: say how long, such as `--for 10s`")
+                Failure::wrong(
+                    "a simulated run has no end of its own: say how long, such as `--for 10s`",
+                )
             })?;
             let place = match self.lock_step {
                 None => Place::Local,

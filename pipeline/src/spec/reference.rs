@@ -34,11 +34,7 @@ pub fn reference_of(stage: &Stage) -> String {
             "\n| input | takes | consumed | needed | what for |\n| --- | --- | --- | --- | --- |\n",
         );
         for i in inputs {
-            let policy = match i.policy {
-                Policy::Queue(n) => format!("`queue: {n}`"),
-                Policy::Latest => "`latest: true`".into(),
-                Policy::Sync { within } => format!("`sync` within {}", time(within)),
-            };
+            let policy = policy_of(i.policy);
             let needed = if i.required { "yes" } else { "no" };
             let _ = writeln!(
                 page,
@@ -52,13 +48,7 @@ pub fn reference_of(stage: &Stage) -> String {
     if !outputs.is_empty() {
         page.push_str("\n| output | sends | frame | what |\n| --- | --- | --- | --- |\n");
         for o in outputs {
-            let frame = match o.frame {
-                FrameRule::None => "none".into(),
-                FrameRule::Key => "`frame`".into(),
-                FrameRule::KeyOr(input) => format!("`frame`, else that of `{input}`"),
-                FrameRule::SameAs(input) => format!("that of `{input}`"),
-                FrameRule::Named(name) => format!("`{name}`"),
-            };
+            let frame = frame_of(o.frame);
             let _ = writeln!(page, "| `{}` | {} | {frame} | {} |", o.name, o.sample.name, cell(o.about));
         }
     }
@@ -76,6 +66,26 @@ pub fn reference_of(stage: &Stage) -> String {
     page
 }
 
+/// How an input is consumed, in words.
+pub fn policy_of(policy: Policy) -> String {
+    match policy {
+        Policy::Queue(n) => format!("`queue: {n}`"),
+        Policy::Latest => "`latest: true`".into(),
+        Policy::Sync { within } => format!("`sync` within {}", time(within)),
+    }
+}
+
+/// Which frame an output is in, in words.
+pub fn frame_of(rule: FrameRule) -> String {
+    match rule {
+        FrameRule::None => "none".into(),
+        FrameRule::Key => "`frame`".into(),
+        FrameRule::KeyOr(input) => format!("`frame`, else that of `{input}`"),
+        FrameRule::SameAs(input) => format!("that of `{input}`"),
+        FrameRule::Named(name) => format!("`{name}`"),
+    }
+}
+
 fn rows(page: &mut String, fields: &[ParamField], prefix: &str) {
     for field in fields {
         let name = format!("{prefix}{}", field.name);
@@ -89,12 +99,17 @@ fn rows(page: &mut String, fields: &[ParamField], prefix: &str) {
             [] => field.range().unwrap_or_default(),
             choices => choices.iter().map(|c| format!("`{c}`")).collect::<Vec<_>>().join(", "),
         };
-        let ty = ty(field, field.ty);
+        let ty = type_of(field);
         let _ = writeln!(page, "| `{name}` | {ty} | {default} | {range} | {} |", cell(field.about));
         if let ParamType::Group(nested) = field.ty {
             rows(page, nested, &format!("{name}."));
         }
     }
+}
+
+/// What a parameter may be, in words.
+pub fn type_of(field: &ParamField) -> String {
+    ty(field, field.ty)
 }
 
 fn ty(field: &ParamField, ty_of: ParamType) -> String {

@@ -127,6 +127,92 @@ fn a_wrong_pipeline_is_refused_with_place_and_exit_code_2() {
 }
 
 #[test]
+fn faults_have_one_shape_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("good.yaml", b"stillpoint: 1\nname: x\noperators:\n  console: { use: console, every: 20 ms }\n");
+    write("wrong.yaml", b"stillpoint: 1\nname: x\noperators:\n  face: { use: segment.fce }\n");
+    write("binary.yaml", b"stillpoint: 1\nname: \xc3\x28\n");
+    let said = |command: &[&str]| {
+        let out = stillpoint(folder.path(), command);
+        let said: serde_json::Value = serde_json::from_slice(&out.stdout)
+            .unwrap_or_else(|e| panic!("{command:?}: {e}: {}{}", text(&out.stdout), text(&out.stderr)));
+        (out.status.code(), said)
+    };
+    let good = serde_json::json!({ "pipeline": "x", "operators": ["console"], "faults": [] });
+    assert_eq!(said(&["check", "good.yaml", "--json"]), (Some(0), good));
+    for (file, code, line, column) in [
+        ("wrong.yaml", "unknown-kind", 4, 16),
+        ("binary.yaml", "syntax", 2, 7),
+        ("nothing.yaml", "file-missing", 1, 1),
+    ] {
+        let (exit, checked) = said(&["check", file, "--json"]);
+        assert_eq!(
+            (exit, &checked["pipeline"], &checked["operators"]),
+            (Some(2), &().into(), &serde_json::json!([]))
+        );
+        let fault = &checked["faults"][0];
+        let place = (fault["file"].as_str(), fault["line"].as_u64(), fault["column"].as_u64());
+        assert_eq!(place, (Some(file), Some(line), Some(column)));
+        assert_eq!(fault["code"], code);
+        assert!(fault["message"].is_string() && fault["help"].is_string(), "{fault}");
+        assert_eq!(said(&["run", file, "--json", "--for", "1s"]), (exit, checked));
+    }
+}
+
+#[test]
+fn kinds_are_described_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |command: &[&str]| -> serde_json::Value {
+        serde_json::from_slice(&stillpoint(folder.path(), command).stdout).unwrap()
+    };
+    let all = said(&["operators", "--json"]);
+    let depth = said(&["operators", "ingest.depth", "--json"]);
+    assert!(all.as_array().unwrap().contains(&depth));
+    assert_eq!((&depth["role"], &depth["timer"]), (&"operator".into(), &"optional".into()));
+    assert_eq!(
+        (&depth["inputs"][0]["takes"], &depth["inputs"][0]["required"]),
+        (&"DepthImage".into(), &false.into())
+    );
+    assert_eq!(depth["outputs"][0]["sends"], "PointCloud");
+    let param = |name: &str| depth["params"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap();
+    assert_eq!((&param("names")["default"], &param("names")["required"]), (&"*.png".into(), &false.into()));
+    assert_eq!(param("at_end")["choices"], serde_json::json!(["stop", "repeat"]));
+    assert_eq!(
+        (&param("camera")["params"][0]["name"], &param("camera")["params"][0]["unit"]),
+        (&"fx".into(), &"px".into())
+    );
+}
+
+#[test]
+fn echo_refuses_what_it_cannot_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let foreign = std::fs::File::create(folder.path().join("foreign.mcap")).unwrap();
+    let mut writer = mcap::Writer::new(foreign).unwrap();
+    let schema = writer.add_schema("sensor_msgs/msg/Imu", "ros2msg", b"float64 x").unwrap();
+    let channel = writer.add_channel(schema, "imu", "cdr", &Default::default()).unwrap();
+    let header =
+        mcap::records::MessageHeader { channel_id: channel, sequence: 0, log_time: 1, publish_time: 1 };
+    writer.write_to_known_channel(&header, &[0; 12]).unwrap();
+    writer.finish().unwrap();
+    let empty = std::fs::File::create(folder.path().join("empty.mcap")).unwrap();
+    mcap::Writer::new(empty).unwrap().finish().unwrap();
+    std::fs::write(folder.path().join("none.mcap"), b"").unwrap();
+    for (command, code, word) in [
+        (&["echo", "imu", "--session", "foreign.mcap"][..], 1, "`imu` has messages of another program"),
+        (&["echo", "imo", "--session", "foreign.mcap"], 2, "did you mean imu?"),
+        (&["echo", "imu", "--session", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
+        (&["echo", "imu", "--session", "none.mcap"], 1, "this is no MCAP file"),
+        (&["echo", "imu", "--count", "0"], 2, "0 is not in 1.."),
+    ] {
+        let out = stillpoint(folder.path(), command);
+        assert_eq!(out.status.code(), Some(code), "{command:?}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(word), "{command:?}: {}", text(&out.stderr));
+        assert!(out.stdout.is_empty());
+    }
+}
+
+#[test]
 fn what_is_not_there_is_named_and_nothing_panics() {
     let folder = tempfile::tempdir().unwrap();
     for (command, code, word) in [
