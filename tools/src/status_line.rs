@@ -11,7 +11,7 @@ use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use crate::hold::Hold;
 
-/// The live status, on a terminal: how the head is held, and rates, steps and losses of all operators.
+/// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators.
 pub struct StatusLine<'a> {
     registry: &'a Registry,
     terminal: bool,
@@ -88,7 +88,7 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         if !self.terminal {
             return;
         }
-        let mut parts = vec![format!("{seconds:.1} s")];
+        let mut parts = vec![format!("{seconds:.1} s, latencies from the acquisition on")];
         parts.extend(self.taps.as_mut().map(Taps::look).unwrap_or_default());
         let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
         // A terminal that does not know how wide it is says 0.
@@ -107,11 +107,12 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     }
 }
 
-/// An operator's rate, step and losses.
+/// An operator's rate, how old what it sends is, and its losses.
 fn figures(o: &OperatorFigures) -> String {
     let mut part = format!("{} {:.0} Hz", o.operator, o.rate_hz);
-    if o.step_ms[0].is_finite() {
-        part += &format!(" {:.1} ms", o.step_ms[0]);
+    // The latency from the acquisition: of the whole chain up to here, not of this step alone.
+    if o.age_ms[0].is_finite() {
+        part += &format!(" {:.1} ms", o.age_ms[0]);
     }
     for (count, what) in [(o.lost, "lost"), (o.missed, "missed"), (o.errors + o.panics, "failed")] {
         if count > 0 {
@@ -140,6 +141,28 @@ fn wrapped(parts: &[String], width: usize) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_operator_has_its_rate_its_latency_and_what_it_lost() {
+        let mut face = OperatorFigures {
+            operator: "face".into(),
+            activations: 100,
+            rate_hz: 10.0,
+            errors: 1,
+            panics: 1,
+            incarnations: 2,
+            sent: 98,
+            lost: 3,
+            ticks: 0,
+            missed: 0,
+            step_ms: [12.0, 20.0],
+            age_ms: [35.24, 50.0],
+        };
+        assert_eq!(figures(&face), "face 10 Hz 35.2 ms lost 3 failed 2");
+        // Nothing was sent yet.
+        face.age_ms = [f64::NAN; 2];
+        assert_eq!(figures(&face), "face 10 Hz lost 3 failed 2");
+    }
 
     #[test]
     fn parts_fill_lines_and_none_is_longer_than_the_screen_is_wide() {
