@@ -16,6 +16,14 @@ use stillpoint_segment::voxel::VoxelGrid;
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Plane};
 
 const HEAD: u8 = 4;
+/// The measured clouds of which PCL found a plane; that of `person` is a wall.
+const MEASURED: [&str; 5] = [
+    "table_scene_mug_stereo_textured",
+    "milk_cartoon_all_small_clorox",
+    "person",
+    "mOSD_learn0",
+    "mOSD_test60",
+];
 const MIXED: u8 = 7;
 
 /// The perception data, or `None` with a message where it is not there.
@@ -180,9 +188,7 @@ fn planes_of_measured_clouds_are_those_of_pcl() {
     let mut grid = VoxelGrid::new();
     let mut mlesac = Mlesac::new();
     let mut failures = Vec::new();
-    for name in
-        ["table_scene_mug_stereo_textured", "milk_cartoon_all_small_clorox", "mOSD_learn0", "mOSD_test60"]
-    {
+    for name in MEASURED {
         let input = format!("{name}.pcd");
         let cloud = stillpoint_ingest::pcd::read(&std::fs::read(root.join(&input)).unwrap()).unwrap();
         let expected = pcl_plane(&reference, &input);

@@ -14,6 +14,14 @@ use stillpoint_testing::{Run, run};
 use crate::{from_root, registry};
 
 const HEAD: u8 = 4;
+/// The measured clouds of which PCL found a plane; that of `person` is a wall.
+const MEASURED: [&str; 5] = [
+    "table_scene_mug_stereo_textured",
+    "milk_cartoon_all_small_clorox",
+    "person",
+    "mOSD_learn0",
+    "mOSD_test60",
+];
 
 /// The perception data, or `None` with a message where it is not there.
 pub fn perception() -> Option<PathBuf> {
@@ -148,9 +156,7 @@ fn the_chain_finds_the_planes_of_measured_clouds() {
     let Some(root) = perception().map(|root| root.join("real").canonicalize().unwrap()) else { return };
     let reference = json(&root.join("pcl_reference.json"));
     let mut failures = Vec::new();
-    for name in
-        ["table_scene_mug_stereo_textured", "milk_cartoon_all_small_clorox", "mOSD_learn0", "mOSD_test60"]
-    {
+    for name in MEASURED {
         let input = format!("{name}.pcd");
         // Each of the five ticks draws other hypotheses.
         let text = format!(
