@@ -160,6 +160,7 @@ impl Cell {
         let result = contained(|| step.step(&activation, &mut outputs));
         let origin = outputs.origin.unwrap_or(activation.origin);
         let outcome = match (result, outputs.unknown_lap) {
+            (Ok(Ok(())), None) if outputs.finished => Outcome::Finished,
             (Ok(Ok(())), None) => Outcome::Done,
             (Ok(Ok(())), Some(lap)) => {
                 self.fault = Some(format!("there is no lap {lap}: LAPS names {}", self.laps.len()));
@@ -176,10 +177,10 @@ impl Cell {
         };
         let mut refs = Vec::with_capacity(record.inputs.len() + self.sent.len());
         refs.extend_from_slice(&record.inputs);
-        if outcome == Outcome::Done {
-            self.head_drafts(record.time, origin, &mut refs);
-        } else {
+        if outcome.is_failure() {
             self.drafts.clear();
+        } else {
+            self.head_drafts(record.time, origin, &mut refs);
         }
         self.index += 1;
         self.entry(record, origin, outcome, refs)

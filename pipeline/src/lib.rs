@@ -16,6 +16,7 @@ pub mod cell;
 pub mod clock;
 pub mod console;
 pub mod files;
+pub mod finished;
 pub mod frames;
 pub mod graph;
 pub mod hosts;

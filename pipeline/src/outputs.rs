@@ -76,6 +76,8 @@ pub struct Outputs<'a> {
     pub(crate) unknown_lap: Option<usize>,
     /// Acquisition time that a source states for what it sends.
     pub(crate) origin: Option<u64>,
+    /// The operator has no more of its own.
+    pub(crate) finished: bool,
 }
 
 impl<'a> Outputs<'a> {
@@ -87,7 +89,7 @@ impl<'a> Outputs<'a> {
         lender: &'a mut dyn Lender,
         drafts: &'a mut Vec<Draft>,
     ) -> Self {
-        Self { kinds, laps, lender, drafts, unknown_lap: None, origin: None }
+        Self { kinds, laps, lender, drafts, unknown_lap: None, origin: None, finished: false }
     }
 
     /// The most elements that a sample on this output can have.
@@ -142,6 +144,12 @@ impl<'a> Outputs<'a> {
     /// States the acquisition time of what a source sends, ns since the epoch. Without it, it is the activation's time.
     pub fn acquired_at(&mut self, origin: u64) {
         self.origin = Some(origin);
+    }
+
+    /// Says that the operator has no more of its own, as after the last file of a recording: its timer stops. A run ends
+    /// in order when all that feeds it has finished.
+    pub fn finish(&mut self) {
+        self.finished = true;
     }
 
     /// Says that the stage `LAPS[lap]` of the step has just ended. A live run measures it from the lap before, or from

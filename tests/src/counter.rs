@@ -24,6 +24,8 @@ pub enum Habit {
     Threads,
     /// Adds one unit in the last place where the environment says so.
     Ulp,
+    /// Has no more after `at` activations.
+    Finish,
 }
 
 /// Parameters of [`Counter`] and [`Outside`].
@@ -73,6 +75,10 @@ impl Operator for Counter {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        if self.params.habit == Habit::Finish && activation.index >= self.params.at {
+            outputs.finish();
+            return Ok(());
+        }
         let wrong = self.misbehave(activation)?;
         for _ in 0..self.params.burst {
             let random = random(activation) + wrong;

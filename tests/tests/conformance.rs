@@ -121,4 +121,4 @@ macro_rules! conform {
     )*};
 }
 
-conform!(fan sync timers cycle crash sources laps);
+conform!(fan sync timers cycle crash sources laps finishing);

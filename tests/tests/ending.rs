@@ -33,6 +33,70 @@ fn ends_in_order(signal: Signal) {
     assert_eq!(info["ledger"], report["ledger"], "the recorded ledger is the printed one");
 }
 
+/// Samples that were sent on both outputs of `finishing.yaml` that have an end, and the last run's length, s.
+fn finishes(bench: &Bench, file: &str, how: &[&str]) -> (u64, u64, f64) {
+    let done = bench.call(&[&["run", file, "--json", "--record", "s"], how].concat());
+    let report = done.good();
+    assert_eq!(
+        (&report["ended_early"], &report["balanced"]),
+        (&json!(null), &json!(true)),
+        "{}",
+        report["ledger"]
+    );
+    let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
+    assert_eq!((&replay["identical_all"], &replay["differences"]), (&json!(true), &json!(0)));
+    let info = bench.call(&["info", report["session"].as_str().unwrap(), "--json"]).good();
+    assert_eq!((&info["ended"], &info["complete"]), (&json!("in order"), &json!(true)), "{}", info["gaps"]);
+    let sent = |operator: &str| figures(&report, operator)["sent"].as_u64().unwrap();
+    (sent("source"), sent("later"), report["seconds"].as_f64().unwrap())
+}
+
+#[test]
+fn a_run_ends_by_itself_when_all_that_feeds_it_has_finished() {
+    let bench = Bench::new();
+    let file = pipeline("finishing.yaml");
+    // The last is the tick of `later` at 500 ms.
+    for placement in [&["--clock", "simulated"][..], &["--lock-step=threads"], &["--lock-step=processes"]] {
+        let (source, later, seconds) =
+            finishes(&bench, text(&file), &[placement, &["--for", "1 h"]].concat());
+        assert_eq!((source, later), (60, 50));
+        assert!((seconds - 0.5).abs() < 1e-6, "{seconds}");
+    }
+    // However busy the machine is, nobody finishes before it has sent all that it has.
+    let (source, later, _) = finishes(&bench, text(&file), &[]);
+    assert_eq!((source, later), (60, 50));
+}
+
+#[test]
+fn a_run_goes_on_as_long_as_one_source_has_more() {
+    let bench = Bench::new();
+    let yaml = std::fs::read_to_string(pipeline("finishing.yaml")).unwrap();
+    let camera = "operators:\n  camera: { use: kit.outside, every: 50 ms }\n";
+    std::fs::write(bench.path("camera.yaml"), yaml.replace("operators:\n", camera)).unwrap();
+    let (source, later, seconds) = finishes(&bench, "camera.yaml", &["--clock", "simulated", "--for", "2 s"]);
+    assert_eq!((source, later, seconds), (60, 50, 2.0));
+}
+
+#[test]
+fn an_operator_that_has_finished_begins_anew_in_a_new_incarnation() {
+    const PIPELINE: &str = "stillpoint: 1\nname: again\noperators:\n  \
+        camera: { use: kit.outside, every: 50 ms }\n  \
+        later: { use: kit.counter, every: 10 ms, params: { habit: finish, at: 50 } }\n  \
+        once: { use: kit.outside, every: 10 ms, params: { habit: finish, at: 1 } }\n  \
+        late: { use: kit.mixer, inputs: { queue: { from: once.value, delay: 600 ms } }, latency: 30 ms, deadline: 20 ms }\n\
+        processes: { pair: { operators: [later, late], restart: { limit: 2, backoff: 100 ms } } }\n";
+    let bench = Bench::new();
+    std::fs::write(bench.path("again.yaml"), PIPELINE).unwrap();
+    let run = ["run", "again.yaml", "--clock", "simulated", "--for", "2 s", "--json", "--no-record"];
+    let report = bench.call(&run).good();
+    // Its process dies after it has finished.
+    let later = figures(&report, "later");
+    assert_eq!(
+        (&later["incarnations"], &later["sent"], &later["activations"]),
+        (&json!(2), &json!(100), &json!(102))
+    );
+}
+
 #[test]
 fn ctrl_c_ends_a_run_in_order() {
     ends_in_order(Signal::INT);

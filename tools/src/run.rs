@@ -26,8 +26,8 @@ const DEFAULT_LENGTH: &str = "20 s";
 pub struct Run {
     #[command(flatten)]
     pipeline: PipelineFile,
-    /// Length of the run in session time, such as `10s`. Without it a run goes on until Ctrl-C; the default pipeline
-    /// ends after 20 s.
+    /// Longest time of the run in session time, such as `10s`. Without it a run goes on until all that feeds it has
+    /// finished, such as files that are read to their end, or until Ctrl-C; the default pipeline ends after 20 s.
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     length: Option<String>,
     /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
@@ -124,7 +124,7 @@ impl Run {
         let report = if !is_live {
             let length = length.ok_or_else(|| {
                 Failure::wrong(
-                    "a simulated run has no end of its own: say how long, such as `--for 10s`",
+                    "a simulated run waits for nobody: say how long it may go on, such as `--for 10s`",
                 )
             })?;
             let place = match self.lock_step {

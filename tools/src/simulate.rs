@@ -34,7 +34,7 @@ pub enum Place {
     Processes,
 }
 
-/// Runs a checked pipeline for `length` ns of session time, which starts at 0.
+/// Runs a checked pipeline for `length` ns of session time, which starts at 0, or until all that feeds it has finished.
 pub fn simulate(
     checked: &Checked,
     sets: &[String],
@@ -96,7 +96,10 @@ pub fn simulate(
         bytes: 0,
     };
     let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
-    let ended_early = ended.err().map(|e| e.to_string());
+    let (end, ended_early) = match ended {
+        Ok(end) => (end, None),
+        Err(e) => (length, Some(e.to_string())),
+    };
     let ledger = witness.ledger.lines(graph);
     let mut recorded = Vec::new();
     if let Some(keeper) = witness.keeper {
@@ -111,7 +114,7 @@ pub fn simulate(
     }
     Ok(RunReport {
         pipeline: graph.name.clone(),
-        seconds: length as f64 / 1e9,
+        seconds: end as f64 / 1e9,
         operators: witness.status.figures(),
         balanced: ledger.iter().all(Line::balances),
         ledger,

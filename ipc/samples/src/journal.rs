@@ -34,6 +34,8 @@ pub enum Outcome {
     Error = 1,
     /// The operator panicked; no output was sent.
     Panic = 2,
+    /// Outputs were sent, and the operator has no more of its own: its timer stops.
+    Finished = 3,
 }
 
 /// The fields of an entry that are there once.
@@ -119,7 +121,12 @@ impl Cause {
 impl Outcome {
     /// The outcome of this number.
     pub fn from_number(n: u32) -> Option<Self> {
-        [Self::Done, Self::Error, Self::Panic].into_iter().find(|c| *c as u32 == n)
+        [Self::Done, Self::Error, Self::Panic, Self::Finished].into_iter().find(|c| *c as u32 == n)
+    }
+
+    /// Whether the activation failed, so that no output was sent.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::Error | Self::Panic)
     }
 }
 

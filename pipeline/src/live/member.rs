@@ -30,6 +30,8 @@ pub struct Member {
     inbox: Option<(Subscriber, Inbox)>,
     ear: Option<Ear>,
     every: Option<u64>,
+    /// This incarnation has no more of its own: its timer stands still.
+    finished: bool,
     tick: u64,
     epoch: u64,
     /// Time of the last activation: stamps of an operator rise.
@@ -157,6 +159,7 @@ impl Member {
             inbox: people,
             ear,
             every: node.every,
+            finished: false,
             tick: 0,
             epoch: 0,
             last: 0,
@@ -206,6 +209,7 @@ impl Member {
             .map_err(|e| format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0))?;
         self.intake.renew();
         self.down = None;
+        self.finished = false;
         let now = clock.now().max(self.last + 1);
         self.last = now;
         let entry = self.cell.mark(Cause::Start, now, &[]);
@@ -224,7 +228,7 @@ impl Member {
         }
         let due = self
             .every
-            .filter(|_| timers)
+            .filter(|_| timers && !self.finished)
             .map(|every| self.epoch.saturating_add(self.tick.saturating_mul(every)));
         let mut fault = None;
         let inlets = &self.inlets;
@@ -261,6 +265,7 @@ impl Member {
         }
         let entry = self.cell.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
+        self.finished |= outcome == Outcome::Finished;
         self.commit(entry, clock)?;
         self.intake.end();
         Ok(Looked::Activated(outcome))

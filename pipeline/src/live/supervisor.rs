@@ -23,6 +23,7 @@ use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
 use crate::files::Snapshot;
+use crate::finished::Finished;
 use crate::graph::Graph;
 use crate::ledger::Ledger;
 use crate::restarts::Restarts;
@@ -50,6 +51,7 @@ pub struct Supervisor {
     journals: Vec<Subscriber>,
     ledger: Ledger,
     status: Status,
+    finished: Finished,
     /// Highest incarnation seen of each operator.
     lives: Vec<u32>,
     told: Vec<Told>,
@@ -112,6 +114,7 @@ impl Supervisor {
             .collect();
         let mut supervisor = Self {
             status: Status::new(&graph),
+            finished: Finished::new(&graph),
             lives: vec![0; graph.operators.len()],
             clock: SessionClock::start(),
             workers,
@@ -256,7 +259,8 @@ impl Supervisor {
         }
     }
 
-    /// Watches the run until its time is over, it is stopped, or it cannot go on. Then ends it in order.
+    /// Watches the run until its time is over, all that feeds it has finished, it is stopped, or it cannot go on. Then
+    /// ends it in order.
     pub fn watch(mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<RunReport, String> {
         let end = self.options.duration.map(|d| self.epoch.saturating_add(d));
         let mut shown = self.epoch;
@@ -271,6 +275,9 @@ impl Supervisor {
                 break;
             }
             self.read_journals();
+            if self.finished.is_all(&self.graph) {
+                break;
+            }
             self.listen();
             self.tell_faults(run);
             // A child that cannot be started ends the run, too, and in order.
@@ -314,6 +321,7 @@ impl Supervisor {
                 self.lives[operator] = self.lives[operator].max(entry.head.incarnation);
                 self.ledger.enter(operator, &entry);
                 self.status.enter(operator, &entry);
+                self.finished.enter(operator, &entry);
             }
         }
     }

@@ -291,7 +291,7 @@ fn report(member: &mut Member, outcome: Outcome, graph: &Graph) -> Result<(), St
     if let Some(reason) = member.unlinked.take() {
         tell(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
     }
-    if outcome == Outcome::Done {
+    if !outcome.is_failure() {
         return Ok(());
     }
     let operator = operator();

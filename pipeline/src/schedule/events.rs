@@ -5,6 +5,7 @@ use std::sync::Arc;
 use stillpoint_samples::{Cause, Entry, Head, Outcome};
 
 use super::waiting::Waiting;
+use crate::finished::Finished;
 use crate::graph::Graph;
 use crate::intake::Intake;
 use crate::placement::{Placement, PlacementError};
@@ -51,6 +52,9 @@ pub struct Events {
     operators: Vec<State>,
     /// By process.
     restarts: Vec<Restarts>,
+    finished: Finished,
+    /// When timers stop, ns.
+    end: u64,
 }
 
 struct State {
@@ -98,19 +102,20 @@ impl Events {
             })
             .collect();
         let restarts = graph.processes.iter().map(|p| Restarts::new(p.restart)).collect();
-        Self { graph, operators, restarts }
+        Self { finished: Finished::new(&graph), graph, operators, restarts, end: 0 }
     }
 
-    /// Runs from `start` for `duration`, both ns of session time. When the time is over timers stop, and what is still
-    /// under way is drained, for at most a second of session time.
+    /// Runs from `start` for `duration`, both ns of session time, or until all that feeds the run has finished. Then
+    /// timers stop, and what is still under way is drained, for at most a second of session time. Gives the time at which
+    /// timers stopped.
     pub fn run(
         &mut self,
         placement: &mut dyn Placement,
         start: u64,
         duration: u64,
         witness: &mut dyn Witness,
-    ) -> Result<(), RunError> {
-        let end = start.saturating_add(duration);
+    ) -> Result<u64, RunError> {
+        self.end = start.saturating_add(duration);
         for operator in 0..self.operators.len() {
             self.operators[operator].busy_until = start;
             let entry = placement.start(operator, 0, start)?;
@@ -118,17 +123,17 @@ impl Events {
         }
         let mut last = start;
         let mut ended = Ok(());
-        while let Some((time, operator)) = self.next(start, end) {
-            if time >= end.saturating_add(DRAIN) {
+        while let Some((time, operator)) = self.next(start) {
+            if time >= self.end.saturating_add(DRAIN) {
                 break;
             }
             last = last.max(time);
-            ended = self.visit(operator, time, start, end, placement, witness);
-            match &ended {
+            ended = self.visit(operator, time, start, placement, witness);
+            match ended {
                 Ok(()) => {}
                 // It ends the run in order.
                 Err(RunError::Fault { .. }) => break,
-                Err(_) => return ended,
+                Err(e) => return Err(e),
             }
         }
         for (operator, state) in self.operators.iter().enumerate() {
@@ -138,16 +143,16 @@ impl Events {
                 witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
             }
         }
-        ended
+        ended.map(|()| self.end)
     }
 
     /// The next operator that may have something to do, and when.
-    fn next(&self, start: u64, end: u64) -> Option<(u64, usize)> {
+    fn next(&self, start: u64) -> Option<(u64, usize)> {
         let candidates = self.operators.iter().enumerate().filter_map(|(index, state)| {
             if let Some(down) = state.down {
-                return (down.until() < end).then_some((down.until(), index));
+                return (down.until() < self.end).then_some((down.until(), index));
             }
-            let timer = self.timer(index, start, end);
+            let timer = self.timer(index, start);
             let arrival = state.ports.iter().filter_map(Waiting::next_arrival).min();
             let visible = state.intake.next_visible().filter(|t| *t > state.busy_until);
             let dirty = state.dirty.then_some(state.busy_until);
@@ -157,11 +162,11 @@ impl Events {
         candidates.min()
     }
 
-    /// When the operator's timer is due, if it is before the end.
-    fn timer(&self, operator: usize, start: u64, end: u64) -> Option<u64> {
-        let every = self.graph.operators[operator].every?;
+    /// When the operator's timer is due, if it is before the end and the operator has not finished.
+    fn timer(&self, operator: usize, start: u64) -> Option<u64> {
+        let every = self.graph.operators[operator].every.filter(|_| !self.finished.has(operator))?;
         let due = start.saturating_add(self.operators[operator].tick.saturating_mul(every));
-        (due < end).then_some(due)
+        (due < self.end).then_some(due)
     }
 
     /// Does at most one activation of an operator at `time`.
@@ -170,14 +175,13 @@ impl Events {
         operator: usize,
         time: u64,
         start: u64,
-        end: u64,
         placement: &mut dyn Placement,
         witness: &mut dyn Witness,
     ) -> Result<(), RunError> {
         if let Some(down) = self.operators[operator].down {
             return self.begin_again(operator, down, time.saturating_sub(start), time, placement, witness);
         }
-        let timer = self.timer(operator, start, end).filter(|due| *due <= time);
+        let timer = self.timer(operator, start).filter(|due| *due <= time);
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         let state = &mut self.operators[operator];
@@ -215,6 +219,11 @@ impl Events {
         witness.saw(operator, &committed.entry, &committed.outputs).map_err(RunError::Witness)?;
         if let Some(reason) = &committed.fault {
             witness.failed(operator, reason);
+        }
+        self.finished.enter(operator, &committed.entry);
+        if committed.entry.outcome() == Some(Outcome::Finished) && self.finished.is_all(&graph) {
+            // What is due now still happens.
+            self.end = self.end.min(time + 1);
         }
         if committed.entry.outcome() == Some(Outcome::Panic) {
             let at = self.answer(operator, time, &committed.fault.unwrap_or_default())?;
@@ -289,6 +298,7 @@ impl Events {
             }
         }
         let entry = placement.start(operator, state.incarnation, time)?;
+        self.finished.enter(operator, &entry);
         witness.saw(operator, &entry, &[]).map_err(RunError::Witness)
     }
 }

@@ -121,7 +121,7 @@ impl Bench {
         let sample = |p: usize| parcel.filter(|_| p == port).map(Parcel::pieces);
         let entry = self.cell.activate(&record, &sample, &mut heap);
         let outcome = entry.outcome();
-        let fault = self.cell.fault().filter(|_| outcome != Some(Outcome::Done)).map(str::to_string);
+        let fault = self.cell.fault().filter(|_| outcome.is_none_or(Outcome::is_failure)).map(str::to_string);
         let kinds = &self.kinds;
         let outputs = self.cell.take_drafts();
         let outputs = outputs.map(|d| (d.port, Parcel::copy_of(kinds[d.port], d.buffer.pieces()))).collect();

@@ -53,7 +53,7 @@ pub fn run_keeping(
 impl Witness for Run {
     fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
         let node = &self.graph.operators[operator];
-        if entry.outcome() != Some(Outcome::Done) {
+        if entry.outcome().is_none_or(Outcome::is_failure) {
             self.failed.push(node.name.clone());
         }
         let sent = outputs.iter().map(|(port, p)| (&node.outputs[*port].topic, p));

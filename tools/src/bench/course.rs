@@ -254,7 +254,7 @@ impl Witness for Watch {
     fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
-        if !matches!(entry.outcome(), Some(Outcome::Done)) {
+        if entry.outcome().is_none_or(Outcome::is_failure) {
             self.course.failed.push(node.name.clone());
         }
         let sent = |port: &str| {

@@ -213,6 +213,27 @@ fn echo_refuses_what_it_cannot_show() {
 }
 
 #[test]
+fn a_run_over_a_folder_of_images_ends_when_they_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
+    for how in [&[][..], &["--clock", "simulated", "--for", "1h"]] {
+        let out = stillpoint(folder.path(), &[&["run", &file, "--json", "--record", "s"], how].concat());
+        assert!(out.status.success(), "{how:?}: {}{}", text(&out.stdout), text(&out.stderr));
+        let report: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+        assert_eq!((&report["ended_early"], &report["balanced"]), (&().into(), &true.into()));
+        let cloud =
+            report["operators"].as_array().unwrap().iter().find(|o| o["operator"] == "cloud").unwrap();
+        assert_eq!(cloud["sent"], 6, "{how:?}");
+        let replay = stillpoint(folder.path(), &["replay", report["session"].as_str().unwrap()]);
+        assert!(
+            replay.status.success() && text(&replay.stdout).contains("identical"),
+            "{}",
+            text(&replay.stdout)
+        );
+    }
+}
+
+#[test]
 fn what_is_not_there_is_named_and_nothing_panics() {
     let folder = tempfile::tempdir().unwrap();
     for (command, code, word) in [

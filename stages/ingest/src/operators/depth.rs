@@ -118,7 +118,10 @@ impl Operator for IngestDepth {
             },
             Source::Files { files, turn, camera } => match turn.take() {
                 Some(frame) => send_file(&files[frame], camera, outputs),
-                None => Ok(()),
+                None => {
+                    outputs.finish();
+                    Ok(())
+                }
             },
         }
     }

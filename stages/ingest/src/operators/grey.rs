@@ -67,7 +67,10 @@ impl Operator for IngestGrey {
     }
 
     fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let Some(frame) = self.turn.take() else { return Ok(()) };
+        let Some(frame) = self.turn.take() else {
+            outputs.finish();
+            return Ok(());
+        };
         let file = &self.files[frame];
         let image = decode_png(&file.bytes).map_err(|e| StepError(format!("{}: {e}", file.name)))?;
         let length = image.pixels.len() as u32;

@@ -77,7 +77,10 @@ impl Operator for IngestMcap {
     }
 
     fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let Some(frame) = self.turn.take() else { return Ok(()) };
+        let Some(frame) = self.turn.take() else {
+            outputs.finish();
+            return Ok(());
+        };
         let cloud = &self.clouds[frame];
         send_cloud(outputs, CLOUD, cloud.width, cloud.height, |points| {
             points.copy_from_slice(&cloud.points);

@@ -68,7 +68,10 @@ impl Operator for IngestPcd {
     }
 
     fn step(&mut self, _: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let Some(frame) = self.turn.take() else { return Ok(()) };
+        let Some(frame) = self.turn.take() else {
+            outputs.finish();
+            return Ok(());
+        };
         let file = &self.files[frame];
         let cloud = pcd::read(&file.bytes).map_err(|e| StepError(format!("{}: {e}", file.name)))?;
         send_cloud(outputs, CLOUD, cloud.width, cloud.height, |points| {

@@ -5,7 +5,7 @@ use stillpoint_pipeline::Choice;
 /// What comes after the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum AtEnd {
-    /// Nothing: the ticks that follow send nothing.
+    /// Nothing: a tick later the operator has finished, and the run ends where nothing else feeds it.
     Stop,
     /// The first frame.
     Repeat,
