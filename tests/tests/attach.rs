@@ -116,6 +116,24 @@ fn those_who_look_in_come_and_go_without_a_trace() {
 }
 
 #[test]
+fn who_looks_in_sees_what_was_sent_until_the_end() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 1);
+    let looking = bench.start(&["echo", "sink.sum"]);
+    crate::bench::wait_for("a sample", || looking.said().lines().next().map(drop));
+    // What is sent from here to the end waits for it.
+    looking.signal(rustix::process::Signal::STOP);
+    let report = run.stop().good();
+    looking.signal(rustix::process::Signal::CONT);
+    let done = looking.finish();
+    assert_eq!(done.code(), 0, "{}", done.err);
+    let last: Value = serde_json::from_str(done.out.lines().last().unwrap()).unwrap();
+    let sent = crate::bench::figures(&report, "sink")["sent"].as_u64().unwrap();
+    assert_eq!(last["sequence"].as_u64().unwrap(), sent - 1);
+}
+
+#[test]
 fn an_output_beyond_the_sixty_fourth_wakes_its_consumer() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("wide.yaml"));

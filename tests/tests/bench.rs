@@ -151,6 +151,10 @@ impl Running {
         let _ = kill_process_group(pid(self.pid()), signal);
     }
 
+    pub fn said(&self) -> String {
+        std::fs::read_to_string(&self.out).unwrap()
+    }
+
     pub fn errors(&self) -> String {
         std::fs::read_to_string(&self.err).unwrap()
     }
