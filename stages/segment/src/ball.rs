@@ -139,7 +139,8 @@ impl BallSearch {
             let start = cells.middle(cell);
             self.clear_around(&cells, &start, middle);
             let Some(ball) = refine(patches, &mut self.close, start, radii) else { continue };
-            // Two starts may lead to one place.
+            // Two starts may lead to one place, and what is left of its votes would be a third.
+            self.clear_around(&cells, &ball.centre, middle);
             if self.balls.iter().all(|other| (other.centre - ball.centre).norm() > middle / 2.0) {
                 self.balls.push(ball);
             }

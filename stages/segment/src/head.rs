@@ -27,11 +27,11 @@ pub struct HeadParams {
 }
 
 impl HeadParams {
-    /// Whether the patches that speak for a ball cover this share of its half that faces the camera.
-    pub(crate) fn is_shown(&self, ball: &Ball, share: f64) -> bool {
+    /// Whether the patches that speak for a ball cover enough of its half that faces the camera.
+    pub(crate) fn is_shown(&self, ball: &Ball) -> bool {
         let side = PATCH * self.leaf;
         let half_ball = 2.0 * std::f64::consts::PI * ball.radius * ball.radius;
-        ball.voters as f64 * side * side >= share * half_ball
+        ball.voters as f64 * side * side >= SHOWN * half_ball
     }
 }
 
@@ -39,7 +39,7 @@ impl HeadParams {
 const SIZES: [f64; 2] = [0.6, 1.35];
 /// Width of a patch in voxels.
 const PATCH: f64 = 2.0;
-/// A head shows at least this part of the half of its ball that faces the camera.
+/// A head, and a neck, shows at least this part of the half of its ball that faces the camera.
 const SHOWN: f64 = 0.35;
 /// In radii of its ball, how high over the plane a head's middle is: of a pillow or a shoulder, less than half would be seen.
 const LYING: f64 = 0.9;
@@ -59,6 +59,8 @@ const CAP: f64 = 0.2;
 const FOOT_HEIGHT: f64 = 0.3;
 /// So far may two patches be apart that are seen beside each other, since one hides what is between.
 const HIDDEN: f64 = 0.6;
+/// How much what belongs to the summit of another thing leans away from the head.
+const OTHERS: f64 = -8.0;
 /// How much a patch that faces away from the head leans to it all the same: what nothing else claims is the head's.
 const SUPPORT: f64 = 0.15;
 /// Cost of a cut between two neighbouring patches of a flat surface.
@@ -107,15 +109,15 @@ impl HeadFinder {
         // Where several things are round, such as pads and shoulders, the head lies on or over them.
         let balls = self.search.find(self.surface.patches(), radii).iter();
         let lies_on = |ball: &Ball| height(ball) + plane.offset > LYING * ball.radius;
-        let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball, SHOWN));
+        let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball));
         let highest = shown().max_by(|a, b| height(a).total_cmp(&height(b)));
         self.ball = highest.copied();
         let Some(highest) = self.ball else { return false };
-        // A face is round, too, and may be higher than the cranium, which is broader.
+        // A face is round, too, and may be higher than the cranium, of which more is seen.
         let near = |ball: &&Ball| (ball.centre - highest.centre).norm() < ONE_HEAD * params.radius;
-        let broadest = shown().filter(near).max_by(|a, b| a.radius.total_cmp(&b.radius)).copied();
+        let cranium = shown().filter(near).max_by_key(|ball| ball.voters).copied();
         self.collect_edges(seen, params);
-        let ball = self.find_neck(broadest.unwrap_or(highest), highest, plane, params);
+        let ball = self.find_neck(cranium.unwrap_or(highest), highest, plane, params);
         self.ball = Some(ball);
         self.build(&ball, plane, params);
         self.graph.cut();
@@ -163,16 +165,16 @@ impl HeadFinder {
         // Often they are one.
         let face_too = (face != cranium).then_some(face);
         let found = [cranium].into_iter().chain(face_too).find_map(|ball| {
-            hills.tell(patches, &ball, plane, radius);
-            let neck = Neck::of_face(hills.own(patches), &ball, plane, radius);
-            Some((ball, neck.or_else(|| Neck::of_balls(balls, &ball, plane, params))?))
+            hills.tell(patches, &ball, plane, radius, true);
+            let neck = Neck::of_balls(balls, &ball, plane, params);
+            Some((ball, neck.or_else(|| Neck::of_face(hills.own(patches), &ball, plane, radius))?))
         });
         self.neck = found.map(|(_, neck)| neck);
         if self.neck.is_none() {
             self.hills.find(&self.edges);
-            self.hills.tell(patches, &face, plane, radius);
+            self.hills.part(radius);
+            self.hills.tell(patches, &face, plane, radius, false);
         }
-        self.hills.mark(patches, radius, |patch| self.neck.is_some_and(|neck| neck.holds(patch)));
         found.map_or(face, |(ball, _)| ball)
     }
 
@@ -189,8 +191,10 @@ impl HeadFinder {
             let is_head = is_cap(patch, ball, plane) || neck.is_some_and(|neck| neck.is_core(patch));
             let lean = if is_head {
                 Lean::Source
-            } else if distance > REACH || foot || self.hills.hold(patch) {
+            } else if distance > REACH || foot {
                 Lean::Sink
+            } else if self.hills.are_others(number) && !neck.is_some_and(|neck| neck.holds(patch)) {
+                Lean::Cost((LEANING * OTHERS) as i32)
             } else {
                 // A head's surface faces away from its middle; what it lies on faces up from below.
                 let outward = patch.normal.dot(&from_centre) / from_centre.norm().max(1e-9);

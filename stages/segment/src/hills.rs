@@ -13,16 +13,14 @@ use std::ops::RangeInclusive;
 const SUMMIT: f64 = 0.2;
 /// ... where it is this far beside the ball's centre.
 const BESIDE: f64 = 1.0;
-/// In radii of the ball: so far over the centre and so far beside it, outside of the ball and lower than its top, a head
-/// has no summit but that of its neck; a chin is higher. There the way up needs to lead down only this far, as it does
-/// between a face and the pad that it is turned to.
+/// In radii of the ball: so far over the centre and so far beside it, lower than its top, a head has no summit but that of
+/// its neck; a chin is higher. There the way up needs to lead down only this far, as it does between a face and the pad
+/// that it is turned to.
 const HIGH: RangeInclusive<f64> = 0.4..=0.95;
-const HIGH_BESIDE: f64 = 0.95;
-const HIGH_SUMMIT: f64 = 0.11;
+const HIGH_BESIDE: f64 = 0.87;
+const HIGH_SUMMIT: f64 = 0.05;
 /// Such a summit has at least this many patches. Flying pixels have fewer.
 const PATCHES: u32 = 12;
-/// As far around such a summit, and no farther than it is prominent, all is of that other thing.
-const AROUND: f64 = 0.4;
 
 /// The summits of a frame with their buffers; after the first frames of a size they allocate nothing.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +28,6 @@ pub(crate) struct Hills {
     summits: Summits,
     /// For each patch whether it is the summit of another thing.
     is_other: Vec<bool>,
-    tops: Vec<(Vector3<f64>, f64)>,
 }
 
 impl Hills {
@@ -51,11 +48,13 @@ impl Hills {
 
     /// Parts the patches among the summits. `radius` is that of the adult head in metres.
     pub fn part(&mut self, radius: f64) {
-        self.summits.part(SUMMIT * radius);
+        self.summits.part(HIGH_SUMMIT * radius);
     }
 
-    /// Tells the summits of other things from those of the head in `ball`. `radius` is that of the adult head in metres.
-    pub fn tell(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64) {
+    /// Tells the summits of other things from those of the head in `ball`. Where that may be the ball of the `cranium`, a
+    /// high summit beside it is another thing's; beside that of a face, it may be the crown. `radius` is that of the adult
+    /// head in metres.
+    pub fn tell(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
         self.is_other.clear();
         let all = patches.iter().zip(self.summits.prominence());
         self.is_other.extend(all.map(|(patch, &prominence)| {
@@ -64,29 +63,20 @@ impl Hills {
             }
             let over = plane.normal.dot(&(patch.place - ball.centre));
             let beside = beside(&patch.place, ball, plane);
-            let is_high = HIGH.contains(&(over / ball.radius)) && beside > HIGH_BESIDE * ball.radius;
+            let is_high =
+                cranium && HIGH.contains(&(over / ball.radius)) && beside > HIGH_BESIDE * ball.radius;
             is_high || (prominence > SUMMIT * radius && beside > BESIDE * radius)
         }));
     }
 
+    /// Whether the summit that a patch of this number belongs to is another thing's.
+    pub fn are_others(&self, patch: usize) -> bool {
+        self.is_other[self.summits.basins()[patch] as usize]
+    }
+
     /// The patches that belong to none of the summits of other things.
     pub fn own<'a>(&'a self, patches: &'a [Patch]) -> impl Iterator<Item = &'a Patch> + Clone {
-        let all = patches.iter().zip(self.summits.basins());
-        all.filter(|(_, summit)| !self.is_other[**summit as usize]).map(|(patch, _)| patch)
-    }
-
-    /// Marks what lies around the summits of other things, but those that `is_head` says are the head's.
-    pub fn mark(&mut self, patches: &[Patch], radius: f64, is_head: impl Fn(&Patch) -> bool) {
-        self.tops.clear();
-        let summits = patches.iter().zip(&self.is_other).zip(self.summits.prominence());
-        for ((patch, _), &prominence) in summits.filter(|((patch, other), _)| **other && !is_head(patch)) {
-            self.tops.push((patch.place, prominence.min(AROUND * radius)));
-        }
-    }
-
-    /// Whether a patch was marked.
-    pub fn hold(&self, patch: &Patch) -> bool {
-        self.tops.iter().any(|(top, reach)| (patch.place - top).norm() < *reach)
+        (0..).zip(patches).filter(|(number, _)| !self.are_others(*number)).map(|(_, patch)| patch)
     }
 }
 

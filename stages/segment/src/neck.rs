@@ -22,19 +22,13 @@ const CRANIUM: f64 = 0.93;
 /// Patches of a face at least, and how much of their distance from the axis is one way.
 const PATCHES: usize = 12;
 const ONE_WAY: f64 = 0.915;
-/// In radii of the ball, where a neck and a cranium are told apart by their breadth: that of a neck, of a cranium.
-const STUMP: [f64; 2] = [1.3, 2.0];
-const NARROW: f64 = 0.46;
-/// What is lower may be a pad.
-const LOWEST: f64 = -0.2;
 // Lengths from here on are in radii of the adult head, from the centre of the ball.
 
-/// The ball that fits a neck: its radius at most, how far it lies lower than the head's and away from it, its share, and
-/// where it is from the cranium.
+/// The ball that fits a neck: its radius at most, how far it lies lower than the head's and away from it, and where it
+/// is from the cranium.
 const THICK: f64 = 0.8;
-const LOWER: RangeInclusive<f64> = 0.3..=0.95;
-const AWAY_FROM: RangeInclusive<f64> = 0.7..=1.9;
-const NECK_SHOWN: f64 = 0.45;
+const LOWER: RangeInclusive<f64> = 0.1..=0.95;
+const AWAY_FROM: RangeInclusive<f64> = 0.75..=1.9;
 const MIDDLE: f64 = 1.59;
 /// Where the neck begins, its half width, how far below the centre its sides are seen, and where it ends.
 const NECK: f64 = 0.6;
@@ -78,7 +72,7 @@ impl Neck {
     ) -> Option<Self> {
         let (centre, up) = (ball.centre, plane.normal);
         let (mut sum, mut lengths, mut count) = (Vector3::zeros(), 0.0, 0);
-        for patch in patches.clone() {
+        for patch in patches {
             let from_centre = patch.place - centre;
             let (distance, height) = (from_centre.norm(), up.dot(&from_centre));
             if distance < OUTSIDE * ball.radius || distance > FACE * radius || height < OVER * radius {
@@ -92,9 +86,7 @@ impl Neck {
         if count < PATCHES || sum.norm() < ONE_WAY * lengths {
             return None;
         }
-        let radius = (radius + ball.radius / CRANIUM) / 2.0;
-        let found = Self { centre, up, along: sum.normalize(), radius };
-        (found.breadth(patches, ball.radius) < NARROW).then_some(found)
+        Some(Self { centre, up, along: sum.normalize(), radius: scale(ball, radius) })
     }
 
     /// From a ball that fits the neck itself, among those that were found.
@@ -110,25 +102,13 @@ impl Neck {
             other.radius < THICK * radius
                 && LOWER.contains(&lower)
                 && AWAY_FROM.contains(&away)
-                && params.is_shown(other, NECK_SHOWN)
+                && params.is_shown(other)
         };
         let neck = balls.iter().find(is_neck)?;
         let along = beside(neck).normalize();
+        let radius = scale(ball, radius);
         let centre = ball.centre + beside(neck) - MIDDLE * radius * along;
         Some(Self { centre, up, along, radius })
-    }
-
-    /// Root mean square of how far what sticks out lies beside the axis, in radii of the ball.
-    fn breadth<'a>(&self, patches: impl Iterator<Item = &'a Patch>, ball_radius: f64) -> f64 {
-        let (mut squares, mut count) = (0.0, 0);
-        for patch in patches {
-            let [along, across, height] = self.place(patch).map(|c| c * self.radius / ball_radius);
-            if (STUMP[0]..STUMP[1]).contains(&along) && height > LOWEST && across < 1.5 {
-                squares += across * across;
-                count += 1;
-            }
-        }
-        (squares / f64::from(count.max(1))).sqrt()
     }
 
     /// Where a patch is: along the neck, beside its axis, above it; in radii of the adult head.
@@ -161,6 +141,11 @@ impl Neck {
         let is_beyond = across > BREADTH || along < CROWN || (along > SHOULDER && across > HALF_WIDTH);
         (is_up || is_beyond).then_some(AWAY)
     }
+}
+
+/// Radius of the head in `ball`: that of an adult head, in metres, as far as the ball agrees.
+fn scale(ball: &Ball, radius: f64) -> f64 {
+    (radius + ball.radius / CRANIUM) / 2.0
 }
 
 #[cfg(test)]
@@ -204,10 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_sticks_out_on_a_broad_front_is_no_neck() {
-        let (patches, ball, plane) = head(0.085);
-        assert!(Neck::of_face(patches.iter(), &ball, &plane, 0.09).is_none());
-        // Nor does a bare ball have one.
+    fn a_bare_ball_has_no_neck() {
         let (patches, ball, plane) = head(0.0);
         assert!(Neck::of_face(patches.iter(), &ball, &plane, 0.09).is_none());
     }

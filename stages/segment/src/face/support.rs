@@ -47,23 +47,29 @@ impl Support {
 
     /// The plane that `voxels` (metres) are supported by.
     pub fn find(&mut self, voxels: &[[f32; 3]], params: &FaceParams, rng: &mut impl Rng) -> Option<PlaneFit> {
-        let mut fit = self.find_plane(voxels, params, Beneath::Outliers, rng);
-        // A plane over the tops of pillows and shoulders may hold more voxels than what is left of the couch.
-        if fit.is_some_and(|fit| self.are_many_beneath(voxels, params, &fit)) {
-            fit = self.find_plane(voxels, params, Beneath::Unlikely, rng);
-        }
+        let fit = self.find_lowest(voxels, params, rng)?;
         // A floor may be in range, and more of it in view than of the couch.
-        if let Some(fit) = &mut fit
-            && let Some(couch) = self.find_couch(voxels, params, fit, rng)
-        {
-            *fit = couch;
-        }
-        fit
+        Some(self.find_couch(voxels, params, &fit, rng).unwrap_or(fit))
     }
 
     /// Begins the next search with this plane.
     pub fn keep(&mut self, plane: Plane) {
         self.prior = Some(plane);
+    }
+
+    /// The plane that most voxels lie on and few beneath, with the heights over it and the hull of its inliers.
+    fn find_lowest(
+        &mut self,
+        voxels: &[[f32; 3]],
+        params: &FaceParams,
+        rng: &mut impl Rng,
+    ) -> Option<PlaneFit> {
+        let fit = self.find_plane(voxels, params, Beneath::Outliers, rng)?;
+        // A plane over the tops of pillows and shoulders may hold more voxels than what is left of the couch.
+        if self.are_many_beneath(voxels, params, &fit) {
+            return self.find_plane(voxels, params, Beneath::Unlikely, rng);
+        }
+        Some(fit)
     }
 
     /// The plane that most voxels lie on, with the heights over it and the hull of its inliers.
@@ -99,7 +105,7 @@ impl Support {
         floor: &PlaneFit,
         rng: &mut impl Rng,
     ) -> Option<PlaneFit> {
-        let FaceParams { plane_tolerance: tolerance, iterations, height_max, min_points, .. } = *params;
+        let FaceParams { plane_tolerance: tolerance, height_max, min_points, .. } = *params;
         let over = voxels.iter().zip(&self.heights).filter(|(_, height)| **height > height_max);
         self.higher.clear();
         self.higher.extend(over.map(|(&voxel, _)| voxel));
@@ -107,11 +113,12 @@ impl Support {
         if self.higher.len() < least.max(min_points) {
             return None;
         }
-        let search = MlesacParams { tolerance, iterations, beneath: Beneath::Outliers };
-        let fit = self.mlesac.find(&self.higher, self.prior.as_ref(), &search, rng);
-        let fit = fit.filter(|fit| fit.inliers >= least && fit.plane.angle_to(&floor.plane) < LEVEL)?;
-        self.measure(voxels, tolerance, &fit);
-        Some(fit)
+        let higher = std::mem::take(&mut self.higher);
+        let fit = self.find_lowest(&higher, params, rng);
+        self.higher = higher;
+        let couch = fit.filter(|fit| fit.inliers >= least && fit.plane.angle_to(&floor.plane) < LEVEL);
+        self.measure(voxels, tolerance, couch.as_ref().unwrap_or(floor));
+        couch
     }
 
     /// Whether so many voxels lie beneath the plane, within its hull, that it supports nothing.
