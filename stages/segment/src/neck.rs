@@ -1,7 +1,8 @@
 //! Which way the neck lies, and what that says of the surface around a head.
 //!
-//! The ball that fits a head best is that of its cranium. The face sticks out of it, towards the neck. So what sticks out
-//! above its centre, and is no other thing's, tells the way. Then a neck can be told from a pad: it lies that way, no
+//! The ball that fits a head best is that of its cranium. A neck may have a ball of its own, lower and beside it. Where it
+//! has none, the face sticks out of the cranium towards it: so what sticks out above its centre, and is no other thing's,
+//! tells the way. Then a neck can be told from a pad: it lies that way, no
 //! broader than a neck, while what else faces up beside the head, lower than the middle of its cranium, is not the head.
 
 use crate::ball::Ball;
