@@ -27,9 +27,10 @@ pub struct PressureParams {
     /// Inlets open the less, the nearer the estimate is to the limit, from so far below it.
     #[param(unit = "Pa", default = "4 kPa", above = "0 Pa", max = "100 kPa")]
     pub taper: f64,
-    /// Pressure over that of the room in the bladders at the start: rather too high than too low.
-    #[param(unit = "Pa", default = "15 kPa", min = "0 Pa", max = "200 kPa")]
-    pub start: f64,
+    /// Pressure over that of the room in the bladders at the start, one for all or one for each: rather too high than too
+    /// low.
+    #[param(unit = "Pa", default = "[15 kPa]", min = "0 Pa", max = "200 kPa")]
+    pub start: Vec<f64>,
     /// Volume of a bladder at the room's pressure.
     #[param(unit = "m3", default = "0.52 l", above = "0 l", max = "20 l")]
     pub volume: f64,
@@ -84,7 +85,9 @@ impl PressureEstimator {
             taper: params.taper,
             mass: [0.0; BLADDERS],
         };
-        (0..BLADDERS).for_each(|bladder| estimator.correct(bladder, params.start));
+        let last = params.start.last().copied().unwrap_or_default();
+        let starts = params.start.iter().copied().chain(std::iter::repeat(last));
+        (0..BLADDERS).zip(starts).for_each(|(bladder, start)| estimator.correct(bladder, start));
         estimator
     }
 

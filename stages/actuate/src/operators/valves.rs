@@ -1,7 +1,7 @@
 //! `actuate.valves`: duties to datagrams.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -149,6 +149,17 @@ impl Operator for ActuateValves {
         ],
         timer: Timer::Required,
     };
+
+    fn fit(params: &ValvesParams) -> Result<(), Misfit> {
+        let (starts, bladders) = (params.pressure.start.len(), params.bladders as usize);
+        if starts == 1 || starts == bladders {
+            return Ok(());
+        }
+        let said = format!(
+            "`start` has {starts} pressures for {bladders} bladders: give one for all or one for each"
+        );
+        Err(Misfit::inside(&["pressure"], SetupError(said)))
+    }
 
     fn new(params: ValvesParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         check_life("life", params.life, setup)?;

@@ -9,7 +9,7 @@ fn params() -> PressureParams {
     PressureParams {
         limit: 40e3,
         taper: 4e3,
-        start: 0.0,
+        start: vec![0.0],
         volume: 0.52e-3,
         doubles_at: 50e3,
         supply: 15.0 * PSI,

