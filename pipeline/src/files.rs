@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::graph::Graph;
+use crate::pattern;
 use crate::setup::Files;
 
 /// Files on disk, beside the pipeline's file, and those that come with the program.
@@ -94,14 +95,18 @@ impl Files for Snapshot {
     }
 }
 
-/// A file by its own name, or the files of a folder.
+/// A file by its own name, or those that a pattern or a folder means.
 fn listed<T>(files: &BTreeMap<String, T>, name: &str) -> Option<Vec<String>> {
     if files.contains_key(name) {
         return Some(vec![name.to_string()]);
     }
-    let folder = format!("{}/", name.trim_end_matches('/'));
-    let inside = files.keys().filter(|f| f.strip_prefix(&folder).is_some_and(|rest| !rest.contains('/')));
-    let inside: Vec<String> = inside.cloned().collect();
+    let every = pattern::inside(name, "*");
+    let (folder, like) = pattern::parts(if pattern::is_one(name) { name } else { &every });
+    let fits = |file: &&String| {
+        let (of, rest) = pattern::parts(file);
+        of == folder && pattern::matches(like, rest)
+    };
+    let inside: Vec<String> = files.keys().filter(fits).cloned().collect();
     (!inside.is_empty()).then_some(inside)
 }
 
@@ -121,14 +126,23 @@ impl Files for DiskFiles {
         if path.is_file() {
             return Ok(vec![name.to_string()]);
         }
+        let (folder, like) = match pattern::parts(name) {
+            (folder, like) if pattern::is_one(name) => (folder, like),
+            _ => (name.trim_end_matches('/'), "*"),
+        };
         let mut names = Vec::new();
-        for entry in std::fs::read_dir(&path).map_err(|e| e.to_string())? {
+        for entry in std::fs::read_dir(self.path(if folder.is_empty() { "." } else { folder }))
+            .map_err(|e| e.to_string())?
+        {
             let entry = entry.map_err(|e| e.to_string())?;
-            if entry.path().is_file()
-                && let Some(file) = entry.file_name().to_str()
-            {
-                names.push(format!("{}/{file}", name.trim_end_matches('/')));
+            let file = entry.file_name();
+            let shown = file.to_string_lossy();
+            // What is broken, such as a link to nothing, stays in the list: reading it says why.
+            if entry.path().is_dir() || !pattern::matches(like, &shown) {
+                continue;
             }
+            let file = file.to_str().ok_or_else(|| format!("the name of the file {shown} is not UTF-8"))?;
+            names.push(if folder.is_empty() { file.to_owned() } else { format!("{folder}/{file}") });
         }
         names.sort();
         Ok(names)
@@ -164,5 +178,34 @@ mod tests {
         assert!(files.read("src/lib.rs").unwrap().len() > 7);
         assert_eq!(files.list("Cargo.toml").unwrap(), ["Cargo.toml"]);
         assert!(files.read("nothing").is_err());
+    }
+
+    #[test]
+    fn a_pattern_or_a_folder_means_its_files_and_what_is_broken_is_not_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["b_1.png", "a_1.png", "a_2.png", "notes.txt"] {
+            std::fs::write(folder.path().join(name), name).unwrap();
+        }
+        std::fs::create_dir(folder.path().join("a_3.png")).unwrap();
+        std::os::unix::fs::symlink("nowhere", folder.path().join("a_0.png")).unwrap();
+        let disk = DiskFiles::beside(&folder.path().parent().unwrap().join("x.yaml"));
+        let name = folder.path().file_name().unwrap().to_str().unwrap();
+        let under = |names: &[&str]| names.iter().map(|n| format!("{name}/{n}")).collect::<Vec<_>>();
+        assert_eq!(disk.list(&format!("{name}/a_*.png")).unwrap(), under(&["a_0.png", "a_1.png", "a_2.png"]));
+        assert_eq!(disk.list(name).unwrap().len(), 5);
+        assert!(disk.read(&under(&["a_0.png"])[0]).is_err());
+        let beside = DiskFiles::beside(&folder.path().join("x.yaml"));
+        assert_eq!(beside.list("*.txt").unwrap(), ["notes.txt"]);
+        let kept = KeptFiles {
+            files: [("notes.txt", ""), ("s/a.png", ""), ("s/t/b.png", "")]
+                .map(|(n, b)| (n.into(), b.into()))
+                .into(),
+        };
+        assert_eq!(kept.list("*.txt").unwrap(), ["notes.txt"]);
+        assert_eq!(
+            (kept.list("s").unwrap(), kept.list("s/*.png").unwrap()),
+            (vec!["s/a.png".into()], vec!["s/a.png".into()])
+        );
+        assert!(kept.list("s/*.pcd").is_err());
     }
 }

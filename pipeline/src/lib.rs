@@ -29,6 +29,7 @@ pub mod operator;
 pub mod outputs;
 pub mod outside;
 pub mod params;
+pub mod pattern;
 pub mod placement;
 pub mod record;
 pub mod replay;

@@ -72,8 +72,9 @@ pub enum Names {
     Nothing,
     /// A file, by its path from the pipeline's file.
     File,
-    /// A file, or a folder of files, by its path from the pipeline's file.
-    Files,
+    /// Files, by a path from the pipeline's file: one, those whose names fit a last part with `*`, or those of a folder
+    /// that fit this pattern.
+    Files(&'static str),
 }
 
 /// One parameter, for reading, schema and reference.

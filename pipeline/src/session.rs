@@ -1,6 +1,6 @@
 //! What a session says about its run: topics, attachments and metadata.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sha2::{Digest, Sha256};
 use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, StaticTransform, TopicInfo};
@@ -99,15 +99,14 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
     ];
     let files = &hello.files;
     let mut hashes = BTreeMap::new();
-    let mut names: Vec<&String> = graph.operators.iter().flat_map(|o| &o.files).collect();
-    names.sort();
-    names.dedup();
-    for name in names {
-        for file in files.list(name).map_err(|e| format!("{name}: {e}"))? {
-            let bytes = files.read(&file).map_err(|e| format!("{file}: {e}"))?;
-            hashes.insert(file.clone(), hex(&Sha256::digest(&bytes)));
-            attachments.push(keep(&format!("{FILES}{file}"), "application/octet-stream", bytes));
-        }
+    let mut names = BTreeSet::new();
+    for name in graph.operators.iter().flat_map(|o| &o.files) {
+        names.extend(files.list(name).map_err(|e| format!("{name}: {e}"))?);
+    }
+    for file in names {
+        let bytes = files.read(&file).map_err(|e| format!("{file}: {e}"))?;
+        hashes.insert(file.clone(), hex(&Sha256::digest(&bytes)));
+        attachments.push(keep(&format!("{FILES}{file}"), "application/octet-stream", bytes));
     }
     let run = BTreeMap::from([
         ("pipeline".to_string(), graph.name.clone()),

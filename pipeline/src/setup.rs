@@ -45,6 +45,7 @@ impl Setup<'_> {
 pub trait Files {
     /// Bytes of the file.
     fn read(&self, name: &str) -> Result<Vec<u8>, String>;
-    /// The files of a folder by their names, sorted; a file's name alone is itself.
+    /// The files that a path means, sorted: a file itself, those of a folder, or those whose names fit a last part with
+    /// `*`.
     fn list(&self, name: &str) -> Result<Vec<String>, String>;
 }

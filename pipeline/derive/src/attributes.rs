@@ -19,12 +19,13 @@ pub struct Attributes {
 }
 
 /// What a text names.
-#[derive(Clone, Copy, Default, PartialEq)]
+#[derive(Default)]
 pub enum Names {
     #[default]
     Nothing,
     File,
-    Files,
+    /// Files whose names fit a pattern.
+    Files(LitStr),
 }
 
 impl Attributes {
@@ -55,7 +56,7 @@ impl Attributes {
             "above" => self.above = Some(text()?),
             "max" => self.max = Some(text()?),
             "file" => self.names = Names::File,
-            "files" => self.names = Names::Files,
+            "files" => self.names = Names::Files(meta.value()?.parse()?),
             "choices" => {
                 let content;
                 syn::parenthesized!(content in meta.input);
@@ -63,7 +64,9 @@ impl Attributes {
                     Punctuated::<LitStr, Token![,]>::parse_terminated(&content)?.into_iter().collect();
             }
             _ => {
-                return Err(meta.error("write unit, default, min, above, max, choices(..), file or files"));
+                return Err(
+                    meta.error("write unit, default, min, above, max, choices(..), file or files = \"*\"")
+                );
             }
         }
         Ok(())

@@ -96,10 +96,10 @@ fn row(key: &str, ty: &syn::Type, attributes: &Attributes) -> TokenStream {
         option(&attributes.max),
     );
     let choices = &attributes.choices;
-    let names = match attributes.names {
+    let names = match &attributes.names {
         Names::Nothing => quote!(Nothing),
         Names::File => quote!(File),
-        Names::Files => quote!(Files),
+        Names::Files(pattern) => quote!(Files(#pattern)),
     };
     quote!(#path::ParamField {
         name: #key,

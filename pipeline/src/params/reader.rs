@@ -6,6 +6,7 @@ use serde_json::Value as Json;
 
 use super::value::choices_help;
 use super::{Names, ParamField, ParamType, ParamValue};
+use crate::pattern;
 use crate::setup::Files;
 use crate::spec::faults::{Code, Complaint, Findings};
 use crate::spec::near::{nearest, shown};
@@ -135,28 +136,43 @@ impl<'a> ParamReader<'a> {
         );
     }
 
-    /// Checks that a file is there and keeps its name.
-    pub(super) fn file(&self, node: &Node, field: &ParamField, name: &str) -> bool {
-        let wrong = match (self.files.list(name), field.names) {
+    /// Checks that a file is there, or files are, and keeps the name: that of a folder with the pattern of the files that
+    /// are meant.
+    pub(super) fn file(&self, node: &Node, field: &ParamField, name: &str) -> Option<String> {
+        let list = self.files.list(name);
+        let is_folder = matches!(&list, Ok(list) if list != &[name] && !pattern::is_one(name));
+        let (name, list) = match field.names {
+            Names::Files(all) if is_folder => {
+                let fitting = pattern::inside(name, all);
+                let list = self.files.list(&fitting);
+                (fitting, list)
+            }
+            _ => (name.to_owned(), list),
+        };
+        let wrong = match (list, field.names) {
             (Err(reason), _) => {
                 Some((reason, "write its path from the folder of this file, or put it there"))
             }
-            (Ok(list), Names::File) if list != [name] => {
-                Some(("it is a folder, but one file is due".into(), "name a file in it"))
+            (Ok(list), Names::File) if list != [name.as_str()] => {
+                let found = if pattern::is_one(&name) { "a pattern" } else { "a folder" };
+                Some((format!("it is {found}, but one file is due"), "name one of its files"))
             }
-            (Ok(list), _) if list.is_empty() => Some(("the folder is empty".into(), "put the files into it")),
+            (Ok(list), _) if list.is_empty() => Some((
+                "no file has such a name".into(),
+                "put the files there, or write what their names have in common, with `*` for the rest",
+            )),
             _ => None,
         };
         if let Some((reason, help)) = wrong {
-            let message = format!("{} cannot be used: {reason}", shown(name));
+            let message = format!("{} cannot be used: {reason}", shown(&name));
             self.complain(node, field, Complaint::new(Code::FileMissing, message, help));
-            return false;
+            return None;
         }
         let mut named = self.named.borrow_mut();
-        if !named.iter().any(|n| n == name) {
-            named.push(name.to_owned());
+        if !named.contains(&name) {
+            named.push(name.clone());
         }
-        true
+        Some(name)
     }
 }
 

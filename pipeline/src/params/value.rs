@@ -220,7 +220,7 @@ impl ParamValue for String {
         };
         match field.names {
             Names::Nothing => Some(text.to_owned()),
-            _ => reader.file(node, field, text).then(|| text.to_owned()),
+            _ => reader.file(node, field, text),
         }
     }
     fn resolved(&self) -> Json {

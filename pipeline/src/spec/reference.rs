@@ -125,7 +125,7 @@ fn ty(field: &ParamField, ty_of: ParamType) -> String {
             Names::Nothing if !field.choices().is_empty() => "a word".into(),
             Names::Nothing => "a text".into(),
             Names::File => "a file".into(),
-            Names::Files => "a file or a folder".into(),
+            Names::Files(_) => "files".into(),
         },
         ParamType::List { of, len: Some(len) } => format!("{len} times {}", ty(field, *of)),
         ParamType::List { of, len: None } => format!("a list of {}", ty(field, *of)),

@@ -1,26 +1,25 @@
 //! Files that the tests' parameters may name.
 
+use stillpoint_pipeline::files::KeptFiles;
 use stillpoint_pipeline::setup::Files;
 
-/// `models/face.onnx`, and the folder `captures` with two files.
+/// `models/face.onnx`, the folder `captures` with three files, and `empty` with none.
 pub struct Disk;
 
-const CAPTURES: [&str; 2] = ["captures/000.png", "captures/001.png"];
+fn kept() -> KeptFiles {
+    let names = ["models/face.onnx", "captures/000.png", "captures/001.png", "captures/notes.txt"];
+    KeptFiles { files: names.map(|name| (name.to_owned(), Vec::new())).into() }
+}
 
 impl Files for Disk {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        if name == "models/face.onnx" || CAPTURES.contains(&name) {
-            Ok(Vec::new())
-        } else {
-            Err("it is not there".into())
-        }
+        kept().read(name).map_err(|_| "it is not there".into())
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
         match name {
-            "captures" => Ok(CAPTURES.map(String::from).to_vec()),
-            "empty" => Ok(Vec::new()),
-            _ => self.read(name).map(|_| vec![name.to_owned()]),
+            "empty" | "empty/*.png" => Ok(Vec::new()),
+            _ => kept().list(name).map_err(|_| "it is not there".into()),
         }
     }
 }

@@ -107,7 +107,7 @@ fn files_that_parameters_name_are_listed() {
     let head = graph("head.yaml");
     assert_eq!(head.operators[head.operator("face").unwrap()].files, ["models/face.onnx"]);
     let images = graph("images.yaml");
-    assert_eq!(images.operators[0].files, ["captures"]);
+    assert_eq!(images.operators[0].files, ["captures/*.png"]);
 }
 
 #[test]

@@ -114,7 +114,7 @@ kind!(
 #[derive(Clone, Params)]
 pub struct ReplayParams {
     /// Images to send.
-    #[param(files)]
+    #[param(files = "*.png")]
     pub images: String,
     /// Weights of the channels.
     #[param(default = "[1, 1]")]

@@ -7,13 +7,11 @@
 //! - [`depth`]: 16-bit depth images and their deprojection.
 //! - [`grey`]: 8-bit grey images.
 //! - [`point_cloud2`]: clouds as ROS 2 records them.
-//! - [`pattern`]: which of a folder's files are meant.
 //! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.grey` and `ingest.mcap`; all else knows nothing of pipelines.
 
 pub mod depth;
 pub mod grey;
 pub mod operators;
-pub mod pattern;
 pub mod pcd;
 pub mod point_cloud2;
 

@@ -59,7 +59,7 @@ fn depth_files_become_clouds_in_the_order_of_their_names() {
         ("scans/a_label.png", vec![1, 2, 3]),
     ]);
     let it = format!(
-        "{{ use: ingest.depth, every: 100 ms, frame: camera, params: {{ files: scans, names: '*_depth.png', {CAMERA} }} }}"
+        "{{ use: ingest.depth, every: 100 ms, frame: camera, params: {{ files: scans/*_depth.png, {CAMERA} }} }}"
     );
     let sent = clouds(&it, &files).unwrap();
     assert_eq!(sent.len(), 2);
@@ -160,7 +160,10 @@ fn clouds_of_a_recording_are_sent_in_the_order_of_their_times() {
     assert_eq!(sent.iter().map(|c| (c.0, c.1)).collect::<Vec<_>>(), [(2, 1), (1, 1)]);
     assert_eq!((sent[0].2[0], sent[1].2[0]), (a[0], b[0]));
     let one = clouds(&it.replace("topic: /cam", "topic: /cam, skip: 1, frames: 1"), &files).unwrap();
-    assert_eq!(one.len(), 1);
+    assert_eq!(one.iter().map(|c| c.2[0]).collect::<Vec<_>>(), [b[0]]);
+    let cut = KeptFiles { files: [("r.mcap".to_string(), files.files["r.mcap"][..300].to_vec())].into() };
+    let error = refused(it, &cut);
+    assert!(error.contains("mend a copy of it with `stillpoint recover`"), "{error}");
 }
 
 #[test]

@@ -17,12 +17,10 @@ const CLOUD: usize = 0;
 /// Parameters of `ingest.depth`.
 #[derive(Clone, Debug, Params)]
 pub struct DepthParams {
-    /// A 16-bit PNG, or a folder of them; in place of the input `image`.
-    #[param(files)]
+    /// 16-bit PNGs, in the order of their names: one, a folder of them, or those that fit a pattern, such as
+    /// `scans/left_*.png`; in place of the input `image`.
+    #[param(files = "*.png")]
     pub files: Option<String>,
-    /// Which files of the folder are read, in the order of their names: `*` stands for any characters.
-    #[param(default = "*.png")]
-    pub names: String,
     /// The camera that took the files; an image from the input brings its own.
     pub camera: Option<CameraParams>,
     /// What comes after the last file.
@@ -143,7 +141,7 @@ fn from_files(
     camera: &CameraParams,
     setup: &Setup<'_>,
 ) -> Result<Source, SetupError> {
-    let files = files::read(setup, place, &params.names)?;
+    let files = files::read(setup, place)?;
     for file in &files {
         let image = decode_png(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
         let pixels = image.counts.len();

@@ -13,12 +13,10 @@ const IMAGE: usize = 0;
 /// Parameters of `ingest.grey`.
 #[derive(Clone, Debug, Params)]
 pub struct GreyParams {
-    /// An 8-bit greyscale PNG, or a folder of them.
-    #[param(files)]
+    /// 8-bit greyscale PNGs, in the order of their names: one, a folder of them, or those that fit a pattern, such as
+    /// `scans/left_*.png`.
+    #[param(files = "*.png")]
     pub files: String,
-    /// Which files of the folder are read, in the order of their names: `*` stands for any characters.
-    #[param(default = "*.png")]
-    pub names: String,
     /// What comes after the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
@@ -51,7 +49,7 @@ impl Operator for IngestGrey {
     };
 
     fn new(params: GreyParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let files = files::read(setup, &params.files, &params.names)?;
+        let files = files::read(setup, &params.files)?;
         for file in &files {
             let image = decode_png(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
             let pixels = image.pixels.len();

@@ -14,12 +14,10 @@ const CLOUD: usize = 0;
 /// Parameters of `ingest.pcd`.
 #[derive(Clone, Debug, Params)]
 pub struct PcdParams {
-    /// A PCD file (ascii, binary or compressed), or a folder of them; coordinates in metres.
-    #[param(files)]
+    /// PCD files (ascii, binary or compressed; coordinates in metres), in the order of their names: one, a folder of
+    /// them, or those that fit a pattern, such as `scans/left_*.pcd`.
+    #[param(files = "*.pcd")]
     pub files: String,
-    /// Which files of the folder are read, in the order of their names: `*` stands for any characters.
-    #[param(default = "*.pcd")]
-    pub names: String,
     /// What comes after the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
@@ -52,7 +50,7 @@ impl Operator for IngestPcd {
     };
 
     fn new(params: PcdParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let files = files::read(setup, &params.files, &params.names)?;
+        let files = files::read(setup, &params.files)?;
         for file in &files {
             let cloud = pcd::read(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
             let points = cloud.points.len();

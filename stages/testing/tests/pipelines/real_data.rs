@@ -98,8 +98,7 @@ operators:
     every: 100 ms
     frame: camera
     params:
-      files: {folder}
-      names: '{sensor}_*_depth.png'
+      files: {folder}/{sensor}_*_depth.png
       camera: {{ fx: {fx} px, fy: {fy} px, cx: {cx} px, cy: {cy} px, depth_unit: {unit} m }}
   face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }} }}
 ",

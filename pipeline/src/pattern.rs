@@ -1,9 +1,9 @@
-//! File names with a star: which of a folder's files are meant.
+//! Paths with a star: which of a folder's files are meant.
 
 /// Whether `name` is what `pattern` describes: `*` stands for any characters, also none; everything else for itself.
 ///
 /// ```
-/// use stillpoint_ingest::pattern::matches;
+/// use stillpoint_pipeline::pattern::matches;
 /// assert!(matches("n35_*_depth.png", "n35_004_depth.png"));
 /// assert!(!matches("n35_*_depth.png", "n35_004_label.png"));
 /// ```
@@ -19,6 +19,24 @@ pub fn matches(pattern: &str, name: &str) -> bool {
         rest = &rest[at + part.len()..];
     }
     rest.len() >= last.len() && rest.ends_with(last)
+}
+
+/// Whether a path is a pattern: its last part has a star.
+#[must_use]
+pub fn is_one(path: &str) -> bool {
+    parts(path).1.contains('*')
+}
+
+/// The pattern of those files of a folder that fit `pattern`.
+#[must_use]
+pub fn inside(folder: &str, pattern: &str) -> String {
+    format!("{}/{pattern}", folder.trim_end_matches('/'))
+}
+
+/// The folder of a path, and the part behind it.
+#[must_use]
+pub fn parts(path: &str) -> (&str, &str) {
+    path.rsplit_once('/').unwrap_or(("", path))
 }
 
 #[cfg(test)]
