@@ -1,6 +1,8 @@
 //! `ingest.mcap`: the clouds of a topic of an MCAP recording, one per tick.
 
-use mcap::MessageStream;
+use std::collections::{BTreeMap, BTreeSet};
+
+use mcap::{McapError, Message, MessageStream};
 use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{PointCloud, Sample};
@@ -23,7 +25,7 @@ pub struct McapParams {
     pub file: String,
     /// Topic of `sensor_msgs/msg/PointCloud2` messages in it.
     pub topic: String,
-    /// Clouds passed over at the beginning.
+    /// Clouds passed over at the beginning, in the order of their log times.
     #[param(default = 0)]
     pub skip: u32,
     /// Clouds read at most; without it, all. They are held in memory.
@@ -44,7 +46,6 @@ pub struct IngestMcap {
 }
 
 struct Cloud {
-    log_time: u64,
     width: usize,
     height: usize,
     points: Vec<[f32; 3]>,
@@ -89,63 +90,84 @@ impl Operator for IngestMcap {
     }
 }
 
-/// Reads the clouds that the parameters ask for.
+/// Reads the clouds that the parameters ask for. A recorder may write messages of one topic out of order, so their times
+/// are read first.
 fn read(bytes: &[u8], params: &McapParams) -> Result<Vec<Cloud>, String> {
-    let messages = MessageStream::new(bytes).map_err(|e| e.to_string())?;
-    let (mut clouds, mut number, mut total) = (Vec::new(), 0_u64, 0);
-    let mut topics = std::collections::BTreeSet::new();
-    for message in messages {
-        let message = message.map_err(|e| e.to_string())?;
-        let schema = message.channel.schema.as_ref().map_or("", |s| s.name.as_str());
-        if schema == SCHEMA {
-            topics.insert(message.channel.topic.clone());
+    let times = log_times(bytes, params)?;
+    let mut order: Vec<usize> = (0..times.len()).collect();
+    order.sort_by_key(|&number| times[number]);
+    let most = params.frames.map_or(usize::MAX, |frames| frames as usize);
+    let places: BTreeMap<usize, usize> =
+        order.into_iter().skip(params.skip as usize).take(most).zip(0..).collect();
+    if places.is_empty() {
+        return Err(format!("all {} clouds of {} are skipped: lower `skip`", times.len(), params.topic));
+    }
+    let (mut clouds, mut total) = (Vec::new(), 0);
+    for (number, message) in messages(bytes)?.filter(|m| is_on(m, &params.topic)).enumerate() {
+        let Some(place) = places.get(&number) else { continue };
+        let cloud = decode(&message?.data, params).map_err(|e| format!("cloud {}: {e}", number + 1))?;
+        total += cloud.points.len();
+        if total > MOST_POINTS {
+            return Err("its clouds take more than 1 GiB of memory: set `frames`".to_string());
         }
-        if message.channel.topic != params.topic {
-            continue;
-        }
-        if schema != SCHEMA || message.channel.message_encoding != "cdr" {
-            let encoding = &message.channel.message_encoding;
+        clouds.push((place, cloud));
+    }
+    clouds.sort_by_key(|(place, _)| *place);
+    Ok(clouds.into_iter().map(|(_, cloud)| cloud).collect())
+}
+
+/// Log times of the messages of the topic, in the order of the file; there is one at least.
+fn log_times(bytes: &[u8], params: &McapParams) -> Result<Vec<u64>, String> {
+    let (mut times, mut others) = (Vec::new(), BTreeSet::new());
+    for message in messages(bytes)? {
+        let message = message?;
+        let (channel, encoding) = (&message.channel, &message.channel.message_encoding);
+        let schema = channel.schema.as_ref().map_or("", |s| s.name.as_str());
+        let is_cloud = schema == SCHEMA && encoding == "cdr";
+        if channel.topic == params.topic && !is_cloud {
             return Err(format!(
                 "the topic {} has {schema} in {encoding}, not {SCHEMA} in cdr",
                 params.topic
             ));
         }
-        number += 1;
-        if number <= u64::from(params.skip) {
-            continue;
-        }
-        let cloud =
-            decode(&message.data, message.log_time, params).map_err(|e| format!("cloud {number}: {e}"))?;
-        total += cloud.points.len();
-        if total > MOST_POINTS {
-            return Err("its clouds take more than 1 GiB of memory: set `frames`".to_string());
-        }
-        clouds.push(cloud);
-        if params.frames.is_some_and(|most| clouds.len() >= most as usize) {
-            break;
+        if channel.topic == params.topic {
+            times.push(message.log_time);
+        } else if schema == SCHEMA {
+            others.insert(channel.topic.clone());
         }
     }
-    if clouds.is_empty() {
-        return Err(match (number, topics.is_empty()) {
-            (1.., _) => format!("all {number} clouds of {} are skipped: lower `skip`", params.topic),
-            (0, true) => format!("it holds no {SCHEMA} at all"),
-            (0, false) => {
-                let topics: Vec<_> = topics.into_iter().collect();
-                format!("it has no clouds on {}, but on {}", params.topic, topics.join(", "))
-            }
-        });
+    match (times.is_empty(), others.is_empty()) {
+        (false, _) => Ok(times),
+        (true, true) => Err(format!("it holds no {SCHEMA} at all")),
+        (true, false) => {
+            let others: Vec<_> = others.into_iter().collect();
+            Err(format!("it has no clouds on {}, but on {}", params.topic, others.join(", ")))
+        }
     }
-    // A recorder may write messages of one topic out of order.
-    clouds.sort_by_key(|c| c.log_time);
-    Ok(clouds)
 }
 
-fn decode(bytes: &[u8], log_time: u64, params: &McapParams) -> Result<Cloud, String> {
+/// The messages of a recording, in the order of the file.
+fn messages(bytes: &[u8]) -> Result<impl Iterator<Item = Result<Message<'_>, String>>, String> {
+    let unread = |e: McapError| match e {
+        McapError::BadMagic => "it is no MCAP file".to_string(),
+        McapError::UnexpectedEof => {
+            "it ends in the middle of a record: mend a copy of it with `stillpoint recover`".to_string()
+        }
+        other => other.to_string(),
+    };
+    Ok(MessageStream::new(bytes).map_err(unread)?.map(move |message| message.map_err(unread)))
+}
+
+fn is_on(message: &Result<Message<'_>, String>, topic: &str) -> bool {
+    message.as_ref().map_or(true, |m| m.channel.topic == topic)
+}
+
+fn decode(bytes: &[u8], params: &McapParams) -> Result<Cloud, String> {
     let message = PointCloud2::parse(bytes).map_err(|e| e.to_string())?;
     let (width, height) = (message.width(), message.height());
     let count = width * height;
     if count > params.max_points as usize {
         return Err(format!("it has {count} points: raise `max_points`"));
     }
-    Ok(Cloud { log_time, width, height, points: message.points().collect() })
+    Ok(Cloud { width, height, points: message.points().collect() })
 }
