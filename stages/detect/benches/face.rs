@@ -1,13 +1,13 @@
-//! Time of a detection: on the reference photograph, where `STILLPOINT_DATA` names its folder, and on noise, which has no
+//! Time of a detection: on the reference photograph, where it is there, and on noise, which has no
 //! face but much to reject.
 //!
 //! `cargo bench -p stillpoint-detect`
 
 use std::hint::black_box;
-use std::path::PathBuf;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use stillpoint_detect::{DetectParams, FaceDetector, Top};
+use stillpoint_testing::reference;
 
 fn detect(criterion: &mut Criterion) {
     let mut detector = match FaceDetector::new() {
@@ -22,8 +22,8 @@ fn detect(criterion: &mut Criterion) {
     group.bench_function("noise, 640 x 480, from 40 px", |b| {
         b.iter(|| detector.find(black_box(&noise), 640, &params).len());
     });
-    let Some(data) = std::env::var_os("STILLPOINT_DATA").map(PathBuf::from) else { return };
-    let file = std::fs::read(data.join("perception/real/ensenso_ir_face_1.png"));
+    let Some(root) = reference::folder("perception/real") else { return };
+    let file = std::fs::read(root.join("ensenso_ir_face_1.png"));
     let image = file
         .map_err(|e| e.to_string())
         .and_then(|bytes| stillpoint_ingest::grey::decode_png(&bytes).map_err(|e| e.to_string()));

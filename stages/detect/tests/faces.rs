@@ -1,28 +1,19 @@
 //! Faces in images: the photograph of the reference where its data is there, and patterns without a face.
 //!
-//! `STILLPOINT_DATA` names the folder of the reference data. The project has no picture of a face of its own: the rig
+//! The project has no picture of a face of its own: the rig
 //! shows depth.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use std::path::PathBuf;
-
 use proptest::prelude::*;
 use stillpoint_detect::{DetectParams, Face, FaceDetector, Top};
 use stillpoint_ingest::grey::{GreyImage, decode_png};
+use stillpoint_testing::reference;
 
 const PARAMS: DetectParams = DetectParams { top: Top::Up, smallest: 40, largest: 240, least_score: 2.0 };
 
 fn find(image: &[u8], width: usize, params: &DetectParams) -> Vec<Face> {
     FaceDetector::new().unwrap().find(image, width, params)
-}
-
-fn perception() -> Option<PathBuf> {
-    let data = std::env::var_os("STILLPOINT_DATA").map(|data| PathBuf::from(data).join("perception"));
-    if data.is_none() {
-        eprintln!("skipped: STILLPOINT_DATA does not name the reference data");
-    }
-    data
 }
 
 fn photograph(root: &std::path::Path) -> GreyImage {
@@ -45,7 +36,7 @@ fn edges(face: &Face) -> Edges {
 
 #[test]
 fn the_face_of_the_reference_photograph_is_where_haar_cascades_find_it() {
-    let Some(root) = perception() else { return };
+    let Some(root) = reference::folder("perception") else { return };
     let image = photograph(&root);
     let reference: serde_json::Value =
         serde_json::from_slice(&std::fs::read(root.join("haar_reference.json")).unwrap()).unwrap();
@@ -75,7 +66,7 @@ fn the_face_of_the_reference_photograph_is_where_haar_cascades_find_it() {
 
 #[test]
 fn the_face_moves_with_its_pixels_and_is_not_found_upside_down() {
-    let Some(root) = perception() else { return };
+    let Some(root) = reference::folder("perception") else { return };
     let image = photograph(&root);
     let params = DetectParams { top: Top::Left, smallest: 80, largest: 640, ..PARAMS };
     let first = find(&image.pixels, image.width, &params)[0];

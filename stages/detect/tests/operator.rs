@@ -2,11 +2,10 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use std::path::PathBuf;
-
 use stillpoint_pipeline::files::{DiskFiles, KeptFiles};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FaceBoxes, GreyImage, GreyShape, PointCloud, Pose, Rejection};
+use stillpoint_testing::reference;
 use stillpoint_testing::{Bench, Run, feed, run};
 
 fn registry() -> Registry {
@@ -117,15 +116,12 @@ fn a_frame_without_a_face_has_no_forehead_and_says_so() {
 
 #[test]
 fn the_photographs_forehead_has_the_distance_of_its_pixels() {
-    let Some(root) = std::env::var_os("STILLPOINT_DATA").map(PathBuf::from) else {
-        eprintln!("skipped: STILLPOINT_DATA does not name the reference data");
-        return;
-    };
+    let Some(root) = reference::folder("perception/real") else { return };
     // A photograph, and a made depth image of the same size: 0.8 m everywhere.
     let folder = std::env::temp_dir().join(format!("stillpoint-forehead-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("depth.png"), depth_png(1280, 1024, 8000)).unwrap();
-    let photograph = root.join("perception/real/ensenso_ir_face_1.png");
+    let photograph = root.join("ensenso_ir_face_1.png");
     std::fs::copy(photograph, folder.join("grey.png")).unwrap();
     let text = format!(
         "{HEAD}  cloud: {{ use: ingest.depth, every: 100 ms, frame: camera, params: {{ files: depth.png, max_pixels: 1310720, camera: {{ fx: 1200 px, fy: 1200 px, cx: 640 px, cy: 512 px, depth_unit: 0.1 mm }} }} }}\n  \

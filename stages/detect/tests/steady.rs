@@ -2,9 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-use std::path::PathBuf;
-
 use stillpoint_detect::{DetectParams, FaceDetector, Top};
+use stillpoint_testing::reference;
 
 /// The most bytes that a detection holds at once, and the most pieces that it takes, of images that come round and round.
 fn of_rounds(images: &[Vec<u8>], width: usize, params: &DetectParams) -> [u64; 2] {
@@ -34,11 +33,8 @@ fn a_detection_keeps_nothing_and_what_it_takes_is_bounded() {
     let [bytes, pieces] = of_rounds(&[noise(0), noise(77), vec![128; 320 * 240]], 320, &params);
     eprintln!("noise of 320 x 240: {bytes} bytes at once, {pieces} pieces");
     assert!(bytes < 6_000_000 && pieces < 6_000);
-    let Some(root) = std::env::var_os("STILLPOINT_DATA").map(PathBuf::from) else {
-        eprintln!("skipped: STILLPOINT_DATA does not name the reference data");
-        return;
-    };
-    let file = std::fs::read(root.join("perception/real/ensenso_ir_face_1.png")).unwrap();
+    let Some(root) = reference::folder("perception/real") else { return };
+    let file = std::fs::read(root.join("ensenso_ir_face_1.png")).unwrap();
     let image = stillpoint_ingest::grey::decode_png(&file).unwrap();
     let params = DetectParams { top: Top::Left, smallest: 80, largest: 640, least_score: 2.0 };
     let [bytes, pieces] = of_rounds(&[image.pixels], image.width, &params);

@@ -1,28 +1,14 @@
 //! Cases from the DICOM files of the planning data.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
-
-use std::path::{Path, PathBuf};
 
 use stillpoint_dicom::{DataSet, Rois, import_folder};
 use stillpoint_plan::case::{Imported, NameTable, Role, Uid, import_described};
+use stillpoint_testing::reference;
 
 use crate::import::request;
 
-/// The planning data, or `None` with a message where it is not there.
-fn planning() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-    None
-}
-
 #[test]
 fn the_dicom_folder_and_the_nrrd_files_of_one_case_agree() {
-    let Some(root) = planning() else { return };
+    let Some(root) = reference::folder("planning") else { return };
     let names = NameTable::shipped().unwrap();
     let Imported { case, notes } = import_folder(&root.join("pelvis_000/dicom"), &request(&names)).unwrap();
     let described = import_described(&root.join("pelvis_000/pelvis_000.json"), &names).unwrap().case;
@@ -43,7 +29,7 @@ fn the_dicom_folder_and_the_nrrd_files_of_one_case_agree() {
 /// One has no file meta information, in one every element is of unknown representation, one is cut off.
 #[test]
 fn the_samples_of_vendors_are_read_for_what_they_are() {
-    let Some(root) = planning() else { return };
+    let Some(root) = reference::folder("planning") else { return };
     let names = NameTable::shipped().unwrap();
     for (file, expected) in [
         ("rtstruct.dcm", "no CT image is here, but RTSTRUCT;"),

@@ -1,18 +1,13 @@
-//! PCD files written by others. They are looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
+//! PCD files written by others.
 
 #![allow(clippy::unwrap_used)]
 
-use std::path::{Path, PathBuf};
 use stillpoint_ingest::pcd::read;
+use stillpoint_testing::reference;
 
 #[test]
 fn files_of_other_writers_are_read_with_their_valid_points() {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception/real");
-    if !root.is_dir() {
-        eprintln!("skipped: no perception data; STILLPOINT_DATA names the folder that holds `perception`");
-        return;
-    }
+    let Some(root) = reference::folder("perception/real") else { return };
     // Width, height and, where every point is known to be valid, their number.
     for (name, width, height, all_valid) in [
         ("table_scene_mug_stereo_textured.pcd", 640, 480, false),

@@ -7,23 +7,19 @@
 
 use rustix::time::{ClockId, clock_gettime};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose, class_solution};
 use stillpoint_plan::case::{NameTable, import_described};
 use stillpoint_plan::dose::{CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted, voxels_on};
+use stillpoint_testing::reference;
 
 const BEAMS: usize = 5;
 
 fn main() {
     let budget = std::env::args().skip(1).find_map(|a| a.parse().ok()).unwrap_or(40);
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
+    let Some(root) = reference::folder("planning") else { return };
     let described = root.join("pelvis_000/pelvis_000.json");
-    if !described.is_file() {
-        println!("no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-        return;
-    }
     let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
     let params = DoseParams::over(case.grid(), 5.0);
     let goals = goals(&case, &params);

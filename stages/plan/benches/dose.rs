@@ -7,10 +7,10 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 use stillpoint_plan::Grid;
 use stillpoint_plan::case::{Mask, NameTable, import_described};
 use stillpoint_plan::dose::{Anatomy, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_testing::reference;
 
 fn water_box() -> DoseEngine {
     let grid = Grid { counts: [100, 60, 60], spacing_mm: [3.0; 3], origin_mm: [-148.5, -88.5, -88.5] };
@@ -23,15 +23,7 @@ fn water_box() -> DoseEngine {
 }
 
 fn pelvis() -> Option<DoseEngine> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    let described = root.join("pelvis_000/pelvis_000.json");
-    if !described.is_file() {
-        println!(
-            "no planning data: the pelvis is left out; STILLPOINT_DATA names the folder that holds `planning`"
-        );
-        return None;
-    }
+    let described = reference::folder("planning")?.join("pelvis_000/pelvis_000.json");
     let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
     Some(DoseEngine::of_case(&case, Machine::shipped().unwrap(), DoseParams::over(case.grid(), 5.0)).unwrap())
 }

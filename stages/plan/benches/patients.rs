@@ -7,11 +7,12 @@
 
 use rustix::time::{ClockId, clock_gettime};
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use stillpoint_plan::beams::{Budget, Evaluator, Ring, RingDoses};
 use stillpoint_plan::case::{NameTable, import_described};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_testing::reference;
 
 const NAMES: [&str; 5] = ["tg119", "openkbp_1", "openkbp_2", "openkbp_3", "openkbp_4"];
 
@@ -21,12 +22,7 @@ fn main() {
     if widths_mm.is_empty() {
         widths_mm.push(10.0);
     }
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if !root.is_dir() {
-        println!("no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-        return;
-    }
+    let Some(root) = reference::folder("planning") else { return };
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or("target".into(), PathBuf::from);
     let cache = DoseCache::in_folder(&target.join("doses")).unwrap();
     let ring = Ring::new(90, 5).unwrap();

@@ -8,7 +8,7 @@ use chacha20::rand_core::SeedableRng;
 use stillpoint_segment::voxel::VoxelGrid;
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rule};
 
-use crate::real_data::perception;
+use stillpoint_testing::reference;
 
 /// Labels from here on are objects.
 const OBJECT: u32 = 10;
@@ -53,7 +53,7 @@ fn iou(pairs: impl Iterator<Item = (bool, bool)>) -> f64 {
 
 #[test]
 fn table_and_objects_are_told_apart() {
-    let Some(root) = perception().map(|root| root.join("real")) else { return };
+    let Some(root) = reference::folder("perception/real") else { return };
     for name in ["mOSD_learn0", "mOSD_test60"] {
         let file = std::fs::read(root.join(format!("{name}.pcd"))).unwrap();
         let cloud = stillpoint_ingest::pcd::read(&file).unwrap();

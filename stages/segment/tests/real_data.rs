@@ -1,6 +1,4 @@
 //! The chain on rendered and measured clouds, against labels and PCL 1.13.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
@@ -8,66 +6,24 @@ use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use nalgebra::Vector3;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 use stillpoint_ingest::depth::{Intrinsics, decode_png, deproject};
 use stillpoint_segment::mlesac::{Beneath, Mlesac, MlesacParams};
 use stillpoint_segment::voxel::VoxelGrid;
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Plane};
+use stillpoint_testing::perception::{HEAD, MEASURED, json, labels, pcl_plane, plane};
+use stillpoint_testing::reference;
 
-const HEAD: u8 = 4;
-/// The measured clouds of which PCL found a plane; that of `person` is a wall.
-const MEASURED: [&str; 5] = [
-    "table_scene_mug_stereo_textured",
-    "milk_cartoon_all_small_clorox",
-    "person",
-    "mOSD_learn0",
-    "mOSD_test60",
-];
 const MIXED: u8 = 7;
 
-/// The perception data, or `None` with a message where it is not there.
-pub fn perception() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no perception data; STILLPOINT_DATA names the folder that holds `perception`");
-    None
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
-fn plane_of(value: &Value) -> Plane {
-    let [a, b, c, d] = [0, 1, 2, 3].map(|i| value[i].as_f64().unwrap());
-    let normal = Vector3::new(a, b, c).normalize();
-    let plane = Plane { normal, offset: d };
-    if d < 0.0 { Plane { normal: -normal, offset: -d } } else { plane }
-}
-
-/// PCL's MLESAC result for `input` with voxels of 5 mm.
-fn pcl_plane(reference: &Value, input: &str) -> Plane {
-    let of_input = |r: &&Value| {
-        r["input"] == input && r["method"] == "mlesac" && r["params"]["voxel_leaf_m"].as_f64() == Some(0.005)
-    };
-    plane_of(&reference["results"].as_array().unwrap().iter().find(of_input).unwrap()["plane"])
+fn plane_of((normal, offset): ([f64; 3], f64)) -> Plane {
+    Plane { normal: Vector3::from(normal), offset }
 }
 
 /// Degrees between the normals and millimetres between the offsets.
 fn difference(a: &Plane, b: &Plane) -> (f64, f64) {
     (a.angle_to(b).to_degrees(), (a.offset - b.offset).abs() * 1000.0)
-}
-
-fn labels(path: &Path) -> Vec<u8> {
-    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    let info = reader.next_frame(&mut bytes).unwrap();
-    assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Grayscale, png::BitDepth::Eight));
-    bytes
 }
 
 fn cloud(meta: &Value, sensor: &str, path: &Path) -> Vec<[f32; 3]> {
@@ -116,7 +72,7 @@ struct Row {
 
 fn sequence(root: &Path, sensor: &str) -> Row {
     let (meta, reference) = (json(&root.join("meta.json")), json(&root.join("pcl_reference.json")));
-    let truth = plane_of(&meta["sensors"][sensor]["table_plane_camera"]);
+    let truth = plane_of(plane(&meta["sensors"][sensor]["table_plane_camera"]));
     let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
     let mut row = Row { iou_least: 1.0, ..Row::default() };
     for (i, frame) in meta["frames"].as_array().unwrap().iter().enumerate() {
@@ -132,7 +88,7 @@ fn sequence(root: &Path, sensor: &str) -> Row {
         let (iou, unmixed) = ious(&cloud, &labels, seen.face.unwrap());
         let head: Vec<bool> = labels.iter().map(|&l| l == HEAD).collect();
         crate::picture::draw(&format!("{sensor}-{depth}"), &cloud, width, &head, seen.face.unwrap());
-        let (degrees, millimetres) = difference(&plane, &pcl_plane(&reference, depth));
+        let (degrees, millimetres) = difference(&plane, &plane_of(pcl_plane(&reference, depth)));
         row.frames += 1.0;
         row.iou += iou;
         row.iou_least = row.iou_least.min(iou);
@@ -149,7 +105,7 @@ fn sequence(root: &Path, sensor: &str) -> Row {
 
 #[test]
 fn head_and_plane_are_found_for_every_sensor() {
-    let Some(root) = perception() else { return };
+    let Some(root) = reference::folder("perception") else { return };
     eprintln!(
         "sequence      sensor     frames  mIoU   least  unmixed  plane to PCL (max)   to truth (max)  ms a frame"
     );
@@ -183,7 +139,7 @@ fn head_and_plane_are_found_for_every_sensor() {
 
 #[test]
 fn planes_of_measured_clouds_are_those_of_pcl() {
-    let Some(root) = perception().map(|root| root.join("real")) else { return };
+    let Some(root) = reference::folder("perception/real") else { return };
     let reference = json(&root.join("pcl_reference.json"));
     let mut grid = VoxelGrid::new();
     let mut mlesac = Mlesac::new();
@@ -191,7 +147,7 @@ fn planes_of_measured_clouds_are_those_of_pcl() {
     for name in MEASURED {
         let input = format!("{name}.pcd");
         let cloud = stillpoint_ingest::pcd::read(&std::fs::read(root.join(&input)).unwrap()).unwrap();
-        let expected = pcl_plane(&reference, &input);
+        let expected = plane_of(pcl_plane(&reference, &input));
         let (mut degrees, mut millimetres, mut inliers) = (0.0_f64, 0.0_f64, 0);
         grid.downsample(Cloud::unorganised(&cloud.points), 0.005, 2.5);
         for seed in 0..20 {

@@ -4,11 +4,15 @@
 //! - [`mod@bench`]: one operator, activated with samples that a test makes
 //! - [`mod@quiet`]: one operator, of which a step can be watched alone
 //! - [`mod@sample`]: samples as bytes
+//! - [`mod@perception`]: the reference data of perception
+//! - [`mod@reference`]: data that is no part of the project
 //! - [`mod@feed`]: kinds that stand upstream of an operator on a bench
 
 pub mod bench;
 pub mod feed;
+pub mod perception;
 pub mod quiet;
+pub mod reference;
 pub mod run;
 pub mod sample;
 

@@ -3,7 +3,7 @@
 //!
 //! `cargo bench -p stillpoint-track --bench frame`
 //!
-//! Where `STILLPOINT_DATA` names the reference data, its rendered sequences are timed, too, and PCL's time for the same
+//! Where the reference data is there, its rendered sequences are timed, too, and PCL's time for the same
 //! frames, as the reference has it, stands beside.
 
 #![allow(clippy::print_stdout)]
@@ -25,6 +25,7 @@ use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::setting::Setting;
 use stillpoint_rig::trajectory::{Motion, Trajectory};
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Step};
+use stillpoint_testing::reference;
 use stillpoint_track::HeadTracker;
 
 /// Times that each sequence is gone through.
@@ -179,12 +180,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         time(&rig(setting, NoiseParams::structured_light(), "structured light")?, None)?;
         time(&rig(setting, NoiseParams::kinect_v1(), "kinect_v1")?, None)?;
     }
-    let Some(data) = std::env::var_os("STILLPOINT_DATA") else {
-        println!("STILLPOINT_DATA does not name the reference data: its sequences are not timed");
-        return Ok(());
-    };
+    let Some(root) = reference::folder("perception") else { return Ok(()) };
     for set in ["synth_fig411", "synth_random"] {
-        let folder = PathBuf::from(&data).join("perception").join(set);
+        let folder = root.join(set);
         let reference = json(&folder.join("pcl_reference.json"))?;
         for sensor in ["n35", "kinect_v1", "kinect_v2"] {
             time(&rendered(&folder, sensor)?, Some(&reference))?;

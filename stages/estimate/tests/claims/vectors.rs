@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix1, Matrix2, Vector1};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
 use stillpoint_estimate::cross;
 use stillpoint_estimate::fusion::{cross_covariance, fused, inverse_variance, joint};
 use stillpoint_estimate::{Kalman, KalmanParams, Measurement, ProcessNoise, State};
+use stillpoint_testing::reference;
 
 const VECTORS: &str =
     include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/d_kalman_fusion.json"));
@@ -163,19 +163,9 @@ fn fused_tracks_follow_the_vectors_as_printed_and_with_cross_covariance() {
     }
 }
 
-fn control_data() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception/control");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no control data; STILLPOINT_DATA names the folder that holds `perception`");
-    None
-}
-
 #[test]
 fn stamped_filter_follows_the_recorded_sequence() {
-    let Some(root) = control_data() else { return };
+    let Some(root) = reference::folder("perception/control") else { return };
     let reference: Value =
         serde_json::from_slice(&std::fs::read(root.join("kalman_pem_reference.json")).unwrap()).unwrap();
     let run = &reference["runs"][0]["kalman"];

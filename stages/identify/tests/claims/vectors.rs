@@ -2,8 +2,8 @@
 
 use nalgebra::DVector;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
 use stillpoint_identify::{Companion, Record, arx, fit};
+use stillpoint_testing::reference;
 
 const VECTORS: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/d_pem.json"));
 
@@ -50,12 +50,7 @@ fn arx_start_follows_the_vectors() {
 
 #[test]
 fn reference_sequence_is_fitted_as_well_as_by_the_reference() {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception/control");
-    if !root.is_dir() {
-        eprintln!("skipped: no control data; STILLPOINT_DATA names the folder that holds `perception`");
-        return;
-    }
+    let Some(root) = reference::folder("perception/control") else { return };
     let reference: Value =
         serde_json::from_slice(&std::fs::read(root.join("kalman_pem_reference.json")).unwrap()).unwrap();
     let pem = &reference["runs"][0]["pem"];

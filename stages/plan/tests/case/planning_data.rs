@@ -1,21 +1,9 @@
 //! Cases from the planning data: a scanned phantom, real patients, synthetic pelves.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
 use std::path::{Path, PathBuf};
 
 use stillpoint_plan::case::{Case, Imported, NameTable, Role, from_bytes, import_described, to_bytes};
-
-/// The planning data, or `None` with a message where it is not there.
-fn planning() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-    None
-}
+use stillpoint_testing::reference;
 
 fn import(json: &Path) -> Case {
     let Imported { case, notes } = import_described(json, &NameTable::shipped().unwrap()).unwrap();
@@ -25,7 +13,7 @@ fn import(json: &Path) -> Case {
 
 #[test]
 fn every_case_of_the_data_is_read_with_its_isocentre_at_the_centroid() {
-    let Some(root) = planning() else { return };
+    let Some(root) = reference::folder("planning") else { return };
     let mut files: Vec<PathBuf> = ["tg119", "openkbp", "pelvis_000", "pelvis"]
         .iter()
         .flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap())
@@ -60,7 +48,7 @@ fn every_case_of_the_data_is_read_with_its_isocentre_at_the_centroid() {
 
 #[test]
 fn a_real_patient_keeps_its_reference_dose_through_the_case_file() {
-    let Some(root) = planning() else { return };
+    let Some(root) = reference::folder("planning") else { return };
     let case = import(&root.join("openkbp/openkbp_1.json"));
     let again = from_bytes(&to_bytes(&case).unwrap().0).unwrap();
     assert_eq!(again.structures(), case.structures());

@@ -1,24 +1,12 @@
 //! The dose of two beams against pyRadPlan 0.5.0.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
 use npyz::npz::NpzArchive;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use stillpoint_plan::Grid;
 use stillpoint_plan::case::{NameTable, import_described};
 use stillpoint_plan::dose::{BixelCentre, BixelSpec, DoseEngine, DoseParams, Machine};
-
-/// The planning data, or `None` with a message where it is not there.
-fn planning() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-    None
-}
+use stillpoint_testing::reference;
 
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
@@ -48,7 +36,7 @@ fn engine(planning: &Path, sample: &Value, centre: BixelCentre) -> DoseEngine {
 
 #[test]
 fn two_beams_on_a_pelvis_agree_with_the_reference() {
-    let Some(planning) = planning() else { return };
+    let Some(planning) = reference::folder("planning") else { return };
     let sample = json(&planning.join("dij_pelvis_000_dev.json"));
     let mut npz = NpzArchive::open(planning.join("dij_pelvis_000_dev.npz")).unwrap();
     let engine = engine(&planning, &sample, BixelCentre::Offset);
@@ -95,7 +83,7 @@ fn two_beams_on_a_pelvis_agree_with_the_reference() {
 
 #[test]
 fn centring_the_bixels_changes_more_than_the_reference_differs() {
-    let Some(planning) = planning() else { return };
+    let Some(planning) = reference::folder("planning") else { return };
     let sample = json(&planning.join("dij_pelvis_000_dev.json"));
     let [centred, offset] = [BixelCentre::Centred, BixelCentre::Offset].map(|centre| {
         let beam = engine(&planning, &sample, centre).beam(0.0).unwrap();

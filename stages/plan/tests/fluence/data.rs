@@ -2,12 +2,12 @@
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::{Path, PathBuf};
 
 use npyz::npz::NpzArchive;
 use serde_json::Value;
 use stillpoint_plan::Csc;
 use stillpoint_plan::fluence::{Csr, Problem};
+use stillpoint_testing::reference;
 
 /// A fluence problem with what is known of it.
 pub struct Case {
@@ -32,20 +32,9 @@ impl Case {
     }
 }
 
-/// The planning data, or `None` with a message where it is not there.
-pub fn planning() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-    None
-}
-
 /// Reads a problem, where the data is there.
 pub fn case(name: &str) -> Option<Case> {
-    let folder = planning()?;
+    let folder = reference::folder("planning")?;
     let about = serde_json::from_slice(&std::fs::read(folder.join(format!("{name}.json"))).unwrap()).unwrap();
     let mut npz = NpzArchive::open(folder.join(format!("{name}.npz"))).unwrap();
     let shape: Vec<i64> = array(&mut npz, "shape");

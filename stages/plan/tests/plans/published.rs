@@ -1,30 +1,17 @@
 //! Plans of scans and patients, beside what is published of them.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
 
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
 use stillpoint_plan::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::evaluation::{OnGrid, StructureDose, brought_to};
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_testing::reference;
 
 const NINE_DEG: [f64; 9] = [0.0, 40.0, 80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0];
 const TG119: &str = include_str!("../../../../examples/tg119-c-shape.json");
 const TG119_HARDER: &str = include_str!("../../../../examples/tg119-c-shape-harder.json");
-
-/// The planning data, or `None` with a message where it is not there.
-fn planning() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("planning");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no planning data; STILLPOINT_DATA names the folder that holds `planning`");
-    None
-}
 
 /// Figures of a plan of nine beams, and of the dose that came with the case.
 fn nine_beams(
@@ -57,7 +44,7 @@ fn of<'a>(figures: &'a [StructureDose], name: &str) -> &'a StructureDose {
 
 /// PTV and core of TG-119's C-shape, planned with nine beams; `None` where there is no data.
 fn c_shape(objectives: &str, widths_mm: [f64; 2]) -> Option<(StructureDose, StructureDose)> {
-    let described = planning()?.join("tg119/tg119.json");
+    let described = reference::folder("planning")?.join("tg119/tg119.json");
     let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
     let table = ObjectiveTable::parse(objectives).unwrap().before(ObjectiveTable::shipped().unwrap());
     let (figures, _) = nine_beams(&case, &table, widths_mm);
@@ -95,7 +82,7 @@ fn the_shipped_objectives_leave_no_hot_spot_in_or_beside_the_target() {
 /// Wide bixels: without optimisation by the compiler narrow ones take minutes.
 #[test]
 fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
-    let Some(root) = planning() else { return };
+    let Some(root) = reference::folder("planning") else { return };
     let table = ObjectiveTable::shipped().unwrap();
     for patient in 1..=4 {
         let file = root.join(format!("openkbp/openkbp_{patient}.json"));

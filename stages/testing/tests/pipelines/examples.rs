@@ -9,8 +9,8 @@ use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{PointCloud, Pose, Rejection, Standing, Track, View};
 use stillpoint_testing::{Run, run};
 
-use crate::real_data::perception;
 use crate::{from_root, registry};
+use stillpoint_testing::reference;
 
 fn example(name: &str, ms: u64) -> Run {
     let path = from_root("examples").join(name);
@@ -90,7 +90,7 @@ fn flat(path: &Path, [width, height]: [u32; 2], count: u16) {
 
 #[test]
 fn the_forehead_of_a_photograph_is_followed_away_from_the_camera() {
-    let Some(root) = perception() else { return };
+    let Some(root) = reference::folder("perception") else { return };
     let folder = std::env::temp_dir().join(format!("stillpoint-forehead-example-{}", std::process::id()));
     // One photograph, and made depths: 10 mm/s away from 800 mm.
     for (number, name) in ["0.png", "1.png", "2.png", "3.png", "4.png", "5.png"].into_iter().enumerate() {

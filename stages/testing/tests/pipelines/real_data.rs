@@ -1,68 +1,24 @@
 //! The chain of operators on rendered and on measured data, against labels and PCL 1.13.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::Vector3;
 use serde_json::Value;
 use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_samples::{Diagnostics, PointCloud};
+use stillpoint_samples::{Diagnostics, PointCloud, View};
 use stillpoint_segment::Plane;
-use stillpoint_testing::{Run, run};
+use stillpoint_testing::perception::{HEAD, MEASURED, json, labels, pcl_plane};
+use stillpoint_testing::{Run, reference, run};
 
-use crate::{from_root, registry};
+use crate::registry;
 
-const HEAD: u8 = 4;
-/// The measured clouds of which PCL found a plane; that of `person` is a wall.
-const MEASURED: [&str; 5] = [
-    "table_scene_mug_stereo_textured",
-    "milk_cartoon_all_small_clorox",
-    "person",
-    "mOSD_learn0",
-    "mOSD_test60",
-];
-
-/// The perception data, or `None` with a message where it is not there.
-pub fn perception() -> Option<PathBuf> {
-    let beside = from_root("../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no perception data; STILLPOINT_DATA names the folder that holds `perception`");
-    None
-}
-
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
-/// PCL's MLESAC plane of `input` with voxels of 5 mm, its normal toward the camera.
-fn pcl_plane(reference: &Value, input: &str) -> Plane {
-    let of_input = |r: &&Value| {
-        r["input"] == input && r["method"] == "mlesac" && r["params"]["voxel_leaf_m"].as_f64() == Some(0.005)
-    };
-    let result = reference["results"].as_array().unwrap().iter().find(of_input).unwrap();
-    let [a, b, c, d] = [0, 1, 2, 3].map(|i| result["plane"][i].as_f64().unwrap());
-    let normal = Vector3::new(a, b, c).normalize();
-    if d < 0.0 { Plane { normal: -normal, offset: -d } } else { Plane { normal, offset: d } }
-}
-
-/// Degrees and millimetres between the plane of a frame's diagnostics and `expected`.
-fn difference(found: &stillpoint_samples::View<'_, Diagnostics>, expected: &Plane) -> (f64, f64) {
+/// Degrees and millimetres between the plane of a frame's diagnostics and the `expected` one.
+fn difference(found: &View<'_, Diagnostics>, expected: ([f64; 3], f64)) -> (f64, f64) {
     let value = |name: &str| found.elements.iter().find(|m| m.name() == name).unwrap().value;
     let normal = Vector3::new(value("plane_normal_x"), value("plane_normal_y"), value("plane_normal_z"));
     let plane = Plane { normal, offset: value("plane_offset_m") };
-    (plane.angle_to(expected).to_degrees(), (plane.offset - expected.offset).abs() * 1000.0)
-}
-
-fn labels(path: &Path) -> Vec<u8> {
-    let file = std::io::BufReader::new(std::fs::File::open(path).unwrap());
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut bytes).unwrap();
-    bytes
+    let expected = Plane { normal: Vector3::from(expected.0), offset: expected.1 };
+    (plane.angle_to(&expected).to_degrees(), (plane.offset - expected.offset).abs() * 1000.0)
 }
 
 /// Intersection over union of the points sent as face and the valid ones labelled head. The face keeps the order of
@@ -114,7 +70,7 @@ operators:
 
 #[test]
 fn the_chain_finds_head_and_plane_in_every_rendered_frame() {
-    let Some(perception) = perception() else { return };
+    let Some(perception) = reference::folder("perception") else { return };
     let mut failures = Vec::new();
     for name in ["synth_fig411", "synth_random"] {
         let root = perception.join(name).canonicalize().unwrap();
@@ -134,7 +90,7 @@ fn the_chain_finds_head_and_plane_in_every_rendered_frame() {
                 let labels = labels(&root.join(files["label"].as_str().unwrap()));
                 let iou = iou(&clouds[i], &faces[i], &labels);
                 let plane = pcl_plane(&reference, files["depth"].as_str().unwrap());
-                let (d, m) = difference(&diagnostics[i], &plane);
+                let (d, m) = difference(&diagnostics[i], plane);
                 (least, sum) = (least.min(iou), sum + iou);
                 (degrees, millimetres) = (degrees.max(d), millimetres.max(m));
             }
@@ -152,12 +108,13 @@ fn the_chain_finds_head_and_plane_in_every_rendered_frame() {
 
 #[test]
 fn the_chain_finds_the_planes_of_measured_clouds() {
-    let Some(root) = perception().map(|root| root.join("real").canonicalize().unwrap()) else { return };
+    let Some(root) = reference::folder("perception/real") else { return };
+    let root = root.canonicalize().unwrap();
     let reference = json(&root.join("pcl_reference.json"));
     let mut failures = Vec::new();
     for name in MEASURED {
         let input = format!("{name}.pcd");
-        // Each of the five ticks draws other hypotheses.
+        // Each of the five ticks draws other hypotheses. These tables lie farther than a couch, in sparser clouds.
         let text = format!(
             "
 stillpoint: 1
@@ -175,7 +132,7 @@ operators:
         let diagnostics = run.samples::<Diagnostics>("face.diagnostics");
         assert_eq!(diagnostics.len(), 5, "{name}");
         for frame in &diagnostics {
-            let (d, m) = difference(frame, &expected);
+            let (d, m) = difference(frame, expected);
             // A frame without a plane has NaN, which is no small difference.
             (degrees, millimetres) =
                 (if d > degrees || d.is_nan() { d } else { degrees }, millimetres.max(m));

@@ -1,26 +1,14 @@
 //! Motion of rendered heads against their exact poses, by the whole chain of operators.
-//!
-//! The data is looked for in `$STILLPOINT_DATA`, else in `../shared/data` beside the workspace.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{Pose, PoseElement, PoseReport};
-use stillpoint_testing::{Run, run};
+use stillpoint_testing::{Run, reference, run};
 use stillpoint_track::PoseNumbers;
-
-fn perception() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let root = std::env::var_os("STILLPOINT_DATA").map_or(beside, PathBuf::from).join("perception");
-    if root.is_dir() {
-        return Some(root);
-    }
-    eprintln!("skipped: no perception data; STILLPOINT_DATA names the folder that holds `perception`");
-    None
-}
 
 fn isometry(rotation: &Value, translation: impl Fn(usize) -> f64) -> Isometry3<f64> {
     let r = Matrix3::from_fn(|i, j| rotation[i][j].as_f64().unwrap());
@@ -97,7 +85,7 @@ pub fn errors(topic: &[Isometry3<f64>], truth: &[Isometry3<f64>]) -> ([f64; 3], 
 
 #[test]
 fn motion_of_rendered_heads_is_found_within_the_bounds() {
-    let Some(perception) = perception() else { return };
+    let Some(perception) = reference::folder("perception") else { return };
     eprintln!("sequence      sensor     way           rms mm (x y z)         rms deg (x y z)        overlap");
     let mut failures = Vec::new();
     for (name, mm, degrees) in [("synth_fig411", 0.3, 0.15), ("synth_random", 0.5, 0.3)] {
