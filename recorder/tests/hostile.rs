@@ -15,8 +15,50 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use stillpoint_recorder::{Compression, Session, Source, recover};
 use stillpoint_samples::{
-    AlignedBytes, ConsoleCommand, DepthImage, Diagnostics, Journal, Pieces, PointCloud, Pose, Track,
+    Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Datagram, DepthImage, Diagnostics, Duties,
+    FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, Plane, PointCloud, Pose, PoseReport,
+    Rejection, RigState, Sample, Target, Track,
 };
+
+/// Looks at the pieces as a sample of each kind.
+macro_rules! view_as_each {
+    ($($kind:ty),*) => {
+        const KINDS: &[&str] = &[$(<$kind as Sample>::KIND.name),*];
+        fn view_as_each(pieces: Pieces<'_>) {
+            $(let _ = pieces.view::<$kind>();)*
+        }
+    };
+}
+
+view_as_each!(
+    Actuation,
+    ClusterTable,
+    ConsoleCommand,
+    Datagram,
+    DepthImage,
+    Diagnostics,
+    Duties,
+    FaceBoxes,
+    FarEnd,
+    Gate,
+    GreyImage,
+    Health,
+    Hull,
+    Journal,
+    Plane,
+    PointCloud,
+    Pose,
+    PoseReport,
+    Rejection,
+    RigState,
+    Target,
+    Track
+);
+
+#[test]
+fn broken_samples_are_looked_at_as_every_kind() {
+    assert_eq!(KINDS, stillpoint_samples::all().iter().map(|kind| kind.name).collect::<Vec<_>>());
+}
 
 /// Address space that the process has taken at most so far, bytes: promised memory counts, touched or not.
 fn peak() -> usize {
@@ -160,13 +202,7 @@ proptest! {
             }
             let odd = Pieces { meta: &sample[..cut.index(sample.len() + 1)], payload };
             for p in [p, odd] {
-                let _ = p.view::<ConsoleCommand>();
-                let _ = p.view::<DepthImage>();
-                let _ = p.view::<Diagnostics>();
-                let _ = p.view::<Journal>();
-                let _ = p.view::<PointCloud>();
-                let _ = p.view::<Pose>();
-                let _ = p.view::<Track>();
+                view_as_each(p);
             }
         });
     }

@@ -1,4 +1,4 @@
-//! `sink.null`: takes samples of any type and only counts them. It ends a chain that is measured or tried out.
+//! `sink.null`: takes samples of the common types and only counts them. It ends a chain that is measured or tried out.
 
 use stillpoint_pipeline::operator::{
     FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
@@ -26,7 +26,7 @@ impl Operator for SinkNull {
     type Params = ();
     const KIND: Kind = Kind {
         name: "sink.null",
-        about: "Takes samples of any type and counts them.",
+        about: "Counts clouds, images, poses, tracks, diagnostics, commands and health, and does nothing else.",
         role: Role::Operator,
         inputs: &[
             takes(0, PointCloud::KIND, 1),

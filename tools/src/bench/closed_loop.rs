@@ -27,10 +27,10 @@ const READ: Duration = Duration::from_millis(20);
 #[derive(Args)]
 pub struct ClosedLoop {
     /// Length of a run, s.
-    #[arg(long, default_value_t = 30)]
+    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u64).range(1..))]
     seconds: u64,
     /// Runs of each.
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = super::at_least(1))]
     rounds: usize,
     /// A short look: one run of 5 s of each.
     #[arg(long)]

@@ -28,13 +28,13 @@ const TRIES: usize = 3;
 #[derive(Args)]
 pub struct Failsafe {
     /// Trials of each fault.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = super::at_least(1))]
     trials: usize,
     /// One fault alone, as the table calls it.
     #[arg(long, value_name = "FAULT")]
     fault: Option<String>,
     /// Faults that are tried at a time, each on a run of its own.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = super::at_least(1))]
     threads: usize,
     /// A short look: one trial of each.
     #[arg(long)]

@@ -25,24 +25,24 @@ const BATCHES_PER_SECOND: u64 = 20;
 /// A time runs from just before the sender writes its payload into the loan to just after the receiver has it: in
 /// stillpoint to the first line of the receiver's step, bare to the line behind `receive`. `handed` runs from just after
 /// the payload is written. In a group the payload is also left as it lies in the loan, but for its two times: what is left
-/// then is the hop without what writing a large payload does to the caches. Both sides read the machine's monotonic clock. Every window starts its processes anew. The
-/// journal is on; nothing is recorded.
+/// then is the hop without what writing a large payload does to the caches. Both sides read the machine's monotonic
+/// clock. Every window starts its processes anew. The journal is on; nothing is recorded. Times in the JSON are us.
 #[derive(Args)]
 pub struct Hop {
     /// One core, two, or one after the other.
     #[arg(long, value_enum, default_value_t = Which::Both)]
     cores: Which,
     /// Windows of each kind.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = super::at_least(1))]
     windows: usize,
     /// Length of a window, ms.
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u64).range(50..))]
     length: u64,
     /// Windows of this kind alone; a ratio needs both of its kinds.
     #[arg(long, value_enum, value_name = "KIND")]
     kind: Vec<Kind>,
     /// Payloads of this many bytes alone: 64, 4096, 1200000 or 3700000.
-    #[arg(long, value_name = "BYTES")]
+    #[arg(long, value_name = "BYTES", value_parser = payload)]
     payload: Vec<usize>,
     /// A short look at everything: two windows of 200 ms.
     #[arg(long)]
@@ -142,6 +142,13 @@ struct Line {
     handed_ratio: Option<f64>,
 }
 
+/// A payload that is measured.
+fn payload(text: &str) -> Result<usize, String> {
+    let sizes = PAYLOADS.map(|(size, _)| size);
+    let asked = text.parse().ok().filter(|size| sizes.contains(size));
+    asked.ok_or_else(|| format!("it is none of {sizes:?}"))
+}
+
 impl Hop {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
@@ -151,6 +158,9 @@ impl Hop {
             Which::Two => vec![Layout::Two],
             Which::Both => vec![Layout::One, Layout::Two],
         };
+        if layouts.contains(&Layout::Two) && cores.len() < 2 {
+            return Err(Failure::wrong("this process may use one core only: measure with --cores one"));
+        }
         let mut lines = Vec::new();
         for layout in layouts {
             // On one core the supervisor and the taps keep to the others.
@@ -180,7 +190,7 @@ impl Hop {
         period_us: u64,
         registry: &Registry,
     ) -> Result<Vec<Line>, Failure> {
-        let windows = if self.quick { 2 } else { self.windows.max(1) };
+        let windows = if self.quick { 2 } else { self.windows };
         let length = Duration::from_millis(if self.quick { 200 } else { self.length });
         let chain: Vec<usize> = (0..4).map(|place| layout.core(cores, place)).collect();
         let mut ages: BTreeMap<Kind, Vec<Ages>> = BTreeMap::new();

@@ -46,7 +46,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 #[derive(Args)]
 pub struct Killed {
     /// Kills, each in a run of its own.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 100, value_parser = super::at_least(1))]
     kills: usize,
     /// Where the sessions are written; they go when the bench is over.
     #[arg(long, value_name = "FOLDER")]

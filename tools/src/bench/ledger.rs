@@ -40,10 +40,10 @@ const PATIENCE: Duration = Duration::from_secs(580);
 #[derive(Args)]
 pub struct Ledger {
     /// Samples that the sources send.
-    #[arg(long, default_value_t = 1_000_000)]
+    #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..))]
     samples: u64,
     /// Mean time from one kill to the next, ms; 0: none.
-    #[arg(long, default_value_t = 700)]
+    #[arg(long, default_value_t = 700, value_parser = clap::value_parser!(u64).range(10..))]
     kill_every: u64,
     /// A short look: 100,000 samples.
     #[arg(long)]

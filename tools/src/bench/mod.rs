@@ -52,6 +52,7 @@ mod trials;
 mod tune;
 mod window;
 
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, Subcommand};
 use stillpoint_pipeline::live::Launch;
 use stillpoint_pipeline::operator::{Registry, Stage};
@@ -131,4 +132,9 @@ struct BenchRun {
 pub fn run_main(extra: &[&[Stage]]) -> Ended {
     let BenchRun { run } = clap::Parser::parse_from(std::env::args().skip(1));
     run.launched_by(launch()?).execute(&registry(extra))
+}
+
+/// Reads a number that is this at least.
+fn at_least(least: u64) -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(least..)
 }

@@ -32,14 +32,14 @@ const PERIOD_US: u64 = 6000;
 /// file is on the disk: polling, the copy out of shared memory, journals, the writer. The bare writer's is from when its
 /// file is there: it writes as many messages of the same bytes, which lie ready in ordinary memory, once as fast as it
 /// goes and once at the pace of the source, so that it finds caches and file pages as cold as the recorder does. Same
-/// chunks, checksums and disk; windows are interleaved.
+/// chunks, checksums and disk; windows are interleaved. In the JSON, rates are bytes per CPU-second and times us.
 #[derive(Args)]
 pub struct Record {
     /// Windows of each kind.
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = super::at_least(1))]
     windows: usize,
     /// Length of a window, ms.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u64).range(200..))]
     length: u64,
     /// Where the sessions are written; they go when the bench is over.
     #[arg(long, value_name = "FOLDER")]
@@ -103,7 +103,7 @@ impl Record {
         folder: &Folder,
         registry: &Registry,
     ) -> Result<Line, Failure> {
-        let windows = if self.quick { 2 } else { self.windows.max(1) };
+        let windows = if self.quick { 2 } else { self.windows };
         let length = Duration::from_millis(if self.quick { 600 } else { self.length });
         let pipeline = pipeline(core);
         let run = |session: Option<&Path>| -> Result<Outcome, Failure> {

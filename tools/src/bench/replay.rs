@@ -53,10 +53,10 @@ const RUNS: usize = 3;
 #[derive(Args)]
 pub struct Replay {
     /// Length of the session, s.
-    #[arg(long, default_value_t = 60)]
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
     seconds: u64,
     /// How often it is replayed.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = super::at_least(1))]
     replays: usize,
     /// Threads per core that do nothing but take its time while the session is recorded.
     #[arg(long, default_value_t = 0)]

@@ -31,7 +31,7 @@ const LAST: f64 = 10.0;
 #[derive(Args)]
 pub struct Robust {
     /// Seeds, from 1: the camera's noise, what the person does, and the moment at which things break.
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// How long a run goes on after the step, s.
     #[arg(long, default_value_t = 60.0)]

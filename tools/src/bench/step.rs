@@ -33,7 +33,7 @@ pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, r
 #[derive(Args)]
 pub struct Step {
     /// Seeds, from 1.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     seeds: u64,
     /// How long a run goes on after the step, s.
     #[arg(long, default_value_t = 120.0)]

@@ -24,7 +24,7 @@ const SEARCHED: [Law; 3] = [Law::Pi, Law::Lqg, Law::Mrac];
 #[derive(Args)]
 pub struct Tune {
     /// Rounds of the search, of 8 places each.
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, value_parser = super::at_least(1))]
     rounds: usize,
     /// Held-out seeds, seven runs each.
     #[arg(long, default_value_t = 4)]
