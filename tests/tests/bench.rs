@@ -92,14 +92,26 @@ impl Bench {
     }
 
     /// Begins a command, in a process group of its own.
-    pub fn begin(&self, mut command: Command) -> Running {
+    pub fn begin(&self, command: Command) -> Running {
+        self.begin_saying(command, |err| File::create(err).unwrap().into())
+    }
+
+    /// Starts a command that says what is wrong to a pipe that nobody reads.
+    pub fn start_unheard(&self, arguments: &[&str]) -> Running {
+        self.begin_saying(self.command(arguments), |err| {
+            File::create(err).unwrap();
+            std::io::pipe().unwrap().1.into()
+        })
+    }
+
+    fn begin_saying(&self, mut command: Command, err_of: impl Fn(&Path) -> Stdio) -> Running {
         static NUMBER: std::sync::atomic::AtomicU32 = std::sync::atomic::AtomicU32::new(0);
         let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let (out, err) = (self.path(&format!("{number}.out")), self.path(&format!("{number}.err")));
         let child = command
             .stdin(Stdio::null())
             .stdout(File::create(&out).unwrap())
-            .stderr(File::create(&err).unwrap())
+            .stderr(err_of(&err))
             .process_group(0)
             .spawn()
             .unwrap();

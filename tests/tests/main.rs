@@ -19,6 +19,7 @@
 //! - `breaking`: people who break a running rig
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
+//! - `unheard`: runs whose words nobody hears
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
 // A test stops at the first surprise; clippy knows test functions, but not what they call.
@@ -43,4 +44,5 @@ mod seat;
 mod seeing;
 mod tampered;
 mod traps;
+mod unheard;
 mod wire;

@@ -126,11 +126,10 @@ fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
     let all: Vec<&str> = all.collect();
     let near =
         nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
-    Failure::wrong(format!("stillpoint: there is no topic `{topic}`{near}; there are {}", all.join(", ")))
+    Failure::wrong(format!("there is no topic `{topic}`{near}; there are {}", all.join(", ")))
 }
 
 /// Prints one line of JSON; whether somebody still reads.
 fn print(value: &serde_json::Value) -> bool {
-    use std::io::Write;
-    writeln!(std::io::stdout(), "{value}").is_ok()
+    crate::say::out(format_args!("{value}\n"))
 }

@@ -29,7 +29,7 @@ impl From<Exit> for ExitCode {
 /// What went wrong, for people, and how the command ends by it.
 #[derive(Debug)]
 pub struct Failure {
-    /// What, where, why, and what to do.
+    /// What, where, why, and what to do; the name of the command goes before it.
     pub text: String,
     /// How the command ends.
     pub exit: Exit,
@@ -38,7 +38,7 @@ pub struct Failure {
 impl Failure {
     /// The command failed.
     pub fn failed(text: impl std::fmt::Display) -> Self {
-        Self { text: format!("stillpoint: {text}"), exit: Exit::Failed }
+        Self { text: text.to_string(), exit: Exit::Failed }
     }
 
     /// What the user gave is wrong.

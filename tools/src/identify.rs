@@ -128,8 +128,7 @@ impl Identify {
 
     fn read(&self, step: Option<u64>) -> Result<[Series; 2], Failure> {
         if self.recording.extension().is_some_and(|e| e == "csv") {
-            let step =
-                step.ok_or_else(|| Failure::wrong("stillpoint: a table has no times: give --sample-time"))?;
+            let step = step.ok_or_else(|| Failure::wrong("a table has no times: give --sample-time"))?;
             let text = std::fs::read_to_string(&self.recording)
                 .map_err(|e| Failure::failed(format!("{}: {e}", self.recording.display())))?;
             return series::of_table(&text, [&self.input, &self.output], step);

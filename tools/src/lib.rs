@@ -13,8 +13,9 @@
 //! pipeline is wrong; 3 a replay differs; 4 a session cannot be replayed as a whole, but nothing differs; 5 a replay
 //! compared nothing.
 
-// A command speaks on standard output.
-#![allow(clippy::print_stdout)]
+// Before all others: its macros are for them.
+#[macro_use]
+mod say;
 
 mod accuracy;
 mod answer;
@@ -136,19 +137,27 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 /// The body of the program. The children of a run are this program, too.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
     let registry = registry(extra);
-    match std::env::args().nth(1).as_deref() {
+    // What is no text is clap's to refuse.
+    let [first, second] = [1, 2].map(|n| std::env::args_os().nth(n).and_then(|a| a.into_string().ok()));
+    match first.as_deref() {
         Some(WORKER) => return worker_main(&registry),
         Some(RECORDER) => return recorder_main(&registry),
         Some(bench::WORKER) => return worker_main(&bench::registry(extra)),
         Some(bench::RECORDER) => return recorder_main(&bench::registry(extra)),
-        Some(bench::bare::CHILD) => return bench::bare::child_main(std::env::args().nth(2)),
+        Some(bench::bare::CHILD) => return bench::bare::child_main(second),
         _ => {}
     }
     quiet_panics();
-    if std::env::args().nth(1).as_deref() == Some(bench::RUN) {
+    if first.as_deref() == Some(bench::RUN) {
         return ended(bench::run_main(extra));
     }
-    let arguments = Arguments::parse();
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(answer) => {
+            say::kept(answer.print());
+            return ended(Ok(if answer.use_stderr() { Exit::Wrong } else { Exit::Done }));
+        }
+    };
     ended(match arguments.command.unwrap_or_else(|| Command::Run(run::Run::default())) {
         Command::Run(c) => c.execute(&registry),
         Command::Rig(c) => c.execute(&registry),
@@ -171,24 +180,22 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
 }
 
 fn ended(done: exit::Ended) -> ExitCode {
-    match done {
-        Ok(exit) => exit.into(),
-        Err(failure) => {
-            eprintln!("{}", failure.text);
-            failure.exit.into()
-        }
-    }
+    let exit = done.unwrap_or_else(|failure| {
+        eprintln!("stillpoint: {}", failure.text);
+        failure.exit
+    });
+    let Some(reason) = say::finish() else { return exit.into() };
+    eprintln!("stillpoint: standard output cannot be written: {reason}");
+    // What came out of the command says more than that it could not be told.
+    if exit == Exit::Done { Exit::Failed.into() } else { exit.into() }
 }
 
-/// An operator's panic is contained, journalled and told: the default message would only stand beside that. A reader of
-/// standard output that went away is no fault of anyone. Any other panic is said as what it is.
+/// An operator's panic is contained, journalled and told: the default message would only stand beside that. Any other
+/// panic is said as what it is.
 fn quiet_panics() {
     std::panic::set_hook(Box::new(|panic| {
-        let text = panic.payload_as_str().unwrap_or_default();
-        if text.starts_with("failed printing to stdout") {
-            std::process::exit(0);
-        }
         if !stillpoint_pipeline::cell::is_stepping() {
+            let text = panic.payload_as_str().unwrap_or_default();
             let place = panic.location().map(ToString::to_string).unwrap_or_default();
             eprintln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
         }

@@ -1,5 +1,7 @@
 //! Reading and checking the file of a pipeline.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -7,6 +9,7 @@ use clap::Args;
 use stillpoint_pipeline::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::yaml::MOST_BYTES;
 use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -72,7 +75,10 @@ impl Refused {
             Self::Unreadable { file, reason } if !json => {
                 return Err(Failure::wrong(format!("{}: {reason}; {NAME_ONE}", file.display())));
             }
-            Self::Faults(faults) if !json => return Err(Failure::wrong(faults)),
+            Self::Faults(faults) if !json => {
+                eprintln!("{faults}");
+                return Ok(Exit::Wrong);
+            }
             Self::Unreadable { file, reason } => serde_json::json!([{
                 "file": file, "line": 1, "column": 1, "start": 0, "end": 0,
                 "code": Code::FileMissing.name(), "message": reason.to_string(), "help": NAME_ONE,
@@ -86,6 +92,13 @@ impl Refused {
 
 /// What to do about a file that cannot be read.
 const NAME_ONE: &str = "name the file of a pipeline";
+
+/// The bytes of a file, which may have no end: as many as show that it is too long.
+fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
 
 impl PipelineFile {
     /// Reads it.
@@ -104,8 +117,7 @@ impl PipelineFile {
                 return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
             }
         };
-        let bytes =
-            std::fs::read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
+        let bytes = read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
         let text = spec::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
         let file = std::path::absolute(&path).unwrap_or(path);
         let files = DiskFiles::beside(&file);

@@ -40,15 +40,12 @@ pub fn of_session(session: &Session, signal: &str, clock: Clock) -> Result<Serie
         let near = near.map_or_else(String::new, |n| format!(", did you mean {n}?"));
         let all: Vec<&str> = topics.iter().map(|t| t.name.as_str()).collect();
         return Err(Failure::wrong(format!(
-            "stillpoint: the session has no topic `{topic}`{near}; it has {}",
+            "the session has no topic `{topic}`{near}; it has {}",
             all.join(", ")
         )));
     };
     let Some(kind) = found.kind.kind() else {
-        return Err(Failure::wrong(format!(
-            "stillpoint: {topic} is no kind of this build: {}",
-            found.type_name
-        )));
+        return Err(Failure::wrong(format!("{topic} is no kind of this build: {}", found.type_name)));
     };
     let place = Place::of(kind, topic, field)?;
     let mut series =
@@ -81,7 +78,7 @@ impl Place {
     fn of(kind: &'static SampleKind, topic: &str, path: &str) -> Result<Self, Failure> {
         if *kind == *Diagnostics::KIND {
             return match path {
-                "" => Err(Failure::wrong(format!("stillpoint: say which metric of {topic}: `{topic}:NAME`"))),
+                "" => Err(Failure::wrong(format!("say which metric of {topic}: `{topic}:NAME`"))),
                 name => Ok(Self::Metric(name.to_string())),
             };
         }
@@ -99,7 +96,7 @@ impl Place {
                 };
                 let Some(index) = index else {
                     return Err(Failure::wrong(format!(
-                        "stillpoint: {topic}:{name} has {length} numbers: write {topic}:{name}.0 to {topic}:{name}.{}",
+                        "{topic}:{name} has {length} numbers: write {topic}:{name}.0 to {topic}:{name}.{}",
                         length - 1
                     )));
                 };
@@ -119,7 +116,7 @@ impl Place {
                 })
                 .collect();
         Err(Failure::wrong(format!(
-            "stillpoint: {topic} has no field `{path}`: write `{topic}:FIELD` with one of {}",
+            "{topic} has no field `{path}`: write `{topic}:FIELD` with one of {}",
             all.join(", ")
         )))
     }
@@ -168,10 +165,7 @@ pub fn of_table(text: &str, columns: [&str; 2], step: u64) -> Result<[Series; 2]
     let names: Vec<&str> = lines.next().unwrap_or("").split(',').map(str::trim).collect();
     let place = |column: &str| {
         names.iter().position(|n| *n == column).ok_or_else(|| {
-            Failure::wrong(format!(
-                "stillpoint: the table has no column `{column}`; it has {}",
-                names.join(", ")
-            ))
+            Failure::wrong(format!("the table has no column `{column}`; it has {}", names.join(", ")))
         })
     };
     let places = [place(columns[0])?, place(columns[1])?];
@@ -187,10 +181,7 @@ pub fn of_table(text: &str, columns: [&str; 2], step: u64) -> Result<[Series; 2]
         for (series, place) in both.iter_mut().zip(places) {
             let value = cells.get(place).and_then(|cell| cell.parse::<f64>().ok()).ok_or_else(|| {
                 let column = &series.name;
-                Failure::wrong(format!(
-                    "stillpoint: line {} of the table has no number in column `{column}`",
-                    row + 2
-                ))
+                Failure::wrong(format!("line {} of the table has no number in column `{column}`", row + 2))
             })?;
             if value.is_finite() {
                 series.samples.push((row as u64 * step, value));

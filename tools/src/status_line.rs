@@ -1,6 +1,6 @@
 //! The live status of a run, on a terminal.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, contracts};
@@ -97,7 +97,6 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         let lines = [wrapped(&parts, width - 1), wrapped(&figures, width - 1)].concat();
         self.clear();
         eprint!("{}", lines.join("\n"));
-        let _ = std::io::stderr().flush();
         self.shown = lines.len();
     }
 

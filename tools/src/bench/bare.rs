@@ -152,7 +152,7 @@ pub fn child_main(argument: Option<String>) -> ExitCode {
     match serve(&argument.unwrap_or_default()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{}", failure.text);
+            eprintln!("stillpoint: {}", failure.text);
             ExitCode::FAILURE
         }
     }

@@ -70,10 +70,7 @@ impl Failsafe {
         let faults: Vec<&Fault> = Fault::ALL.iter().filter(chosen).collect();
         if faults.is_empty() {
             let names: Vec<String> = Fault::ALL.iter().map(|f| f.name()).collect();
-            return Err(Failure::wrong(format!(
-                "stillpoint: there is no such fault; there are {}",
-                names.join(", ")
-            )));
+            return Err(Failure::wrong(format!("there is no such fault; there are {}", names.join(", "))));
         }
         let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
         let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;

@@ -118,10 +118,7 @@ impl Robust {
         let cases: Vec<Case> = Case::all().into_iter().filter(chosen).collect();
         if cases.is_empty() {
             let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
-            return Err(Failure::wrong(format!(
-                "stillpoint: there is no such case; there are {}",
-                names.join(", ")
-            )));
+            return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
         }
         let seeds = if self.quick { 1 } else { self.seeds.max(1) };
         let jobs: Vec<(&Case, u64)> = cases.iter().flat_map(|c| (1..=seeds).map(move |s| (c, s))).collect();

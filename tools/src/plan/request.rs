@@ -65,11 +65,9 @@ impl Request {
         let (count, gap) = RING;
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
         let (beams, methods) = methods(given, ring)?;
-        ring.check_room(beams).map_err(|e| Failure::wrong(format!("stillpoint: {e}")))?;
+        ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         if given.budget == 0 {
-            return Err(Failure::wrong(
-                "stillpoint: --budget 0 solves nothing; allow at least one solve a beam",
-            ));
+            return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve a beam"));
         }
         let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
         Ok(Self {
@@ -115,16 +113,14 @@ fn methods(given: &Plan, ring: Ring) -> Result<(usize, Vec<(Way, Method)>), Fail
         let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
         let angles = angles.filter(|angles| angles.iter().all(|a| a.is_finite())).ok_or_else(|| {
             Failure::wrong(format!(
-                "stillpoint: --angles {text}: degrees with commas between them are due, like 0,72,144"
+                "--angles {text}: degrees with commas between them are due, like 0,72,144"
             ))
         })?;
         let off =
             angles.iter().find(|a| (ring.angle_deg(ring.nearest(**a)) - a.rem_euclid(360.0)).abs() > 1e-6);
         if let Some(off) = off {
             let step = ring.step_deg();
-            return Err(Failure::wrong(format!(
-                "stillpoint: --angles {off}: angles are multiples of {step} degrees"
-            )));
+            return Err(Failure::wrong(format!("--angles {off}: angles are multiples of {step} degrees")));
         }
         return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
     }
@@ -147,9 +143,7 @@ fn setups(shift: Option<&str>) -> Result<Vec<[f64; 3]>, Failure> {
     let Some(text) = shift else { return Ok(setups) };
     let shift = quantity(text, "mm", &format!("--robust {text}"))?;
     if !(shift > 0.0 && shift <= 50.0) {
-        return Err(Failure::wrong(format!(
-            "stillpoint: --robust {text}: a shift is above 0 mm and at most 50 mm"
-        )));
+        return Err(Failure::wrong(format!("--robust {text}: a shift is above 0 mm and at most 50 mm")));
     }
     for axis in 0..3 {
         for way in [-shift, shift] {
@@ -180,7 +174,7 @@ fn identity(folder: Option<&Path>, case: &Case) -> Result<Identity, Failure> {
     let Some(folder) = folder else { return Ok(Identity::none()) };
     let uids = case.uids().ok_or_else(|| {
         Failure::wrong(format!(
-            "stillpoint: --keep-identity: {} does not come from DICOM, so it is nobody's",
+            "--keep-identity: {} does not come from DICOM, so it is nobody's",
             case.name()
         ))
     })?;

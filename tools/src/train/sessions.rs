@@ -33,7 +33,7 @@ pub fn runs(path: &Path, state: &str, duties: &str, sample_time: f64) -> Result<
     valves.sort_by_key(|(time, _)| *time);
     if let Some((_, wrong)) = valves.iter().find(|(_, d)| d.valves != 6) {
         return Err(Failure::wrong(format!(
-            "stillpoint: {duties} of {} has {} valves: the network is for six",
+            "{duties} of {} has {} valves: the network is for six",
             path.display(),
             wrong.valves
         )));
@@ -81,15 +81,12 @@ fn each<S: stillpoint_samples::Sample<Body = ()>>(
     let kind: &'static SampleKind = S::KIND;
     if !session.topics().iter().any(|t| t.name == topic) {
         let all: Vec<&str> = session.topics().iter().map(|t| t.name.as_str()).collect();
-        return Err(Failure::wrong(format!(
-            "stillpoint: the session has no topic `{topic}`; it has {}",
-            all.join(", ")
-        )));
+        return Err(Failure::wrong(format!("the session has no topic `{topic}`; it has {}", all.join(", "))));
     }
     for recorded in session.samples_where(|t| t.name == topic) {
         let recorded = recorded.map_err(Failure::failed)?;
         let pieces = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
-        let view = pieces.view::<S>().map_err(|e| Failure::wrong(format!("stillpoint: {topic}: {e}")))?;
+        let view = pieces.view::<S>().map_err(|e| Failure::wrong(format!("{topic}: {e}")))?;
         if let Some(element) = view.first() {
             heard(view.head.origin, view.head.stamp, element);
         }

@@ -9,6 +9,7 @@ mod loops;
 mod plan;
 mod reach;
 mod report;
+mod streams;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
