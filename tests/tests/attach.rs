@@ -13,6 +13,19 @@ fn a_command_arrives_is_recorded_and_replays() {
     assert_eq!(sent.code(), 0, "{}", sent.err);
     let target = bench.call(&["send", "console.target", "0.01", "-0.02", "0.5"]);
     assert_eq!(target.code(), 0, "{}", target.err);
+    for (console, hint) in [
+        ("nope.arm", "`nope` is no console of this pipeline: write `console.arm`"),
+        ("beat.arm", "`beat` is no console of this pipeline: write `console.arm`"),
+    ] {
+        let none = bench.call(&["send", console]);
+        assert!(none.code() == 2 && none.err.contains(hint), "{}", none.err);
+    }
+    let vent = bench.call(&["send", "console.vent"]);
+    assert!(
+        vent.code() == 0 && vent.out.contains("; nobody takes console.vent in this pipeline"),
+        "{}",
+        vent.out
+    );
     let report = run.stop().good();
     let session = report["session"].as_str().unwrap();
     let echo = |topic: &str| -> Vec<Value> {
@@ -53,6 +66,7 @@ fn a_target_is_said_to_be_taken_or_refused_by_each_who_takes_it() {
         let sent = bench.call(&[&["send", "console.target"], values].concat());
         assert_eq!(sent.code(), code, "{}{}", sent.out, sent.err);
         assert!(sent.out.starts_with("sent console.target"), "{}", sent.out);
+        assert!(!sent.out.contains("nobody"), "{}", sent.out);
         assert!(said.iter().all(|line| sent.out.contains(line)), "{said:?}: {}", sent.out);
     }
     // Who is stopped says nothing.

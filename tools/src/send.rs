@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::near::nearest;
@@ -34,7 +35,8 @@ pub struct Send {
 impl Send {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let (console, word) = self.command.split_once('.').ok_or_else(|| {
+        let named = self.command.split_once('.').filter(|(console, _)| !console.is_empty());
+        let (console, word) = named.ok_or_else(|| {
             Failure::wrong(format!("`{}`: write the console and a verb, such as console.arm", self.command))
         })?;
         let verb = Verb::from_word(word).ok_or_else(|| {
@@ -42,11 +44,12 @@ impl Send {
             let near =
                 nearest(word, words.clone()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
             Failure::wrong(format!(
-                "stillpoint: there is no verb `{word}`{near}; there are {}",
+                "there is no verb `{word}`{near}; there are {}",
                 words.collect::<Vec<_>>().join(", ")
             ))
         })?;
         let values = self.numbers(verb)?;
+        self.counted(verb, &values)?;
         let listeners = match verb {
             Verb::Target => answer::listen(registry, &self.which, console)?,
             _ => Vec::new(),
@@ -81,15 +84,8 @@ pub fn deliver(
     let n = who.len().min(command.by.len());
     command.by[..n].copy_from_slice(&who.as_bytes()[..n]);
     let Attached { graph, domain, .. } = which.attach(registry)?;
-    let operator = graph
-        .operator(console)
-        .filter(|o| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME)
-        .ok_or_else(|| {
-            Failure::wrong(format!(
-                "the pipeline has no console `{console}`: add `{console}: {{ use: console, every: 20 ms }}`"
-            ))
-        })?;
     let port = Verb::ALL.iter().position(|(_, v)| *v == verb).unwrap_or_default();
+    let operator = find(&graph, console, Verb::ALL[port].0)?;
     let word = format!("{console}.{}", Verb::ALL[port].0);
     let contract = contracts::output(&graph, operator, port);
     let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
@@ -114,7 +110,11 @@ pub fn deliver(
             let pieces = sample.pieces();
             if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
                 let number = sample.head().sequence;
-                return Ok(format!("sent {word} (sample {number} of {})", contract.topic));
+                let sent = format!("sent {word} (sample {number} of {})", contract.topic);
+                return Ok(match graph.consumers(operator, port).next() {
+                    Some(_) => sent,
+                    None => format!("{sent}; nobody takes {word} in this pipeline"),
+                });
             }
         }
         std::thread::sleep(Duration::from_millis(2));
@@ -123,6 +123,22 @@ pub fn deliver(
         "{console} has not sent {word} on within {} s, and may still do so: is its process running?",
         PATIENCE.as_secs()
     )))
+}
+
+/// The console of this name.
+fn find(graph: &Graph, name: &str, word: &str) -> Result<usize, Failure> {
+    let is_console =
+        |o: &usize| graph.operators[*o].stage.kind.name == stillpoint_pipeline::console::KIND_NAME;
+    if let Some(operator) = graph.operator(name).filter(is_console) {
+        return Ok(operator);
+    }
+    let all = (0..graph.operators.len()).filter(is_console);
+    let words: Vec<String> = all.map(|o| format!("`{}.{word}`", graph.operators[o].name)).collect();
+    Err(Failure::wrong(if words.is_empty() {
+        format!("the pipeline {} has no console: add `console: {{ use: console, every: 20 ms }}`", graph.name)
+    } else {
+        format!("`{name}` is no console of this pipeline: write {}", words.join(" or "))
+    }))
 }
 
 /// What mends all that `fault` broke.
@@ -150,6 +166,28 @@ impl Send {
             }
         };
         std::iter::once(Ok(kind)).chain(rest.iter().map(number)).collect()
+    }
+
+    /// Whether these are as many values as the verb takes.
+    fn counted(&self, verb: Verb, values: &[f64]) -> Result<(), Failure> {
+        let of_one_part = [RigFault::StuckValve, RigFault::Leak].map(|fault| f64::from(fault as u32));
+        let (least, most, takes) = match (verb, values.first()) {
+            (Verb::Target, _) => (1, usize::MAX, "a value in m or rad for each channel, such as 0.01"),
+            (Verb::Fault, Some(0.0)) => (1, 1, "no values"),
+            (Verb::Fault, Some(fault)) if of_one_part.contains(fault) => (
+                2,
+                4,
+                "the number of the valve or bladder, then the diameter of a leak, and for how many seconds",
+            ),
+            (Verb::Fault, _) => (1, 4, "at most a part, what is left, and for how many seconds"),
+            _ => (0, 0, "no values"),
+        };
+        if (least..=most).contains(&values.len()) {
+            return Ok(());
+        }
+        let fault = self.values.first().filter(|_| verb == Verb::Fault);
+        let said = fault.map_or_else(|| self.command.clone(), |fault| format!("{} {fault}", self.command));
+        Err(Failure::wrong(format!("`{said}` takes {takes}")))
     }
 }
 
