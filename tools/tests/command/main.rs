@@ -355,6 +355,15 @@ fn a_run_says_how_many_frames_had_no_face_and_why() {
         (&said["refused"][0]["operator"], &said["refused"][0]["refused"]),
         (&"face".into(), &6.into())
     );
+    // Without the reasons in the session it says how many, and where the reasons are.
+    let data = root().join("examples/data").canonicalize().unwrap();
+    let unsaid = std::fs::read_to_string(&file).unwrap().replace("face.rejection, ", "");
+    let unsaid = unsaid.replace("files: data", &format!("files: {}", data.display()));
+    std::fs::write(folder.path().join("unsaid.yaml"), unsaid).unwrap();
+    let run = ["run", "unsaid.yaml", "--clock", "simulated", "--for", "1s", "--record", "s"];
+    let none = stillpoint(folder.path(), &[&run[..], &high].concat());
+    let told = "\nface: 6 of 6 frames had no face: record face.rejection to know why\n";
+    assert!(text(&none.stdout).contains(told), "{}", text(&none.stdout));
 }
 
 #[test]
