@@ -2,7 +2,7 @@
 
 use crate::graph::Restart;
 
-/// After this long without a failure, ns, restarts count from zero again.
+/// After this long without a failure from a restart on, ns, restarts count from zero again: a wait is no calm.
 const CALM: u64 = 10_000_000_000;
 
 /// The restarts of one process.
@@ -11,7 +11,10 @@ pub struct Restarts {
     policy: Restart,
     /// Restarts since the last calm.
     in_a_row: u32,
-    last: Option<u64>,
+    /// When what failed last began again, session time in ns.
+    began: Option<u64>,
+    /// Longest wait, ns.
+    longest: u64,
 }
 
 /// What follows on a failure.
@@ -29,12 +32,17 @@ pub enum Answer {
 impl Restarts {
     /// None yet.
     pub fn new(policy: Restart) -> Self {
-        Self { policy, in_a_row: 0, last: None }
+        Self { policy, in_a_row: 0, began: None, longest: u64::MAX }
+    }
+
+    /// The same with waits of at most so many ns.
+    pub fn waiting_at_most(self, longest: u64) -> Self {
+        Self { longest, ..self }
     }
 
     /// Answers a failure at `now`, session time in ns: a panic, a death, or a step beyond its deadline.
     pub fn failed(&mut self, now: u64) -> Answer {
-        if self.last.replace(now).is_some_and(|last| now.saturating_sub(last) > CALM) {
+        if self.began.is_some_and(|began| now.saturating_sub(began) > CALM) {
             self.in_a_row = 0;
         }
         match self.policy {
@@ -43,9 +51,11 @@ impl Restarts {
                 Answer::GiveUp(format!("it was restarted {limit} times already"))
             }
             Restart::OnFault { backoff, .. } => {
-                let wait = backoff.saturating_mul(1 << self.in_a_row.min(16));
-                self.in_a_row += 1;
-                Answer::Again { at: now.saturating_add(wait) }
+                let wait = backoff.saturating_mul(1 << self.in_a_row.min(16)).min(self.longest);
+                self.in_a_row = self.in_a_row.saturating_add(1);
+                let at = now.saturating_add(wait);
+                self.began = Some(at);
+                Answer::Again { at }
             }
         }
     }
@@ -61,24 +71,45 @@ mod tests {
         Restarts::new(Restart::OnFault { limit: 3, backoff: 100 * MS })
     }
 
+    /// Fails again and again, each time so long after it began again. Gives the waits, and the last answer.
+    fn fail_on(mut restarts: Restarts, after: u64, most: usize) -> (Vec<u64>, Answer) {
+        let (mut now, mut waits) = (0, Vec::new());
+        loop {
+            match restarts.failed(now) {
+                Answer::Again { at } if waits.len() < most => {
+                    waits.push(at - now);
+                    now = at + after;
+                }
+                last => return (waits, last),
+            }
+        }
+    }
+
     #[test]
     fn the_wait_doubles_and_after_the_limit_the_run_ends() {
-        let mut restarts = policy();
-        let waits = [100, 200, 400].map(|wait| (restarts.failed(0), Answer::Again { at: wait * MS }));
-        assert!(waits.iter().all(|(said, due)| said == due), "{waits:?}");
-        assert_eq!(restarts.failed(0), Answer::GiveUp("it was restarted 3 times already".into()));
+        let over = Answer::GiveUp("it was restarted 3 times already".into());
+        assert_eq!(fail_on(policy(), MS, 9), (vec![100 * MS, 200 * MS, 400 * MS], over.clone()));
+        assert_eq!(fail_on(policy(), CALM, 9).1, over);
+    }
+
+    #[test]
+    fn a_wait_longer_than_the_calm_is_no_calm() {
+        let slow = Restarts::new(Restart::OnFault { limit: 3, backoff: CALM });
+        let over = Answer::GiveUp("it was restarted 3 times already".into());
+        assert_eq!(fail_on(slow, 0, 9), (vec![CALM, 2 * CALM, 4 * CALM], over));
     }
 
     #[test]
     fn after_a_calm_they_count_from_zero() {
-        let mut restarts = policy();
-        for now in [0, MS, 2 * MS] {
-            restarts.failed(now);
-        }
-        let now = 2 * MS + CALM + 1;
-        assert_eq!(restarts.failed(now), Answer::Again { at: now + 100 * MS });
-        let short = now + CALM;
-        assert_eq!(restarts.failed(short), Answer::Again { at: short + 200 * MS });
+        let (waits, last) = fail_on(policy(), CALM + 1, 20);
+        assert_eq!(waits, [100 * MS; 20]);
+        assert!(matches!(last, Answer::Again { .. }));
+    }
+
+    #[test]
+    fn no_wait_is_longer_than_the_longest() {
+        let (waits, _) = fail_on(policy().waiting_at_most(250 * MS), MS, 9);
+        assert_eq!(waits, [100 * MS, 200 * MS, 250 * MS]);
     }
 
     #[test]

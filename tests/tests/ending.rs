@@ -107,6 +107,11 @@ fn sigterm_ends_a_run_in_order() {
     ends_in_order(Signal::TERM);
 }
 
+#[test]
+fn a_hang_up_ends_a_run_in_order() {
+    ends_in_order(Signal::HUP);
+}
+
 /// Each may come while a process asks whether there is an order: it must not wait for one then.
 #[test]
 fn signals_that_are_taken_and_have_no_effect_keep_no_process_from_its_work() {
@@ -265,6 +270,8 @@ fn a_simulated_run_reports_what_failed_and_says_so_where_it_ended_by_it() {
 
     let done = bench.call(&[&["run", text(&pipeline("never.yaml")), "--json"], &simulated[..]].concat());
     assert_eq!(done.code(), 1);
+    let seconds = done.json()["seconds"].as_f64().unwrap();
+    assert!(seconds > 0.0 && seconds < 0.5, "it ended before its time: {seconds}");
     let session = done.json()["session"].as_str().unwrap().to_owned();
     let info = bench.call(&["info", &session, "--json"]).good();
     let end = &info["metadata"]["stillpoint.end"];

@@ -20,6 +20,7 @@
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
 //! - `unheard`: runs whose words nobody hears
+//! - `stopping`: simulated and lock-step runs that somebody stops
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
 // A test stops at the first surprise; clippy knows test functions, but not what they call.
@@ -42,6 +43,7 @@ mod releases;
 mod replaying;
 mod seat;
 mod seeing;
+mod stopping;
 mod tampered;
 mod traps;
 mod unheard;

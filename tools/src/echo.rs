@@ -1,8 +1,7 @@
 //! `stillpoint echo`
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
@@ -17,6 +16,7 @@ use stillpoint_shm::{Contract, Topic};
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
 use crate::show;
+use crate::signals::stop_flag;
 
 /// Show the samples of a topic of a running pipeline or of a session, one JSON line each.
 #[derive(Args)]
@@ -74,10 +74,7 @@ impl Echo {
         let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
         let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
         subscriber.connect().map_err(Failure::failed)?;
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
-        }
+        let stop = stop_flag()?;
         let mut shown = 0;
         loop {
             // Asked before the look: what was sent until the end is shown, too.

@@ -47,6 +47,7 @@ mod schema;
 mod send;
 mod series;
 mod show;
+mod signals;
 mod simulate;
 mod status_line;
 mod summary;

@@ -1,8 +1,6 @@
 //! `stillpoint run`
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use clap::{Args, ValueEnum};
 use stillpoint_pipeline::keep::{create_folder, remove_folder};
@@ -13,6 +11,7 @@ use stillpoint_pipeline::spec::{Machine, quantity};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::{Checked, PipelineFile};
+use crate::signals::{stop_flag, stop_flag_of_this_process};
 use crate::simulate::{Place, simulate};
 use crate::status_line::StatusLine;
 use crate::summary::Summary;
@@ -34,9 +33,9 @@ pub struct Run {
     /// placed on none is on `main`. Without a pipeline, of the one in two programs that comes with the command.
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
-    /// Who says when activations happen.
-    #[arg(long, value_enum, default_value_t)]
-    clock: Clock,
+    /// Who says when activations happen; the machine's clock where nothing is said.
+    #[arg(long, value_enum)]
+    clock: Option<Clock>,
     /// Send the simulated schedule's activations to threads or processes, one at a time.
     #[arg(long, value_enum, value_name = "PLACEMENT", num_args = 0..=1, default_missing_value = "processes")]
     lock_step: Option<LockStep>,
@@ -44,7 +43,7 @@ pub struct Run {
     #[arg(long, value_name = "FOLDER", default_value = "sessions")]
     record: PathBuf,
     /// Record nothing.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record")]
     no_record: bool,
     /// Compression of the recording: lz4, zstd or none.
     #[arg(long, default_value = "lz4", value_parser = ["lz4", "zstd", "none"])]
@@ -57,10 +56,9 @@ pub struct Run {
     launch: Option<Launch>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Clock {
     /// The machine's clock and arrivals, in processes.
-    #[default]
     Live,
     /// Discrete events in this process, as fast as it goes.
     Simulated,
@@ -94,8 +92,13 @@ impl Run {
 
     /// Does it.
     pub fn execute(mut self, registry: &Registry) -> Ended {
+        if self.clock == Some(Clock::Live) && self.lock_step.is_some() {
+            return Err(Failure::wrong(
+                "--lock-step sends the activations of the simulated schedule: leave --clock live away, or --lock-step",
+            ));
+        }
         if let Some(host) = &self.host {
-            if self.clock == Clock::Simulated || self.lock_step.is_some() {
+            if !self.is_live() {
                 return Err(Failure::wrong(
                     "a part of a pipeline only runs live: leave --host away to run all of it in another way",
                 ));
@@ -105,8 +108,7 @@ impl Run {
             self.pipeline.sets.push(format!("host={host}"));
         }
         // In one process no core is asked for.
-        let in_processes = self.lock_step != Some(LockStep::Threads)
-            && (self.clock == Clock::Live || self.lock_step.is_some());
+        let in_processes = self.is_live() || self.lock_step == Some(LockStep::Processes);
         let machine = if in_processes { Machine::here() } else { Machine::default() };
         let checked = match self.pipeline.check(registry, &machine) {
             Ok(checked) => checked,
@@ -120,7 +122,7 @@ impl Run {
         };
         let session =
             if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
-        let is_live = self.clock == Clock::Live && self.lock_step.is_none();
+        let is_live = self.is_live();
         let report = if !is_live {
             let length = length.ok_or_else(|| {
                 Failure::wrong(
@@ -132,7 +134,8 @@ impl Run {
                 Some(LockStep::Threads) => Place::Threads,
                 Some(LockStep::Processes) => Place::Processes,
             };
-            simulate(&checked, &self.pipeline.sets, place, length, session.as_deref())?
+            let stop = stop_flag_of_this_process()?;
+            simulate(&checked, &self.pipeline.sets, place, length, session.as_deref(), stop)?
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
@@ -149,6 +152,10 @@ impl Run {
         Ok(if good { Exit::Done } else { Exit::Failed })
     }
 
+    fn is_live(&self) -> bool {
+        self.clock != Some(Clock::Simulated) && self.lock_step.is_none()
+    }
+
     /// `Default` leaves the folder empty, where the command line would fill it in.
     fn session_folder(&self) -> PathBuf {
         if self.record.as_os_str().is_empty() { PathBuf::from("sessions") } else { self.record.clone() }
@@ -161,10 +168,7 @@ impl Run {
         length: Option<u64>,
         session: Option<&Path>,
     ) -> Result<RunReport, Failure> {
-        let stop = Arc::new(AtomicBool::new(false));
-        for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-            signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
-        }
+        let stop = stop_flag()?;
         if let Some(session) = session {
             create_folder(session).map_err(Failure::failed)?;
         }

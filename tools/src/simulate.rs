@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use stillpoint_pipeline::clock::SessionClock;
 use stillpoint_pipeline::files::Snapshot;
@@ -12,7 +13,7 @@ use stillpoint_pipeline::live::control::Hello;
 use stillpoint_pipeline::live::status::Status;
 use stillpoint_pipeline::live::{Fault, Processes, Recorded, RunReport};
 use stillpoint_pipeline::placement::{Local, Placement, Threads};
-use stillpoint_pipeline::schedule::{Events, Witness};
+use stillpoint_pipeline::schedule::{Events, RunError, Witness};
 use stillpoint_pipeline::session::{identity, opening};
 use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::shelf::Parcel;
@@ -34,13 +35,15 @@ pub enum Place {
     Processes,
 }
 
-/// Runs a checked pipeline for `length` ns of session time, which starts at 0, or until all that feeds it has finished.
+/// Runs a checked pipeline for `length` ns of session time, which starts at 0, or until all that feeds it has finished, or
+/// until `stop` is set.
 pub fn simulate(
     checked: &Checked,
     sets: &[String],
     place: Place,
     length: u64,
     session: Option<&Path>,
+    stop: Arc<AtomicBool>,
 ) -> Result<RunReport, Failure> {
     let _aside = Aside::begin();
     let graph = &checked.graph;
@@ -95,18 +98,16 @@ pub fn simulate(
         samples: 0,
         bytes: 0,
     };
-    let ended = Events::new(graph.clone()).run(placement, 0, length, &mut witness);
-    let (end, ended_early) = match ended {
-        Ok(end) => (end, None),
-        Err(e) => (length, Some(e.to_string())),
-    };
+    let mut events = Events::new(graph.clone()).stopped_by(stop);
+    let ended = events.run(placement, 0, length, &mut witness);
     let ledger = witness.ledger.lines(graph);
     let mut recorded = Vec::new();
     if let Some(keeper) = witness.keeper {
         let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
-        let part = match &ended_early {
-            None => keeper.finish(Some(text)),
-            Some(reason) => keeper.finish_early(Some(text), reason),
+        let part = match &ended {
+            // Who stops a run has it end in order.
+            Ok(()) | Err(RunError::Stopped) => keeper.finish(Some(text)),
+            Err(reason) => keeper.finish_early(Some(text), &reason.to_string()),
         };
         let part = part.map_err(Failure::failed)?;
         let lost = std::collections::BTreeMap::new();
@@ -114,13 +115,13 @@ pub fn simulate(
     }
     Ok(RunReport {
         pipeline: graph.name.clone(),
-        seconds: end as f64 / 1e9,
+        seconds: events.end() as f64 / 1e9,
         operators: witness.status.figures(),
         balanced: ledger.iter().all(Line::balances),
         ledger,
         unseen_entries: witness.ledger.missing_entries(),
         faults: witness.faults,
-        ended_early,
+        ended_early: ended.err().map(|reason| reason.to_string()),
         recorded,
         swept: Vec::new(),
     })

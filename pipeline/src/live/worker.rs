@@ -48,12 +48,13 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
     }
 }
 
-/// Keeps SIGINT and SIGTERM from ending this process: the pipe's end does.
+/// Keeps SIGINT, SIGTERM and SIGHUP from ending this process: the pipe's end does.
 pub(super) fn ignore_interrupts() {
     // A flag that nobody reads: the signal is taken and has no effect.
     let nobody = Arc::new(std::sync::atomic::AtomicBool::new(false));
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGINT, nobody.clone());
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGTERM, nobody);
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
+        let _ = signal_hook::flag::register(signal, nobody.clone());
+    }
 }
 
 /// Ends this process after its supervisor and the time that it outlives it, also where a step never comes back to read

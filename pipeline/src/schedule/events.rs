@@ -1,6 +1,7 @@
 //! Discrete events, ordered by (time, place in the graph). Latencies and delays are those that the config declares.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use stillpoint_samples::{Cause, Entry, Head, Outcome};
 
@@ -35,6 +36,9 @@ pub enum RunError {
     /// The witness could not keep what it saw.
     #[error("{0}")]
     Witness(String),
+    /// Somebody stopped it.
+    #[error("stopped")]
+    Stopped,
 }
 
 /// Sees everything that happens, in order: a recorder, a test, a summary.
@@ -55,6 +59,8 @@ pub struct Events {
     finished: Finished,
     /// When timers stop, ns.
     end: u64,
+    /// Set by whoever wants the run to end.
+    stop: Arc<AtomicBool>,
 }
 
 struct State {
@@ -102,19 +108,29 @@ impl Events {
             })
             .collect();
         let restarts = graph.processes.iter().map(|p| Restarts::new(p.restart)).collect();
-        Self { finished: Finished::new(&graph), graph, operators, restarts, end: 0 }
+        let stop = Arc::default();
+        Self { finished: Finished::new(&graph), graph, operators, restarts, end: 0, stop }
+    }
+
+    /// The same for a run that ends once `stop` is set: timers stop then. Set again, it ends the drain, too.
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
+        Self { stop, ..self }
+    }
+
+    /// When timers stopped, ns of session time.
+    pub fn end(&self) -> u64 {
+        self.end
     }
 
     /// Runs from `start` for `duration`, both ns of session time, or until all that feeds the run has finished. Then
-    /// timers stop, and what is still under way is drained, for at most a second of session time. Gives the time at which
-    /// timers stopped.
+    /// timers stop, and what is still under way is drained, for at most a second of session time.
     pub fn run(
         &mut self,
         placement: &mut dyn Placement,
         start: u64,
         duration: u64,
         witness: &mut dyn Witness,
-    ) -> Result<u64, RunError> {
+    ) -> Result<(), RunError> {
         self.end = start.saturating_add(duration);
         for operator in 0..self.operators.len() {
             self.operators[operator].busy_until = start;
@@ -127,13 +143,23 @@ impl Events {
             if time >= self.end.saturating_add(DRAIN) {
                 break;
             }
+            if self.stop.swap(false, Ordering::Relaxed) {
+                if ended.is_err() {
+                    break;
+                }
+                ended = Err(RunError::Stopped);
+                self.end = self.end.min(time);
+                continue;
+            }
             last = last.max(time);
-            ended = self.visit(operator, time, start, placement, witness);
-            match ended {
-                Ok(()) => {}
-                // It ends the run in order.
-                Err(RunError::Fault { .. }) => break,
-                Err(e) => return Err(e),
+            if let Err(e) = self.visit(operator, time, start, placement, witness) {
+                self.end = self.end.min(last);
+                // A fault ends the run in order.
+                if !matches!(e, RunError::Fault { .. }) {
+                    return Err(e);
+                }
+                ended = Err(e);
+                break;
             }
         }
         for (operator, state) in self.operators.iter().enumerate() {
@@ -143,7 +169,7 @@ impl Events {
                 witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
             }
         }
-        ended.map(|()| self.end)
+        ended
     }
 
     /// The next operator that may have something to do, and when.

@@ -1,0 +1,67 @@
+//! Runs on the discrete-event schedule that somebody stops.
+
+use std::os::unix::process::ExitStatusExt;
+
+use rustix::process::Signal;
+use serde_json::json;
+
+use crate::bench::{Bench, Running, lives, pipeline, text, wait_for};
+
+/// Begins a run in a placement, and waits until it is under way.
+fn under_way(bench: &Bench, file: &str, placement: &[&str]) -> Running {
+    let file = pipeline(file);
+    let run = ["run", text(&file), "--for", "1 h", "--json", "--record", "s"];
+    let run = bench.start(&[&run, placement].concat());
+    wait_for("the session", || {
+        let session = std::fs::read_dir(bench.path("s")).ok()?.next()?.ok()?.path();
+        (session.join("part-000.mcap").metadata().ok()?.len() > 0).then_some(())
+    });
+    run
+}
+
+fn ends_in_order(placement: &[&str], signal: Signal) {
+    let bench = Bench::new();
+    let run = under_way(&bench, "chain.yaml", placement);
+    let children = run.children();
+
+    run.signal_group(signal);
+    let report = run.finish().good();
+
+    assert_eq!((&report["ended_early"], &report["balanced"]), (&json!("stopped"), &json!(true)));
+    assert!(report["seconds"].as_f64().unwrap() < 3600.0, "{}", report["seconds"]);
+    assert_eq!(report["faults"], json!([]));
+    assert!(children.iter().all(|(_, number)| !lives(*number)));
+    assert!(bench.run_ids().is_empty());
+    let session = report["session"].as_str().unwrap();
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!((&info["ended"], &info["complete"]), (&json!("in order"), &json!(true)), "{}", info["gaps"]);
+    assert_eq!(info["ledger"], report["ledger"], "the recorded ledger is the printed one");
+    let replay = bench.call(&["replay", session, "--json"]);
+    assert_eq!(replay.json()["differences"], 0, "{}", replay.err);
+}
+
+#[test]
+fn ctrl_c_ends_a_simulated_run_in_order() {
+    ends_in_order(&["--clock", "simulated"], Signal::INT);
+}
+
+#[test]
+fn sigterm_ends_a_run_in_lock_step_in_threads_in_order() {
+    ends_in_order(&["--lock-step=threads"], Signal::TERM);
+}
+
+#[test]
+fn a_hang_up_ends_a_run_in_lock_step_in_processes_in_order() {
+    ends_in_order(&["--lock-step=processes"], Signal::HUP);
+}
+
+#[test]
+fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
+    let bench = Bench::new();
+    let run = under_way(&bench, "stuck.yaml", &["--clock", "simulated"]);
+    wait_for("its end", || {
+        run.signal(Signal::TERM);
+        (!lives(run.pid())).then_some(())
+    });
+    assert_eq!(run.finish().status.signal(), Some(15));
+}
