@@ -218,6 +218,33 @@ fn children_end_when_the_supervisor_is_killed_and_the_next_run_sweeps() {
 }
 
 #[test]
+fn a_dead_run_is_swept_when_its_last_process_has_ended() {
+    let bench = Bench::new();
+    let yaml = std::fs::read_to_string(pipeline("chain.yaml")).unwrap();
+    let lasting = yaml.replace("operators: [sink],", "operators: [sink], outlives: 10 s,");
+    std::fs::write(bench.path("chain.yaml"), lasting).unwrap();
+    let run = bench.run(&bench.path("chain.yaml"));
+    bench.wait_for_samples("sink.sum", 5);
+    let (id, children) = (bench.run_ids().pop().unwrap(), run.children());
+    run.signal(Signal::KILL);
+    run.finish();
+    // The recorder waits for the sink.
+    let (stay, go): (Vec<_>, Vec<_>) =
+        children.into_iter().partition(|(name, _)| ["sink", "recorder"].contains(&name.as_str()));
+    wait_for("the others' ends", || go.iter().all(|(_, n)| !lives(*n)).then_some(()));
+    let (before, file) = (shared_objects(&id), pipeline("sources.yaml"));
+    let next = ["run", text(&file), "--for", "100 ms", "--json", "--no-record"];
+
+    assert_eq!(bench.call(&next).good()["swept"], json!([]));
+    assert!(before > 0 && shared_objects(&id) == before && bench.run_ids() == [id.clone()]);
+
+    stay.iter().for_each(|(_, number)| signal(*number, Signal::KILL));
+    wait_for("their ends", || stay.iter().all(|(_, n)| !lives(*n)).then_some(()));
+    assert_eq!(bench.call(&next).good()["swept"], json!([id]));
+    assert_eq!(shared_objects(&id), 0);
+}
+
+#[test]
 fn a_child_whose_step_never_comes_back_ends_with_its_supervisor() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("stuck.yaml"));

@@ -28,8 +28,15 @@ impl Check {
             let order: Vec<_> = graph.operators.iter().map(|o| o.name.as_str()).collect();
             print_json(&serde_json::json!({ "pipeline": graph.name, "operators": order, "faults": [] }))?;
         } else {
-            let (operators, processes) = (graph.operators.len(), graph.processes.len());
-            println!("{}: {operators} operators in {processes} processes, no faults", graph.name);
+            let operators = match graph.operators.len() {
+                1 => "1 operator".to_string(),
+                many => format!("{many} operators"),
+            };
+            let processes = match graph.processes.len() {
+                1 => "1 process".to_string(),
+                many => format!("{many} processes"),
+            };
+            println!("{}: {operators} in {processes}, no faults", graph.name);
         }
         Ok(Exit::Done)
     }

@@ -18,6 +18,7 @@ use super::contracts;
 use super::control::{FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::missed::missed;
 use super::pipe::{Line, take_control, tell};
+use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
@@ -78,6 +79,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<HelloRecorder>(&mut orders)? else { return Ok(()) };
     let graph = graph_of(&hello.hello, registry)?;
+    let _held = hold(&hello.hello.root)?;
     let domain =
         Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
     let mut recorder = Recorder::open(&graph, &domain, &hello)?;

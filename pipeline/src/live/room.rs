@@ -12,7 +12,7 @@ use rustix::fs::{FlockOperation, flock};
 use stillpoint_shm::Contract;
 
 use super::contracts;
-use super::run_folder::{RunFolder, others_going_on, prefix_of};
+use super::run_folder::{RunFolder, others_alive, prefix_of};
 use crate::graph::Graph;
 
 /// Where shared memory is.
@@ -22,9 +22,17 @@ const ROOM: &str = "room";
 /// In the folder of all runs: held by the run that looks for room.
 const LOCK: &str = ".room";
 
+/// Files that a process of a run may have open at once: some of its own, and so many for each topic.
+const OWN_FILES: u64 = 24;
+const FILES_OF_A_TOPIC: u64 = 9;
+/// Files that a process may commonly open: fewer are looked into.
+const FEW_FILES: u64 = 1024;
+
 /// Reserves what the topics of a graph may take, or says what is missing.
 pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), String> {
     let topics = contracts::all(graph);
+    let files = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
+    too_few_files(topics.len() as u64, files).map_or(Ok(()), Err)?;
     let needed: u64 = topics.iter().map(|c| c.pool_bytes() as u64).sum();
     let say = |e: std::io::Error| format!("room for the run cannot be reserved in its folder: {e}");
     let lock = folder.path().with_file_name(LOCK);
@@ -32,7 +40,7 @@ pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), String> {
         OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(lock).map_err(say)?;
     // Two runs that look at the same time would both find the same room. The lock ends with this function.
     flock(&lock, FlockOperation::LockExclusive).map_err(|e| say(e.into()))?;
-    let promised: u64 = others_going_on(folder)?
+    let promised: u64 = others_alive(folder)?
         .iter()
         .map(|(path, id)| {
             let said = std::fs::read_to_string(path.join(ROOM)).ok().and_then(|text| text.parse().ok());
@@ -55,6 +63,21 @@ fn taken(prefix: &str) -> u64 {
     own.filter_map(|e| Some(e.metadata().ok()?.blocks() * 512)).sum()
 }
 
+/// A process without files left does not see what others send: the run would be there, and do nothing.
+fn too_few_files(topics: u64, limit: Option<u64>) -> Option<String> {
+    let needed = OWN_FILES + FILES_OF_A_TOPIC * topics;
+    let limit = limit.filter(|limit| *limit < FEW_FILES && *limit < needed)?;
+    Some(format!(
+        "a process of the pipeline may have {needed} files open at once, and {limit} are allowed: say \
+         `ulimit -n {FEW_FILES}`, or raise the limit of the service that starts it (`LimitNOFILE`)"
+    ))
+}
+
+/// Whether shared memory is full, or as good as full.
+pub fn is_full() -> bool {
+    rustix::fs::statvfs(SHARED).is_ok_and(|room| room.f_bavail.saturating_mul(room.f_frsize) < 1 << 20)
+}
+
 fn too_small(topics: &[Contract], needed: u64, promised: u64, free: u64) -> String {
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let largest = topics.iter().max_by_key(|c| c.pool_bytes()).map_or("", |c| c.topic.as_str());
@@ -69,4 +92,19 @@ fn too_small(topics: &[Contract], needed: u64, promised: u64, free: u64) -> Stri
         mib(needed),
         mib(free)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_files_are_refused_with_what_to_say() {
+        let said = too_few_files(6, Some(60)).unwrap();
+        assert!(said.contains("78 files open at once, and 60 are allowed: say `ulimit -n 1024`"), "{said}");
+        for limit in [Some(78), Some(1024), None] {
+            assert_eq!(too_few_files(6, limit), None);
+        }
+        assert_eq!(too_few_files(1000, Some(1024)), None, "what is common is not refused by a guess");
+    }
 }

@@ -1,7 +1,7 @@
 //! Where a run is found by others (`echo`, `send`), and how what a dead run left is swept.
 //!
-//! Each run has a folder `<temp>/stillpoint-<uid>/<id>` with `lock` (held by the supervisor while it lives), `run.json`
-//! and the root folder of its domain.
+//! Each run has a folder `<temp>/stillpoint-<uid>/<id>` with `lock` (held by the supervisor while it lives), `children`
+//! (held by all its other processes together), `run.json` and the root folder of its domain.
 
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
@@ -14,6 +14,14 @@ use crate::files::Snapshot;
 
 /// Start of the name of a folder that is being made.
 const MAKING: &str = ".";
+
+/// In the folder of a run: held by its supervisor.
+const LOCK: &str = "lock";
+/// In the folder of a run: held by its other processes together. They may outlive the supervisor.
+const CHILDREN: &str = "children";
+/// Bytes that the path of the folder of all runs may have. A socket's may have 107; below the folder stand the run's name,
+/// its root, the prefix, a number of up to 31 digits, and `.event`.
+const LONGEST: usize = 46;
 
 /// The folder of a run that is going on.
 pub struct RunFolder {
@@ -46,7 +54,6 @@ pub struct RunCard {
 /// The folder of all runs of this user, by name.
 fn runs_folder() -> PathBuf {
     let user = rustix::process::getuid().as_raw();
-    // Short: the paths of sockets below it may have 108 bytes.
     std::env::var_os("STILLPOINT_RUNS")
         .map_or_else(|| std::env::temp_dir().join(format!("stillpoint-{user}")), PathBuf::from)
 }
@@ -79,6 +86,14 @@ impl RunFolder {
     /// Makes the folder of a new run.
     pub fn create() -> Result<Self, String> {
         let runs = runs_folder();
+        let length = runs.as_os_str().len();
+        if length > LONGEST {
+            return Err(format!(
+                "{}: runs are kept there, and the paths of their sockets would be too long: it has {length} bytes, of at \
+                 most {LONGEST}; name a folder with a shorter path in STILLPOINT_RUNS",
+                runs.display()
+            ));
+        }
         let say = |path: &Path, e: std::io::Error| {
             format!("{}: {e}; name a folder that you can write in STILLPOINT_RUNS", path.display())
         };
@@ -96,16 +111,10 @@ impl RunFolder {
             if path.exists() || std::fs::DirBuilder::new().mode(0o700).create(&making).is_err() {
                 continue;
             }
-            let lock_path = making.join("lock");
-            let lock = OpenOptions::new()
-                .create(true)
-                .truncate(false)
-                .write(true)
-                .mode(0o600)
-                .open(&lock_path)
-                .map_err(|e| say(&lock_path, e))?;
+            let lock = open_lock(&making.join(LOCK)).map_err(|e| say(&making, e))?;
+            open_lock(&making.join(CHILDREN)).map_err(|e| say(&making, e))?;
             flock(&lock, FlockOperation::NonBlockingLockExclusive)
-                .map_err(|e| format!("{}: {e}", lock_path.display()))?;
+                .map_err(|e| format!("{}: {e}", making.display()))?;
             // A folder of that name is never empty, so this fails where there is one.
             if std::fs::rename(&making, &path).is_err() {
                 let _ = std::fs::remove_dir_all(&making);
@@ -153,24 +162,46 @@ impl Drop for RunFolder {
     }
 }
 
-/// Sweeps what dead runs of this user left. Says which were swept.
+fn open_lock(path: &Path) -> std::io::Result<File> {
+    OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(path)
+}
+
+/// Keeps the folder of the run whose domain has this root from being swept while the file is open.
+pub fn hold(root: &Path) -> Result<File, String> {
+    let path = root.with_file_name(CHILDREN);
+    let held = OpenOptions::new().write(true).open(&path).and_then(|file| {
+        flock(&file, FlockOperation::LockShared)?;
+        // Who sweeps a run holds this until its name is gone.
+        path.symlink_metadata().map(|_| file)
+    });
+    held.map_err(|e| format!("{}: {e}; the run is over, and was swept", path.display()))
+}
+
+/// Sweeps what dead runs of this user left, those of which no process lives. Says which were swept.
 pub fn sweep_dead() -> Result<Vec<String>, String> {
     let mut swept = Vec::new();
     for (path, id) in folders()? {
-        let Ok(lock) = OpenOptions::new().write(true).open(path.join("lock")) else { continue };
-        // Whoever holds the lock lives. A folder that is just being made has no lock yet, and is left alone.
-        if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
-            stillpoint_shm::sweep(&path.join("d"), &prefix_of(&id));
-            let _ = std::fs::remove_dir_all(&path);
-            swept.push(id);
-        }
+        // A folder that is just being made has no lock yet, and is left alone.
+        let (Ok(Some(_supervisor)), Ok(_children)) = (take(&path.join(LOCK)), take(&path.join(CHILDREN)))
+        else {
+            continue;
+        };
+        stillpoint_shm::sweep(&path.join("d"), &prefix_of(&id));
+        let _ = std::fs::remove_dir_all(&path);
+        swept.push(id);
     }
     Ok(swept)
 }
 
+/// Takes a lock, if it is there. `Err`: who holds it lives.
+fn take(lock: &Path) -> Result<Option<File>, rustix::io::Errno> {
+    let Ok(file) = OpenOptions::new().write(true).open(lock) else { return Ok(None) };
+    flock(&file, FlockOperation::NonBlockingLockExclusive).map(|()| Some(file))
+}
+
 /// Whether the run with this folder is going on: its supervisor holds the lock.
 pub fn is_going_on(run: &Path) -> bool {
-    let lock = OpenOptions::new().write(true).open(run.join("lock"));
+    let lock = OpenOptions::new().write(true).open(run.join(LOCK));
     lock.is_ok_and(|l| flock(&l, FlockOperation::NonBlockingLockShared).is_err())
 }
 
@@ -190,9 +221,10 @@ pub fn prefix_of(id: &str) -> String {
     format!("sp_{id}_")
 }
 
-/// Folders and names of the runs that are going on besides this one.
-pub fn others_going_on(but: &RunFolder) -> Result<Vec<(PathBuf, String)>, String> {
-    Ok(folders()?.into_iter().filter(|(path, _)| *path != but.path && is_going_on(path)).collect())
+/// Folders and names of the runs besides this one of which a process lives.
+pub fn others_alive(but: &RunFolder) -> Result<Vec<(PathBuf, String)>, String> {
+    let lives = |path: &Path| is_going_on(path) || take(&path.join(CHILDREN)).is_err();
+    Ok(folders()?.into_iter().filter(|(path, _)| *path != but.path && lives(path)).collect())
 }
 
 /// Folders of runs, with their names.

@@ -11,6 +11,7 @@ use super::control::{FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
 use super::member::{Down, Looked, Member};
 use super::pipe::{Line, Lines, take_control, tell};
+use super::run_folder::hold;
 use super::seat::place;
 use super::watch::Watch;
 use crate::clock::{SessionClock, float_state_is_standard};
@@ -117,6 +118,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
     std::thread::spawn(move || end_with_supervisor(outlives));
     place(process.core, process.priority)?;
     let files = hello.files.clone();
+    let _held = hold(&hello.root)?;
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
     if hello.directed {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
