@@ -20,6 +20,8 @@
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
 //! - `unheard`: runs whose words nobody hears
+//! - `refusals`: what `run` refuses
+//! - `hung`: a recorder that hangs
 //! - `stopping`: simulated and lock-step runs that somebody stops
 //! - `traps`: what iceoryx2 does to samples of the dead, and why ours stay
 
@@ -34,11 +36,13 @@ mod conformance;
 mod controllers;
 mod ending;
 mod failsafe;
+mod hung;
 mod laps;
 mod ledger;
 mod link;
 mod live;
 mod recording;
+mod refusals;
 mod releases;
 mod replaying;
 mod seat;

@@ -29,6 +29,8 @@ fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
     assert!(last + 1_000_000_000 >= before["stamp"].as_u64().unwrap(), "the last second at most");
     assert_eq!(report["balanced"], true, "the ledger does not need the recorder");
     assert_eq!(report["recorded"].as_array().unwrap().len(), 1);
+    let kept = report["recorded"][0]["samples"].as_u64().unwrap();
+    assert!(report["samples"].as_u64().unwrap() >= kept + cut.journals()["source"].len() as u64);
     // Every part ends as readers expect it.
     for part in [&part, &second] {
         let bytes = std::fs::read(part).unwrap();
@@ -140,6 +142,8 @@ fn a_full_disk_is_named_and_the_run_goes_on_to_its_end() {
     assert!(left.iter().all(|name| name.ends_with(".mcap")), "{left:?}");
     assert_eq!(done.json()["parts"], left.len());
     assert_eq!(done.json()["complete"], false);
+    let failed = done.json()["recording_failed"].to_string();
+    assert!(failed.contains("No space left on device"), "{failed}");
     assert!(bench.run_ids().is_empty());
     // In one process the first answer of the disk is the one that is told.
     let error = simulated.err.trim();
@@ -169,6 +173,7 @@ fn a_session_that_is_being_recorded_says_so_and_is_not_mended() {
 
     let report = run.stop().good();
     assert_eq!((&report["complete"], &report["parts"]), (&json!(true), &json!(1)), "{}", report["gaps"]);
+    assert_eq!(report["samples"], report["recorded"][0]["samples"]);
     assert_eq!(bench.call(&["recover", "s/chain-0001", "--json"]).good(), json!([]));
     let replay = bench.call(&["replay", "s/chain-0001", "--json"]).good();
     assert_eq!(replay["identical_all"], true);

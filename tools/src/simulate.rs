@@ -123,6 +123,7 @@ pub fn simulate(
         faults: witness.faults,
         ended_early: ended.err().map(|reason| reason.to_string()),
         recorded,
+        recording_failed: None,
         swept: Vec::new(),
     })
 }

@@ -26,6 +26,8 @@ pub struct Summary<'a> {
     session: Option<&'a Path>,
     held: Option<Held>,
     accuracy: Option<Accuracy>,
+    /// Samples in the session, journals included, also in parts whose recorder died.
+    samples: u64,
     /// Why the session is not complete.
     gaps: Vec<String>,
     refused: Vec<Refused>,
@@ -43,6 +45,7 @@ impl<'a> Summary<'a> {
             session,
             held: readable.and_then(|session| Hold::of_session(graph, session)),
             accuracy: readable.and_then(accuracy::of_session),
+            samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
             gaps: match opened.as_ref().map(|o| o.as_ref().map(Session::completeness)) {
                 None | Some(Ok(Completeness::Complete)) => Vec::new(),
                 Some(Ok(Completeness::Gaps(gaps))) => gaps.iter().map(ToString::to_string).collect(),
@@ -62,6 +65,7 @@ impl<'a> Summary<'a> {
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
             value["session_bytes"] = size_of(session).into();
+            value["samples"] = self.samples.into();
             value["parts"] = parts(session).len().into();
             value["complete"] = self.gaps.is_empty().into();
             value["gaps"] = json!(self.gaps);
@@ -118,8 +122,8 @@ impl<'a> Summary<'a> {
         let size = size_of(session) as f64 / 1e6;
         let count = parts(session).len();
         println!();
-        if report.recorded.is_empty() {
-            println!("THE RECORDING FAILED: nobody ended it");
+        if let Some(reason) = &report.recording_failed {
+            println!("THE RECORDING FAILED: {reason}");
         }
         println!(
             "session {}: {size:.1} MB{}, {count} part{}, {} samples{}",
@@ -131,7 +135,7 @@ impl<'a> Summary<'a> {
                 String::new()
             },
             if count == 1 { "" } else { "s" },
-            report.recorded.iter().map(|r| r.samples).sum::<u64>(),
+            self.samples,
             if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
         );
         match self.gaps.split_first() {
@@ -252,6 +256,11 @@ fn print_ledger(report: &RunReport) {
         );
     }
     println!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
+}
+
+/// Samples of a session.
+fn samples(session: &Session) -> u64 {
+    (0..session.topics().len()).map(|topic| session.numbers(topic).count() as u64).sum()
 }
 
 /// The files of a session.

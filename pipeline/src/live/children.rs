@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 
-use super::control::FromWorker;
+use super::control::{FromWorker, ToWorker};
 use super::pipe::{Line, Lines, say};
 
 /// How long a child that is no longer wanted may take to end in order.
@@ -35,12 +35,16 @@ pub struct Child {
     pub last_words: Option<String>,
     /// Its ports are made.
     pub made: bool,
+    /// Number of the last order to connect that it was given.
+    pub ordered: u64,
     /// Number of the last order to connect that it has done.
     pub connected: u64,
     /// Its inputs are drained and its end is marked.
     pub stopped: bool,
     /// Operators that panicked and wait for an answer, with what they said.
     pub panicked: Vec<(String, String)>,
+    /// Since when it leaves undone what it was told: to make its ports, or to connect.
+    owing: Option<Instant>,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -83,9 +87,11 @@ impl Child {
             name: name.to_string(),
             last_words: None,
             made: false,
+            ordered: 0,
             connected: 0,
             stopped: false,
             panicked: Vec::new(),
+            owing: Some(Instant::now()),
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),
@@ -115,6 +121,26 @@ impl Child {
         }
     }
 
+    /// Has it connect to all publishers that are there: order of this number.
+    pub fn order_connect(&mut self, number: u64) {
+        self.tell(&ToWorker::Connect { number });
+        self.ordered = number;
+        self.owing.get_or_insert_with(Instant::now);
+    }
+
+    /// How long it has left undone what it was told.
+    pub fn silence(&self) -> Duration {
+        self.owing.map_or(Duration::ZERO, |since| since.elapsed())
+    }
+
+    /// Ends it, as it leaves undone what it was told. Its last words say so.
+    pub fn give_up(&mut self, waited: Duration) {
+        self.last_words =
+            Some(format!("it did not answer for {:.1} s, and was killed", waited.as_secs_f64()));
+        self.owing = None;
+        self.kill();
+    }
+
     /// Takes what it has said. Failures go into `told`.
     pub fn listen(&mut self, told: &mut Vec<Told>) {
         while !self.ended {
@@ -130,8 +156,14 @@ impl Child {
                     self.panicked.push((operator.clone(), reason.clone()));
                     told.push(Told { operator, incarnation, reason, fatal: false });
                 }
-                Ok(Line::Message(FromWorker::Made)) => self.made = true,
-                Ok(Line::Message(FromWorker::Connected { number })) => self.connected = number,
+                Ok(Line::Message(FromWorker::Made)) => {
+                    self.made = true;
+                    self.owing = None;
+                }
+                Ok(Line::Message(FromWorker::Connected { number })) => {
+                    self.connected = number;
+                    self.owing = self.owing.filter(|_| number < self.ordered);
+                }
                 Ok(Line::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(Line::Message(message)) => self.heard.push_back(message),
                 Ok(Line::Nothing) => return,
@@ -143,6 +175,11 @@ impl Child {
                 }
             }
         }
+    }
+
+    /// Whether a message was heard and not taken.
+    pub fn has_said(&self) -> bool {
+        !self.heard.is_empty()
     }
 
     /// The oldest message that was heard and not taken.

@@ -165,7 +165,7 @@ pub struct RecorderReport {
 /// From the supervisor to the recorder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToRecorder {
-    /// Connect to all publishers that are there, and say so.
+    /// Connect to all publishers that are there, and say so. Read as what a worker is told.
     Connect {
         /// Number of the order.
         number: u64,

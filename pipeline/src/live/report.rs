@@ -52,8 +52,10 @@ pub struct RunReport {
     pub faults: Vec<Fault>,
     /// Why the run ended before its time, if it did.
     pub ended_early: Option<String>,
-    /// What was recorded, by part.
+    /// What was recorded, by each recorder that ended its part.
     pub recorded: Vec<Recorded>,
+    /// Why nobody ended the last part, if nobody did.
+    pub recording_failed: Option<String>,
     /// Runs that had died, and were swept before this one.
     pub swept: Vec<String>,
 }

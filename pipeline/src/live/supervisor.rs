@@ -1,8 +1,10 @@
 //! The supervisor: starts, watches, restarts and ends the processes of a live run.
 //!
+//! - `connecting`: who connects to whom, and how long that is waited for
 //! - `restarts`: what follows on the death of a child
 //! - `ending`: the end of a run, level by level
 
+mod connecting;
 mod ending;
 mod restarts;
 
@@ -15,7 +17,7 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::children::{Child, Told, wait_any};
 use super::contracts;
-use super::control::{Hello, HelloRecorder, ToRecorder, ToWorker};
+use super::control::{Hello, HelloRecorder, ToWorker};
 use super::entry_of;
 use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
 use super::room::reserve;
@@ -30,10 +32,6 @@ use crate::restarts::Restarts;
 
 /// How long a child may take to make its ports before the run begins.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
-const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
-/// How long the recorder is waited for: what it has not connected to is lost to the session.
-const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
 
 /// Runs a checked pipeline live.
 pub struct Supervisor {
@@ -43,6 +41,9 @@ pub struct Supervisor {
     workers: Vec<Worker>,
     recorder: Option<Child>,
     recorder_deaths: u32,
+    recorder_restarts: Restarts,
+    /// Why the recorder that died last did.
+    recorder_fate: Option<String>,
     /// When the recorder is to be started again, session time.
     recorder_due: Option<u64>,
     /// Number of the last order to connect.
@@ -71,6 +72,8 @@ struct Worker {
     child: Option<Child>,
     /// It was told to begin.
     went: bool,
+    /// Number of the order to connect that went before.
+    greeted: u64,
     /// What follows on its death, or on a panic of one of its operators.
     restarts: Restarts,
     /// When it is to be started again, session time.
@@ -108,6 +111,7 @@ impl Supervisor {
                 process,
                 child: None,
                 went: false,
+                greeted: 0,
                 restarts: Restarts::new(graph.processes[process].restart),
                 due: None,
             })
@@ -120,6 +124,8 @@ impl Supervisor {
             workers,
             recorder: None,
             recorder_deaths: 0,
+            recorder_restarts: restarts::of_recorder(),
+            recorder_fate: None,
             recorder_due: None,
             connects: 0,
             recorded: Vec::new(),
@@ -172,7 +178,8 @@ impl Supervisor {
                 );
             }
         }
-        self.connect_all();
+        let number = self.connect_all();
+        self.wait_for_recorder(number, stop);
         self.folder.publish(&RunCard {
             pipeline: self.graph.name.clone(),
             pid: std::process::id(),
@@ -189,7 +196,7 @@ impl Supervisor {
         for worker in &mut self.workers {
             if let Some(child) = &mut worker.child {
                 child.tell(&go);
-                worker.went = true;
+                (worker.went, worker.greeted) = (true, number);
             }
         }
         Ok(())
@@ -237,28 +244,6 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Has every child connect to all publishers that are there, and waits until each has. What a dead publisher sent
-    /// is safe only after this. A worker that is in a long step is not waited for longer than a moment.
-    fn connect_all(&mut self) {
-        for journal in &self.journals {
-            let _ = journal.connect();
-        }
-        self.connects += 1;
-        let number = self.connects;
-        let begun = Instant::now();
-        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
-            child.tell(&ToWorker::Connect { number });
-        }
-        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {
-            recorder.tell(&ToRecorder::Connect { number });
-            recorder.wait(RECORDER_PATIENCE, &mut self.told, |c| c.connected >= number);
-        }
-        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
-            let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
-            child.wait(left, &mut self.told, |c| c.connected >= number);
-        }
-    }
-
     /// Watches the run until its time is over, all that feeds it has finished, it is stopped, or it cannot go on. Then
     /// ends it in order.
     pub fn watch(mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<RunReport, String> {
@@ -281,7 +266,7 @@ impl Supervisor {
             self.listen();
             self.tell_faults(run);
             // A child that cannot be started ends the run, too, and in order.
-            if let Some(reason) = self.care_for_children(now).unwrap_or_else(Some) {
+            if let Some(reason) = self.care_for_children(now, stop).unwrap_or_else(Some) {
                 early = Some(reason);
                 break;
             }

@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use super::connecting::GLANCE;
 use super::{PATIENCE, Supervisor};
 use crate::graph::Graph;
 use crate::ledger::Line;
-use crate::live::children::Told;
+use crate::live::children::Child;
 use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
 use crate::live::report::{Recorded, Run, RunReport};
 
@@ -40,7 +41,7 @@ impl Supervisor {
                 {
                     self.read_journals();
                     if let Some(child) = &mut self.workers[*index].child {
-                        child.wait(Duration::from_millis(50), &mut self.told, |c| c.stopped);
+                        child.wait(GLANCE, &mut self.told, |c| c.stopped);
                     }
                 }
                 if self.is_stopping(*index)
@@ -57,7 +58,8 @@ impl Supervisor {
             (early, true) => early,
             (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
         };
-        self.connect_all();
+        let number = self.connect_all();
+        let records = self.wait_for_recorder(number, stop);
         self.read_journals();
         self.tell_faults(run);
         let ledger = self.ledger.lines(&self.graph);
@@ -72,9 +74,10 @@ impl Supervisor {
             faults: Vec::new(),
             ended_early: early,
             recorded: Vec::new(),
+            recording_failed: None,
             swept: std::mem::take(&mut self.swept),
         };
-        self.finish_recording(&report);
+        report.recording_failed = self.finish_recording(&report, records, stop).err();
         for worker in &mut self.workers {
             if let Some(mut child) = worker.child.take() {
                 child.tell(&ToWorker::Exit);
@@ -90,7 +93,12 @@ impl Supervisor {
     /// What the session should say is missing, as far as it is known here.
     fn gaps(&self, report: &RunReport) -> Vec<String> {
         let died = (self.recorder_deaths > 0).then(|| {
-            format!("the recorder died {} times; what it had not flushed is missing", self.recorder_deaths)
+            let often = if self.recorder_deaths == 1 {
+                "once".to_string()
+            } else {
+                format!("{} times", self.recorder_deaths)
+            };
+            format!("the recorder died {often}; what it had not flushed is missing")
         });
         let unbalanced = (!report.balanced).then(|| "the ledger does not balance".to_string());
         died.into_iter().chain(unbalanced).collect()
@@ -102,29 +110,43 @@ impl Supervisor {
         worker.went && worker.child.as_ref().is_some_and(|c| !c.stopped && !c.is_gone())
     }
 
-    fn finish_recording(&mut self, report: &RunReport) {
-        let Some(mut recorder) = self.recorder.take() else { return };
-        let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
-        recorder.tell(&ToRecorder::Finish {
-            ledger,
-            gaps: self.gaps(report),
-            ended_early: report.ended_early.clone().filter(|reason| reason != "stopped"),
-        });
-        loop {
-            match recorder.answer(PATIENCE, &mut self.told) {
-                Ok(FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part })) => {
+    /// Has the recorder end the session; `answers`: it does what it is told. Says why the last part was ended by nobody.
+    fn finish_recording(
+        &mut self,
+        report: &RunReport,
+        answers: bool,
+        stop: &AtomicBool,
+    ) -> Result<(), String> {
+        if self.options.session.is_none() {
+            return Ok(());
+        }
+        let Some(mut recorder) = self.recorder.take() else {
+            return Err(self.recorder_fate.take().unwrap_or_else(|| "there is no recorder".to_string()));
+        };
+        if answers {
+            let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
+            recorder.tell(&ToRecorder::Finish {
+                ledger,
+                gaps: self.gaps(report),
+                ended_early: report.ended_early.clone().filter(|reason| reason != "stopped"),
+            });
+        }
+        let begun = Instant::now();
+        // Much may wait for a slow disk, so it has more time than the others. A signal ends that.
+        while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
+            recorder.wait(GLANCE, &mut self.told, Child::has_said);
+            while let Some(said) = recorder.next() {
+                if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = said {
                     self.recorded.push(Recorded { part, samples, bytes, cpu_ns, lost });
-                    break;
-                }
-                Ok(_) => {}
-                Err(reason) => {
-                    let operator = "recorder".to_string();
-                    self.told.push(Told { operator, incarnation: 0, reason, fatal: true });
-                    break;
+                    recorder.reap(STOP_PATIENCE);
+                    return Ok(());
                 }
             }
         }
-        recorder.reap(Duration::from_secs(10));
+        if !recorder.is_gone() {
+            recorder.give_up(recorder.silence().max(begun.elapsed()));
+        }
+        Err(self.reap(recorder))
     }
 }
 

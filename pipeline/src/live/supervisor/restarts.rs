@@ -1,32 +1,62 @@
 //! What follows on the death of a child.
 
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use super::connecting::RECORDER_PATIENCE;
 use super::{Supervisor, Worker};
+use crate::graph::Restart;
 use crate::live::children::{Child, Told};
 use crate::live::control::ToWorker;
-use crate::restarts::Answer;
+use crate::live::room::is_full;
+use crate::restarts::{Answer, Restarts};
 
 /// Wait before the recorder is started again, ns; it doubles each time, up to [`RECORDER_LONGEST`].
 const RECORDER_BACKOFF: u64 = 10_000_000;
 /// Longest wait before the recorder is started again, ns.
 const RECORDER_LONGEST: u64 = 5_000_000_000;
 
+/// The restarts of a recorder: there is no limit.
+pub(super) fn of_recorder() -> Restarts {
+    let policy = Restart::OnFault { limit: u32::MAX, backoff: RECORDER_BACKOFF };
+    Restarts::new(policy).waiting_at_most(RECORDER_LONGEST)
+}
+
+/// How a process ended, in words. A write beyond the end of shared memory is a SIGBUS.
+fn how(status: Option<ExitStatus>, is_full: impl Fn() -> bool) -> String {
+    match status {
+        None => "unknown".to_string(),
+        Some(status) if status.signal() == Some(signal_hook::consts::SIGBUS) && is_full() => {
+            format!("{status}: /dev/shm is full; make room in it, or make it larger")
+        }
+        Some(status) => status.to_string(),
+    }
+}
+
 impl Supervisor {
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, String> {
+    pub(super) fn care_for_children(
+        &mut self,
+        now: u64,
+        stop: &AtomicBool,
+    ) -> Result<Option<String>, String> {
         for index in 0..self.workers.len() {
             if let Some(reason) = self.answer_panics(index, now) {
                 return Ok(Some(reason));
             }
             if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
-                && let Some(reason) = self.bury_worker(index, now)
+                && let Some(reason) = self.bury_worker(index, now, stop)
             {
                 return Ok(Some(reason));
             }
         }
+        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made && r.silence() > RECORDER_PATIENCE) {
+            recorder.give_up(recorder.silence());
+        }
         if self.recorder.as_ref().is_some_and(Child::is_gone) {
-            self.bury_recorder(now);
+            self.bury_recorder(now, stop);
         }
         if self.recorder_due.is_some_and(|due| due <= now) {
             self.recorder_due = None;
@@ -54,28 +84,36 @@ impl Supervisor {
         None
     }
 
-    /// Everyone connects to what a dead process left, and only then its node is cleaned.
-    fn clean_after(&mut self, child: Child) -> String {
-        let name = child.name.clone();
+    /// Reaps a child that is gone, tells how it ended, and gives it.
+    pub(super) fn reap(&mut self, mut child: Child) -> String {
+        let (name, said) = (child.name.clone(), child.last_words.take());
         let status = child.reap(Duration::from_secs(1));
-        let reason =
-            format!("process {name} ended: {}", status.map_or("unknown".to_string(), |s| s.to_string()));
+        let reason = format!("process {name} ended: {}", how(status, is_full));
         self.told.push(Told { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
+        said.map_or_else(|| reason.clone(), |said| format!("{reason} ({said})"))
+    }
+
+    /// Everyone connects to what a dead process left, and only then its node is cleaned. The recorder has as a rule
+    /// connected to it before it `began`, and is not waited for then.
+    fn clean_after(&mut self, child: Child, began: u64, stop: &AtomicBool) -> String {
+        let reason = self.reap(child);
         self.connect_all();
+        if self.recorder.as_ref().is_some_and(|r| r.made) {
+            self.wait_for_recorder(began, stop);
+        }
         self.read_journals();
         self.domain.clean_dead_nodes();
         reason
     }
 
     /// A worker is gone: its restart is planned, if its policy allows one.
-    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
-        let mut child = self.workers[index].child.take()?;
-        let said = child.last_words.take().map_or_else(String::new, |said| format!(" ({said})"));
-        let reason = self.clean_after(child);
+    fn bury_worker(&mut self, index: usize, now: u64, stop: &AtomicBool) -> Option<String> {
+        let child = self.workers[index].child.take()?;
+        let reason = self.clean_after(child, self.workers[index].greeted, stop);
         let worker = &mut self.workers[index];
         worker.went = false;
         match worker.restarts.failed(now) {
-            Answer::GiveUp(why) => Some(format!("{reason}{said}; {why}")),
+            Answer::GiveUp(why) => Some(format!("{reason}; {why}")),
             Answer::Again { at } => {
                 worker.due = Some(at);
                 None
@@ -95,28 +133,59 @@ impl Supervisor {
 
     /// A recorder that dies goes on in the next part of the session. The run does not end by it: the session says what
     /// is missing.
-    fn bury_recorder(&mut self, now: u64) {
+    fn bury_recorder(&mut self, now: u64, stop: &AtomicBool) {
         let Some(child) = self.recorder.take() else { return };
-        self.clean_after(child);
-        let wait = RECORDER_BACKOFF.saturating_mul(1 << self.recorder_deaths.min(16)).min(RECORDER_LONGEST);
+        self.recorder_fate = Some(self.clean_after(child, 0, stop));
         self.recorder_deaths += 1;
-        self.recorder_due = Some(now.saturating_add(wait));
+        if let Answer::Again { at } = self.recorder_restarts.failed(now) {
+            self.recorder_due = Some(at);
+        }
     }
 
     /// Processes whose ports are made since the last look: everyone connects to them, then they begin.
     fn greet_the_new(&mut self) {
         let is_new = |w: &Worker| !w.went && w.child.as_ref().is_some_and(|c| c.made);
-        let recorder = self.recorder.as_ref().is_some_and(|r| r.made && r.connected == 0);
+        let recorder = self.recorder.as_ref().is_some_and(|r| r.made && r.ordered == 0);
         if !recorder && !self.workers.iter().any(is_new) {
             return;
         }
-        self.connect_all();
+        let number = self.connect_all();
         let go = ToWorker::Go { epoch: self.epoch };
         for worker in self.workers.iter_mut().filter(|w| is_new(w)) {
             if let Some(child) = &mut worker.child {
                 child.tell(&go);
-                worker.went = true;
+                (worker.went, worker.greeted) = (true, number);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sigbus_names_a_full_shared_memory_and_nothing_else_does() {
+        let ended = |signal, full: bool| how(Some(ExitStatus::from_raw(signal)), move || full);
+        assert!(ended(7, true).contains("SIGBUS") && ended(7, true).contains("/dev/shm is full; make room"));
+        assert!(!ended(7, false).contains("/dev/shm") && !ended(9, true).contains("/dev/shm"));
+    }
+
+    #[test]
+    fn a_recorder_waits_longer_each_time_up_to_a_limit_and_after_a_calm_as_at_first() {
+        let mut restarts = of_recorder();
+        let mut now = 0;
+        let mut wait = |calm: u64| match restarts.failed(now + calm) {
+            Answer::Again { at } => {
+                let waited = at - now - calm;
+                now = at;
+                waited
+            }
+            Answer::GiveUp(why) => panic!("{why}"),
+        };
+        let waits: Vec<u64> = (0..40).map(|_| wait(1)).collect();
+        assert_eq!(waits[..3], [RECORDER_BACKOFF, 2 * RECORDER_BACKOFF, 4 * RECORDER_BACKOFF]);
+        assert_eq!(waits[39], RECORDER_LONGEST);
+        assert_eq!(wait(11_000_000_000), RECORDER_BACKOFF);
     }
 }

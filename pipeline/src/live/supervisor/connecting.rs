@@ -1,0 +1,56 @@
+//! Who connects to whom, and how long that is waited for.
+//!
+//! What a process sent is safe from its death on with everyone who has connected to it: its memory is mapped then. So a
+//! worker begins when the others have been told to connect to it, and its node is cleaned when they have.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use super::Supervisor;
+
+/// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
+const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
+/// How long the recorder may leave an order undone: what it has not connected to is lost to the session.
+pub(super) const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
+/// How soon a signal is noticed.
+pub(super) const GLANCE: Duration = Duration::from_millis(50);
+
+impl Supervisor {
+    /// Has every child connect to all publishers that are there, and waits for the workers, for those in a long step no
+    /// longer than a moment. Gives the number of the order.
+    pub(super) fn connect_all(&mut self) -> u64 {
+        for journal in &self.journals {
+            let _ = journal.connect();
+        }
+        self.connects += 1;
+        let number = self.connects;
+        let begun = Instant::now();
+        let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
+        for child in children.filter(|c| c.made) {
+            child.order_connect(number);
+        }
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
+            child.wait(left, &mut self.told, |c| c.connected >= number);
+        }
+        number
+    }
+
+    /// Waits until the recorder has done an order to connect; whether it has. One that leaves undone what it was told for
+    /// as long as it may is not waited for, and a signal ends the wait.
+    pub(super) fn wait_for_recorder(&mut self, number: u64, stop: &AtomicBool) -> bool {
+        let Some(recorder) = &mut self.recorder else { return false };
+        while recorder.connected < number
+            && !recorder.is_gone()
+            && recorder.silence() < RECORDER_PATIENCE
+            && !stop.load(Ordering::Relaxed)
+        {
+            if recorder.made && recorder.ordered < number {
+                recorder.order_connect(number);
+            }
+            recorder
+                .wait(GLANCE, &mut self.told, |c| c.connected >= number || (c.made && c.ordered < number));
+        }
+        recorder.connected >= number
+    }
+}
