@@ -183,7 +183,9 @@ pub(crate) fn example(field: &ParamField) -> String {
 
 fn example_of(field: &ParamField, ty: ParamType) -> String {
     let quantity = |plain: &str| match (field.min.or(field.max), crate::spec::units::find(field.unit)) {
-        (Some(bound), _) => bound.to_owned(),
+        // A bound is no value that anyone means.
+        (Some(_), Some(_)) => format!("<{}>", field.unit),
+        (Some(_), None) => "<number>".into(),
         (None, Some((dimension, _))) => {
             let unit = dimension.units.get(1).or(dimension.units.first()).map_or("", |u| u.symbol);
             format!("5 {unit}")

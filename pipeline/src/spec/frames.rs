@@ -124,6 +124,9 @@ fn date(entry: &Entry, findings: &Findings) -> Option<String> {
     Some(text.to_owned())
 }
 
+/// Frames of a circle that a message names.
+const MOST_NAMED: usize = 8;
+
 /// Frames whose parents run in a circle hang on nothing.
 fn circles(frames: &Frames, places: &BTreeMap<String, Span>, findings: &Findings) {
     let mut settled: BTreeSet<&str> = BTreeSet::new();
@@ -142,16 +145,17 @@ fn circles(frames: &Frames, places: &BTreeMap<String, Span>, findings: &Findings
             && frames.placed.contains_key(at)
             && let Some(from) = path.iter().position(|n| *n == at)
         {
-            let mut names: Vec<&str> = path[from..].iter().copied().take(8).collect();
-            names.push(at);
+            let circle = &path[from..];
+            let mut names: Vec<String> = circle.iter().take(MOST_NAMED).map(|n| format!("`{n}`")).collect();
+            if circle.len() > MOST_NAMED {
+                names.push("…".into());
+            }
+            names.push(format!("`{at}`"));
             let span = path.last().and_then(|last| places.get(*last)).copied().unwrap_or_default();
             findings.say(
                 span,
                 Code::FrameCycle,
-                format!(
-                    "the frames {} hang on each other and on nothing else",
-                    names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(" in ")
-                ),
+                format!("the frames {} hang on each other and on nothing else", names.join(" in ")),
                 "give one of them a parent outside the circle",
             );
         }

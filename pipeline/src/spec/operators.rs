@@ -38,6 +38,9 @@ pub struct ParsedOperator<'t> {
     pub link: Option<Wire>,
 }
 
+/// Shortest period of a timer, ns: a shorter one has no time to do anything.
+const SHORTEST_PERIOD: u64 = 1_000;
+
 /// Reads the section.
 pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>> {
     let due = "a mapping from names to operators";
@@ -47,10 +50,23 @@ pub fn read<'t>(entry: &'t Entry, findings: &Findings) -> Vec<ParsedOperator<'t>
             entry.key.span,
             Code::MissingKey,
             "`operators` is empty: a pipeline needs at least one operator",
-            "add one, for example `rig: { use: rig.camera, every: 100 ms }`",
+            "add one, for example `console: { use: console, every: 20 ms }`",
         );
     }
     entries.iter().map(|e| operator(e, findings)).collect()
+}
+
+fn long_enough(every: Marked<u64>, findings: &Findings) -> Option<Marked<u64>> {
+    if every.value >= SHORTEST_PERIOD {
+        return Some(every);
+    }
+    findings.say(
+        every.span,
+        Code::OutOfRange,
+        "`every` must be at least 1 us: nothing is done in a shorter time",
+        "write a longer time, for example `10 ms`",
+    );
+    None
 }
 
 fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
@@ -91,7 +107,7 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     parsed.has_unreadable_inputs =
         keys.get("inputs").is_some_and(|e| !matches!(e.value.value, Value::Map(_)));
     parsed.has_every = keys.get("every").map(|e| e.key.span);
-    parsed.every = keys.get("every").and_then(|e| period(e, findings));
+    parsed.every = keys.get("every").and_then(|e| period(e, findings)).and_then(|e| long_enough(e, findings));
     parsed.has_frame = keys.get("frame").map(|e| e.key.span);
     parsed.frame = keys.get("frame").and_then(|e| {
         let text = e.value.scalar("`frame`", "the name of a frame", findings)?;

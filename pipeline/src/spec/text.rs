@@ -2,9 +2,14 @@
 
 use super::faults::{Code, Faults, Findings};
 use super::source::{Sources, Span};
+use super::yaml::MOST_BYTES;
 
 /// The text of a file, or the fault that it is none.
 pub fn text(bytes: Vec<u8>, file_name: &str) -> Result<String, Faults> {
+    // Where it was cut there may be half a character: what is wrong with it is its length.
+    if bytes.len() > MOST_BYTES {
+        return Ok(String::from_utf8_lossy(&bytes).into_owned());
+    }
     let error = match String::from_utf8(bytes) {
         Ok(text) => return Ok(text),
         Err(error) => error,

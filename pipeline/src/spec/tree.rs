@@ -137,7 +137,9 @@ pub struct Keys<'t> {
 }
 
 /// Keys that DESIGN.md describes and this version does not have.
-const LATER: &[&str] = &["hosts", "host"];
+const LATER: &[&str] = &["hosts"];
+/// A key of a process, which people look for at operators.
+const HOST: &str = "host";
 
 impl<'t> Keys<'t> {
     /// Sorts entries by known keys. An unknown key is a fault; where a known one is near and free, its value is
@@ -167,6 +169,24 @@ impl<'t> Keys<'t> {
                     Code::UnknownKey,
                     format!("{name} is not in this version"),
                     format!("remove {name}"),
+                );
+                continue;
+            }
+            if key == HOST {
+                findings.say(
+                    entry.key.span,
+                    Code::UnknownKey,
+                    format!("{place} has no {noun} {name}: it is a key of a process"),
+                    "write it there: `processes: { NAME: { operators: [...], host: HOST } }`",
+                );
+                continue;
+            }
+            if let Some((before, after)) = key.split_once(':').filter(|(before, _)| known.contains(before)) {
+                findings.say(
+                    entry.key.span,
+                    Code::Syntax,
+                    format!("{name} has no space behind its `:`"),
+                    format!("write {}", shown(&format!("{before}: {after}"))),
                 );
                 continue;
             }

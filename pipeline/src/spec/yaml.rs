@@ -25,7 +25,7 @@ pub fn parse(text: &str, source: usize, offset: usize, findings: &Findings) -> O
         findings.say(
             places.at(0, 0, 1, 0),
             Code::TooLarge,
-            format!("the text has {} bytes, more than the {MOST_BYTES} that a pipeline may have", text.len()),
+            format!("the text has more than the {MOST_BYTES} bytes that a pipeline may have"),
             "split it into several pipelines",
         );
         return None;
@@ -249,6 +249,15 @@ impl Growth<'_> {
                 format!("the character U+{:04X} stands here, which no YAML text has", found as u32),
                 "remove it; is this the file of a pipeline?".into(),
             )
+        } else if info.contains("quote") {
+            (format!("this is not YAML: {info}"), "close the quotes".into())
+        } else if info.contains("unexpected character") {
+            (format!("this is not YAML: {info}"), "put the text that it belongs to in quotes".into())
+        } else if unclosed.is_none()
+            && let Some((key, message, help)) = self.no_key(info, span)
+        {
+            span = key;
+            (message, help)
         } else if let Some((at, bracket)) = unclosed.filter(|(at, _)| at.line < span.line) {
             span = at.first(1);
             let close = if bracket == '{' { '}' } else { ']' };
@@ -261,14 +270,39 @@ impl Growth<'_> {
                 "indent the keys of one mapping alike, and put each on a line of its own"
             } else if unclosed.is_some() {
                 "put a `,` between the entries, and close each bracket"
-            } else if info.contains("quoted") || info.contains("quote") {
-                "close the quotes"
             } else {
                 "look for a missing colon, bracket, quote or indent in this line or the one before"
             };
             (format!("this is not YAML: {info}"), help.to_owned())
         };
         self.findings.say(span, Code::Syntax, message, help);
+    }
+}
+
+impl Growth<'_> {
+    /// The line before a place, where that was to be a key with its value and is none; and what is wrong with it.
+    fn no_key(&self, info: &str, found: Span) -> Option<(Span, String, String)> {
+        if !info.contains("simple key") && !info.contains("mapping values") {
+            return None;
+        }
+        let lines = self.places.text.split_inclusive('\n').enumerate().take(found.line - 1);
+        let is_said = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
+        let (number, line) = lines.filter(|(_, line)| is_said(line)).last()?;
+        let text = line.trim();
+        if text.ends_with(':') || text.contains(": ") || text.starts_with(['-', '"', '\'']) {
+            return None;
+        }
+        let indent = line.len() - line.trim_start().len();
+        let start = self.places.text.split_inclusive('\n').take(number).map(str::len).sum::<usize>() + indent;
+        let span = self.places.at(start, start + text.len(), number + 1, line[..indent].chars().count());
+        let (message, key, value) = match text.split_once(':') {
+            Some((key, value)) => ("a space is missing behind this `:`", key, value),
+            None => {
+                let (key, value) = text.split_once(' ').unwrap_or((text, "..."));
+                ("this line has no `:` behind its key", key, value)
+            }
+        };
+        Some((span, message.into(), format!("write {}", shown(&format!("{key}: {}", value.trim())))))
     }
 }
 

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use stillpoint_pipeline::spec::faults::{Findings, MOST_FAULTS};
 use stillpoint_pipeline::spec::yaml::{MOST_BYTES, parse};
-use stillpoint_pipeline::spec::{Code, check};
+use stillpoint_pipeline::spec::{Code, check, text};
 
 use crate::disk::Disk;
 use crate::good::FILES;
@@ -116,6 +116,33 @@ proptest! {
     ) {
         holds(&text);
     }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 1_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn bytes_that_are_no_text_are_refused_with_their_place(
+        mut bytes in mutated().prop_map(String::into_bytes),
+        at in any::<prop::sample::Index>(),
+        raw in prop::collection::vec(any::<u8>(), 1..20),
+    ) {
+        let at = at.index(bytes.len() + 1);
+        bytes.splice(at..at, raw);
+        match text(bytes, "any.yaml") {
+            Ok(text) => holds(&text),
+            Err(faults) => prop_assert!(faults.list().len() == 1 && faults.to_string().len() < 4000, "{faults}"),
+        }
+    }
+}
+
+#[test]
+fn a_text_that_is_cut_in_a_character_is_too_long_and_not_no_text() {
+    let mut bytes = "é".repeat(MOST_BYTES / 2 + 1).into_bytes();
+    bytes.truncate(MOST_BYTES + 1);
+    let text = text(bytes, "long.yaml").unwrap();
+    let faults = check(&text, "long.yaml", &[], &registry(), &Disk).err().unwrap();
+    assert!(faults.list().iter().any(|f| f.code == Code::TooLarge), "{faults}");
 }
 
 #[test]
