@@ -75,6 +75,16 @@ fn every_example_checks_and_runs_and_replays() {
 }
 
 #[test]
+fn every_example_stands_in_the_readme() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    for example in std::fs::read_dir(root().join("examples")).unwrap() {
+        let name = example.unwrap().file_name().to_string_lossy().into_owned();
+        let command = format!("stillpoint run examples/{name}");
+        assert!(!name.ends_with(".yaml") || readme.contains(&command), "{command} is not in README.md");
+    }
+}
+
+#[test]
 fn the_default_pipeline_comes_with_the_command() {
     let folder = tempfile::tempdir().unwrap();
     let out = stillpoint(folder.path(), &["check"]);
