@@ -187,7 +187,7 @@ fn kinds_are_described_for_programs() {
     );
     assert_eq!(depth["outputs"][0]["sends"], "PointCloud");
     let param = |name: &str| depth["params"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap();
-    assert_eq!((&param("names")["default"], &param("names")["required"]), (&"*.png".into(), &false.into()));
+    assert_eq!((&param("at_end")["default"], &param("at_end")["required"]), (&"stop".into(), &false.into()));
     assert_eq!(param("at_end")["choices"], serde_json::json!(["stop", "repeat"]));
     assert_eq!(
         (&param("camera")["params"][0]["name"], &param("camera")["params"][0]["unit"]),
