@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use stillpoint_recorder::Session;
 
 use crate::graph::Graph;
 use crate::pattern;
+use crate::session::{FILES, HASHES, hex};
 use crate::setup::Files;
 
 /// Files on disk, beside the pipeline's file, and those that come with the program.
@@ -159,6 +162,54 @@ pub struct KeptFiles {
 impl Files for KeptFiles {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
         self.files.get(name).cloned().ok_or_else(|| "the session does not keep this file".to_string())
+    }
+
+    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+        listed(&self.files, name).ok_or_else(|| "the session does not keep it".to_string())
+    }
+}
+
+/// The files that a session kept when it began. One that was lost or changed since stands in its folder as before, but
+/// cannot be read.
+#[derive(Clone, Debug, Default)]
+pub struct SessionFiles {
+    files: BTreeMap<String, Result<Vec<u8>, String>>,
+}
+
+impl SessionFiles {
+    /// The files among the attachments of a session, held against the hashes that its metadata says.
+    pub fn of(session: &Session) -> Self {
+        let kept = |name: &str| session.attachments().get(&format!("{FILES}{name}")).map(|a| a.bytes.clone());
+        let mut files: BTreeMap<_, _> = session
+            .attachments()
+            .iter()
+            .filter_map(|(name, a)| Some((name.strip_prefix(FILES)?.to_string(), Ok(a.bytes.clone()))))
+            .collect();
+        for (name, hash) in session.metadata().get(HASHES).into_iter().flatten() {
+            let file = match kept(name) {
+                None => Err("the session lacks this file".to_string()),
+                Some(bytes) if hex(&Sha256::digest(&bytes)) != *hash => {
+                    Err("the bytes of this file in the session are not those that were recorded".to_string())
+                }
+                Some(bytes) => Ok(bytes),
+            };
+            files.insert(name.clone(), file);
+        }
+        Self { files }
+    }
+
+    /// The files that cannot be read, with the reason.
+    pub fn lacking(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.files.iter().filter_map(|(name, file)| Some((name.as_str(), file.as_ref().err()?.as_str())))
+    }
+}
+
+impl Files for SessionFiles {
+    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+        self.files
+            .get(name)
+            .cloned()
+            .unwrap_or_else(|| Err("the session does not keep this file".to_string()))
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {

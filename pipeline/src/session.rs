@@ -21,6 +21,8 @@ pub const SETS: &str = "sets.json";
 pub const PARAMS: &str = "params.json";
 /// Folder of the files that params name, among the attachments.
 pub const FILES: &str = "files/";
+/// Metadata record with the SHA-256 of each file that params name.
+pub const HASHES: &str = "stillpoint.files";
 /// Metadata record with name of the pipeline, seed and file name.
 pub const RUN: &str = "stillpoint.run";
 /// Metadata record with build and CPU.
@@ -117,7 +119,7 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
     let metadata = BTreeMap::from([
         (RUN.to_string(), run),
         (IDENTITY.to_string(), identity.clone()),
-        ("stillpoint.files".to_string(), hashes),
+        (HASHES.to_string(), hashes),
         (EXTRINSICS.to_string(), extrinsics(graph)),
     ]);
     let frames = graph

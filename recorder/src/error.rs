@@ -3,6 +3,12 @@
 use std::io;
 use std::path::PathBuf;
 
+/// An error with what it was caused by: mcap's own words leave out what the operating system answered.
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |e| e.source());
+    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
+
 /// Why a session cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
@@ -19,6 +25,14 @@ pub enum SessionError {
     NoParts {
         /// The folder.
         path: PathBuf,
+    },
+    /// A folder whose parts hold nothing.
+    #[error(
+        "{part} is there and holds nothing: its recorder died before it wrote anything, or the file was emptied"
+    )]
+    Blank {
+        /// The first part.
+        part: PathBuf,
     },
     /// Another kind of file.
     #[error(

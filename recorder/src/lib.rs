@@ -34,6 +34,7 @@
 //! - `form`: how a sample stands in a recording
 //! - `folder`: the folder of a session, and its file modes
 //! - `session`, `load`, `fetch`: a session, opened; how its parts are read; one sample of it
+//! - `journal`: an entry out of its sample, if it can be one
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
 //! - `layout`, `mapping`: whether a recorded type is a kind of this build; how one of an older layout becomes one
@@ -57,6 +58,7 @@ mod fetch;
 mod file;
 mod folder;
 mod form;
+mod journal;
 mod layout;
 mod load;
 mod mapping;

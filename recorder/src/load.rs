@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
-use stillpoint_samples::{Entry, Journal, Pieces, Sample};
+use stillpoint_samples::Entry;
 
 use crate::account::{ClockSample, Lost};
 use crate::error::SessionError;
 use crate::file::{Channel, Message, Source, scan};
-use crate::form::{Envelope, Form, transforms_from};
+use crate::form::{Envelope, transforms_from};
+use crate::journal::entry_of;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
 use crate::part::{Part, PartChannel, Use};
@@ -92,8 +93,12 @@ impl Session {
                             "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
                         ));
                     }
+                    let topic = &channel.channel.topic;
+                    let entry = self.journal_entry(number, &channel.purpose, message).map_err(|what| {
+                        format!("sample {sequence} of `{topic}`, incarnation {incarnation}: {what}")
+                    })?;
                     self.index.insert(key, place);
-                    if let Some(entry) = self.journal_entry(number, &channel.purpose, message) {
+                    if let Some(entry) = entry {
                         let operator = self.topics[number].operator.clone();
                         self.journals.entry(operator).or_default().push(entry);
                     }
@@ -105,16 +110,18 @@ impl Session {
         Ok(())
     }
 
-    /// The journal entry that a message is, if it is one.
-    fn journal_entry(&self, topic: usize, purpose: &Use, message: &Message<'_>) -> Option<Entry> {
+    /// Whether a message is the sample that its channel promises, and the entry that it is where it is of a journal.
+    fn journal_entry(
+        &self,
+        topic: usize,
+        purpose: &Use,
+        message: &Message<'_>,
+    ) -> Result<Option<Entry>, String> {
         let topic = &self.topics[topic];
-        let (Role::Journal { .. }, Use::Samples { form: Form::Own, shared }) = (&topic.role, purpose) else {
-            return None;
-        };
-        let found = topic.kind.decode(Form::Own, shared, Envelope::of(message), message.data).ok()??;
-        let sample = found.to_bytes();
-        let view = Pieces::split(Journal::KIND, &sample).ok()?.view::<Journal>().ok()?;
-        Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
+        let Use::Samples { form, shared } = purpose else { return Ok(None) };
+        let found = topic.kind.decode(*form, shared, Envelope::of(message), message.data)?;
+        let (Some(found), Role::Journal { inputs, outputs }) = (found, &topic.role) else { return Ok(None) };
+        entry_of(&found.to_bytes(), inputs.len(), outputs.len()).map(Some)
     }
 
     /// Puts the entries of each journal in their order, over all parts.

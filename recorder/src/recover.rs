@@ -12,7 +12,7 @@ use mcap::write::NoSeek;
 use crate::account::RECOVERED_RECORD;
 use crate::cut::{Limits, consistent_cut};
 use crate::ended::Ended;
-use crate::error::SessionError;
+use crate::error::{SessionError, with_causes};
 use crate::file::{Buffer, Message, Record, Source, next_record, scan};
 use crate::folder::{create_private, is_being_written, is_blank, session_parts};
 use crate::part::{Part, PartChannel, Use};
@@ -37,7 +37,7 @@ pub enum RecoverError {
         part: PathBuf,
     },
     /// The mended file cannot be written.
-    #[error("{path}: cannot write the mended part: {cause}; the part as it was is untouched")]
+    #[error("{path}: cannot write the mended part: {}; the part as it was is untouched", with_causes(.cause))]
     Write {
         /// The mended file.
         path: PathBuf,
@@ -99,7 +99,7 @@ pub fn recover<W: Write>(input: Source, out: W) -> Result<(W, Report), RecoverEr
     let session = Session::from_sources(vec![(PathBuf::from("part-000.mcap"), input)])?;
     let limits = limits(&session);
     let part = session.parts.first().ok_or_else(|| SessionError::NoParts { path: PathBuf::new() })?;
-    rewrite(&session, part, &limits, out)
+    rewrite(&session, part, &limits, (&part.path, out))
 }
 
 /// Mends the parts of a session in place, those that need it: each is written anew beside the old one, which it then
@@ -141,10 +141,12 @@ fn mend(session: &Session, part: &Part, limits: &Limits) -> Result<Report, Recov
     }
     let replace = || {
         let file = create_private(&beside).map_err(failed)?;
-        let (file, mut report) = rewrite(session, part, limits, io::BufWriter::with_capacity(1 << 16, file))?;
+        let (file, mut report) =
+            rewrite(session, part, limits, (&beside, io::BufWriter::with_capacity(1 << 16, file)))?;
         let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
         file.sync_all().map_err(failed)?;
-        if report.bytes_cut > part.largest_chunk() && !part.ends_in_chunk() {
+        let cut_short = report.bytes_cut > part.largest_chunk() && !part.ends_in_chunk();
+        if cut_short || !part.damage.is_empty() {
             report.kept = Some(keep(&part.path).map_err(failed)?);
         }
         std::fs::rename(&beside, &part.path).map_err(failed)?;
@@ -185,10 +187,10 @@ fn rewrite<W: Write>(
     session: &Session,
     part: &Part,
     limits: &Limits,
-    out: W,
+    (path, out): (&Path, W),
 ) -> Result<(W, Report), RecoverError> {
     let read = |cause| SessionError::Io { path: part.path.clone(), cause };
-    let write = |cause: mcap::McapError| RecoverError::Write { path: part.path.clone(), cause };
+    let write = |cause: mcap::McapError| RecoverError::Write { path: path.to_owned(), cause };
     let mut report = Report {
         bytes: part.size,
         bytes_cut: if part.scan.footer { 0 } else { part.size - part.scan.whole },
@@ -233,10 +235,14 @@ fn rewrite<W: Write>(
     let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
     for number in 0..part.scan.blocks.len() {
         part.records(number, &mut bytes, &mut stored).map_err(read)?;
-        let mut at = 0;
-        while let Some((_, record)) = next_record(&bytes, &mut at) {
+        let (mut at, mut behind) = (0, 0);
+        while let Some((_, record)) = next_record(&bytes, &mut behind) {
+            let start = std::mem::replace(&mut at, behind);
             let Ok(Record::Message(m)) = record else { continue };
             let Some(channel) = part.channels.get(&m.channel) else { continue };
+            if !session.stands_at(channel, &m, (part, number, start)) {
+                continue;
+            }
             if let Some(topic) = beyond(limits, channel, &m) {
                 let of_sample = matches!(channel.purpose, Use::Samples { .. });
                 let count = if journals.contains(topic) {

@@ -90,17 +90,21 @@ impl Session {
             let path = path.to_owned();
             move |cause| SessionError::Io { path, cause }
         };
-        let mut sources = Vec::new();
+        let (mut sources, mut blank) = (Vec::new(), None);
         for part in session_parts(path).map_err(io(path))? {
             // A file that is given by its name is opened whatever it is.
             if part != path && is_blank(&part).map_err(io(&part))? {
+                blank.get_or_insert(part);
                 continue;
             }
             let source = Source::open(&part).map_err(io(&part))?;
             sources.push((part, source));
         }
         if sources.is_empty() {
-            return Err(SessionError::NoParts { path: path.to_owned() });
+            return Err(match blank {
+                Some(part) => SessionError::Blank { part },
+                None => SessionError::NoParts { path: path.to_owned() },
+            });
         }
         Self::from_sources(sources)
     }

@@ -13,15 +13,10 @@ use crate::account::{
 };
 use crate::channels::{Out, Topic, add_channel, qos};
 use crate::encoded::Encoded;
+use crate::error::with_causes;
 use crate::form::{schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
-
-/// An error with what it was caused by: mcap's own words leave out what the operating system answered.
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(Some(error), |e| e.source());
-    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
-}
 
 /// Bytes after which a chunk is closed.
 pub const CHUNK_SIZE: u64 = 1 << 20;

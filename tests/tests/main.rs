@@ -34,6 +34,7 @@ mod bench;
 mod breaking;
 mod conformance;
 mod controllers;
+mod damaged;
 mod ending;
 mod failsafe;
 mod hung;

@@ -162,6 +162,11 @@ fn a_lost_output_of_a_whole_operator_is_made_again() {
     });
     let report = replay(&bench, text(&tampered)).good();
     assert!(report["recomputed"]["other.sum"].as_u64().unwrap() > 5);
+    // Also where it is made for its consumer alone.
+    for chosen in ["--only", "--from"] {
+        let report = bench.call(&["replay", text(&tampered), "--json", chosen, "last"]).good();
+        assert!(report["identical"]["last.sum"].as_u64().unwrap() > 5, "{report}");
+    }
 }
 
 #[test]
@@ -227,6 +232,7 @@ fn one_operator_is_compared_alone_or_with_all_downstream() {
     assert_eq!(topics(&from), ["last.sum", "other.sum"]);
     found(&bench.call(&["replay", &session, "--json", "--from", "suspect"]), "suspect");
     let unknown = bench.call(&["replay", &session, "--only", "nobody"]);
+    assert_eq!(unknown.code(), 2);
     assert!(unknown.err.contains("no operator `nobody`"), "{}", unknown.err);
 }
 

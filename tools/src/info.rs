@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
+use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_recorder::{Completeness, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -83,6 +84,9 @@ impl Info {
             println!("attached {:<32} {:>9} bytes", a.name, a.bytes.len());
         }
         println!();
+        for (name, reason) in SessionFiles::of(&session).lacking() {
+            println!("{name}: {reason}; operators that read it cannot be replayed");
+        }
         if gaps.is_empty() {
             println!("complete: everything that a replay needs is there");
         } else {

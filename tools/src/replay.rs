@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_pipeline::replay::{ReplayReport, Selection, replay};
+use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
 use stillpoint_pipeline::schedule::Witness;
-use stillpoint_pipeline::session::{FILES, IDENTITY, PIPELINE, RUN, SETS, identity};
+use stillpoint_pipeline::session::{HASHES, IDENTITY, PIPELINE, RUN, SETS, identity};
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec;
 use stillpoint_pipeline::stdout::Aside;
@@ -73,7 +73,7 @@ impl Witness for Nobody {
 }
 
 /// The pipeline of a session, and the files that it kept.
-pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, KeptFiles), Failure> {
+pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, SessionFiles), Failure> {
     let text = |name: &str| {
         let kept = session.attachments().get(name).ok_or_else(|| {
             Failure::failed(format!(
@@ -86,13 +86,7 @@ pub fn pipeline_of(session: &Session, registry: &Registry) -> Result<(Graph, Kep
     let source = text(PIPELINE)?;
     let sets: Vec<String> = serde_json::from_str(&text(SETS)?)
         .map_err(|e| Failure::failed(format!("{SETS} of the session: {e}")))?;
-    let files = KeptFiles {
-        files: session
-            .attachments()
-            .iter()
-            .filter_map(|(name, a)| Some((name.strip_prefix(FILES)?.to_string(), a.bytes.clone())))
-            .collect(),
-    };
+    let files = SessionFiles::of(session);
     let graph = spec::check(&source, PIPELINE, &sets, registry, &files).map_err(|faults| {
         Failure::wrong(format!("the session's pipeline does not fit this build:\n{faults}"))
     })?;
@@ -115,14 +109,13 @@ impl Replay {
         let aside = Aside::begin();
         let begun = std::time::Instant::now();
         let report = match &self.record {
-            None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(Failure::failed)?,
+            None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(failed)?,
             Some(folder) => {
                 let all = Graph { record: Record::All, ..(*graph).clone() };
                 let opening = opening_of(&session);
                 let mut keeper = Keeper::create_with(folder, &all, &opening, self.compression.into())
                     .map_err(Failure::failed)?;
-                let report =
-                    replay(&session, &graph, &files, &selection, &mut keeper).map_err(Failure::failed)?;
+                let report = replay(&session, &graph, &files, &selection, &mut keeper).map_err(failed)?;
                 keeper.finish(None).map_err(Failure::failed)?;
                 report
             }
@@ -197,7 +190,10 @@ impl Replay {
                 "the journals are the same; no sample could be compared: the recording keeps no topic of these operators"
                     .to_string()
             }
-            None if report.open.is_empty() => "identical".to_string(),
+            None if report.open.is_empty() && report.gaps.is_empty() => "identical".to_string(),
+            None if report.open.is_empty() => {
+                "identical as far as it was kept; the session is not complete".to_string()
+            }
             None => {
                 format!("identical where it can be replayed; {} incarnations are open", report.open.len())
             }
@@ -214,9 +210,15 @@ impl Replay {
     }
 }
 
+/// A replay that cannot begin or go on.
+fn failed(error: ReplayError) -> Failure {
+    let exit = if matches!(error, ReplayError::Operator(..)) { Exit::Wrong } else { Exit::Failed };
+    Failure { exit, ..Failure::failed(error) }
+}
+
 /// What a session of a replay starts with: what the replayed one kept.
 pub fn opening_of(session: &Session) -> Opening {
-    let keep = [RUN, IDENTITY, "stillpoint.files"];
+    let keep = [RUN, IDENTITY, HASHES];
     Opening {
         attachments: session
             .attachments()

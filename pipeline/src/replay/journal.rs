@@ -7,8 +7,8 @@ use crate::graph::Graph;
 
 /// The entries of all operators, in an order in which each comes after all that it depends on.
 pub struct Ordered<'s> {
-    /// Operator, entry, and what is missing before it.
-    entries: Vec<(usize, &'s Entry, Option<String>)>,
+    /// Place in time, operator, entry, and why it cannot be done again in its order, if it cannot.
+    entries: Vec<(u64, usize, &'s Entry, Option<String>)>,
 }
 
 impl<'s> Ordered<'s> {
@@ -19,25 +19,29 @@ impl<'s> Ordered<'s> {
         for (operator, node) in graph.operators.iter().enumerate() {
             let Some(journal) = session.journals().get(&node.name) else { continue };
             let mut before: Option<&Entry> = None;
-            for entry in journal {
-                entries.push((operator, entry, gap(before, entry)));
+            for (i, entry) in journal.iter().enumerate() {
+                let next = journal.get(i + 1);
+                let missing = gap(before, entry).or_else(|| out_of_time(entry, next));
+                // One that claims a later time than the one behind it comes before that one nevertheless.
+                let time = next.map_or(entry.head.stamp, |n| n.head.stamp.min(entry.head.stamp));
+                entries.push((time, operator, entry, missing));
                 before = Some(entry);
             }
         }
-        entries.sort_by_key(|(operator, entry, _)| {
-            (entry.head.stamp, *operator, entry.head.incarnation, entry.head.sequence)
+        entries.sort_by_key(|(time, operator, entry, _)| {
+            (*time, *operator, entry.head.incarnation, entry.head.sequence)
         });
         Self { entries }
     }
 
     /// The entries in order.
     pub fn entries(self) -> impl Iterator<Item = (usize, &'s Entry, Option<String>)> {
-        self.entries.into_iter()
+        self.entries.into_iter().map(|(_, operator, entry, missing)| (operator, entry, missing))
     }
 
     /// Session time between the first and the last entry, s.
     pub fn seconds(&self) -> f64 {
-        let stamps = || self.entries.iter().map(|(_, e, _)| e.head.stamp);
+        let stamps = || self.entries.iter().map(|(time, ..)| *time);
         stamps().max().unwrap_or(0).saturating_sub(stamps().min().unwrap_or(0)) as f64 / 1e9
     }
 }
@@ -54,4 +58,13 @@ fn gap(before: Option<&Entry>, entry: &Entry) -> Option<String> {
     }
     (expected == 0 && entry.cause() != Some(Cause::Start))
         .then(|| "the incarnation's first entry is missing".to_string())
+}
+
+/// What is wrong where an entry is later than the one behind it: the order of time is then not that of the journal.
+fn out_of_time(entry: &Entry, next: Option<&Entry>) -> Option<String> {
+    let next = next.filter(|n| n.head.stamp < entry.head.stamp)?;
+    Some(format!(
+        "its journal is damaged: the time of entry {} is after that of entry {} behind it",
+        entry.head.sequence, next.head.sequence
+    ))
 }

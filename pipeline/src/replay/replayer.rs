@@ -8,7 +8,7 @@ use stillpoint_samples::{Cause, Entry, Outcome, RefKind};
 
 use super::difference::{self, Difference};
 use super::{Open, ReplayError, ReplayReport};
-use crate::graph::Graph;
+use crate::graph::{Graph, OperatorNode};
 use crate::placement::{Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::schedule::Witness;
@@ -25,6 +25,7 @@ pub struct Replayer<'s, 'f> {
     session: &'s Session,
     graph: Arc<Graph>,
     placement: Local<'f>,
+    files: &'f dyn Files,
     lives: Vec<Option<Life>>,
     compared: BTreeSet<usize>,
     run: BTreeSet<usize>,
@@ -44,6 +45,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
             session,
             graph: graph.clone(),
             placement: Local::new(graph.clone(), files),
+            files,
             lives: graph.operators.iter().map(|_| None).collect(),
             compared,
             run,
@@ -68,12 +70,10 @@ impl<'s, 'f> Replayer<'s, 'f> {
     ) -> Result<(), ReplayError> {
         let mut made = None;
         if self.run.contains(&operator) {
-            if let Some(reason) = gap {
-                self.open(operator, entry, reason);
-            }
-            match entry.cause() {
-                Some(Cause::Start) => self.begin(operator, entry)?,
-                Some(Cause::End) => self.finish(operator, entry)?,
+            match (gap, entry.cause()) {
+                (Some(reason), _) => self.open(operator, entry, reason),
+                (None, Some(Cause::Start)) => self.begin(operator, entry),
+                (None, Some(Cause::End)) => self.finish(operator, entry),
                 _ => made = self.activate(operator, entry)?,
             }
         }
@@ -82,21 +82,37 @@ impl<'s, 'f> Replayer<'s, 'f> {
         witness.saw(operator, entry, &outputs).map_err(ReplayError::Witness)
     }
 
-    fn begin(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {
+    fn begin(&mut self, operator: usize, entry: &Entry) {
+        let open_already = |l: &Life| l.incarnation == entry.head.incarnation && l.open.is_some();
+        if self.lives[operator].as_ref().is_some_and(open_already) {
+            return;
+        }
         let life = Life { incarnation: entry.head.incarnation, open: None };
         if self.lives[operator].replace(life).is_some_and(|l| l.open.is_none()) {
             self.report.exact_incarnations += 1;
         }
-        self.placement.start(operator, entry.head.incarnation, entry.head.stamp)?;
-        Ok(())
+        let lacking = lacking(&self.graph.operators[operator], self.files);
+        let begun = match lacking {
+            Some(reason) => Err(reason),
+            None => self
+                .placement
+                .start(operator, entry.head.incarnation, entry.head.stamp)
+                .map(|_| ())
+                .map_err(|e| e.to_string()),
+        };
+        if let Err(reason) = begun {
+            self.open(operator, entry, reason);
+        }
     }
 
-    fn finish(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {
-        if self.is_exact(operator, entry) {
-            let again = self.placement.end(operator, entry.head.stamp, &[])?;
-            self.compare_entries(operator, entry, &again);
+    fn finish(&mut self, operator: usize, entry: &Entry) {
+        if !self.is_exact(operator, entry) {
+            return;
         }
-        Ok(())
+        match self.placement.end(operator, entry.head.stamp, &[]) {
+            Ok(again) => self.compare_entries(operator, entry, &again),
+            Err(e) => self.open(operator, entry, e.to_string()),
+        }
     }
 
     fn is_exact(&self, operator: usize, entry: &Entry) -> bool {
@@ -154,7 +170,11 @@ impl<'s, 'f> Replayer<'s, 'f> {
                     self.open(operator, entry, reason);
                     return Ok(None);
                 }
-                Err(e) => return Err(e.into()),
+                // One bad entry harms one incarnation.
+                Err(e) => {
+                    self.open(operator, entry, e.to_string());
+                    return Ok(None);
+                }
             }
         };
         self.report.activations += 1;
@@ -282,4 +302,15 @@ impl<'s, 'f> Replayer<'s, 'f> {
         let recorded = self.session.sample(number, incarnation, sequence)?;
         Ok(recorded.map(|r| Parcel { kind: kind.sample, bytes: Arc::new(r.sample) }))
     }
+}
+
+/// The first file that an operator reads and that cannot be read, and why.
+fn lacking(node: &OperatorNode, files: &dyn Files) -> Option<String> {
+    node.files.iter().find_map(|name| {
+        let names = match files.list(name) {
+            Ok(names) => names,
+            Err(e) => return Some(format!("it reads {name}: {e}")),
+        };
+        names.iter().find_map(|file| files.read(file).err().map(|e| format!("it reads {file}: {e}")))
+    })
 }

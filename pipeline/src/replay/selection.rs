@@ -7,6 +7,7 @@ use stillpoint_recorder::Session;
 use super::ReplayError;
 use crate::graph::Graph;
 use crate::operator::Role;
+use crate::record::Record;
 
 /// Which operators are compared.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,12 +52,21 @@ pub(super) fn needed(session: &Session, graph: &Graph, compared: &BTreeSet<usize
         if graph.operators[operator].stage.kind.role == Role::Source || !found.insert(operator) {
             continue;
         }
-        for edge in graph.operators[operator].inputs.iter().filter_map(|i| i.edge) {
+        let node = &graph.operators[operator];
+        for (port, edge) in node.inputs.iter().enumerate().filter_map(|(p, i)| Some((p, i.edge?))) {
             let topic = &graph.operators[edge.operator].outputs[edge.output].topic;
-            if session.topic_number(topic).is_none() {
+            if !holds_all(session, &node.name, port, topic) {
                 todo.push(edge.operator);
             }
         }
     }
     found
+}
+
+/// Whether every sample of a topic is recorded that an operator consumed on an input.
+fn holds_all(session: &Session, operator: &str, port: usize, topic: &str) -> bool {
+    let Some(number) = session.topic_number(topic) else { return false };
+    let records = session.journals().get(operator).into_iter().flatten().filter_map(Record::of);
+    let mut named = records.flat_map(|r| r.inputs).filter(|r| r.port as usize == port);
+    named.all(|r| session.has(number, r.incarnation, r.first))
 }

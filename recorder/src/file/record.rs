@@ -80,6 +80,13 @@ pub(crate) enum Record<'a> {
 /// Why a record cannot be read.
 pub(crate) type Fault = &'static str;
 
+/// The name of an attachment, as far as it can be read: its checksum may be wrong.
+pub(crate) fn attachment_name(body: &[u8]) -> Option<String> {
+    let mut c = Cursor { rest: body };
+    c.take(16).ok()?;
+    c.string().ok()
+}
+
 /// Walks over the bytes of a record.
 struct Cursor<'a> {
     rest: &'a [u8],

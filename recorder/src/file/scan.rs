@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::io;
 
 use super::block::Block;
-use super::record::{AttachmentRecord, RECORD_HEADER, Record, chunk_header, op, opcode_and_length, parse};
+use super::record::{
+    AttachmentRecord, RECORD_HEADER, Record, attachment_name, chunk_header, op, opcode_and_length, parse,
+};
 use super::source::Source;
 
 const MAGIC: &[u8] = &[0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
@@ -64,7 +66,14 @@ pub(crate) fn scan(source: &Source) -> io::Result<Option<Scan>> {
                     Ok(Record::Attachment(a)) => found.attachments.push(a),
                     Ok(Record::Metadata { name, entries }) => found.metadata.push((name, entries)),
                     Ok(_) => {}
-                    Err(fault) => found.damage.push(Damage { offset: at, what: fault.to_owned() }),
+                    Err(fault) => {
+                        let name = (opcode == op::ATTACHMENT).then(|| attachment_name(&bytes)).flatten();
+                        let what = match name {
+                            Some(name) => format!("`{}`: {fault}", name.escape_debug()),
+                            None => fault.to_owned(),
+                        };
+                        found.damage.push(Damage { offset: at, what });
+                    }
                 }
             }
             op::SCHEMA | op::CHANNEL | op::MESSAGE => {

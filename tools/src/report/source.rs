@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::frames::{Frame, Frames, Rigid};
 use stillpoint_pipeline::graph::Graph;
 
@@ -14,7 +14,7 @@ pub struct Source<'s> {
     /// What was read.
     pub recording: Recording<'s>,
     /// The checked pipeline with the files that it names, or why there is none.
-    pub pipeline: Result<(Arc<Graph>, KeptFiles), String>,
+    pub pipeline: Result<(Arc<Graph>, SessionFiles), String>,
     /// Pictures of each camera at most.
     pub pictures: usize,
 }

@@ -1,0 +1,92 @@
+//! Damaged sessions: what is harmed is named, nothing else is, and no difference is made up.
+
+use std::path::Path;
+
+use serde_json::Value;
+use stillpoint_samples::{HEAD_SIZE, JournalBody};
+
+use crate::bench::{Bench, pipeline, text};
+use crate::tampered::{Sample, rewrite};
+
+const OWN_RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/own-recording.yaml");
+
+/// Place of the first reference of an entry.
+const REFERENCE: usize = HEAD_SIZE + size_of::<JournalBody>();
+
+/// Replays a session that must have gaps and no difference, and gives what is open.
+fn open(bench: &Bench, session: &str) -> Vec<Value> {
+    let done = bench.call(&["replay", session, "--json"]);
+    assert_eq!(done.code(), 4, "{}\n{}", done.out, done.err);
+    let report = done.json();
+    assert_eq!(report["differences"], 0, "{report}");
+    report["open"].as_array().unwrap().clone()
+}
+
+/// Flips a bit in the bytes of an attachment.
+fn flip(part: &Path, attachment: &str) {
+    let mut bytes = std::fs::read(part).unwrap();
+    let name = bytes.windows(attachment.len()).position(|w| w == attachment.as_bytes()).unwrap();
+    // Behind the name stand its media type and its length.
+    bytes[name + attachment.len() + 100] ^= 1;
+    std::fs::write(part, bytes).unwrap();
+}
+
+#[test]
+fn a_damaged_file_opens_the_operator_that_reads_it_and_is_named_also_after_mending() {
+    let bench = Bench::new();
+    let run = ["run", OWN_RECORDING, "--clock", "simulated", "--for", "1 s", "--json"];
+    let report = bench.call(&run).good();
+    let session = report["session"].as_str().unwrap();
+    bench.call(&["replay", session, "--json"]).good();
+    flip(&bench.path(session).join("part-000.mcap"), "files/data/depth/001.png");
+    for mended in [false, true] {
+        if mended {
+            bench.call(&["recover", session, "--json"]).good();
+            assert!(bench.path(session).join("part-000.mcap.damaged").exists());
+        }
+        let open = open(&bench, session);
+        assert_eq!(
+            (&open[0]["operator"], &open[0]["from_activation"]),
+            (&"cloud".into(), &0.into()),
+            "{open:?}"
+        );
+        assert!(open[0]["reason"].as_str().unwrap().contains("data/depth/001.png"), "{open:?}");
+        let info = bench.call(&["info", session]);
+        assert!(info.out.contains("data/depth/001.png: the session lacks this file"), "{}", info.out);
+    }
+    let said = bench.call(&["replay", session, "--only", "filter"]);
+    assert_eq!(said.code(), 4);
+    assert!(
+        said.out.contains("identical as far as it was kept; the session is not complete"),
+        "{}",
+        said.out
+    );
+}
+
+#[test]
+fn a_bad_journal_entry_harms_its_incarnation_alone_and_the_session_is_not_complete() {
+    let bench = Bench::new();
+    let report = bench
+        .call(&["run", text(&pipeline("wrong.yaml")), "--for", "500 ms", "--json", "--record", "s"])
+        .good();
+    let session = bench.path(report["session"].as_str().unwrap());
+    // Count and port of the reference, and the stamp of the head.
+    let broken: [(&str, usize, &[u8]); 4] = [
+        ("count", REFERENCE + 32, &[255; 4]),
+        ("port", REFERENCE + 40, &[77, 0, 0, 0]),
+        ("late", 0, &[255; 8]),
+        ("early", 0, &[0; 8]),
+    ];
+    for (name, at, value) in broken {
+        let tampered = bench.path(name);
+        rewrite(&session, &tampered, |samples| {
+            let of_other = |s: &&mut Sample| s.topic == "other.journal" && s.sequence == 20;
+            let entry = samples.iter_mut().find(of_other).unwrap();
+            entry.bytes[at..at + value.len()].copy_from_slice(value);
+        });
+        let open = open(&bench, text(&tampered));
+        assert!(open.len() == 1 && open[0]["operator"] == "other", "{name}: {open:?}");
+        let complete = &bench.call(&["info", text(&tampered), "--json"]).good()["complete"];
+        assert!(at == 0 || *complete == false, "{name}");
+    }
+}
