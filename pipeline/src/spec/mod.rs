@@ -17,6 +17,7 @@
 //! Text to tree:
 //! - `text`, `source`: texts and places in them
 //! - `yaml`, `tree`: YAML as it was written, each key and value with its place
+//! - `syntax`: what is said of a text that is no YAML
 //! - `sets`: `--set operator.param=value`, applied to the tree
 //! - `units`, `decimal`, `quantity`: numbers with units, read as SI
 //!
@@ -54,6 +55,7 @@ pub mod schema;
 mod sets;
 pub mod source;
 mod sync;
+mod syntax;
 mod text;
 pub mod tree;
 pub mod units;

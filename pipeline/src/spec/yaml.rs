@@ -11,6 +11,7 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Tag};
 use super::faults::{Code, Complaint, Findings};
 use super::near::shown;
 use super::source::{Marked, Span};
+use super::syntax::Slip;
 use super::tree::{Entry, Node, Value};
 
 /// Most bytes of a pipeline.
@@ -62,11 +63,11 @@ pub fn parse(text: &str, source: usize, offset: usize, findings: &Findings) -> O
 }
 
 /// Character positions as places: the parser counts characters, a place counts bytes.
-struct Places<'t> {
-    text: &'t str,
+pub(super) struct Places<'t> {
+    pub(super) text: &'t str,
     bytes: Option<Vec<usize>>,
     source: usize,
-    offset: usize,
+    pub(super) offset: usize,
 }
 
 impl<'t> Places<'t> {
@@ -83,7 +84,8 @@ impl<'t> Places<'t> {
         }
     }
 
-    fn at(&self, start: usize, end: usize, line: usize, column: usize) -> Span {
+    /// The place of these bytes, on a line from 1, behind so many characters of it.
+    pub(super) fn at(&self, start: usize, end: usize, line: usize, column: usize) -> Span {
         let shift = if line <= 1 { self.offset } else { 0 };
         Span {
             source: self.source,
@@ -213,96 +215,20 @@ impl Growth<'_> {
         }
     }
 
+    /// Says what is wrong where the scanner found no YAML.
     fn syntax(&self, error: &ScanError) {
+        let place = self.places.between(*error.marker(), *error.marker());
         // The scanner reads ahead and has a limit of its own.
         if error.info().contains("recursion") {
-            return self.findings.add(self.places.between(*error.marker(), *error.marker()), too_deep());
+            return self.findings.add(place, too_deep());
         }
-        let marker = *error.marker();
-        let mut span = self.places.between(marker, marker);
-        let info = error.info();
-        let line = self.places.text.lines().nth(span.line - 1).unwrap_or("");
-        let unclosed = self.open.iter().rev().find_map(|open| {
+        let open = self.open.iter().rev().find_map(|open| {
             let (Open::List { span, .. } | Open::Map { span, .. }) = open;
             let first = self.places.text.as_bytes().get(span.start.wrapping_sub(self.places.offset));
             first.filter(|b| matches!(b, b'{' | b'[')).map(|b| (*span, char::from(*b)))
         });
-        let indented_by_tab = line.chars().take_while(|c| c.is_whitespace()).any(|c| c == '\t');
-        let (message, help) = if indented_by_tab {
-            ("a tab indents this line, which YAML forbids".to_owned(), "indent with spaces".to_owned())
-        } else if info.contains("anchor") {
-            let pattern =
-                line.chars().skip(span.column - 1).take_while(|c| !matches!(c, ',' | ']' | '}' | ' '));
-            let pattern: String = pattern.collect();
-            (
-                "this names an anchor, which a pipeline does not have".into(),
-                match pattern.strip_prefix('*') {
-                    Some(rest) if rest.chars().any(|c| !c.is_alphanumeric() && c != '_') => {
-                        format!("if it is a text, put it in quotes: `\"{pattern}\"`")
-                    }
-                    _ => "write the value itself".into(),
-                },
-            )
-        } else if info.contains("unprintable") {
-            let found = self.places.text[span.start - self.places.offset..].chars().next().unwrap_or('\0');
-            (
-                format!("the character U+{:04X} stands here, which no YAML text has", found as u32),
-                "remove it; is this the file of a pipeline?".into(),
-            )
-        } else if info.contains("quote") {
-            (format!("this is not YAML: {info}"), "close the quotes".into())
-        } else if info.contains("unexpected character") {
-            (format!("this is not YAML: {info}"), "put the text that it belongs to in quotes".into())
-        } else if unclosed.is_none()
-            && let Some((key, message, help)) = self.no_key(info, span)
-        {
-            span = key;
-            (message, help)
-        } else if let Some((at, bracket)) = unclosed.filter(|(at, _)| at.line < span.line) {
-            span = at.first(1);
-            let close = if bracket == '{' { '}' } else { ']' };
-            (
-                format!("this `{bracket}` is not closed where a `,` or `{close}` is due"),
-                format!("close it with `{close}`, or put a `,` between its entries"),
-            )
-        } else {
-            let help = if info.contains("mapping values") || info.contains("block mapping") {
-                "indent the keys of one mapping alike, and put each on a line of its own"
-            } else if unclosed.is_some() {
-                "put a `,` between the entries, and close each bracket"
-            } else {
-                "look for a missing colon, bracket, quote or indent in this line or the one before"
-            };
-            (format!("this is not YAML: {info}"), help.to_owned())
-        };
-        self.findings.say(span, Code::Syntax, message, help);
-    }
-}
-
-impl Growth<'_> {
-    /// The line before a place, where that was to be a key with its value and is none; and what is wrong with it.
-    fn no_key(&self, info: &str, found: Span) -> Option<(Span, String, String)> {
-        if !info.contains("simple key") && !info.contains("mapping values") {
-            return None;
-        }
-        let lines = self.places.text.split_inclusive('\n').enumerate().take(found.line - 1);
-        let is_said = |line: &str| !line.trim().is_empty() && !line.trim_start().starts_with('#');
-        let (number, line) = lines.filter(|(_, line)| is_said(line)).last()?;
-        let text = line.trim();
-        if text.ends_with(':') || text.contains(": ") || text.starts_with(['-', '"', '\'']) {
-            return None;
-        }
-        let indent = line.len() - line.trim_start().len();
-        let start = self.places.text.split_inclusive('\n').take(number).map(str::len).sum::<usize>() + indent;
-        let span = self.places.at(start, start + text.len(), number + 1, line[..indent].chars().count());
-        let (message, key, value) = match text.split_once(':') {
-            Some((key, value)) => ("a space is missing behind this `:`", key, value),
-            None => {
-                let (key, value) = text.split_once(' ').unwrap_or((text, "..."));
-                ("this line has no `:` behind its key", key, value)
-            }
-        };
-        Some((span, message.into(), format!("write {}", shown(&format!("{key}: {}", value.trim())))))
+        let slip = Slip::new(&self.places, error.info(), place, open).found();
+        self.findings.say(slip.at, Code::Syntax, slip.message, slip.help);
     }
 }
 
