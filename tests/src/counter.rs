@@ -99,9 +99,12 @@ impl Counter {
             Habit::Error if now => {
                 Err(StepError(format!("the kit fails at activation {}", activation.index)))
             }
-            Habit::Hang if now => loop {
-                std::thread::sleep(std::time::Duration::from_secs(1));
-            },
+            Habit::Hang if now => {
+                eprintln!("the kit hangs at activation {}", activation.index);
+                loop {
+                    std::thread::sleep(std::time::Duration::from_secs(1));
+                }
+            }
             Habit::Clock => {
                 let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
                 Ok(since.map_or(0.0, |d| f64::from(d.subsec_nanos()) * 1e-9))

@@ -154,6 +154,11 @@ impl Running {
         self.child.id()
     }
 
+    /// Whether these words stand on its standard error.
+    pub fn has_said(&self, words: &str) -> bool {
+        std::fs::read_to_string(&self.err).is_ok_and(|said| said.contains(words))
+    }
+
     pub fn signal(&self, signal: Signal) {
         crate::bench::signal(self.pid(), signal);
     }

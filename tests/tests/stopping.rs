@@ -59,6 +59,7 @@ fn a_hang_up_ends_a_run_in_lock_step_in_processes_in_order() {
 fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
     let bench = Bench::new();
     let run = under_way(&bench, "stuck.yaml", &["--clock", "simulated"]);
+    wait_for("the step", || run.has_said("the kit hangs").then_some(()));
     wait_for("its end", || {
         run.signal(Signal::TERM);
         (!lives(run.pid())).then_some(())
