@@ -1,5 +1,6 @@
 //! Whatever the input is: no panic, no hang, nothing larger than the input justifies.
 
+use cap::Cap;
 use proptest::prelude::*;
 use stillpoint_pipeline::spec::faults::{Findings, MOST_FAULTS};
 use stillpoint_pipeline::spec::yaml::{MOST_BYTES, parse};
@@ -8,6 +9,10 @@ use stillpoint_pipeline::spec::{Code, check, text};
 use crate::disk::Disk;
 use crate::good::FILES;
 use crate::kinds::registry;
+
+/// A request for memory beyond it ends the program. The texts have at most 256 KiB, and the tests run side by side.
+#[global_allocator]
+static LIMIT: Cap<std::alloc::System> = Cap::new(std::alloc::System, 64 << 20);
 
 /// Checks a text and what must hold for any.
 fn holds(text: &str) {
@@ -116,10 +121,6 @@ proptest! {
     ) {
         holds(&text);
     }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 1_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn bytes_that_are_no_text_are_refused_with_their_place(

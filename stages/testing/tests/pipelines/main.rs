@@ -9,6 +9,7 @@ mod frozen;
 mod guide;
 mod head_tracking;
 mod held_head;
+mod misspelled;
 mod one_dof;
 #[path = "../../../../examples/own_operator.rs"]
 mod own_operator;
