@@ -8,6 +8,7 @@ use stillpoint_samples::{Cause, Entry, RefKind};
 
 use crate::account::{END_RECORD, Lost, RECOVERED_RECORD};
 use crate::ended::Ended;
+use crate::journal::out_of_time;
 use crate::part::Part;
 use crate::recover::DAMAGED_PLACES;
 use crate::session::Session;
@@ -109,6 +110,10 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
         Ended::Foreign => Some(Gap::Foreign),
     });
     gaps.extend(open_ends(session));
+    gaps.extend(session.journals().iter().filter_map(|(operator, entries)| {
+        let what = entries.windows(2).find_map(|pair| out_of_time(&pair[0], &pair[1]))?;
+        Some(Gap::Stated(format!("`{operator}`: {what}")))
+    }));
     for part in &session.parts {
         for d in &part.damage {
             gaps.push(Gap::Damaged { part: part.path.clone(), offset: d.offset, what: d.what.clone() });

@@ -1,4 +1,4 @@
-//! A journal entry out of its sample, if it can be what an operator wrote.
+//! Whether a journal can be what an operator wrote: an entry out of its sample, and the order of time.
 
 use stillpoint_samples::{Cause, Entry, Journal, JournalRef, Pieces, RefKind, Sample};
 
@@ -35,4 +35,14 @@ fn check(r: &JournalRef, inputs: usize, outputs: usize, activates: bool) -> Resu
         return Err(format!("it numbers samples on {side} {} beyond what can be counted", r.port));
     }
     Ok(())
+}
+
+/// What is wrong where an entry is later than the one behind it: the order of time is then not that of the journal.
+pub fn out_of_time(entry: &Entry, next: &Entry) -> Option<String> {
+    (next.head.stamp < entry.head.stamp).then(|| {
+        format!(
+            "its journal is damaged: the time of entry {} is after that of entry {} behind it",
+            entry.head.sequence, next.head.sequence
+        )
+    })
 }

@@ -34,7 +34,7 @@
 //! - `form`: how a sample stands in a recording
 //! - `folder`: the folder of a session, and its file modes
 //! - `session`, `load`, `fetch`: a session, opened; how its parts are read; one sample of it
-//! - `journal`: an entry out of its sample, if it can be one
+//! - `journal`: whether a journal can be what an operator wrote
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
 //! - `layout`, `mapping`: whether a recorded type is a kind of this build; how one of an older layout becomes one
@@ -79,6 +79,7 @@ pub use error::SessionError;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
+pub use journal::out_of_time;
 pub use layout::TopicKind;
 pub use mapping::Mapping;
 pub use opening::{Attachment, Compression, Opening};

@@ -18,6 +18,11 @@ pub struct Sample {
 
 /// Writes `from` anew as `to`, as `change` leaves its samples.
 pub fn rewrite(from: &Path, to: &Path, change: impl FnOnce(&mut Vec<Sample>)) {
+    rewrite_all(from, to, |samples, _| change(samples));
+}
+
+/// The same, as `change` leaves its samples and attachments.
+pub fn rewrite_all(from: &Path, to: &Path, change: impl FnOnce(&mut Vec<Sample>, &mut Vec<Attachment>)) {
     let session = Session::open(from).unwrap();
     let mut samples: Vec<Sample> = session
         .samples()
@@ -27,8 +32,8 @@ pub fn rewrite(from: &Path, to: &Path, change: impl FnOnce(&mut Vec<Sample>)) {
             Sample { topic, incarnation: r.incarnation, sequence: r.sequence, bytes: r.sample }
         })
         .collect();
-    change(&mut samples);
-    let attachments: Vec<Attachment> = session.attachments().values().cloned().collect();
+    let mut attachments: Vec<Attachment> = session.attachments().values().cloned().collect();
+    change(&mut samples, &mut attachments);
     let opening = Opening {
         attachments,
         metadata: session.metadata().clone(),

@@ -5,9 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 use stillpoint_pipeline::files::SessionFiles;
+use stillpoint_pipeline::session::{IDENTITY, RUN};
 use stillpoint_recorder::{Completeness, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::report::numbers::started;
+
+/// Digits of a build's hash that are shown to people.
+const SHOWN_OF_BUILD: usize = 12;
 
 /// Show what a session holds, and whether it is complete.
 #[derive(Args)]
@@ -23,10 +28,13 @@ impl Info {
     /// Does it.
     pub fn execute(&self) -> Ended {
         let session = Session::open_any(&self.session).map_err(Failure::failed)?;
-        let gaps: Vec<String> = match session.completeness() {
+        let mut gaps: Vec<String> = match session.completeness() {
             Completeness::Complete => Vec::new(),
             Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
         };
+        for (name, reason) in SessionFiles::of(&session).lacking() {
+            gaps.push(format!("{name}: {reason}; operators that read it cannot be replayed"));
+        }
         let ended = ending(&session);
         if self.json {
             let topics: Vec<_> = session
@@ -58,9 +66,8 @@ impl Info {
             return Ok(Exit::Done);
         }
         println!("{}", self.session.display());
-        for (name, entries) in session.metadata().iter().filter(|(n, _)| n.as_str() == "stillpoint.run") {
-            let facts: Vec<_> = entries.iter().map(|(k, v)| format!("{k} {v}")).collect();
-            println!("{name}: {}", facts.join(", "));
+        for fact in facts(&session) {
+            println!("{fact}");
         }
         println!("ended {ended}");
         for (operator, incarnation) in session.unended() {
@@ -84,8 +91,8 @@ impl Info {
             println!("attached {:<32} {:>9} bytes", a.name, a.bytes.len());
         }
         println!();
-        for (name, reason) in SessionFiles::of(&session).lacking() {
-            println!("{name}: {reason}; operators that read it cannot be replayed");
+        for l in session.lost() {
+            println!("{}, incarnation {}: {} lost from number {}", l.topic, l.incarnation, l.count, l.first);
         }
         if gaps.is_empty() {
             println!("complete: everything that a replay needs is there");
@@ -97,6 +104,25 @@ impl Info {
         }
         Ok(Exit::Done)
     }
+}
+
+/// What was run, when, and by what, as far as the session says so.
+fn facts(session: &Session) -> Vec<String> {
+    let fact = |record: &str, key: &str| session.metadata().get(record)?.get(key).cloned();
+    let run = |key| fact(RUN, key);
+    let made = |key| fact(IDENTITY, key);
+    let of = run("pipeline").map(|name| {
+        let file = run("file").map_or_else(String::new, |file| format!(" of {file}"));
+        let seed = run("seed").map_or_else(String::new, |seed| format!(", seed {seed}"));
+        format!("pipeline {name}{file}{seed}")
+    });
+    let by = made("stillpoint").map(|version| {
+        let build: String = made("build").unwrap_or_default().chars().take(SHOWN_OF_BUILD).collect();
+        let (profile, cpu) = (made("profile").unwrap_or_default(), made("cpu").unwrap_or_default());
+        format!("recorded by stillpoint {version}, {profile} build {build}, on {cpu}")
+    });
+    let at = started(session).map(|at| format!("started {at}"));
+    [of, at, by].into_iter().flatten().collect()
 }
 
 /// How the recording ended, and what to do where it is to be mended.

@@ -1,6 +1,6 @@
 //! The journals of a session in the order of time.
 
-use stillpoint_recorder::Session;
+use stillpoint_recorder::{Session, out_of_time};
 use stillpoint_samples::{Cause, Entry};
 
 use crate::graph::Graph;
@@ -21,7 +21,7 @@ impl<'s> Ordered<'s> {
             let mut before: Option<&Entry> = None;
             for (i, entry) in journal.iter().enumerate() {
                 let next = journal.get(i + 1);
-                let missing = gap(before, entry).or_else(|| out_of_time(entry, next));
+                let missing = gap(before, entry).or_else(|| out_of_time(entry, next?));
                 // One that claims a later time than the one behind it comes before that one nevertheless.
                 let time = next.map_or(entry.head.stamp, |n| n.head.stamp.min(entry.head.stamp));
                 entries.push((time, operator, entry, missing));
@@ -58,13 +58,4 @@ fn gap(before: Option<&Entry>, entry: &Entry) -> Option<String> {
     }
     (expected == 0 && entry.cause() != Some(Cause::Start))
         .then(|| "the incarnation's first entry is missing".to_string())
-}
-
-/// What is wrong where an entry is later than the one behind it: the order of time is then not that of the journal.
-fn out_of_time(entry: &Entry, next: Option<&Entry>) -> Option<String> {
-    let next = next.filter(|n| n.head.stamp < entry.head.stamp)?;
-    Some(format!(
-        "its journal is damaged: the time of entry {} is after that of entry {} behind it",
-        entry.head.sequence, next.head.sequence
-    ))
 }

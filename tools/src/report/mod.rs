@@ -21,7 +21,7 @@ mod diagram;
 mod drawings;
 mod html;
 mod motion;
-mod numbers;
+pub mod numbers;
 mod overlay;
 mod page;
 mod picture;

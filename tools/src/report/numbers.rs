@@ -1,5 +1,7 @@
 //! How numbers, times and sizes stand on the page.
 
+use stillpoint_recorder::Session;
+
 /// What stands where there is no number.
 pub const NONE: &str = "–";
 
@@ -55,8 +57,13 @@ pub fn megabytes(bytes: u64) -> String {
     format!("{:.2} MB", bytes as f64 / 1e6)
 }
 
+/// When a session started, where it says so.
+pub fn started(session: &Session) -> Option<String> {
+    session.clock().first().map(|c| c.realtime_ns).filter(|t| *t > 0).map(utc)
+}
+
 /// A moment, ns since 1970, as a date and a time of day in UTC.
-pub fn utc(ns: u64) -> String {
+fn utc(ns: u64) -> String {
     let seconds = ns / 1_000_000_000;
     let (days, of_day) = ((seconds / 86_400) as i64, seconds % 86_400);
     // Days from civil, the other way round: years of 400 years' cycles that begin in March.

@@ -51,8 +51,7 @@ impl Share {
 
     fn is_good(&self, of: &str) {
         let share = f64::from(self.right) / f64::from(self.all);
-        println!("{of}: {} of {} right", self.right, self.all);
-        assert!(self.all > 100 && share >= 0.9, "{share} of {of}");
+        assert!(self.all > 100 && share >= 0.9, "{of}: {} of {} right", self.right, self.all);
     }
 }
 

@@ -4,17 +4,14 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::Value;
-use stillpoint_pipeline::session::{EXTRINSICS, FILES, IDENTITY, PARAMS, PIPELINE, RUN, SETS};
+use stillpoint_pipeline::session::{EXTRINSICS, FILES, HASHES, IDENTITY, PARAMS, PIPELINE, RUN, SETS};
 use stillpoint_recorder::Session;
 
 use crate::exit::Failure;
 use crate::report::diagram;
-use crate::report::numbers::{count, utc};
+use crate::report::numbers::{count, started};
 use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::source::Source;
-
-/// Hashes of the files that params name, by file.
-const HASHES: &str = "stillpoint.files";
 
 #[derive(Serialize)]
 struct Figures {
@@ -91,11 +88,10 @@ fn figures(from: &Source<'_>) -> Figures {
         let name = a.name.strip_prefix(FILES)?;
         Some(File { name: name.to_owned(), bytes: a.bytes.len(), sha256: hashes.get(name).cloned() })
     });
-    let begun = session.clock().first().map(|c| c.realtime_ns).filter(|t| *t > 0);
     Figures {
         run: record(RUN),
         identity: record(IDENTITY),
-        started_utc: begun.map(utc),
+        started_utc: started(session),
         sets: json(SETS),
         params: json(PARAMS),
         files: files.collect(),

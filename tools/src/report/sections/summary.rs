@@ -8,7 +8,7 @@ use super::errors::compared;
 use super::{faults, ledger};
 use crate::exit::Failure;
 use crate::report::motion::ErrorFigures;
-use crate::report::numbers::{count, fixed, megabytes, utc};
+use crate::report::numbers::{count, fixed, megabytes, started};
 use crate::report::page::{Block, Section, Tile};
 use crate::report::source::Source;
 
@@ -48,7 +48,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         .map(|c| (0..6).filter_map(|channel| c.found.figures(&c.signal.topic, channel)).collect::<Vec<_>>());
     let figures = Figures {
         pipeline: fact("pipeline"),
-        started_utc: session.clock().first().map(|c| c.realtime_ns).filter(|t| *t > 0).map(utc),
+        started_utc: started(session),
         seconds: recording.length(),
         simulated: fact("directed").is_some_and(|d| d == "true"),
         complete: faults.gaps.is_empty(),
