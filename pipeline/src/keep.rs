@@ -58,12 +58,7 @@ pub struct Keeper {
 
 impl Keeper {
     /// Begins a session in a new folder.
-    pub fn create(session: &Path, graph: &Graph, opening: &Opening) -> Result<Self, String> {
-        Self::create_with(session, graph, opening, Compression::Lz4)
-    }
-
-    /// Begins a session in a new folder, compressed so.
-    pub fn create_with(
+    pub fn create(
         session: &Path,
         graph: &Graph,
         opening: &Opening,

@@ -3,10 +3,15 @@
 use std::collections::BTreeMap;
 
 use crate::account::ClockSample;
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
 use crate::form::StaticTransform;
 
 /// How chunks are compressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Compression {
     /// Not at all.
     None,
@@ -15,6 +20,16 @@ pub enum Compression {
     Lz4,
     /// Small.
     Zstd,
+}
+
+impl fmt::Display for Compression {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::None => "none",
+            Self::Lz4 => "lz4",
+            Self::Zstd => "zstd",
+        })
+    }
 }
 
 /// A file that is kept in the session.

@@ -38,14 +38,20 @@ fn few_files_at_once_are_named_as_what_lacks() {
     let bench = Bench::new();
     let file = pipeline("chain.yaml");
     let kit = bench.command(&[]).get_program().to_owned();
-    for files in ["30", "40", "60"] {
+    let with_limit = |limit: &str| {
         let mut command = std::process::Command::new("sh");
-        let script = format!("ulimit -n {files}; exec \"$@\"");
+        let script = format!("ulimit {limit}; exec \"$@\"");
         command.args(["-c", &script, "sh"]).arg(&kit);
         command.args(["run", text(&file), "--for", "100 ms", "--no-record"]);
         command.env("STILLPOINT_RUNS", bench.runs()).current_dir(bench.path("."));
-        let done = bench.begin(command).finish();
+        bench.begin(command).finish()
+    };
+    for files in ["30", "40", "60"] {
+        let done = with_limit(&format!("-n {files}"));
         assert_eq!((done.code(), done.err.lines().count()), (1, 1), "{files}: {}", done.err);
         assert!(done.err.contains(&format!("and {files} are allowed: say `ulimit -n 1024`")), "{}", done.err);
     }
+    // What a process may raise itself is raised.
+    let done = with_limit("-S -n 60");
+    assert_eq!(done.code(), 0, "{}", done.err);
 }

@@ -10,8 +10,8 @@
 //! ```
 //!
 //! Exit codes: 0 done; 1 failed, a recording was given up, the ledger does not balance, or standard output cannot be
-//! written; 2 the command line or the pipeline is wrong; 3 a replay differs; 4 a session cannot be replayed as a whole, but nothing differs; 5 a replay
-//! compared nothing.
+//! written; 2 the command line or the pipeline is wrong; 3 a replay differs; 4 a session cannot be replayed as a whole,
+//! but nothing differs; 5 a replay compared nothing.
 
 // Before all others: its macros are for them.
 #[macro_use]
@@ -24,6 +24,7 @@ mod bench;
 mod case;
 mod chart;
 mod check;
+mod compress;
 mod echo;
 mod exit;
 mod far_end;

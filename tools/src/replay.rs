@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::keep::Keeper;
@@ -14,9 +14,10 @@ use stillpoint_pipeline::session::{HASHES, IDENTITY, PIPELINE, RUN, SETS, identi
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec;
 use stillpoint_pipeline::stdout::Aside;
-use stillpoint_recorder::{Compression, Opening, Session};
+use stillpoint_recorder::{Opening, Session};
 use stillpoint_samples::Entry;
 
+use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::info::layout;
 
@@ -40,24 +41,6 @@ pub struct Replay {
     /// Print JSON.
     #[arg(long)]
     json: bool,
-}
-
-/// How the output of a replay is compressed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Compress {
-    None,
-    Lz4,
-    Zstd,
-}
-
-impl From<Compress> for Compression {
-    fn from(compress: Compress) -> Self {
-        match compress {
-            Compress::None => Self::None,
-            Compress::Lz4 => Self::Lz4,
-            Compress::Zstd => Self::Zstd,
-        }
-    }
 }
 
 /// Gaps that are shown.
@@ -113,7 +96,7 @@ impl Replay {
             Some(folder) => {
                 let all = Graph { record: Record::All, ..(*graph).clone() };
                 let opening = opening_of(&session);
-                let mut keeper = Keeper::create_with(folder, &all, &opening, self.compression.into())
+                let mut keeper = Keeper::create(folder, &all, &opening, self.compression.into())
                     .map_err(Failure::failed)?;
                 let report = replay(&session, &graph, &files, &selection, &mut keeper).map_err(failed)?;
                 keeper.finish(None).map_err(Failure::failed)?;

@@ -27,7 +27,7 @@ pub struct Rig {
     #[arg(long, value_name = "FOLDER", default_value = "sessions")]
     record: PathBuf,
     /// Record nothing.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "record")]
     no_record: bool,
     /// Print the report as JSON.
     #[arg(long)]

@@ -9,6 +9,7 @@ use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::spec::{Machine, quantity};
 
+use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::pipeline_file::{Checked, PipelineFile};
 use crate::signals::{stop_flag, stop_flag_of_this_process};
@@ -45,9 +46,9 @@ pub struct Run {
     /// Record nothing.
     #[arg(long, conflicts_with = "record")]
     no_record: bool,
-    /// Compression of the recording: lz4, zstd or none.
-    #[arg(long, default_value = "lz4", value_parser = ["lz4", "zstd", "none"])]
-    compression: String,
+    /// Compression of the recording.
+    #[arg(long, value_enum, default_value_t)]
+    compression: Compress,
     /// Print the report as JSON; of a pipeline that is refused, the faults, as `check --json` does.
     #[arg(long)]
     json: bool,
@@ -135,7 +136,8 @@ impl Run {
                 Some(LockStep::Processes) => Place::Processes,
             };
             let stop = stop_flag_of_this_process()?;
-            simulate(&checked, &self.pipeline.sets, place, length, session.as_deref(), stop)?
+            let kept = session.as_deref().map(|folder| (folder, self.compression.into()));
+            simulate(&checked, &self.pipeline.sets, place, length, kept, stop)?
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
@@ -179,11 +181,7 @@ impl Run {
             files: checked.source.files.clone(),
             duration: length,
             session: session.map(Path::to_path_buf),
-            compression: if self.compression.is_empty() {
-                "lz4".to_string()
-            } else {
-                self.compression.clone()
-            },
+            compression: self.compression.into(),
             launch: self.launch.clone().map_or_else(launch, Ok)?,
             identity: identity(),
         };

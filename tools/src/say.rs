@@ -2,7 +2,7 @@
 //!
 //! The macros stand in for those of the same names in `std`, which panic where a stream is closed or a disk full. A run
 //! does not end because nobody looks: who went away is told nothing more, and what else could not be written is said at
-//! the end, with an exit code of its own.
+//! the end, and the command has failed.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};

@@ -18,6 +18,7 @@ use stillpoint_pipeline::session::{identity, opening};
 use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::stdout::Aside;
+use stillpoint_recorder::Compression;
 use stillpoint_samples::Entry;
 
 use crate::exit::Failure;
@@ -42,7 +43,7 @@ pub fn simulate(
     sets: &[String],
     place: Place,
     length: u64,
-    session: Option<&Path>,
+    session: Option<(&Path, Compression)>,
     stop: Arc<AtomicBool>,
 ) -> Result<RunReport, Failure> {
     let _aside = Aside::begin();
@@ -84,9 +85,9 @@ pub fn simulate(
     // Last: a run that cannot begin leaves no session.
     let keeper = match session {
         None => None,
-        Some(session) => {
+        Some((session, compression)) => {
             let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
-            Some(Keeper::create(session, graph, &start).map_err(Failure::failed)?)
+            Some(Keeper::create(session, graph, &start, compression).map_err(Failure::failed)?)
         }
     };
     let mut witness = Witnesses {

@@ -1,6 +1,7 @@
 //! What supervisor and children say to each other, one JSON line each.
 
 use serde::{Deserialize, Serialize};
+use stillpoint_recorder::Compression;
 use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -188,8 +189,8 @@ pub struct HelloRecorder {
     pub hello: Hello,
     /// Folder of the session.
     pub session: std::path::PathBuf,
-    /// Compression of the chunks: `lz4`, `zstd` or `none`.
-    pub compression: String,
+    /// How the chunks are compressed.
+    pub compression: Compression,
     /// Facts about build and machine, for the session's metadata.
     pub identity: std::collections::BTreeMap<String, String>,
 }

@@ -9,8 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillpoint_recorder::{
-    ClockSample, Closing, Compression, Encoded, PartWriter, Session, TopicId, TopicInfo, create_part,
-    session_parts,
+    ClockSample, Closing, Encoded, PartWriter, Session, TopicId, TopicInfo, create_part, session_parts,
 };
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
@@ -156,13 +155,8 @@ impl Recorder {
     fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, String> {
         let clock = hello.hello.clock;
         let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, &e))?;
-        let compression = match hello.compression.as_str() {
-            "none" => Compression::None,
-            "zstd" => Compression::Zstd,
-            _ => Compression::Lz4,
-        };
         let start = opening(graph, &hello.hello, &hello.identity)?;
-        let mut part = PartWriter::new(file, compression, &start).map_err(|e| no_room(&path, &e))?;
+        let mut part = PartWriter::new(file, hello.compression, &start).map_err(|e| no_room(&path, &e))?;
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde::Serialize;
+use stillpoint_recorder::Compression;
 
 use super::children::Launch;
 use super::status::OperatorFigures;
@@ -25,8 +26,8 @@ pub struct RunOptions {
     pub duration: Option<u64>,
     /// Folder of the session; `None`: nothing is recorded.
     pub session: Option<PathBuf>,
-    /// Compression of the recording: `lz4`, `zstd` or `none`.
-    pub compression: String,
+    /// How the chunks are compressed.
+    pub compression: Compression,
     /// How children are started.
     pub launch: Launch,
     /// Facts about build and machine.

@@ -9,6 +9,7 @@ use std::fs::OpenOptions;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 
 use rustix::fs::{FlockOperation, flock};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use stillpoint_shm::Contract;
 
 use super::contracts;
@@ -31,8 +32,7 @@ const FEW_FILES: u64 = 1024;
 /// Reserves what the topics of a graph may take, or says what is missing.
 pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), String> {
     let topics = contracts::all(graph);
-    let files = rustix::process::getrlimit(rustix::process::Resource::Nofile).current;
-    too_few_files(topics.len() as u64, files).map_or(Ok(()), Err)?;
+    allow_files(topics.len() as u64)?;
     let needed: u64 = topics.iter().map(|c| c.pool_bytes() as u64).sum();
     let say = |e: std::io::Error| format!("room for the run cannot be reserved in its folder: {e}");
     let lock = folder.path().with_file_name(LOCK);
@@ -61,6 +61,17 @@ fn taken(prefix: &str) -> u64 {
     let Ok(entries) = std::fs::read_dir(SHARED) else { return 0 };
     let own = entries.flatten().filter(|e| e.file_name().to_string_lossy().starts_with(prefix));
     own.filter_map(|e| Some(e.metadata().ok()?.blocks() * 512)).sum()
+}
+
+/// Has this process, and those that it starts, open as many files as they need, as far as the system lets it.
+fn allow_files(topics: u64) -> Result<(), String> {
+    let limit = getrlimit(Resource::Nofile);
+    let Some(reason) = too_few_files(topics, limit.current) else { return Ok(()) };
+    let raised = Rlimit { current: limit.maximum, maximum: limit.maximum };
+    if too_few_files(topics, raised.current).is_some() {
+        return Err(reason);
+    }
+    setrlimit(Resource::Nofile, raised).map_err(|e| format!("{reason} ({e})"))
 }
 
 /// A process without files left does not see what others send: the run would be there, and do nothing.

@@ -236,7 +236,7 @@ impl Supervisor {
         let hello = HelloRecorder {
             hello: self.hello(usize::MAX),
             session,
-            compression: self.options.compression.clone(),
+            compression: self.options.compression,
             identity: self.options.identity.clone(),
         };
         let launch = &self.options.launch;

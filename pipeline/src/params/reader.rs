@@ -158,7 +158,7 @@ impl<'a> ParamReader<'a> {
                 Some((format!("it is {found}, but one file is due"), "name one of its files"))
             }
             (Ok(list), _) if list.is_empty() => Some((
-                "no file has such a name".into(),
+                "no file matches this pattern".into(),
                 "put the files there, or write what their names have in common, with `*` for the rest",
             )),
             _ => None,

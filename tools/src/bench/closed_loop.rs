@@ -27,10 +27,10 @@ const READ: Duration = Duration::from_millis(20);
 #[derive(Args)]
 pub struct ClosedLoop {
     /// Length of a run, s.
-    #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 30, value_parser = super::at_least::<u64>(1))]
     seconds: u64,
     /// Runs of each.
-    #[arg(long, default_value_t = 3, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 3, value_parser = super::at_least::<usize>(1))]
     rounds: usize,
     /// A short look: one run of 5 s of each.
     #[arg(long)]
@@ -57,7 +57,7 @@ impl ClosedLoop {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(None)?;
-        let (seconds, rounds) = if self.quick { (5, 1) } else { (self.seconds, self.rounds.max(1)) };
+        let (seconds, rounds) = if self.quick { (5, 1) } else { (self.seconds, self.rounds) };
         let mut all = [Vec::new(), Vec::new()];
         for round in 0..rounds {
             for (number, recorded) in [false, true].into_iter().enumerate() {

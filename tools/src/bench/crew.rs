@@ -7,7 +7,7 @@ use crate::exit::Failure;
 
 /// Threads that a bench takes where nobody says how many.
 pub fn threads(asked: Option<usize>) -> usize {
-    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into)).max(1)
+    asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into))
 }
 
 /// Does `work` for each of `jobs` in so many threads, and says on standard error how far it is.

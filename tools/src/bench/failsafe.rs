@@ -28,13 +28,13 @@ const TRIES: usize = 3;
 #[derive(Args)]
 pub struct Failsafe {
     /// Trials of each fault.
-    #[arg(long, default_value_t = 100, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
     trials: usize,
     /// One fault alone, as the table calls it.
     #[arg(long, value_name = "FAULT")]
     fault: Option<String>,
     /// Faults that are tried at a time, each on a run of its own.
-    #[arg(long, default_value_t = 1, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 1, value_parser = super::at_least::<usize>(1))]
     threads: usize,
     /// A short look: one trial of each.
     #[arg(long)]
@@ -65,7 +65,7 @@ impl Failsafe {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(None)?;
-        let trials = if self.quick { 1 } else { self.trials.max(1) };
+        let trials = if self.quick { 1 } else { self.trials };
         let chosen = |f: &&Fault| self.fault.as_ref().is_none_or(|name| *name == f.name());
         let faults: Vec<&Fault> = Fault::ALL.iter().filter(chosen).collect();
         if faults.is_empty() {
@@ -74,9 +74,8 @@ impl Failsafe {
         }
         let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
         let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;
-        let rows = crew::each(&jobs, self.threads.max(1), |(fault, folder)| {
-            Ok(row(*fault, trials, folder, registry))
-        })?;
+        let rows =
+            crew::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
         if self.json {
             print_json(&rows)?;
         } else {

@@ -33,10 +33,10 @@ pub struct Hop {
     #[arg(long, value_enum, default_value_t = Which::Both)]
     cores: Which,
     /// Windows of each kind.
-    #[arg(long, default_value_t = 20, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 20, value_parser = super::at_least::<usize>(1))]
     windows: usize,
     /// Length of a window, ms.
-    #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u64).range(50..))]
+    #[arg(long, default_value_t = 500, value_parser = super::at_least::<u64>(50))]
     length: u64,
     /// Windows of this kind alone; a ratio needs both of its kinds.
     #[arg(long, value_enum, value_name = "KIND")]

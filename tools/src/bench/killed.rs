@@ -12,7 +12,7 @@ use stillpoint_pipeline::clock::realtime;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run};
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_recorder::{Session, recover_session, session_parts};
+use stillpoint_recorder::{Compression, Session, recover_session, session_parts};
 
 use super::figures::median;
 use super::folder::Folder;
@@ -46,7 +46,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 #[derive(Args)]
 pub struct Killed {
     /// Kills, each in a run of its own.
-    #[arg(long, default_value_t = 100, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
     kills: usize,
     /// Where the sessions are written; they go when the bench is over.
     #[arg(long, value_name = "FOLDER")]
@@ -130,8 +130,13 @@ impl Run for Begun {
 fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left, Failure> {
     let moment = Duration::from_millis(chance.draw(LATEST_MS));
     let stop = AtomicBool::new(false);
-    let window =
-        Window { pipeline: PIPELINE, registry, length: PATIENCE, session: Some((session, "lz4")), taps: &[] };
+    let window = Window {
+        pipeline: PIPELINE,
+        registry,
+        length: PATIENCE,
+        session: Some((session, Compression::Lz4)),
+        taps: &[],
+    };
     let (begun, begins) = channel();
     let struck = std::thread::scope(|scope| {
         let over = &stop;

@@ -33,6 +33,8 @@ processes:
   middle:  { operators: [relay, direct], restart: { limit: 1000, backoff: 10 ms } }
   sinks:   { operators: [relayed, newest, quiet], restart: { limit: 1000, backoff: 10 ms } }
 ";
+/// Kills that follow each other faster leave no process the time to start, ms.
+const SHORTEST_LIFE: u64 = 10;
 /// The longest that a run may take.
 const PATIENCE: Duration = Duration::from_secs(580);
 
@@ -40,10 +42,10 @@ const PATIENCE: Duration = Duration::from_secs(580);
 #[derive(Args)]
 pub struct Ledger {
     /// Samples that the sources send.
-    #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 1_000_000, value_parser = super::at_least::<u64>(1))]
     samples: u64,
-    /// Mean time from one kill to the next, ms; 0: none.
-    #[arg(long, default_value_t = 700, value_parser = clap::value_parser!(u64).range(10..))]
+    /// Mean time from one kill to the next, ms, at least 10; 0: none.
+    #[arg(long, default_value_t = 700, value_parser = kill_every)]
     kill_every: u64,
     /// A short look: 100,000 samples.
     #[arg(long)]
@@ -63,6 +65,12 @@ struct Result {
     balanced: bool,
     unseen_entries: u64,
     lines: Vec<Line>,
+}
+
+/// A time between kills, ms.
+fn kill_every(text: &str) -> std::result::Result<u64, String> {
+    let time = text.parse::<u64>().ok().filter(|ms| *ms == 0 || *ms >= SHORTEST_LIFE);
+    time.ok_or_else(|| format!("it must be 0 or at least {SHORTEST_LIFE}"))
 }
 
 impl Ledger {

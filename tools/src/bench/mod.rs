@@ -134,7 +134,13 @@ pub fn run_main(extra: &[&[Stage]]) -> Ended {
     run.launched_by(launch()?).execute(&registry(extra))
 }
 
-/// Reads a number that is this at least.
-fn at_least(least: u64) -> RangedU64ValueParser<usize> {
+/// Reads a whole number that is this at least.
+fn at_least<T: TryFrom<u64>>(least: u64) -> RangedU64ValueParser<T> {
     RangedU64ValueParser::new().range(least..)
+}
+
+/// Reads a number above 0.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|n| n.is_finite() && *n > 0.0);
+    number.ok_or_else(|| "it must be a number above 0".to_string())
 }

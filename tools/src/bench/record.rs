@@ -8,7 +8,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_pipeline::clock::cpu_time;
 use stillpoint_pipeline::operator::Registry;
-use stillpoint_recorder::{CHUNK_SIZE, Session};
+use stillpoint_recorder::{CHUNK_SIZE, Compression, Session};
 use stillpoint_samples::{Cause, Entry, HEAD_SIZE};
 use zerocopy::IntoBytes;
 
@@ -36,10 +36,10 @@ const PERIOD_US: u64 = 6000;
 #[derive(Args)]
 pub struct Record {
     /// Windows of each kind.
-    #[arg(long, default_value_t = 10, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 10, value_parser = super::at_least::<usize>(1))]
     windows: usize,
     /// Length of a window, ms.
-    #[arg(long, default_value_t = 2000, value_parser = clap::value_parser!(u64).range(200..))]
+    #[arg(long, default_value_t = 2000, value_parser = super::at_least::<u64>(200))]
     length: u64,
     /// Where the sessions are written; they go when the bench is over.
     #[arg(long, value_name = "FOLDER")]
@@ -54,7 +54,7 @@ pub struct Record {
 
 #[derive(Serialize)]
 struct Line {
-    compression: &'static str,
+    compression: Compression,
     /// Bytes of samples per CPU-second of the recorder's process.
     recorder: f64,
     /// Bytes of messages per CPU-second of the bare writer.
@@ -85,7 +85,7 @@ impl Record {
         let rest: Vec<usize> = cores.iter().copied().filter(|c| *c != core).collect();
         cores::bind(if rest.is_empty() { &cores } else { &rest })?;
         let mut lines = Vec::new();
-        for compression in ["none", "lz4"] {
+        for compression in [Compression::None, Compression::Lz4] {
             lines.push(self.measure(compression, core, &folder, registry)?);
         }
         if self.json {
@@ -98,7 +98,7 @@ impl Record {
 
     fn measure(
         &self,
-        compression: &'static str,
+        compression: Compression,
         core: usize,
         folder: &Folder,
         registry: &Registry,
@@ -180,10 +180,11 @@ fn loop_ticks(session: &Session) -> (u64, u64) {
 }
 
 /// Bytes per CPU-second of the bare writer for so many bytes, a message each `period`.
-fn bare(folder: &Path, compression: &str, bytes: u64, period: Duration) -> Result<f64, Failure> {
+fn bare(folder: &Path, compression: Compression, bytes: u64, period: Duration) -> Result<f64, Failure> {
     let compression = match compression {
-        "none" => None,
-        _ => Some(mcap::Compression::Lz4),
+        Compression::None => None,
+        Compression::Lz4 => Some(mcap::Compression::Lz4),
+        Compression::Zstd => Some(mcap::Compression::Zstd),
     };
     let mut message = vec![0u8; HEAD_SIZE];
     message.extend_from_slice(payload(PAYLOAD / size_of::<Word>()).as_bytes());

@@ -53,10 +53,10 @@ const RUNS: usize = 3;
 #[derive(Args)]
 pub struct Replay {
     /// Length of the session, s.
-    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 60, value_parser = super::at_least::<u64>(1))]
     seconds: u64,
     /// How often it is replayed.
-    #[arg(long, default_value_t = 20, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 20, value_parser = super::at_least::<usize>(1))]
     replays: usize,
     /// Threads per core that do nothing but take its time while the session is recorded.
     #[arg(long, default_value_t = 0)]
@@ -92,9 +92,9 @@ struct Result {
 #[derive(Serialize)]
 struct Bulk {
     /// Of the session.
-    session: &'static str,
+    session: Compression,
     /// Of what the replay writes.
-    output: &'static str,
+    output: Compression,
     seconds: f64,
     bytes: u64,
     /// Session time over the time that the first replay took, with output, on one core.
@@ -117,7 +117,7 @@ impl Replay {
                 .map_err(|e| Failure::wrong(format!("{}: {e}; name a pipeline", path.display())))?,
         };
         let path = folder.free("session")?;
-        under_load(self.load, || record(&text, seconds, (&path, "lz4"), registry))?;
+        under_load(self.load, || record(&text, seconds, (&path, Compression::Lz4), registry))?;
         let (mut identical, mut samples, mut first, mut length) = (0, 0, None, 0.0);
         let begun = Instant::now();
         for _ in 0..replays {
@@ -126,7 +126,7 @@ impl Replay {
             (samples, length) = (report.compared(), report.seconds);
             first = first.or(report.first_difference.map(|d| d.to_string()));
         }
-        let wall = begun.elapsed().as_secs_f64() / replays.max(1) as f64;
+        let wall = begun.elapsed().as_secs_f64() / replays as f64;
         let complete =
             Session::open(&path).map_err(Failure::failed)?.completeness() == Completeness::Complete;
         drop(folder.free("session")?);
@@ -184,7 +184,7 @@ fn print(r: &Result) {
 fn record(
     text: &str,
     seconds: u64,
-    session: (&Path, &str),
+    session: (&Path, Compression),
     registry: &Registry,
 ) -> std::result::Result<(), Failure> {
     let length = Duration::from_secs(seconds);
@@ -207,7 +207,7 @@ fn again(
     };
     let wide = Graph { record: Record::All, ..(*graph).clone() };
     let opening = opening_of(&session);
-    let mut keeper = Keeper::create_with(output, &wide, &opening, compression).map_err(Failure::failed)?;
+    let mut keeper = Keeper::create(output, &wide, &opening, compression).map_err(Failure::failed)?;
     let report = replay(&session, &graph, &files, &all, &mut keeper).map_err(Failure::failed)?;
     keeper.finish(None).map_err(Failure::failed)?;
     Ok(report)
@@ -216,11 +216,12 @@ fn again(
 /// Replays with output: each kind of session into what `replay --record` writes unless told, and once compressed.
 fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Result<Vec<Bulk>, Failure> {
     let mut found = Vec::new();
-    for (session, outputs) in [("lz4", &["none", "lz4"][..]), ("none", &["none"])] {
+    let (none, lz4) = (Compression::None, Compression::Lz4);
+    for (session, outputs) in [(lz4, &[none, lz4][..]), (none, &[none])] {
         let path = folder.free("bulk")?;
         record(BULK, seconds, (&path, session), registry)?;
         for output in outputs {
-            found.push(written(&path, session, output, folder, registry)?);
+            found.push(written(&path, session, *output, folder, registry)?);
         }
     }
     Ok(found)
@@ -230,12 +231,11 @@ fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Resu
 /// page of the first output anew.
 fn written(
     path: &Path,
-    session: &'static str,
-    output: &'static str,
+    session: Compression,
+    output: Compression,
     folder: &Folder,
     registry: &Registry,
 ) -> std::result::Result<Bulk, Failure> {
-    let kept = if output == "none" { Compression::None } else { Compression::Lz4 };
     let all = cores::cores()?;
     cores::bind(&all[all.len().saturating_sub(1)..])?;
     let (mut speeds, mut cpu_speeds, mut identical) = (Vec::new(), Vec::new(), true);
@@ -243,7 +243,7 @@ fn written(
     for _ in 0..RUNS {
         let into = folder.free("again")?;
         let (begun, cpu) = (Instant::now(), cpu_time());
-        let report = again(path, registry, Some((&into, kept)))?;
+        let report = again(path, registry, Some((&into, output)))?;
         speeds.push(report.seconds / begun.elapsed().as_secs_f64());
         cpu_speeds.push(report.seconds / ((cpu_time() - cpu) as f64 / 1e9));
         identical &= report.is_identical();

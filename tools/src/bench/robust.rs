@@ -31,10 +31,10 @@ const LAST: f64 = 10.0;
 #[derive(Args)]
 pub struct Robust {
     /// Seeds, from 1: the camera's noise, what the person does, and the moment at which things break.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
     /// How long a run goes on after the step, s.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, value_parser = super::positive)]
     seconds: f64,
     /// Only cases whose name begins so.
     #[arg(long = "case", value_name = "NAME")]
@@ -49,7 +49,7 @@ pub struct Robust {
     #[arg(long)]
     quick: bool,
     /// Runs at a time.
-    #[arg(long)]
+    #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.
     #[arg(long)]
@@ -120,7 +120,7 @@ impl Robust {
             let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
             return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
         }
-        let seeds = if self.quick { 1 } else { self.seeds.max(1) };
+        let seeds = if self.quick { 1 } else { self.seeds };
         let jobs: Vec<(&Case, u64)> = cases.iter().flat_map(|c| (1..=seeds).map(move |s| (c, s))).collect();
         let seconds = if self.quick { 30.0 } else { self.seconds };
         let found = crew::each(&jobs, crew::threads(self.threads), |(case, seed)| {

@@ -33,10 +33,10 @@ pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, r
 #[derive(Args)]
 pub struct Step {
     /// Seeds, from 1.
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, default_value_t = 20, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
     /// How long a run goes on after the step, s.
-    #[arg(long, default_value_t = 120.0)]
+    #[arg(long, default_value_t = 120.0, value_parser = super::positive)]
     seconds: f64,
     /// Rises of reference models, from 10 % to 90 %.
     #[arg(long = "rise", value_name = "TIME", default_values_t = ["20 s".to_owned(), "3 s".to_owned()])]
@@ -51,7 +51,7 @@ pub struct Step {
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     sets: Vec<String>,
     /// Runs at a time.
-    #[arg(long)]
+    #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.
     #[arg(long)]
@@ -98,7 +98,7 @@ impl Step {
         })?;
         let per = self.seeds as usize;
         let rows: Vec<Row> =
-            self.rises.iter().zip(outcomes.chunks(per.max(1))).map(|(rise, all)| row(rise, all)).collect();
+            self.rises.iter().zip(outcomes.chunks(per)).map(|(rise, all)| row(rise, all)).collect();
         if self.json {
             print_json(&rows)?
         } else {

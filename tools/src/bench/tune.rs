@@ -24,10 +24,10 @@ const SEARCHED: [Law; 3] = [Law::Pi, Law::Lqg, Law::Mrac];
 #[derive(Args)]
 pub struct Tune {
     /// Rounds of the search, of 8 places each.
-    #[arg(long, default_value_t = 5, value_parser = super::at_least(1))]
+    #[arg(long, default_value_t = 5, value_parser = super::at_least::<usize>(1))]
     rounds: usize,
     /// Held-out seeds, seven runs each.
-    #[arg(long, default_value_t = 4)]
+    #[arg(long, default_value_t = 4, value_parser = super::at_least::<u64>(1))]
     held_out: u64,
     /// Seed of the search.
     #[arg(long, default_value_t = 1)]
@@ -36,7 +36,7 @@ pub struct Tune {
     #[arg(long, value_enum)]
     law: Option<Law>,
     /// Runs at a time.
-    #[arg(long)]
+    #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.
     #[arg(long)]
@@ -158,7 +158,7 @@ impl Tune {
             })
         };
         let mut started = f64::NAN;
-        let rounds = self.rounds.max(1);
+        let rounds = self.rounds;
         let (best, trained) = search(&start, rounds, self.seed, |places| {
             let costs = costs(places, &[self.seed], &TRAINING)?;
             let costs: Vec<f64> = costs.chunks(COUNT).map(worst).collect();
@@ -167,7 +167,7 @@ impl Tune {
             }
             Ok::<_, Failure>(costs)
         })?;
-        let seeds: Vec<u64> = (0..self.held_out.max(1)).map(|i| FIRST_HELD_OUT + i).collect();
+        let seeds: Vec<u64> = (0..self.held_out).map(|i| FIRST_HELD_OUT + i).collect();
         Ok(Row {
             law,
             found: sets(law, &best),

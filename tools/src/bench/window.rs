@@ -11,6 +11,7 @@ use stillpoint_pipeline::live::{Fault, Run, RunOptions, RunReport, Supervisor, c
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::spec;
+use stillpoint_recorder::Compression;
 
 use super::figures::Ages;
 use super::stages::Load;
@@ -29,7 +30,7 @@ pub struct Window<'a> {
     /// How long.
     pub length: Duration,
     /// Where it is recorded, and how it is compressed there.
-    pub session: Option<(&'a Path, &'a str)>,
+    pub session: Option<(&'a Path, Compression)>,
     /// Topics that are looked at as `echo` looks at them. What sinks say among them is kept.
     pub taps: &'a [&'a str],
 }
@@ -71,7 +72,7 @@ impl Window<'_> {
             files,
             duration: Some(self.length.as_nanos() as u64),
             session: self.session.map(|(path, _)| PathBuf::from(path)),
-            compression: self.session.map_or("none", |(_, compression)| compression).to_string(),
+            compression: self.session.map_or(Compression::None, |(_, compression)| compression),
             launch: super::launch()?,
             identity: identity(),
         };

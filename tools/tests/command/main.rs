@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod benches;
 mod case;
 mod identified;
 mod identity;
@@ -71,6 +72,23 @@ fn every_example_checks_and_runs_and_replays() {
         let replay = stillpoint(folder.path(), &["replay", session]);
         assert!(replay.status.success(), "{file}: {}{}", text(&replay.stdout), text(&replay.stderr));
         assert!(text(&replay.stdout).contains("identical"), "{file}");
+    }
+}
+
+#[test]
+fn a_simulated_run_is_compressed_as_asked() {
+    for compression in ["none", "lz4", "zstd"] {
+        let folder = tempfile::tempdir().unwrap();
+        let run =
+            ["run", "--clock", "simulated", "--for", "100ms", "--record", "s", "--compression", compression];
+        let out = stillpoint(folder.path(), &run);
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        let session = stillpoint_recorder::session_parts(&folder.path().join("s/head-3dof-0001")).unwrap();
+        let file = std::fs::read(&session[0]).unwrap();
+        // Each chunk names its compression.
+        let found =
+            ["lz4", "zstd"].map(|name| file.windows(name.len()).any(|bytes| bytes == name.as_bytes()));
+        assert_eq!(found, ["lz4", "zstd"].map(|name| name == compression), "{compression}");
     }
 }
 

@@ -87,7 +87,7 @@ fn a_file_without_an_end_is_too_long() {
 }
 
 #[test]
-fn every_message_begins_with_the_name_of_the_command_or_of_a_file() {
+fn every_message_begins_with_the_name_of_the_command() {
     let folder = tempfile::tempdir().unwrap();
     for arguments in [
         &["send", "console.amr"][..],
