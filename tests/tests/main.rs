@@ -1,6 +1,8 @@
 //! Whole systems: real processes, real shared memory, real recordings.
 //!
 //! - `bench`: a folder of its own, in which the kit's command is run as people run it
+//! - `damaged`: sessions of which something is harmed
+//! - `guide`: the operator of the page "write your own operator"
 //! - `tampered`: a session written anew, with something in it changed
 //! - `conformance`: the two equalities, for every pipeline
 //! - `live`: failures in a live run
@@ -37,6 +39,7 @@ mod controllers;
 mod damaged;
 mod ending;
 mod failsafe;
+mod guide;
 mod hung;
 mod laps;
 mod ledger;
