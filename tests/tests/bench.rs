@@ -168,6 +168,15 @@ impl Running {
         let _ = kill_process_group(pid(self.pid()), signal);
     }
 
+    /// As a terminal that is closed does, and worse: hangs up at once again, until the run ends or some of what a second
+    /// signal must not follow within is over.
+    pub fn hang_up_repeatedly(&self) {
+        let begun = Instant::now();
+        while begun.elapsed() < Duration::from_millis(300) && lives(self.pid()) {
+            self.signal_group(Signal::HUP);
+        }
+    }
+
     pub fn said(&self) -> String {
         std::fs::read_to_string(&self.out).unwrap()
     }

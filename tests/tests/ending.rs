@@ -5,8 +5,8 @@ use serde_json::json;
 
 use crate::bench::{Bench, Running, figures, line, lives, pipeline, shared_objects, signal, text, wait_for};
 
-/// A signal to the whole group ends a run in order.
-fn ends_in_order(signal: Signal) {
+/// Signals to the whole group end a run in order.
+fn ends_in_order(signal: impl Fn(&Running)) {
     let bench = Bench::new();
     let run = bench.run(&pipeline("chain.yaml"));
     bench.wait_for_samples("sink.sum", 10);
@@ -14,7 +14,7 @@ fn ends_in_order(signal: Signal) {
     let children = run.children();
     assert_eq!(children.len(), 4, "{children:?}");
 
-    run.signal_group(signal);
+    signal(&run);
     let report = run.finish().good();
 
     assert_eq!(report["ended_early"], "stopped");
@@ -31,6 +31,8 @@ fn ends_in_order(signal: Signal) {
     let info = bench.call(&["info", session, "--json"]).good();
     assert_eq!((&info["ended"], &info["complete"]), (&json!("in order"), &json!(true)));
     assert_eq!(info["ledger"], report["ledger"], "the recorded ledger is the printed one");
+    let replay = bench.call(&["replay", session, "--json"]).good();
+    assert_eq!((&replay["identical_all"], &replay["differences"]), (&json!(true), &json!(0)));
 }
 
 /// Samples that were sent on both outputs of `finishing.yaml` that have an end, and the last run's length, s.
@@ -99,17 +101,22 @@ fn an_operator_that_has_finished_begins_anew_in_a_new_incarnation() {
 
 #[test]
 fn ctrl_c_ends_a_run_in_order() {
-    ends_in_order(Signal::INT);
+    ends_in_order(|run| run.signal_group(Signal::INT));
 }
 
 #[test]
 fn sigterm_ends_a_run_in_order() {
-    ends_in_order(Signal::TERM);
+    ends_in_order(|run| run.signal_group(Signal::TERM));
 }
 
 #[test]
 fn a_hang_up_ends_a_run_in_order() {
-    ends_in_order(Signal::HUP);
+    ends_in_order(|run| run.signal_group(Signal::HUP));
+}
+
+#[test]
+fn hang_ups_that_come_at_once_end_a_run_in_order() {
+    ends_in_order(Running::hang_up_repeatedly);
 }
 
 /// Each may come while a process asks whether there is an order: it must not wait for one then.
@@ -181,6 +188,25 @@ fn ctrl_c_ends_a_run_whose_step_never_comes_back() {
     assert_eq!(report["ended_early"], "stuck did not stop when told, and was killed");
     assert_eq!(report["balanced"], true);
     bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
+}
+
+#[test]
+fn who_hastens_the_end_of_a_worker_that_hangs_leaves_the_recorder_its_time() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("stuck.yaml"));
+    bench.wait_for_samples("beat.value", 50);
+    let stuck = run.child("stuck", 0);
+    wait_for("its end", || {
+        run.signal_group(Signal::INT);
+        (!lives(stuck)).then_some(())
+    });
+    let report = run.finish().json();
+    assert_eq!(report["ended_early"], "stuck did not stop when told, and was killed");
+    assert_eq!((&report["recording_failed"], &report["balanced"]), (&json!(null), &json!(true)));
+    let session = report["session"].as_str().unwrap();
+    let info = bench.call(&["info", session, "--json"]).good();
+    assert_eq!(info["ended"], "early: stuck did not stop when told, and was killed");
+    bench.call(&["replay", session, "--json"]).good();
 }
 
 /// Kills the supervisor of a run, and waits until its children have ended by themselves.

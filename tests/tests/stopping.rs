@@ -1,16 +1,16 @@
 //! Runs on the discrete-event schedule that somebody stops.
 
 use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
 
 use rustix::process::Signal;
 use serde_json::json;
 
-use crate::bench::{Bench, Running, lives, pipeline, text, wait_for};
+use crate::bench::{Bench, Running, line, lives, pipeline, text, wait_for};
 
 /// Begins a run in a placement, and waits until it is under way.
-fn under_way(bench: &Bench, file: &str, placement: &[&str]) -> Running {
-    let file = pipeline(file);
-    let run = ["run", text(&file), "--for", "1 h", "--json", "--record", "s"];
+fn under_way(bench: &Bench, file: &Path, placement: &[&str]) -> Running {
+    let run = ["run", text(file), "--for", "1 h", "--json", "--record", "s"];
     let run = bench.start(&[&run, placement].concat());
     wait_for("the session", || {
         let session = std::fs::read_dir(bench.path("s")).ok()?.next()?.ok()?.path();
@@ -19,15 +19,20 @@ fn under_way(bench: &Bench, file: &str, placement: &[&str]) -> Running {
     run
 }
 
-fn ends_in_order(placement: &[&str], signal: Signal) {
+fn ends_in_order(placement: &[&str], signal: impl Fn(&Running)) {
     let bench = Bench::new();
-    let run = under_way(&bench, "chain.yaml", placement);
+    // Much is under way at the end.
+    let yaml = std::fs::read_to_string(pipeline("chain.yaml")).unwrap();
+    let late = yaml.replace("from: middle.sum, queue: 16", "from: middle.sum, delay: 900 ms, queue: 16");
+    std::fs::write(bench.path("chain.yaml"), late).unwrap();
+    let run = under_way(&bench, &bench.path("chain.yaml"), placement);
     let children = run.children();
 
-    run.signal_group(signal);
+    signal(&run);
     let report = run.finish().good();
 
     assert_eq!((&report["ended_early"], &report["balanced"]), (&json!("stopped"), &json!(true)));
+    assert_eq!(line(&report, "sink.queue")["left"], 0, "drained");
     assert!(report["seconds"].as_f64().unwrap() < 3600.0, "{}", report["seconds"]);
     assert_eq!(report["faults"], json!([]));
     assert!(children.iter().all(|(_, number)| !lives(*number)));
@@ -42,23 +47,30 @@ fn ends_in_order(placement: &[&str], signal: Signal) {
 
 #[test]
 fn ctrl_c_ends_a_simulated_run_in_order() {
-    ends_in_order(&["--clock", "simulated"], Signal::INT);
+    ends_in_order(&["--clock", "simulated"], |run| run.signal_group(Signal::INT));
 }
 
 #[test]
 fn sigterm_ends_a_run_in_lock_step_in_threads_in_order() {
-    ends_in_order(&["--lock-step=threads"], Signal::TERM);
+    ends_in_order(&["--lock-step=threads"], |run| run.signal_group(Signal::TERM));
 }
 
 #[test]
 fn a_hang_up_ends_a_run_in_lock_step_in_processes_in_order() {
-    ends_in_order(&["--lock-step=processes"], Signal::HUP);
+    ends_in_order(&["--lock-step=processes"], |run| run.signal_group(Signal::HUP));
+}
+
+#[test]
+fn hang_ups_that_come_at_once_end_runs_in_order() {
+    for placement in [&["--clock", "simulated"][..], &["--lock-step=processes"]] {
+        ends_in_order(placement, Running::hang_up_repeatedly);
+    }
 }
 
 #[test]
 fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
     let bench = Bench::new();
-    let run = under_way(&bench, "stuck.yaml", &["--clock", "simulated"]);
+    let run = under_way(&bench, &pipeline("stuck.yaml"), &["--clock", "simulated"]);
     wait_for("the step", || run.has_said("the kit hangs").then_some(()));
     wait_for("its end", || {
         run.signal(Signal::TERM);

@@ -9,36 +9,46 @@ use signal_hook::iterator::Signals;
 
 use crate::exit::Failure;
 
-/// A signal after one that nobody took for so long ends the process. Some send the same one twice at once, as `timeout`.
-const UNHEARD: Duration = Duration::from_secs(1);
+/// Signals come in pairs: a terminal that is closed hangs up twice, by shell and kernel, and `timeout` signals the process
+/// and its group. What follows on one that counted this soon is its repeat.
+const REPEAT: Duration = Duration::from_secs(1);
 
-/// A flag that the signals set.
+/// A flag that the signals set, and a repeat does not.
 pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in those_that_stop() {
-        signal_hook::flag::register(signal, stop.clone()).map_err(Failure::failed)?;
-    }
-    Ok(stop)
+    heard(|_| ())
 }
 
-/// The same for work in this process, which may never come to look at the flag: a further signal ends the process then.
+/// The same for work in this process, which may never come to look at the flag: a signal after one that nobody took ends
+/// the process then.
 pub fn stop_flag_of_this_process() -> Result<Arc<AtomicBool>, Failure> {
+    heard(|signal| {
+        let _ = signal_hook::low_level::emulate_default_handler(signal);
+    })
+}
+
+/// A flag that the signals set; `unheard` is called for one that finds it set still.
+fn heard(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = Signals::new(those_that_stop()).map_err(Failure::failed)?;
     let flag = stop.clone();
     std::thread::spawn(move || {
-        let mut set: Option<Instant> = None;
+        let mut counted = None;
         for signal in signals.forever() {
-            let unheard = flag.swap(true, Ordering::Relaxed);
-            if unheard && set.is_some_and(|at| at.elapsed() > UNHEARD) {
-                let _ = signal_hook::low_level::emulate_default_handler(signal);
-            }
-            if !unheard {
-                set = Some(Instant::now());
+            if counts(&mut counted, Instant::now()) && flag.swap(true, Ordering::Relaxed) {
+                unheard(signal);
             }
         }
     });
     Ok(stop)
+}
+
+/// Whether a signal is more than the repeat of the one that `counted` last.
+fn counts(counted: &mut Option<Instant>, now: Instant) -> bool {
+    let new = counted.is_none_or(|at| now.duration_since(at) > REPEAT);
+    if new {
+        *counted = Some(now);
+    }
+    new
 }
 
 /// Who starts a command with `nohup` wants it to go on.
@@ -61,6 +71,14 @@ fn is_ignored(status: &str, signal: i32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_signal_soon_after_another_is_its_repeat() {
+        let (mut counted, begun) = (None, Instant::now());
+        let at = [0.0, 0.000_27, 0.9, 1.1, 1.2, 2.0, 2.2].map(|s| begun + Duration::from_secs_f64(s));
+        let of = at.map(|at| counts(&mut counted, at));
+        assert_eq!(of, [true, false, false, true, false, false, true]);
+    }
 
     #[test]
     fn a_hang_up_that_is_ignored_is_left_so() {

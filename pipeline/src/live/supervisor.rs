@@ -179,7 +179,7 @@ impl Supervisor {
             }
         }
         let number = self.connect_all();
-        self.wait_for_recorder(number, stop);
+        self.wait_for_recorder(number, || stop.load(Ordering::Relaxed));
         self.folder.publish(&RunCard {
             pipeline: self.graph.name.clone(),
             pid: std::process::id(),

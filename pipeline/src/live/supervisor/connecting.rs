@@ -3,7 +3,6 @@
 //! What a process sent is safe from its death on with everyone who has connected to it: its memory is mapped then. So a
 //! worker begins when the others have been told to connect to it, and its node is cleaned when they have.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::Supervisor;
@@ -37,13 +36,13 @@ impl Supervisor {
     }
 
     /// Waits until the recorder has done an order to connect; whether it has. One that leaves undone what it was told for
-    /// as long as it may is not waited for, and a signal ends the wait.
-    pub(super) fn wait_for_recorder(&mut self, number: u64, stop: &AtomicBool) -> bool {
+    /// as long as it may is not waited for, nor is anyone once `hurried` says so.
+    pub(super) fn wait_for_recorder(&mut self, number: u64, mut hurried: impl FnMut() -> bool) -> bool {
         let Some(recorder) = &mut self.recorder else { return false };
         while recorder.connected < number
             && !recorder.is_gone()
             && recorder.silence() < RECORDER_PATIENCE
-            && !stop.load(Ordering::Relaxed)
+            && !hurried()
         {
             if recorder.made && recorder.ordered < number {
                 recorder.order_connect(number);

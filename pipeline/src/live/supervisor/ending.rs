@@ -15,6 +15,25 @@ use crate::live::report::{Recorded, Run, RunReport};
 /// How long the processes of a level may take to drain their inputs and mark their ends.
 const STOP_PATIENCE: Duration = Duration::from_secs(10);
 
+/// The signals that come while a run ends. The first of a run asks for its end in order, also where it ends already;
+/// each further one ends the wait for those that are waited for then, and for nobody after them.
+struct Hurry<'s> {
+    stop: &'s AtomicBool,
+    asked: bool,
+}
+
+impl<'s> Hurry<'s> {
+    fn new(stop: &'s AtomicBool) -> Self {
+        let asked = stop.swap(false, Ordering::Relaxed);
+        Self { stop, asked }
+    }
+
+    /// Whether a signal ends what is waited for. It is taken by that.
+    fn comes(&mut self) -> bool {
+        self.stop.swap(false, Ordering::Relaxed) && std::mem::replace(&mut self.asked, true)
+    }
+}
+
 impl Supervisor {
     /// Ends the run in order: level by level, the recorder last.
     pub(super) fn end(
@@ -24,42 +43,17 @@ impl Supervisor {
         stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> Result<RunReport, String> {
-        // A second signal from here on ends what has not ended.
-        stop.store(false, Ordering::Relaxed);
+        let mut hurry = Hurry::new(stop);
         let mut late = Vec::new();
         for level in levels(&self.graph) {
-            for index in &level {
-                if let Some(child) = &mut self.workers[*index].child {
-                    child.tell(&ToWorker::Stop);
-                }
-            }
-            let begun = Instant::now();
-            for index in &level {
-                while self.is_stopping(*index)
-                    && begun.elapsed() < STOP_PATIENCE
-                    && !stop.load(Ordering::Relaxed)
-                {
-                    self.read_journals();
-                    if let Some(child) = &mut self.workers[*index].child {
-                        child.wait(GLANCE, &mut self.told, |c| c.stopped);
-                    }
-                }
-                if self.is_stopping(*index)
-                    && let Some(mut child) = self.workers[*index].child.take()
-                {
-                    child.kill();
-                    late.push(child.name.clone());
-                    child.reap(Duration::from_secs(1));
-                }
-            }
-            self.read_journals();
+            late.extend(self.end_level(&level, &mut hurry));
         }
         let early = match (early, late.is_empty()) {
             (early, true) => early,
             (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
         };
         let number = self.connect_all();
-        let records = self.wait_for_recorder(number, stop);
+        let records = self.wait_for_recorder(number, || hurry.comes());
         self.read_journals();
         self.tell_faults(run);
         let ledger = self.ledger.lines(&self.graph);
@@ -77,7 +71,7 @@ impl Supervisor {
             recording_failed: None,
             swept: std::mem::take(&mut self.swept),
         };
-        report.recording_failed = self.finish_recording(&report, records, stop).err();
+        report.recording_failed = self.finish_recording(&report, records, &mut hurry).err();
         for worker in &mut self.workers {
             if let Some(mut child) = worker.child.take() {
                 child.tell(&ToWorker::Exit);
@@ -88,6 +82,39 @@ impl Supervisor {
         report.faults = std::mem::take(&mut self.faults);
         report.recorded = std::mem::take(&mut self.recorded);
         Ok(report)
+    }
+
+    /// Has the processes of a level stop, and kills those that do not. Gives their names.
+    fn end_level(&mut self, level: &[usize], hurry: &mut Hurry) -> Vec<String> {
+        for index in level {
+            if let Some(child) = &mut self.workers[*index].child {
+                child.tell(&ToWorker::Stop);
+            }
+        }
+        let begun = Instant::now();
+        while let Some(index) = level.iter().find(|index| self.is_stopping(**index))
+            && begun.elapsed() < STOP_PATIENCE
+            && !hurry.comes()
+        {
+            self.read_journals();
+            if let Some(child) = &mut self.workers[*index].child {
+                child.wait(GLANCE, &mut self.told, |c| c.stopped);
+            }
+        }
+        // The others have stopped while one was waited for.
+        self.listen();
+        let mut late = Vec::new();
+        for index in level {
+            if self.is_stopping(*index)
+                && let Some(mut child) = self.workers[*index].child.take()
+            {
+                child.kill();
+                late.push(child.name.clone());
+                child.reap(Duration::from_secs(1));
+            }
+        }
+        self.read_journals();
+        late
     }
 
     /// What the session should say is missing, as far as it is known here.
@@ -115,7 +142,7 @@ impl Supervisor {
         &mut self,
         report: &RunReport,
         answers: bool,
-        stop: &AtomicBool,
+        hurry: &mut Hurry,
     ) -> Result<(), String> {
         if self.options.session.is_none() {
             return Ok(());
@@ -133,7 +160,7 @@ impl Supervisor {
         }
         let begun = Instant::now();
         // Much may wait for a slow disk, so it has more time than the others. A signal ends that.
-        while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed) {
+        while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !hurry.comes() {
             recorder.wait(GLANCE, &mut self.told, Child::has_said);
             while let Some(said) = recorder.next() {
                 if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = said {
@@ -188,4 +215,25 @@ fn levels(graph: &Graph) -> Vec<Vec<usize>> {
         levels.push(ready);
     }
     levels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_signal_of_a_run_hurries_nobody_and_each_further_one_those_who_are_waited_for() {
+        // It ended by a signal, or by itself.
+        for stopped in [true, false] {
+            let stop = AtomicBool::new(stopped);
+            let mut hurry = Hurry::new(&stop);
+            assert!(!hurry.comes());
+            let mut signal = || {
+                stop.store(true, Ordering::Relaxed);
+                hurry.comes()
+            };
+            assert_eq!([signal(), signal()], [stopped, true]);
+            assert!(!hurry.comes(), "the next is waited for");
+        }
+    }
 }

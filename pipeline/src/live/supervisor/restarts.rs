@@ -2,7 +2,7 @@
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::connecting::RECORDER_PATIENCE;
@@ -99,7 +99,7 @@ impl Supervisor {
         let reason = self.reap(child);
         self.connect_all();
         if self.recorder.as_ref().is_some_and(|r| r.made) {
-            self.wait_for_recorder(began, stop);
+            self.wait_for_recorder(began, || stop.load(Ordering::Relaxed));
         }
         self.read_journals();
         self.domain.clean_dead_nodes();
