@@ -34,7 +34,7 @@ fn dying_publisher() {
 }
 
 /// Samples that a consumer still gets of a publisher that was killed, after somebody else joined in between.
-fn received_after(join: impl FnOnce(&std::path::Path, &str)) -> usize {
+fn received_after(join: impl FnOnce(&std::path::Path, &str, u32)) -> usize {
     let bench = Bench::new();
     let root = bench.path("d");
     // The folder's name is its own; objects of a run begin otherwise.
@@ -42,13 +42,14 @@ fn received_after(join: impl FnOnce(&std::path::Path, &str)) -> usize {
     let domain = Domain::join(&root, &prefix, "consumer").unwrap();
     let topic = Topic::create(&domain, &contract()).unwrap();
     let subscriber = topic.subscriber(8).unwrap();
-    let publisher = std::process::Command::new(std::env::current_exe().unwrap())
+    let mut publisher = std::process::Command::new(std::env::current_exe().unwrap())
         .args(["--exact", "traps::dying_publisher"])
         .env(DYING, format!("{}|{prefix}", root.display()))
-        .output()
+        .stdout(std::process::Stdio::null())
+        .spawn()
         .unwrap();
-    assert!(!publisher.status.success(), "it was killed");
-    join(&root, &prefix);
+    assert!(!publisher.wait().unwrap().success(), "it was killed");
+    join(&root, &prefix, publisher.id());
     let received = std::iter::from_fn(|| subscriber.receive().unwrap()).count();
     drop((subscriber, topic, domain));
     sweep(&root, &prefix);
@@ -57,7 +58,7 @@ fn received_after(join: impl FnOnce(&std::path::Path, &str)) -> usize {
 
 #[test]
 fn samples_of_a_killed_publisher_stay_when_somebody_joins() {
-    let received = received_after(|root, prefix| {
+    let received = received_after(|root, prefix, _| {
         let other = Domain::join(root, prefix, "other").unwrap();
         let topic = Topic::open(&other, &contract()).unwrap();
         drop((topic, other));
@@ -68,7 +69,7 @@ fn samples_of_a_killed_publisher_stay_when_somebody_joins() {
 /// Why foreign participants must be given our settings: the test above can fail.
 #[test]
 fn samples_of_a_killed_publisher_vanish_when_somebody_joins_with_iceoryx2s_own_settings() {
-    let received = received_after(|root, prefix| {
+    let received = received_after(|root, prefix, _| {
         let mut config = Config::default();
         config.global.prefix = FileName::new(prefix.as_bytes()).unwrap();
         config.global.set_root_path(&Path::new(root.display().to_string().as_bytes()).unwrap());
@@ -76,6 +77,17 @@ fn samples_of_a_killed_publisher_vanish_when_somebody_joins_with_iceoryx2s_own_s
         drop(other);
     });
     assert_eq!(received, 0);
+}
+
+#[test]
+fn samples_of_a_killed_publisher_stay_when_all_dead_nodes_but_its_own_are_cleaned() {
+    for (stays, samples) in [(true, 5), (false, 0)] {
+        let received = received_after(|root, prefix, publisher| {
+            let cleaner = Domain::join(root, prefix, "cleaner").unwrap();
+            cleaner.clean_dead_nodes(&[if stays { publisher } else { 0 }]);
+        });
+        assert_eq!(received, samples);
+    }
 }
 
 #[test]

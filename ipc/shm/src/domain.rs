@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use iceoryx2::config::Config;
+use iceoryx2::node::NodeView;
 use iceoryx2::prelude::*;
 use iceoryx2::service::ipc;
 
@@ -33,10 +34,17 @@ impl Domain {
     }
 
     /// Gives the ports and memory of dead nodes back. Only the supervisor calls it, after every consumer has connected
-    /// to what the dead left: samples that nobody has connected to vanish here. Returns (cleaned, failed).
-    pub fn clean_dead_nodes(&self) -> (u64, u64) {
-        let state = self.node.try_cleanup_dead_nodes();
-        (state.cleanups, state.failed_cleanups)
+    /// to what the dead left: samples that nobody has connected to vanish here. What the processes `but` left stays. One
+    /// that cannot be cleaned now is left to the next call.
+    pub fn clean_dead_nodes(&self, but: &[u32]) {
+        let _ = Node::<ipc::Service>::list(self.node.config(), |node| {
+            if let NodeState::Dead(dead) = node
+                && !dead.id().pid::<ipc::Service>().is_ok_and(|id| but.contains(&id.value().cast_unsigned()))
+            {
+                let _ = dead.try_remove_stale_resources();
+            }
+            CallbackProgression::Continue
+        });
     }
 }
 

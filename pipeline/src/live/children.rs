@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 
-use super::control::{FromWorker, ToWorker};
+use super::control::{Connect, FromWorker};
 use super::pipe::{Line, Lines, say};
 
 /// How long a child that is no longer wanted may take to end in order.
@@ -45,6 +45,8 @@ pub struct Child {
     pub panicked: Vec<(String, String)>,
     /// Since when it leaves undone what it was told: to make its ports, or to connect.
     owing: Option<Instant>,
+    /// When it was told last to connect, or was started.
+    asked: Instant,
     process: Process,
     stdin: Option<ChildStdin>,
     lines: Lines,
@@ -83,6 +85,7 @@ impl Child {
             })?;
         let stdout = process.stdout.take().ok_or("a child without standard output")?;
         let stdin = process.stdin.take();
+        let begun = Instant::now();
         let mut child = Self {
             name: name.to_string(),
             last_words: None,
@@ -91,7 +94,8 @@ impl Child {
             connected: 0,
             stopped: false,
             panicked: Vec::new(),
-            owing: Some(Instant::now()),
+            owing: Some(begun),
+            asked: begun,
             process,
             stdin,
             lines: Lines::new(OwnedFd::from(stdout)),
@@ -121,11 +125,17 @@ impl Child {
         }
     }
 
-    /// Has it connect to all publishers that are there: order of this number.
-    pub fn order_connect(&mut self, number: u64) {
-        self.tell(&ToWorker::Connect { number });
-        self.ordered = number;
-        self.owing.get_or_insert_with(Instant::now);
+    /// Has it connect to all publishers that are there: order of this number, in the words that it takes.
+    pub fn order_connect<T: Serialize>(&mut self, number: u64, order: fn(Connect) -> T) {
+        self.tell(&order(Connect { number }));
+        let now = Instant::now();
+        (self.ordered, self.asked) = (number, now);
+        self.owing.get_or_insert(now);
+    }
+
+    /// Whether its ports are made, it owes nothing, and it was not asked for anything for so long.
+    pub fn is_unasked(&self, since: Duration) -> bool {
+        self.made && self.owing.is_none() && self.asked.elapsed() >= since
     }
 
     /// How long it has left undone what it was told.
@@ -162,7 +172,8 @@ impl Child {
                 }
                 Ok(Line::Message(FromWorker::Connected { number })) => {
                     self.connected = number;
-                    self.owing = self.owing.filter(|_| number < self.ordered);
+                    // It answers: what it owes still it has as long for again.
+                    self.owing = (number < self.ordered).then(Instant::now);
                 }
                 Ok(Line::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(Line::Message(message)) => self.heard.push_back(message),

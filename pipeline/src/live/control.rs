@@ -34,14 +34,18 @@ pub struct Hello {
     pub directed: bool,
 }
 
+/// To any child: connect to all publishers that are there, and say so.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Connect {
+    /// Number of the order, to be given back: an answer may come late.
+    pub number: u64,
+}
+
 /// From the supervisor to a worker.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToWorker {
-    /// Connect to all publishers that are there, and say so.
-    Connect {
-        /// Number of the order, to be given back: an answer may come late.
-        number: u64,
-    },
+    /// Connect.
+    Connect(Connect),
     /// Begin. Timers count from `epoch`, session time in ns.
     Go {
         /// Zero of the timers.
@@ -166,11 +170,8 @@ pub struct RecorderReport {
 /// From the supervisor to the recorder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub enum ToRecorder {
-    /// Connect to all publishers that are there, and say so. Read as what a worker is told.
-    Connect {
-        /// Number of the order.
-        number: u64,
-    },
+    /// Connect.
+    Connect(Connect),
     /// Take what waits, and end the session with this ledger (JSON).
     Finish {
         /// The ledger.

@@ -8,7 +8,7 @@ use stillpoint_shm::{Domain, Publisher, ShmError, Subscriber, Topic};
 use zerocopy::IntoBytes;
 
 use super::contracts;
-use super::control::{FromWorker, ToWorker, refs_of_wire};
+use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
 use super::pipe::{Lines, tell};
 use super::worker::wait_for;
 use crate::graph::{Graph, ProcessNode};
@@ -55,7 +55,7 @@ impl<'f> DirectedWorker<'f> {
             match order {
                 ToWorker::Exit => return Ok(()),
                 ToWorker::Go { .. } => {}
-                ToWorker::Connect { number } => {
+                ToWorker::Connect(Connect { number }) => {
                     for member in &self.members {
                         member.connect().map_err(|e| e.to_string())?;
                     }

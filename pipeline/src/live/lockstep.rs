@@ -9,7 +9,7 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::children::{Child, Launch, Told};
 use super::contracts;
-use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
+use super::control::{Connect, FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::entry_of;
 use super::room::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
@@ -90,7 +90,7 @@ impl Processes {
             }
         }
         for child in &mut children {
-            child.tell(&ToWorker::Connect { number: 1 });
+            child.tell(&ToWorker::Connect(Connect { number: 1 }));
             if !child.wait(PATIENCE, &mut told, |c| c.connected == 1) {
                 return Err(first_reason(&told, Err(format!("process {} did not connect", child.name))));
             }

@@ -14,7 +14,7 @@ use stillpoint_recorder::{
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::contracts;
-use super::control::{FromWorker, HelloRecorder, RecorderReport, ToRecorder};
+use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::missed::missed;
 use super::pipe::{Line, take_control, tell};
 use super::run_folder::hold;
@@ -88,7 +88,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         while told {
             match orders.next::<ToRecorder>()? {
                 Line::Nothing => told = false,
-                Line::Message(ToRecorder::Connect { number }) => {
+                Line::Message(ToRecorder::Connect(Connect { number })) => {
                     recorder.connect()?;
                     tell(&FromWorker::Connected { number })?;
                 }

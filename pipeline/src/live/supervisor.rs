@@ -48,6 +48,7 @@ pub struct Supervisor {
     recorder_due: Option<u64>,
     /// Number of the last order to connect.
     connects: u64,
+    dead: Vec<restarts::Dead>,
     recorded: Vec<Recorded>,
     journals: Vec<Subscriber>,
     ledger: Ledger,
@@ -128,6 +129,7 @@ impl Supervisor {
             recorder_fate: None,
             recorder_due: None,
             connects: 0,
+            dead: Vec::new(),
             recorded: Vec::new(),
             journals,
             ledger: Ledger::default(),
@@ -266,7 +268,7 @@ impl Supervisor {
             self.listen();
             self.tell_faults(run);
             // A child that cannot be started ends the run, too, and in order.
-            if let Some(reason) = self.care_for_children(now, stop).unwrap_or_else(Some) {
+            if let Some(reason) = self.care_for_children(now).unwrap_or_else(Some) {
                 early = Some(reason);
                 break;
             }

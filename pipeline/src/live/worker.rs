@@ -7,7 +7,7 @@ use std::sync::Arc;
 use stillpoint_samples::Outcome;
 use stillpoint_shm::{Domain, Wake};
 
-use super::control::{FromWorker, Hello, ToWorker};
+use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
 use super::member::{Down, Looked, Member};
 use super::pipe::{Line, Lines, take_control, tell};
@@ -219,7 +219,7 @@ impl Worker {
 
     fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
         match order {
-            ToWorker::Connect { number } => {
+            ToWorker::Connect(Connect { number }) => {
                 for member in &self.members {
                     member.connect().map_err(|e| e.to_string())?;
                 }

@@ -6,11 +6,15 @@
 use std::time::{Duration, Instant};
 
 use super::Supervisor;
+use crate::live::control::{ToRecorder, ToWorker};
 
 /// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
 /// How long the recorder may leave an order undone: what it has not connected to is lost to the session.
 pub(super) const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
+/// How often a recorder that owes nothing is told to connect again: one that hangs leaves that undone. Its answer never
+/// waits for a disk, to which another thread of it writes.
+const RECORDER_ASKED: Duration = Duration::from_secs(1);
 /// How soon a signal is noticed.
 pub(super) const GLANCE: Duration = Duration::from_millis(50);
 
@@ -24,15 +28,34 @@ impl Supervisor {
         self.connects += 1;
         let number = self.connects;
         let begun = Instant::now();
-        let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
-        for child in children.filter(|c| c.made) {
-            child.order_connect(number);
+        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {
+            recorder.order_connect(number, ToRecorder::Connect);
+        }
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
+            child.order_connect(number, ToWorker::Connect);
         }
         for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
             let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
             child.wait(left, &mut self.told, |c| c.connected >= number);
         }
         number
+    }
+
+    /// Asks a recorder that nobody has asked for a while, and ends one that leaves an order undone for too long.
+    pub(super) fn prove_recorder(&mut self) {
+        let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) else { return };
+        // It may have answered while others were waited for.
+        recorder.listen(&mut self.told);
+        if recorder.silence() > RECORDER_PATIENCE {
+            recorder.give_up(recorder.silence());
+        } else if recorder.is_unasked(RECORDER_ASKED) {
+            recorder.order_connect(self.connects, ToRecorder::Connect);
+        }
+    }
+
+    /// Whether the recorder has done an order to connect. One whose ports are not made has nothing to keep.
+    pub(super) fn is_recorder_at(&self, number: u64) -> bool {
+        self.recorder.as_ref().is_none_or(|r| !r.made || r.connected >= number)
     }
 
     /// Waits until the recorder has done an order to connect; whether it has. One that leaves undone what it was told for
@@ -45,7 +68,7 @@ impl Supervisor {
             && !hurried()
         {
             if recorder.made && recorder.ordered < number {
-                recorder.order_connect(number);
+                recorder.order_connect(number, ToRecorder::Connect);
             }
             recorder
                 .wait(GLANCE, &mut self.told, |c| c.connected >= number || (c.made && c.ordered < number));

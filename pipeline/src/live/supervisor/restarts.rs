@@ -2,10 +2,8 @@
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::connecting::RECORDER_PATIENCE;
 use super::{Supervisor, Worker};
 use crate::graph::Restart;
 use crate::live::children::{Child, Told};
@@ -17,6 +15,15 @@ use crate::restarts::{Answer, Restarts};
 const RECORDER_BACKOFF: u64 = 10_000_000;
 /// Longest wait before the recorder is started again, ns.
 const RECORDER_LONGEST: u64 = 5_000_000_000;
+
+/// A process that is gone, and whose node is not cleaned yet.
+pub(super) struct Dead {
+    /// Its number, if it was a worker.
+    process: Option<usize>,
+    pid: u32,
+    /// Number of the order to connect that went before it began.
+    began: u64,
+}
 
 /// The restarts of a recorder: there is no limit.
 pub(super) fn of_recorder() -> Restarts {
@@ -37,33 +44,30 @@ fn how(status: Option<ExitStatus>, is_full: impl Fn() -> bool) -> String {
 
 impl Supervisor {
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    pub(super) fn care_for_children(
-        &mut self,
-        now: u64,
-        stop: &AtomicBool,
-    ) -> Result<Option<String>, String> {
+    pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, String> {
         for index in 0..self.workers.len() {
             if let Some(reason) = self.answer_panics(index, now) {
                 return Ok(Some(reason));
             }
             if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
-                && let Some(reason) = self.bury_worker(index, now, stop)
+                && let Some(reason) = self.bury_worker(index, now)
             {
                 return Ok(Some(reason));
             }
         }
-        if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made && r.silence() > RECORDER_PATIENCE) {
-            recorder.give_up(recorder.silence());
-        }
+        self.prove_recorder();
         if self.recorder.as_ref().is_some_and(Child::is_gone) {
-            self.bury_recorder(now, stop);
+            self.bury_recorder(now);
         }
+        self.clean_after_the_dead();
         if self.recorder_due.is_some_and(|due| due <= now) {
             self.recorder_due = None;
             self.start_recorder()?;
         }
         for index in 0..self.workers.len() {
-            if self.workers[index].due.is_some_and(|due| due <= now) {
+            if self.workers[index].due.is_some_and(|due| due <= now)
+                && !self.is_uncleaned(self.workers[index].process)
+            {
                 self.restart(index)?;
             }
         }
@@ -93,23 +97,36 @@ impl Supervisor {
         said.map_or_else(|| reason.clone(), |said| format!("{reason} ({said})"))
     }
 
-    /// Everyone connects to what a dead process left, and only then its node is cleaned. The recorder has as a rule
-    /// connected to it before it `began`, and is not waited for then.
-    fn clean_after(&mut self, child: Child, began: u64, stop: &AtomicBool) -> String {
+    /// Reaps a process that is gone, and has everyone connect to what it left. Its node is cleaned once the recorder has
+    /// done the order that went before it `began`: as a rule it has. Says how it ended.
+    fn bury(&mut self, child: Child, process: Option<usize>, began: u64) -> String {
+        self.dead.push(Dead { process, pid: child.pid(), began });
         let reason = self.reap(child);
         self.connect_all();
-        if self.recorder.as_ref().is_some_and(|r| r.made) {
-            self.wait_for_recorder(began, || stop.load(Ordering::Relaxed));
-        }
-        self.read_journals();
-        self.domain.clean_dead_nodes();
         reason
     }
 
+    /// Cleans the nodes of the dead, but of those that sent what the recorder has not connected to yet.
+    fn clean_after_the_dead(&mut self) {
+        let (kept, known): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.dead).into_iter().partition(|dead| !self.is_recorder_at(dead.began));
+        if !known.is_empty() {
+            self.read_journals();
+            self.domain.clean_dead_nodes(&kept.iter().map(|dead| dead.pid).collect::<Vec<_>>());
+        }
+        self.dead = kept;
+    }
+
+    /// Whether a process died and its node is not cleaned yet.
+    fn is_uncleaned(&self, process: usize) -> bool {
+        self.dead.iter().any(|dead| dead.process == Some(process))
+    }
+
     /// A worker is gone: its restart is planned, if its policy allows one.
-    fn bury_worker(&mut self, index: usize, now: u64, stop: &AtomicBool) -> Option<String> {
+    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
         let child = self.workers[index].child.take()?;
-        let reason = self.clean_after(child, self.workers[index].greeted, stop);
+        let Worker { process, greeted, .. } = self.workers[index];
+        let reason = self.bury(child, Some(process), greeted);
         let worker = &mut self.workers[index];
         worker.went = false;
         match worker.restarts.failed(now) {
@@ -133,9 +150,9 @@ impl Supervisor {
 
     /// A recorder that dies goes on in the next part of the session. The run does not end by it: the session says what
     /// is missing.
-    fn bury_recorder(&mut self, now: u64, stop: &AtomicBool) {
+    fn bury_recorder(&mut self, now: u64) {
         let Some(child) = self.recorder.take() else { return };
-        self.recorder_fate = Some(self.clean_after(child, 0, stop));
+        self.recorder_fate = Some(self.bury(child, None, 0));
         self.recorder_deaths += 1;
         if let Answer::Again { at } = self.recorder_restarts.failed(now) {
             self.recorder_due = Some(at);
