@@ -8,7 +8,7 @@ use stillpoint_samples::{Cause, Entry, RefKind};
 
 use crate::account::{END_RECORD, Lost, RECOVERED_RECORD};
 use crate::ended::Ended;
-use crate::journal::out_of_time;
+use crate::journal::times;
 use crate::part::Part;
 use crate::recover::DAMAGED_PLACES;
 use crate::session::Session;
@@ -111,7 +111,7 @@ pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
     });
     gaps.extend(open_ends(session));
     gaps.extend(session.journals().iter().filter_map(|(operator, entries)| {
-        let what = entries.windows(2).find_map(|pair| out_of_time(&pair[0], &pair[1]))?;
+        let what = times(entries).find_map(|(_, wrong)| wrong)?;
         Some(Gap::Stated(format!("`{operator}`: {what}")))
     }));
     for part in &session.parts {

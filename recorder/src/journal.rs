@@ -37,12 +37,19 @@ fn check(r: &JournalRef, inputs: usize, outputs: usize, activates: bool) -> Resu
     Ok(())
 }
 
-/// What is wrong where an entry is later than the one behind it: the order of time is then not that of the journal.
-pub fn out_of_time(entry: &Entry, next: &Entry) -> Option<String> {
-    (next.head.stamp < entry.head.stamp).then(|| {
-        format!(
-            "its journal is damaged: the time of entry {} is after that of entry {} behind it",
-            entry.head.sequence, next.head.sequence
-        )
+/// The time of each entry of a journal, which never goes back, and what is wrong with an entry whose stamp would have it do
+/// so. Such an entry has the nearest time that it can have.
+pub fn times(journal: &[Entry]) -> impl Iterator<Item = (u64, Option<String>)> {
+    let mut before = 0;
+    journal.iter().enumerate().map(move |(i, entry)| {
+        let stamp = entry.head.stamp;
+        // One behind it that is too early is wrong itself.
+        let next = journal.get(i + 1).map(|next| next.head.stamp).filter(|next| *next >= before);
+        let time = stamp.min(next.unwrap_or(u64::MAX)).max(before);
+        before = time;
+        let sequence = entry.head.sequence;
+        let what =
+            || format!("its journal is damaged: the time of entry {sequence} is not between its neighbours'");
+        (time, (time != stamp).then(what))
     })
 }

@@ -79,7 +79,7 @@ pub use error::SessionError;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
-pub use journal::out_of_time;
+pub use journal::times;
 pub use layout::TopicKind;
 pub use mapping::Mapping;
 pub use opening::{Attachment, Compression, Opening};

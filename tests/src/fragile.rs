@@ -1,4 +1,4 @@
-//! An operator that cannot be made.
+//! An operator that may not be made.
 
 use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
@@ -12,6 +12,8 @@ pub enum Way {
     Panic,
     /// It never comes back.
     Hang,
+    /// Not at all.
+    Never,
 }
 
 /// Parameters of [`Fragile`].
@@ -22,7 +24,7 @@ pub struct FragileParams {
     pub way: Way,
 }
 
-/// Cannot be made.
+/// Cannot be made, unless its parameter says so.
 pub struct Fragile;
 
 impl Operator for Fragile {
@@ -43,6 +45,7 @@ impl Operator for Fragile {
             Way::Hang => loop {
                 std::thread::sleep(std::time::Duration::from_secs(1));
             },
+            Way::Never => Ok(Self),
         }
     }
 

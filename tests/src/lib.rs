@@ -2,7 +2,7 @@
 //!
 //! - `counter`: sends numbers, and some of them wrong on purpose
 //! - `mixer`: takes several inputs and sends what they add up to
-//! - `fragile`: cannot be made
+//! - `fragile`: may not be made
 //! - `lapping`: has its stages measured
 //! - `post`: writes and reads datagrams
 //! - `printing`: prints

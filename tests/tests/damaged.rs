@@ -90,13 +90,13 @@ fn a_bad_journal_entry_harms_its_incarnation_alone_and_the_session_is_not_comple
         .good();
     let session = bench.path(report["session"].as_str().unwrap());
     // Count and port of the reference, and the stamp of the head.
-    let broken: [(&str, usize, &[u8]); 4] = [
-        ("count", REFERENCE + 32, &[255; 4]),
-        ("port", REFERENCE + 40, &[77, 0, 0, 0]),
-        ("late", 0, &[255; 8]),
-        ("early", 0, &[0; 8]),
+    let broken: [(&str, usize, &[u8], u64); 4] = [
+        ("count", REFERENCE + 32, &[255; 4], 20),
+        ("port", REFERENCE + 40, &[77, 0, 0, 0], 20),
+        ("late", 0, &[255; 8], 19),
+        ("early", 0, &[0; 8], 19),
     ];
-    for (name, at, value) in broken {
+    for (name, at, value, from) in broken {
         let tampered = bench.path(name);
         rewrite(&session, &tampered, |samples| {
             let of_other = |s: &&mut Sample| s.topic == "other.journal" && s.sequence == 20;
@@ -105,7 +105,31 @@ fn a_bad_journal_entry_harms_its_incarnation_alone_and_the_session_is_not_comple
         });
         let open = open(&bench, text(&tampered));
         assert!(open.len() == 1 && open[0]["operator"] == "other", "{name}: {open:?}");
+        assert_eq!(open[0]["from_activation"], from, "{name}: {open:?}");
         let complete = &bench.call(&["info", text(&tampered), "--json"]).good()["complete"];
         assert!(*complete == false, "{name}");
+    }
+}
+
+#[test]
+fn a_restart_whose_time_is_wrong_harms_its_incarnation_alone() {
+    let bench = Bench::new();
+    let file = pipeline("crash.yaml");
+    let run = ["run", text(&file), "--clock", "simulated", "--for", "1 s", "--record", "s", "--json"];
+    let report = bench.call(&run).good();
+    let session = bench.path(report["session"].as_str().unwrap());
+    let whole = bench.call(&["replay", text(&session), "--json"]).good();
+    for stamp in [0_u64, 1, u64::MAX] {
+        let tampered = bench.path(&format!("at-{stamp}"));
+        rewrite(&session, &tampered, |samples| {
+            let of_first =
+                |s: &&mut Sample| s.topic == "first.journal" && (s.incarnation, s.sequence) == (1, 0);
+            samples.iter_mut().find(of_first).unwrap().bytes[..8].copy_from_slice(&stamp.to_le_bytes());
+        });
+        let open = open(&bench, text(&tampered));
+        assert!(open.len() == 1 && open[0]["operator"] == "first" && open[0]["incarnation"] == 1, "{open:?}");
+        let replay = bench.call(&["replay", text(&tampered), "--json"]).json();
+        let exact = |replay: &Value| replay["exact_incarnations"].as_u64().unwrap();
+        assert_eq!(exact(&replay), exact(&whole) - 1, "{replay}");
     }
 }

@@ -4,7 +4,7 @@ use serde_json::Value;
 use stillpoint_samples::{Entry, HEAD_SIZE, JournalRef};
 
 use crate::bench::{Bench, Done, figures, line, pipeline, text};
-use crate::tampered::{Sample, rewrite};
+use crate::tampered::{Sample, rewrite, rewrite_all};
 
 /// Records half a second of a pipeline and gives the session.
 fn recorded(bench: &Bench, file: &str, more: &[&str]) -> String {
@@ -267,4 +267,22 @@ fn a_session_is_never_written_over_and_the_message_says_what_to_do() {
     std::fs::write(bench.path("file"), "").unwrap();
     let done = bench.call(&["replay", session, "--record", "file/again"]);
     assert!(done.err.contains("file/again") && done.err.contains("choose another folder"), "{}", done.err);
+}
+
+#[test]
+fn an_operator_that_this_build_cannot_make_is_no_gap_of_the_session() {
+    let bench = Bench::new();
+    let session = bench.path(&recorded(
+        &bench,
+        "fragile.yaml",
+        &["--clock", "simulated", "--set", "fragile.way=never"],
+    ));
+    let tampered = bench.path("tampered");
+    rewrite_all(&session, &tampered, |_, attachments| {
+        let sets = attachments.iter_mut().find(|a| a.name == "sets.json").unwrap();
+        sets.bytes = br#"["fragile.way=error"]"#.to_vec();
+    });
+    let done = bench.call(&["replay", text(&tampered)]);
+    assert_eq!(done.code(), 1, "{}", done.out);
+    assert!(done.err.contains("the kit's model has 3 layers, but 4 are due"), "{}", done.err);
 }

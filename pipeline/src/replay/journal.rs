@@ -1,6 +1,6 @@
 //! The journals of a session in the order of time.
 
-use stillpoint_recorder::{Session, out_of_time};
+use stillpoint_recorder::{Session, times};
 use stillpoint_samples::{Cause, Entry};
 
 use crate::graph::Graph;
@@ -19,12 +19,8 @@ impl<'s> Ordered<'s> {
         for (operator, node) in graph.operators.iter().enumerate() {
             let Some(journal) = session.journals().get(&node.name) else { continue };
             let mut before: Option<&Entry> = None;
-            for (i, entry) in journal.iter().enumerate() {
-                let next = journal.get(i + 1);
-                let missing = gap(before, entry).or_else(|| out_of_time(entry, next?));
-                // One that claims a later time than the one behind it comes before that one nevertheless.
-                let time = next.map_or(entry.head.stamp, |n| n.head.stamp.min(entry.head.stamp));
-                entries.push((time, operator, entry, missing));
+            for (entry, (time, wrong)) in journal.iter().zip(times(journal)) {
+                entries.push((time, operator, entry, gap(before, entry).or(wrong)));
                 before = Some(entry);
             }
         }

@@ -55,7 +55,8 @@ pub(super) fn needed(session: &Session, graph: &Graph, compared: &BTreeSet<usize
         let node = &graph.operators[operator];
         for (port, edge) in node.inputs.iter().enumerate().filter_map(|(p, i)| Some((p, i.edge?))) {
             let topic = &graph.operators[edge.operator].outputs[edge.output].topic;
-            if !holds_all(session, &node.name, port, topic) {
+            let runs = found.contains(&edge.operator) || compared.contains(&edge.operator);
+            if !runs && !holds_all(session, &node.name, port, topic) {
                 todo.push(edge.operator);
             }
         }
