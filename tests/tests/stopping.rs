@@ -1,4 +1,4 @@
-//! Runs on the discrete-event schedule that somebody stops.
+//! Runs on the discrete-event schedule that somebody stops, or that cannot begin.
 
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
@@ -77,4 +77,16 @@ fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
         (!lives(run.pid())).then_some(())
     });
     assert_eq!(run.finish().status.signal(), Some(15));
+}
+
+#[test]
+fn a_run_whose_first_operator_cannot_be_made_has_no_length() {
+    let bench = Bench::new();
+    let file = pipeline("fragile.yaml");
+    for placement in [&["--clock", "simulated"][..], &["--lock-step=threads"]] {
+        let run =
+            ["run", text(&file), "--set", "fragile.way=error", "--for", "1 h", "--json", "--record", "s"];
+        let done = bench.call(&[&run, placement].concat());
+        assert_eq!((done.code(), &done.json()["seconds"]), (1, &json!(0.0)), "{}", done.err);
+    }
 }

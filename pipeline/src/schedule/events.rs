@@ -132,11 +132,7 @@ impl Events {
         witness: &mut dyn Witness,
     ) -> Result<(), RunError> {
         self.end = start.saturating_add(duration);
-        for operator in 0..self.operators.len() {
-            self.operators[operator].busy_until = start;
-            let entry = placement.start(operator, 0, start)?;
-            witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
-        }
+        self.begin(placement, start, witness).inspect_err(|_| self.end = start)?;
         let mut last = start;
         let mut ended = Ok(());
         while let Some((time, operator)) = self.next(start) {
@@ -170,6 +166,21 @@ impl Events {
             }
         }
         ended
+    }
+
+    /// The first incarnations begin.
+    fn begin(
+        &mut self,
+        placement: &mut dyn Placement,
+        start: u64,
+        witness: &mut dyn Witness,
+    ) -> Result<(), RunError> {
+        for (operator, state) in self.operators.iter_mut().enumerate() {
+            state.busy_until = start;
+            let entry = placement.start(operator, 0, start)?;
+            witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
+        }
+        Ok(())
     }
 
     /// The next operator that may have something to do, and when.
