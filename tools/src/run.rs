@@ -143,8 +143,7 @@ impl Run {
         };
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
-            // A recording that was given up has no last part that was ended.
-            && (session.is_none() || !report.recorded.is_empty());
+            && report.recording_failed.is_none();
         let summary = Summary::new(&report, &checked.graph, is_live, session.as_deref());
         if self.json {
             print_json(&summary.to_json()?)?;

@@ -53,9 +53,9 @@ pub struct RunReport {
     pub faults: Vec<Fault>,
     /// Why the run ended before its time, if it did.
     pub ended_early: Option<String>,
-    /// What was recorded, by each recorder that ended its part.
+    /// What was recorded, of the part that its recorder ended: nothing where nothing was to be recorded, or that failed.
     pub recorded: Vec<Recorded>,
-    /// Why nobody ended the last part, if nobody did.
+    /// Why nobody ended the last part, if nobody did: who wants to know whether the recording failed asks here.
     pub recording_failed: Option<String>,
     /// Runs that had died, and were swept before this one.
     pub swept: Vec<String>,

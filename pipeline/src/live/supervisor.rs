@@ -19,7 +19,7 @@ use super::children::{Child, Told, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
 use super::entry_of;
-use super::report::{Fault, Recorded, Run, RunOptions, RunReport};
+use super::report::{Fault, Run, RunOptions, RunReport};
 use super::room::reserve;
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
@@ -49,7 +49,6 @@ pub struct Supervisor {
     /// Number of the last order to connect.
     connects: u64,
     dead: Vec<restarts::Dead>,
-    recorded: Vec<Recorded>,
     journals: Vec<Subscriber>,
     ledger: Ledger,
     status: Status,
@@ -130,7 +129,6 @@ impl Supervisor {
             recorder_due: None,
             connects: 0,
             dead: Vec::new(),
-            recorded: Vec::new(),
             journals,
             ledger: Ledger::default(),
             told: Vec::new(),

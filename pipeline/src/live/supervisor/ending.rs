@@ -71,7 +71,10 @@ impl Supervisor {
             recording_failed: None,
             swept: std::mem::take(&mut self.swept),
         };
-        report.recording_failed = self.finish_recording(&report, records, &mut hurry).err();
+        match self.finish_recording(&report, records, &mut hurry) {
+            Ok(recorded) => report.recorded.extend(recorded),
+            Err(reason) => report.recording_failed = Some(reason),
+        }
         for worker in &mut self.workers {
             if let Some(mut child) = worker.child.take() {
                 child.tell(&ToWorker::Exit);
@@ -80,7 +83,6 @@ impl Supervisor {
         }
         self.tell_faults(run);
         report.faults = std::mem::take(&mut self.faults);
-        report.recorded = std::mem::take(&mut self.recorded);
         Ok(report)
     }
 
@@ -143,9 +145,9 @@ impl Supervisor {
         report: &RunReport,
         answers: bool,
         hurry: &mut Hurry,
-    ) -> Result<(), String> {
+    ) -> Result<Option<Recorded>, String> {
         if self.options.session.is_none() {
-            return Ok(());
+            return Ok(None);
         }
         let Some(mut recorder) = self.recorder.take() else {
             return Err(self.recorder_fate.take().unwrap_or_else(|| "there is no recorder".to_string()));
@@ -164,9 +166,8 @@ impl Supervisor {
             recorder.wait(GLANCE, &mut self.told, Child::has_said);
             while let Some(said) = recorder.next() {
                 if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = said {
-                    self.recorded.push(Recorded { part, samples, bytes, cpu_ns, lost });
                     recorder.reap(STOP_PATIENCE);
-                    return Ok(());
+                    return Ok(Some(Recorded { part, samples, bytes, cpu_ns, lost }));
                 }
             }
         }
