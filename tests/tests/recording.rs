@@ -191,12 +191,14 @@ fn a_recorder_that_is_stopped_for_a_while_states_what_it_lost() {
     bench.wait_for_samples("sink.sum", 5);
     let recorder = rustix::process::Pid::from_raw(run.child("recorder", 0) as i32).unwrap();
     rustix::process::kill_process(recorder, Signal::STOP).unwrap();
-    // More than its buffers hold.
-    wait_for("3000 ticks", || {
+    let tick = || {
         let line = bench.wait_for_samples("source.journal", 1);
-        let entry: serde_json::Value = serde_json::from_str(line.lines().next()?).ok()?;
-        (entry["sequence"].as_u64()? > 3000).then_some(())
-    });
+        let entry: serde_json::Value = serde_json::from_str(line.lines().next().unwrap()).unwrap();
+        entry["sequence"].as_u64().unwrap()
+    };
+    // More than its buffers hold, and long before it is given up.
+    let stopped = tick();
+    wait_for("1100 ticks", || (tick() > stopped + 1100).then_some(()));
     rustix::process::kill_process(recorder, Signal::CONT).unwrap();
     bench.wait_for_samples("sink.sum", 5);
     let report = run.stop().good();
