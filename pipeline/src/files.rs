@@ -141,7 +141,8 @@ impl Files for DiskFiles {
             let file = entry.file_name();
             let shown = file.to_string_lossy();
             // What is broken, such as a link to nothing, stays in the list: reading it says why.
-            if entry.path().is_dir() || !pattern::matches(like, &shown) {
+            let is_other = entry.path().metadata().is_ok_and(|found| !found.is_file());
+            if is_other || !pattern::matches(like, &shown) {
                 continue;
             }
             let file = file.to_str().ok_or_else(|| format!("the name of the file {shown} is not UTF-8"))?;
@@ -152,20 +153,20 @@ impl Files for DiskFiles {
     }
 }
 
-/// Files that a session keeps.
+/// Files that are nowhere but in memory.
 #[derive(Clone, Debug, Default)]
-pub struct KeptFiles {
+pub struct MemoryFiles {
     /// Bytes by name.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
-impl Files for KeptFiles {
+impl Files for MemoryFiles {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
-        self.files.get(name).cloned().ok_or_else(|| "the session does not keep this file".to_string())
+        self.files.get(name).cloned().ok_or_else(|| "there is no such file".to_string())
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
-        listed(&self.files, name).ok_or_else(|| "the session does not keep it".to_string())
+        listed(&self.files, name).ok_or_else(|| "there is no such file".to_string())
     }
 }
 
@@ -179,21 +180,18 @@ pub struct SessionFiles {
 impl SessionFiles {
     /// The files among the attachments of a session, held against the hashes that its metadata says.
     pub fn of(session: &Session) -> Self {
-        let kept = |name: &str| session.attachments().get(&format!("{FILES}{name}")).map(|a| a.bytes.clone());
-        let mut files: BTreeMap<_, _> = session
+        let mut files: BTreeMap<String, Result<Vec<u8>, String>> = session
             .attachments()
             .iter()
             .filter_map(|(name, a)| Some((name.strip_prefix(FILES)?.to_string(), Ok(a.bytes.clone()))))
             .collect();
         for (name, hash) in session.metadata().get(HASHES).into_iter().flatten() {
-            let file = match kept(name) {
-                None => Err("the session lacks this file".to_string()),
-                Some(bytes) if hex(&Sha256::digest(&bytes)) != *hash => {
-                    Err("the bytes of this file in the session are not those that were recorded".to_string())
-                }
-                Some(bytes) => Ok(bytes),
+            let wrong = match files.get(name) {
+                Some(Ok(bytes)) if hex(&Sha256::digest(bytes)) == *hash => continue,
+                Some(_) => "the bytes of this file in the session are not those that were recorded",
+                None => "the session lacks this file",
             };
-            files.insert(name.clone(), file);
+            files.insert(name.clone(), Err(wrong.to_string()));
         }
         Self { files }
     }
@@ -239,6 +237,7 @@ mod tests {
         }
         std::fs::create_dir(folder.path().join("a_3.png")).unwrap();
         std::os::unix::fs::symlink("nowhere", folder.path().join("a_0.png")).unwrap();
+        let _socket = std::os::unix::net::UnixListener::bind(folder.path().join("a_4.png")).unwrap();
         let disk = DiskFiles::beside(&folder.path().parent().unwrap().join("x.yaml"));
         let name = folder.path().file_name().unwrap().to_str().unwrap();
         let under = |names: &[&str]| names.iter().map(|n| format!("{name}/{n}")).collect::<Vec<_>>();
@@ -247,7 +246,7 @@ mod tests {
         assert!(disk.read(&under(&["a_0.png"])[0]).is_err());
         let beside = DiskFiles::beside(&folder.path().join("x.yaml"));
         assert_eq!(beside.list("*.txt").unwrap(), ["notes.txt"]);
-        let kept = KeptFiles {
+        let kept = MemoryFiles {
             files: [("notes.txt", ""), ("s/a.png", ""), ("s/t/b.png", "")]
                 .map(|(n, b)| (n.into(), b.into()))
                 .into(),

@@ -139,15 +139,15 @@ impl<'a> ParamReader<'a> {
     /// Checks that a file is there, or files are, and keeps the name: that of a folder with the pattern of the files that
     /// are meant.
     pub(super) fn file(&self, node: &Node, field: &ParamField, name: &str) -> Option<String> {
-        let list = self.files.list(name);
-        let is_folder = matches!(&list, Ok(list) if list != &[name] && !pattern::is_one(name));
-        let (name, list) = match field.names {
-            Names::Files(all) if is_folder => {
-                let fitting = pattern::inside(name, all);
-                let list = self.files.list(&fitting);
-                (fitting, list)
-            }
-            _ => (name.to_owned(), list),
+        let alone = self.files.list(name);
+        let is_file = alone.as_ref().is_ok_and(|list| *list == [name]);
+        let inside = match field.names {
+            Names::Files(all) if !is_file && !pattern::is_one(name) => Some(pattern::inside(name, all)),
+            _ => None,
+        };
+        let (name, list) = match inside.map(|inside| (self.files.list(&inside), inside)) {
+            Some((list, inside)) if list.is_ok() || alone.is_ok() => (inside, list),
+            _ => (name.to_owned(), alone),
         };
         let wrong = match (list, field.names) {
             (Err(reason), _) => {

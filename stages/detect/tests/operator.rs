@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use stillpoint_pipeline::files::{DiskFiles, KeptFiles};
+use stillpoint_pipeline::files::{DiskFiles, MemoryFiles};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FaceBoxes, GreyImage, GreyShape, PointCloud, Pose, Rejection};
 use stillpoint_testing::reference;
@@ -43,8 +43,8 @@ fn depth_png(width: u32, height: u32, count: u16) -> Vec<u8> {
     bytes
 }
 
-fn files(list: &[(&str, Vec<u8>)]) -> KeptFiles {
-    KeptFiles { files: list.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() }
+fn files(list: &[(&str, Vec<u8>)]) -> MemoryFiles {
+    MemoryFiles { files: list.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::io::Cursor;
 
 use proptest::prelude::*;
 use stillpoint_ingest::pcd::{write_ascii, write_binary};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{DepthImage, Intrinsics, PointCloud};
 use stillpoint_testing::{Bench, feed, run};
@@ -20,8 +20,8 @@ operators:
 ";
 const CAMERA: &str = "camera: { fx: 100 px, fy: 50 px, cx: 1 px, cy: 0 px, depth_unit: 0.1 mm }";
 
-fn files(list: &[(&str, Vec<u8>)]) -> KeptFiles {
-    KeptFiles { files: list.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() }
+fn files(list: &[(&str, Vec<u8>)]) -> MemoryFiles {
+    MemoryFiles { files: list.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() }
 }
 
 fn png(width: u32, height: u32, counts: &[u16]) -> Vec<u8> {
@@ -38,7 +38,7 @@ fn png(width: u32, height: u32, counts: &[u16]) -> Vec<u8> {
 type Cloud = (u32, u32, Vec<[f32; 3]>);
 
 /// Clouds that one operator sends in 500 ms with a tick each 100 ms.
-fn clouds(operator: &str, files: &KeptFiles) -> Result<Vec<Cloud>, String> {
+fn clouds(operator: &str, files: &MemoryFiles) -> Result<Vec<Cloud>, String> {
     let registry = Registry::new(&[feed::STAGES, stillpoint_ingest::STAGES]);
     let run = run(&format!("{HEAD}  it: {operator}\n"), &registry, files, 500)?;
     assert_eq!(run.failed(), [] as [&str; 0]);
@@ -47,7 +47,7 @@ fn clouds(operator: &str, files: &KeptFiles) -> Result<Vec<Cloud>, String> {
     Ok(samples.iter().map(|c| (c.body.width, c.body.height, points(c))).collect())
 }
 
-fn refused(operator: &str, files: &KeptFiles) -> String {
+fn refused(operator: &str, files: &MemoryFiles) -> String {
     clouds(operator, files).unwrap_err()
 }
 
@@ -161,7 +161,7 @@ fn clouds_of_a_recording_are_sent_in_the_order_of_their_times() {
     assert_eq!((sent[0].2[0], sent[1].2[0]), (a[0], b[0]));
     let one = clouds(&it.replace("topic: /cam", "topic: /cam, skip: 1, frames: 1"), &files).unwrap();
     assert_eq!(one.iter().map(|c| c.2[0]).collect::<Vec<_>>(), [b[0]]);
-    let cut = KeptFiles { files: [("r.mcap".to_string(), files.files["r.mcap"][..300].to_vec())].into() };
+    let cut = MemoryFiles { files: [("r.mcap".to_string(), files.files["r.mcap"][..300].to_vec())].into() };
     let error = refused(it, &cut);
     assert!(error.contains("mend a copy of it with `stillpoint recover`"), "{error}");
 }
@@ -189,7 +189,7 @@ fn port() -> Bench {
     let text = format!(
         "{HEAD}  f: {{ use: feed.image, frame: camera }}\n  it: {{ use: ingest.depth, frame: camera, inputs: {{ image: f.out }}, params: {{ max_pixels: 64 }} }}\n"
     );
-    Bench::new(&text, "it", stillpoint_ingest::STAGES, &KeptFiles::default()).unwrap()
+    Bench::new(&text, "it", stillpoint_ingest::STAGES, &MemoryFiles::default()).unwrap()
 }
 
 fn intrinsics(width: u32, height: u32) -> Intrinsics {
@@ -222,7 +222,7 @@ fn an_image_in_another_frame_than_the_cloud_is_refused() {
     let text = format!(
         "{HEAD}  f: {{ use: feed.image, frame: camera }}\n  it: {{ use: ingest.depth, frame: couch, inputs: {{ image: f.out }} }}\n"
     );
-    let error = Bench::new(&text, "it", stillpoint_ingest::STAGES, &KeptFiles::default()).err().unwrap();
+    let error = Bench::new(&text, "it", stillpoint_ingest::STAGES, &MemoryFiles::default()).err().unwrap();
     assert!(error.contains("write `frame: camera`"), "{error}");
 }
 

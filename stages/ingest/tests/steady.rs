@@ -7,7 +7,7 @@ use std::io::Cursor;
 
 use allocation_counter::{AllocationInfo, measure};
 use stillpoint_ingest::pcd::{write_ascii, write_binary};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, GreyImage, Head, Intrinsics, Pieces, PointCloud, Sample};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;
@@ -20,7 +20,7 @@ fn quiet(operator: &str, files: &[(&str, Vec<u8>)]) -> Quiet {
     let text = format!(
         "stillpoint: 1\nname: steady\nframes: {{ camera: {{ parent: couch, at: [0 m, 0 m, 1 m] }} }}\noperators:\n  f: {{ use: feed.image, frame: camera }}\n  it: {operator}\n"
     );
-    let files = KeptFiles { files: files.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() };
+    let files = MemoryFiles { files: files.iter().map(|(n, b)| ((*n).to_string(), b.clone())).collect() };
     Quiet::new(&text, "it", stillpoint_ingest::STAGES, &files).unwrap()
 }
 

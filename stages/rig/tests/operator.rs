@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{DepthImage, Pose};
 use stillpoint_testing::{Bench, Run, run};
@@ -17,7 +17,7 @@ operators:
 ";
 
 fn rig(text: &str) -> Run {
-    run(text, &Registry::new(&[stillpoint_rig::STAGES]), &KeptFiles::default(), 1000).unwrap()
+    run(text, &Registry::new(&[stillpoint_rig::STAGES]), &MemoryFiles::default(), 1000).unwrap()
 }
 
 #[test]
@@ -55,7 +55,7 @@ fn the_bytes_depend_on_the_seed_and_on_nothing_else() {
     assert!(depth(TEXT) == depth(TEXT));
     assert!(depth(TEXT) != depth(&TEXT.replace("seed: 7", "seed: 8")));
     let padded = |bytes| {
-        let mut bench = Bench::new(TEXT, "rig", stillpoint_rig::STAGES, &KeptFiles::default()).unwrap();
+        let mut bench = Bench::new(TEXT, "rig", stillpoint_rig::STAGES, &MemoryFiles::default()).unwrap();
         bench = bench.padded(bytes);
         (0..3).flat_map(|_| bench.tick().bytes()).collect::<Vec<u8>>()
     };
@@ -73,6 +73,6 @@ fn another_script_seed_moves_the_head_otherwise() {
 fn a_camera_that_hangs_on_no_couch_is_refused_with_what_to_do() {
     let text = TEXT.replace("parent: couch", "parent: ceiling");
     let registry = Registry::new(&[stillpoint_rig::STAGES]);
-    let error = run(&text, &registry, &KeptFiles::default(), 100).err().unwrap();
+    let error = run(&text, &registry, &MemoryFiles::default(), 100).err().unwrap();
     assert!(error.contains("place the frame `camera` in `frames` so that it hangs on `couch`"), "{error}");
 }

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use proptest::prelude::*;
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{
     CloudShape, Cluster, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample, View,
 };
@@ -27,7 +27,7 @@ operators:
 ";
 
 fn bench() -> Bench {
-    Bench::new(TEXT, "face", stillpoint_segment::STAGES, &KeptFiles::default()).unwrap()
+    Bench::new(TEXT, "face", stillpoint_segment::STAGES, &MemoryFiles::default()).unwrap()
 }
 
 /// A table 1 m below the camera, and a block 0.2 m high on it, 0.1 m wide and long.
@@ -124,7 +124,7 @@ fn plane_hull_and_clusters_are_sent_beside_the_face() {
 fn outliers_are_removed_and_voxels_smoothed_where_it_is_asked_for() {
     let text =
         TEXT.replace("rule: largest", "rule: largest, outliers: remove, smoothing: moving_least_squares");
-    let mut bench = Bench::new(&text, "face", stillpoint_segment::STAGES, &KeptFiles::default()).unwrap();
+    let mut bench = Bench::new(&text, "face", stillpoint_segment::STAGES, &MemoryFiles::default()).unwrap();
     let mut cloud = block_on_a_table();
     // One that stands apart, in the prism over the table.
     cloud.push(Point { xyz: [0.2, 0.2, 0.75] });

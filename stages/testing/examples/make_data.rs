@@ -6,7 +6,7 @@ use std::error::Error;
 use std::path::Path;
 
 use stillpoint_ingest::pcd::write_binary;
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, Role, TopicInfo};
 use stillpoint_samples::{DepthImage, PointCloud, Sample};
@@ -27,7 +27,7 @@ operators:
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/data"));
     let registry = Registry::new(&[stillpoint_rig::STAGES, stillpoint_ingest::STAGES]);
-    let run = run(TEXT, &registry, &KeptFiles::default(), 12_000)?;
+    let run = run(TEXT, &registry, &MemoryFiles::default(), 12_000)?;
     std::fs::create_dir_all(folder.join("depth"))?;
     std::fs::create_dir_all(folder.join("grey"))?;
     std::fs::create_dir_all(folder.join("clouds"))?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;
@@ -112,7 +112,7 @@ impl Course {
             }
             text = text.replace(from, to);
         }
-        let mut files = KeptFiles::default();
+        let mut files = MemoryFiles::default();
         let named = EMBEDDED_FILES.iter().chain([&NETWORK]);
         files.files.extend(named.map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
         let graph = check(&text, "bench.yaml", &plan.sets, registry, &files).map_err(Failure::wrong)?;

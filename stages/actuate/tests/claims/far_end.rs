@@ -1,6 +1,6 @@
 //! `actuate.far_end` behind valves and gate, in the simulated executor.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{Actuation, Diagnostics, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement};
 use stillpoint_testing::run::{Run, START};
 
@@ -13,7 +13,7 @@ fn run(said: &Said<'_>, key: &str, ms: u64) -> Run {
         "  far: {{ use: actuate.far_end, every: 5 ms, params: {{ key: {key} }}, \
          inputs: {{ valves: {{ from: valves.datagram, delay: 2 ms }}, beam: {{ from: gate.datagram, delay: 2 ms }} }} }}\n"
     );
-    let mut files: KeptFiles = files();
+    let mut files: MemoryFiles = files();
     files.files.insert("other.key".to_string(), OTHER_KEY.to_vec());
     stillpoint_testing::run(&(text(said) + &far), &registry(), &files, ms).unwrap()
 }

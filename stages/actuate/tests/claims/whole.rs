@@ -1,7 +1,7 @@
 //! Valves and gate in the simulated executor, with a far end behind them.
 
 use stillpoint_actuate::{Act, FarEnd, Receives, decode};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason, ActuationState as State, Datagram, Gate, GateElement,
@@ -62,8 +62,8 @@ operators:
     )
 }
 
-pub fn files() -> KeptFiles {
-    KeptFiles { files: [("rig.key".to_string(), KEY.to_vec())].into() }
+pub fn files() -> MemoryFiles {
+    MemoryFiles { files: [("rig.key".to_string(), KEY.to_vec())].into() }
 }
 
 pub fn registry() -> Registry {

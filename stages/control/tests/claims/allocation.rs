@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use stillpoint_control::features::{Features, Learned};
 use stillpoint_control::operators::{ControlLqg, ControlMrac, ControlPi, ControlTarget};
 use stillpoint_pipeline::activation::{Activation, Brought, Consumed, RandomKey};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::{Operator, Registry};
 use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
@@ -43,7 +43,7 @@ impl Lender for Stock {
 }
 
 /// Steps an operator every 10 ms over `steps` estimates, and counts what its steps take from the heap.
-fn allocations<T: Operator>(graph: &Graph, files: &KeptFiles, name: &str, steps: u64) -> u64 {
+fn allocations<T: Operator>(graph: &Graph, files: &MemoryFiles, name: &str, steps: u64) -> u64 {
     let node = &graph.operators[graph.operator(name).unwrap()];
     let params = node.params.value.downcast_ref::<T::Params>().unwrap().clone();
     let capacities = T::capacities(&params);
@@ -137,7 +137,7 @@ fn sample<S: Sample<Body = ()>>(element: &S::Element, origin: u64) -> AlignedByt
 #[test]
 fn steps_of_targets_and_controllers_allocate_nothing() {
     let registry = Registry::new(&[stillpoint_testing::feed::STAGES, stillpoint_control::STAGES]);
-    let mut files = KeptFiles::default();
+    let mut files = MemoryFiles::default();
     files.files.insert("net".into(), predictor().to_safetensors(&BTreeMap::new()));
     let graph = check(TEXT, "quiet.yaml", &[], &registry, &files).unwrap();
     assert_eq!(allocations::<ControlTarget>(&graph, &files, "target", 300), 0);

@@ -1,6 +1,6 @@
 //! The controllers side by side on the rig: heads of other masses, and a noisy pose.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 
 use super::loops::{STEP, rise, worst_after};
 use super::plants::{closed_loop_with, truth};
@@ -26,7 +26,7 @@ fn rms(run: &stillpoint_testing::Run, seconds: f64) -> [f64; 3] {
 
 #[test]
 fn heads_of_other_masses_and_noisy_poses_are_held_by_every_law() {
-    let mut files = KeptFiles::default();
+    let mut files = MemoryFiles::default();
     files.files.insert("net".into(), SHIPPED.to_vec());
     let laws = [
         ("pi", "control.pi, every: 10 ms"),

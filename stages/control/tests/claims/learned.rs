@@ -6,7 +6,7 @@ use nalgebra::Vector1;
 use stillpoint_control::features::{Features, Learned};
 use stillpoint_identify::{InnovationModel, Provenance, Record, Signal, fit};
 use stillpoint_mechanics::plant::{OneDof, State};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::Diagnostics;
 
 use super::loops::{STEP, worst_after};
@@ -15,7 +15,7 @@ use super::plants::{closed_loop_with, truth, try_loop};
 use super::random::Random;
 
 /// A model of the head on one bladder, from a record in which its valves open and shut at random about its rest.
-fn identified(unit: &str) -> KeptFiles {
+fn identified(unit: &str) -> MemoryFiles {
     let plant = OneDof::rig(5.0);
     let air = Vector1::new(0.000_9);
     let rest = plant.equilibrium(&air, Vector1::new(0.09)).unwrap();
@@ -51,7 +51,7 @@ fn identified(unit: &str) -> KeptFiles {
         program: "test".into(),
     };
     let model = InnovationModel::new(&found.model, 0.1, found.noise_variance, signals, provenance).unwrap();
-    let mut files = KeptFiles::default();
+    let mut files = MemoryFiles::default();
     files.files.insert("model.json".into(), model.to_json().unwrap().into_bytes());
     files
 }
@@ -74,8 +74,8 @@ fn a_law_of_an_identified_model_holds_the_height() {
     assert!(deviation < 5e-4, "{deviation}");
 }
 
-fn with_network() -> KeptFiles {
-    let mut files = KeptFiles::default();
+fn with_network() -> MemoryFiles {
+    let mut files = MemoryFiles::default();
     files.files.insert("net".into(), predictor().to_safetensors(&BTreeMap::new()));
     files.files.insert("junk".into(), b"no network".to_vec());
     files

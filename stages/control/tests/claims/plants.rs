@@ -235,7 +235,7 @@ pub fn registry() -> Registry {
 
 /// A pipeline of head, target and controller, run for so many seconds.
 pub fn closed_loop(head: &str, target: &str, controller: &str, seconds: u64) -> Run {
-    closed_loop_with(&stillpoint_pipeline::files::KeptFiles::default(), head, target, controller, seconds)
+    closed_loop_with(&stillpoint_pipeline::files::MemoryFiles::default(), head, target, controller, seconds)
 }
 
 /// [`closed_loop`] with files that the controller names.

@@ -1,6 +1,6 @@
 //! Bladders that are more than the channels they hold.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_testing::Bench;
 
 /// What a law says to two channels on three bladders whose pressures nobody tells.
@@ -16,7 +16,7 @@ operators:
   law: {{ use: {law}, every: 10 ms, inputs: {{ state: feed.out, target: target.reference }}, params: {{ plant: {{ channels: {channels} }} }} }}
 "
     );
-    Bench::new(&text, "law", stillpoint_control::STAGES, &KeptFiles::default()).err()
+    Bench::new(&text, "law", stillpoint_control::STAGES, &MemoryFiles::default()).err()
 }
 
 #[test]

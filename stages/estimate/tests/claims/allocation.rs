@@ -1,6 +1,6 @@
 //! A step of the filter or of the fusion takes no memory from the heap.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{Head, Pieces, Pose, PoseElement, Sample, Track, TrackElement};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;
@@ -27,7 +27,7 @@ struct Watched {
 
 impl Watched {
     fn new(name: &str) -> Self {
-        let operator = Quiet::new(TEXT, name, stillpoint_estimate::STAGES, &KeptFiles::default()).unwrap();
+        let operator = Quiet::new(TEXT, name, stillpoint_estimate::STAGES, &MemoryFiles::default()).unwrap();
         Self { operator, allocations: 0 }
     }
 

@@ -1,6 +1,6 @@
 //! Two `estimate.kalman` and `estimate.fuse` on benches: sensors that fail, and what is then said.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{
     Diagnostics, Health, Pose, PoseElement, SensorHealth, Standing, Track, TrackElement,
 };
@@ -48,7 +48,7 @@ struct Shot {
 impl Rig {
     fn new(text: &str) -> Self {
         let bench =
-            |name| Bench::new(text, name, stillpoint_estimate::STAGES, &KeptFiles::default()).unwrap();
+            |name| Bench::new(text, name, stillpoint_estimate::STAGES, &MemoryFiles::default()).unwrap();
         Self {
             filters: [bench("first"), bench("second")],
             fuse: bench("fused"),
@@ -367,7 +367,7 @@ fn tracks_that_were_lost_are_made_up_for() {
         if k % 3 == 2 {
             let fuse = std::mem::replace(
                 &mut rig.fuse,
-                Bench::new(TEXT, "fused", stillpoint_estimate::STAGES, &KeptFiles::default()).unwrap(),
+                Bench::new(TEXT, "fused", stillpoint_estimate::STAGES, &MemoryFiles::default()).unwrap(),
             );
             rig.measure(0, time, Shot { clock: 0, value: 0.15 + SD[0] * a });
             rig.fuse = fuse;

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{
     Diagnostics, Pose, PoseElement, PoseReport, PoseReportElement, Standing, Track, TrackElement,
 };
@@ -21,7 +21,7 @@ operators:
 ";
 
 fn bench(text: &str) -> Bench {
-    Bench::new(text, "filter", stillpoint_estimate::STAGES, &KeptFiles::default()).unwrap()
+    Bench::new(text, "filter", stillpoint_estimate::STAGES, &MemoryFiles::default()).unwrap()
 }
 
 fn pose(position: [f64; 3], sd: f64) -> PoseElement {

@@ -1,6 +1,6 @@
 //! What happens when something is missing or breaks.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{DepthImage, RigMode, RigState};
 use stillpoint_testing::run;
@@ -96,7 +96,7 @@ fn duties_for_another_number_of_valves_are_refused_and_the_rig_waits() {
 fn what_cannot_be_is_refused_with_what_to_do() {
     let refused = |text: &str| {
         let registry = Registry::new(&[stillpoint_rig::STAGES, STAGES]);
-        run(text, &registry, &KeptFiles::default(), 100).err().unwrap()
+        run(text, &registry, &MemoryFiles::default(), 100).err().unwrap()
     };
     let odd = text("three_bladders", "motion: still", "")
         .replace("camera: { width", "camera: { every: 33 ms, width");
@@ -125,7 +125,7 @@ fn with_console(params: &str, script: &str, lines: &str) -> String {
 
 fn simulate_with_console(text: &str, ms: u64) -> stillpoint_testing::Run {
     let registry = Registry::new(&[stillpoint_pipeline::STAGES, stillpoint_rig::STAGES, STAGES]);
-    run(text, &registry, &KeptFiles::default(), ms).unwrap()
+    run(text, &registry, &MemoryFiles::default(), ms).unwrap()
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What the head does, and what the camera sees of it.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Pose, RigMode};
 use stillpoint_testing::Bench;
 
@@ -111,7 +111,7 @@ fn the_bytes_depend_on_the_seeds_and_on_nothing_else() {
     assert!(bytes(&one) != bytes(&one.replace("seed: 7\nframes", "seed: 9\nframes")));
     let padded = |bytes| {
         let stages = [stillpoint_rig::STAGES, STAGES].concat();
-        let bench = Bench::new(&one, "rig", &stages, &KeptFiles::default()).unwrap();
+        let bench = Bench::new(&one, "rig", &stages, &MemoryFiles::default()).unwrap();
         let mut bench = bench.padded(bytes);
         (0..30).flat_map(|_| bench.tick().bytes()).collect::<Vec<u8>>()
     };

@@ -1,6 +1,6 @@
 //! Duties that a test writes down, and a rig that they drive.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::{
     FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer,
 };
@@ -95,7 +95,7 @@ operators:
 
 pub fn simulate(text: &str, ms: u64) -> Run {
     let registry = Registry::new(&[stillpoint_rig::STAGES, STAGES]);
-    let run = run(text, &registry, &KeptFiles::default(), ms).unwrap();
+    let run = run(text, &registry, &MemoryFiles::default(), ms).unwrap();
     assert!(run.failed().is_empty(), "{:?}", run.failed());
     run
 }

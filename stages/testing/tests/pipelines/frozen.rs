@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Health, Pose, Standing, Track};
 use stillpoint_testing::{Run, run};
 
@@ -54,8 +54,8 @@ fn png(counts: &[u16]) -> Vec<u8> {
 
 /// Heights of the head over the couch in truth, and what comes of two cameras of which the first freezes for 2 s.
 fn seen(motion: &str) -> (Vec<f64>, Run) {
-    let rig = run(&RIG.replace("MOTION", motion), &registry(), &KeptFiles::default(), 6_000).unwrap();
-    let mut kept = KeptFiles::default();
+    let rig = run(&RIG.replace("MOTION", motion), &registry(), &MemoryFiles::default(), 6_000).unwrap();
+    let mut kept = MemoryFiles::default();
     for camera in ["first", "second"] {
         let images = rig.samples::<DepthImage>(&format!("{camera}.depth"));
         assert_eq!(images.len(), FRAMES);

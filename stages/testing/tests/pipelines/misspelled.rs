@@ -1,6 +1,6 @@
 //! Misspelled names of kinds, parameters, ports and keys, all that the project has: the first suggestion is the right one.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::{Registry, Stage};
 use stillpoint_pipeline::spec::{check, schema};
 
@@ -41,7 +41,7 @@ impl Share {
         for name in names {
             for wrong in misspellings(name).iter().filter(|wrong| !names.contains(&wrong.as_str())) {
                 self.all += 1;
-                let faults = check(&text(wrong), "any.yaml", &[], registry, &KeptFiles::default()).err();
+                let faults = check(&text(wrong), "any.yaml", &[], registry, &MemoryFiles::default()).err();
                 let list = faults.as_ref().map_or(&[][..], |faults| faults.list());
                 let said = list.iter().find(|fault| fault.message.contains(wrong.as_str()));
                 self.right += u32::from(said.is_some_and(|f| f.help == format!("did you mean `{name}`?")));

@@ -1,7 +1,7 @@
 //! `track.centroid` on a bench.
 
 use proptest::prelude::*;
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_samples::{CloudShape, Point, PointCloud, Pose, PoseElement};
 use stillpoint_testing::Bench;
 
@@ -15,7 +15,7 @@ operators:
 ";
 
 fn bench(text: &str) -> Bench {
-    Bench::new(text, "head", stillpoint_track::STAGES, &KeptFiles::default()).unwrap()
+    Bench::new(text, "head", stillpoint_track::STAGES, &MemoryFiles::default()).unwrap()
 }
 
 fn feed(bench: &mut Bench, points: &[[f32; 3]]) -> Option<PoseElement> {

@@ -1,7 +1,7 @@
 //! `track.head` on a bench.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::{Registry, Stage};
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
@@ -31,18 +31,18 @@ fn stages() -> Vec<Stage> {
     [stillpoint_track::STAGES, stillpoint_pipeline::STAGES].concat()
 }
 
-fn bench_with(text: &str, files: &KeptFiles) -> Result<Bench, String> {
+fn bench_with(text: &str, files: &MemoryFiles) -> Result<Bench, String> {
     Bench::new(text, "head", &stages(), files)
 }
 
 fn bench(change: impl Fn(&str) -> String) -> Bench {
-    bench_with(&change(TEXT), &KeptFiles::default()).unwrap()
+    bench_with(&change(TEXT), &MemoryFiles::default()).unwrap()
 }
 
 #[test]
 fn a_tracker_has_the_operators_defaults() {
     let registry = Registry::new(&[stillpoint_testing::feed::STAGES, &stages()]);
-    let graph = check(TEXT, "track.yaml", &[], &registry, &KeptFiles::default()).unwrap();
+    let graph = check(TEXT, "track.yaml", &[], &registry, &MemoryFiles::default()).unwrap();
     let head = graph.operator("head").unwrap();
     let params = graph.operators[head].params.value.downcast_ref::<HeadParams>().unwrap();
     assert_eq!(params.tracking(), TrackParams::default());
@@ -328,7 +328,7 @@ fn more_frames_make_one_reference_though_the_head_moves() {
 fn a_reference_from_a_file_is_searched_for_and_sent() {
     let cloud = head(&camera_from_body());
     let points: Vec<[f32; 3]> = cloud.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
-    let mut files = KeptFiles::default();
+    let mut files = MemoryFiles::default();
     let bytes = stillpoint_ingest::pcd::write_binary(&points, points.len());
     files.files.insert("face.pcd".into(), bytes);
     let text = TEXT.replace("capture: first", "capture: command, reference: face.pcd");
@@ -342,7 +342,7 @@ fn a_reference_from_a_file_is_searched_for_and_sent() {
 
 #[test]
 fn a_reference_that_is_no_face_is_refused_with_its_name() {
-    let mut files = KeptFiles::default();
+    let mut files = MemoryFiles::default();
     files.files.insert("face.pcd".into(), b"no cloud".to_vec());
     let text = TEXT.replace("capture: first", "reference: face.pcd");
     let refused = bench_with(&text, &files).err().unwrap();
@@ -356,7 +356,7 @@ fn a_reference_that_is_no_face_is_refused_with_its_name() {
 #[test]
 fn without_a_way_to_a_reference_it_does_not_start() {
     let text = TEXT.replace("capture: first", "capture: command").replace(", command: console.capture", "");
-    let refused = bench_with(&text, &KeptFiles::default()).err().unwrap();
+    let refused = bench_with(&text, &MemoryFiles::default()).err().unwrap();
     assert!(refused.contains("connect `command`"), "{refused}");
 }
 

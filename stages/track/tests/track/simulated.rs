@@ -1,7 +1,7 @@
 //! The rig's head followed in the simulated executor, captured by a command.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::{
     FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer,
 };
@@ -62,7 +62,7 @@ fn simulated() -> Run {
         stillpoint_segment::STAGES,
         stillpoint_track::STAGES,
     ]);
-    run(TEXT, &registry, &KeptFiles::default(), 3000).unwrap()
+    run(TEXT, &registry, &MemoryFiles::default(), 3000).unwrap()
 }
 
 fn poses(run: &Run, topic: &str) -> Vec<(u64, Isometry3<f64>)> {

@@ -1,6 +1,6 @@
 //! What `track.summit` claims of itself, beside how far the heights of a rig's head scatter about the truth.
 
-use stillpoint_pipeline::files::KeptFiles;
+use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::Pose;
 use stillpoint_testing::run;
@@ -30,7 +30,7 @@ operators:
         stillpoint_segment::STAGES,
         stillpoint_track::STAGES,
     ];
-    let run = run(&text, &Registry::new(&stages), &KeptFiles::default(), 30_000).unwrap();
+    let run = run(&text, &Registry::new(&stages), &MemoryFiles::default(), 30_000).unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let truth = run.samples::<Pose>("rig.truth");
     let true_at = |origin: u64| {
