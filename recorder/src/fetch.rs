@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::error::SessionError;
 use crate::file::{Buffer, Message, Record, next_record};
 use crate::form::{Decoded, Envelope};
-use crate::part::{Part, PartChannel, Use};
+use crate::part::{PartChannel, Use};
 use crate::samples::Recorded;
 use crate::session::{Place, SampleKey, Session};
 
@@ -60,23 +60,15 @@ impl Session {
         }
     }
 
-    /// Whether a message of a part, in this block and from this byte on, is what its channel promises: one of no sample, or
-    /// the one that stands in the index for its sample.
-    pub(crate) fn stands_at(
-        &self,
-        channel: &PartChannel,
-        m: &Message<'_>,
-        (part, block, start): (&Part, usize, usize),
-    ) -> bool {
+    /// Whether the message at a place is what its channel promises: one of no sample, or the one that stands in the index
+    /// for its sample.
+    pub(crate) fn stands_at(&self, channel: &PartChannel, m: &Message<'_>, place: Place) -> bool {
         if !matches!(channel.purpose, Use::Samples { .. }) {
             return true;
         }
         let Ok(Some((incarnation, sequence))) = channel.purpose.number(m) else { return false };
         let Some(topic) = self.topic_number(&channel.channel.topic) else { return false };
-        let place = self.index.get(&(topic, incarnation, sequence));
-        place.is_some_and(|p| {
-            (p.block as usize, p.start) == (block, start) && std::ptr::eq(&self.parts[p.part as usize], part)
-        })
+        self.index.get(&(topic, incarnation, sequence)) == Some(&place)
     }
 
     pub(crate) fn records(&self, part: u32, block: u32) -> Result<Arc<Buffer>, SessionError> {

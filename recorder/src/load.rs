@@ -94,7 +94,7 @@ impl Session {
                         ));
                     }
                     let topic = &channel.channel.topic;
-                    let entry = self.journal_entry(number, &channel.purpose, message).map_err(|what| {
+                    let entry = self.check(number, &channel.purpose, message).map_err(|what| {
                         format!("sample {sequence} of `{topic}`, incarnation {incarnation}: {what}")
                     })?;
                     self.index.insert(key, place);
@@ -110,13 +110,8 @@ impl Session {
         Ok(())
     }
 
-    /// Whether a message is the sample that its channel promises, and the entry that it is where it is of a journal.
-    fn journal_entry(
-        &self,
-        topic: usize,
-        purpose: &Use,
-        message: &Message<'_>,
-    ) -> Result<Option<Entry>, String> {
+    /// Checks that a message is the sample that its channel promises. Gives the entry that it is, where it is one.
+    fn check(&self, topic: usize, purpose: &Use, message: &Message<'_>) -> Result<Option<Entry>, String> {
         let topic = &self.topics[topic];
         let Use::Samples { form, shared } = purpose else { return Ok(None) };
         let found = topic.kind.decode(*form, shared, Envelope::of(message), message.data)?;

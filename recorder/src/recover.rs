@@ -15,8 +15,8 @@ use crate::ended::Ended;
 use crate::error::{SessionError, with_causes};
 use crate::file::{Buffer, Message, Record, Source, next_record, scan};
 use crate::folder::{create_private, is_being_written, is_blank, session_parts};
-use crate::part::{Part, PartChannel, Use};
-use crate::session::Session;
+use crate::part::{PartChannel, Use};
+use crate::session::{Place, Session};
 use crate::topic::Role;
 
 /// Entry of the record that says what mending did.
@@ -99,7 +99,7 @@ pub fn recover<W: Write>(input: Source, out: W) -> Result<(W, Report), RecoverEr
     let session = Session::from_sources(vec![(PathBuf::from("part-000.mcap"), input)])?;
     let limits = limits(&session);
     let part = session.parts.first().ok_or_else(|| SessionError::NoParts { path: PathBuf::new() })?;
-    rewrite(&session, part, &limits, (&part.path, out))
+    rewrite(&session, 0, &limits, &part.path, out)
 }
 
 /// Mends the parts of a session in place, those that need it: each is written anew beside the old one, which it then
@@ -124,14 +124,15 @@ pub fn recover_session(path: &Path) -> Result<Vec<(PathBuf, Report)>, RecoverErr
         }
     }
     let mut mended = Vec::new();
-    for part in session.parts.iter().filter(|p| p.needs_mending()) {
-        mended.push((part.path.clone(), mend(&session, part, &limits)?));
+    for (number, part) in session.parts.iter().enumerate().filter(|(_, part)| part.needs_mending()) {
+        mended.push((part.path.clone(), mend(&session, number, &limits)?));
     }
     Ok(mended)
 }
 
-/// Mends a part in place. Where that fails nothing is left beside it.
-fn mend(session: &Session, part: &Part, limits: &Limits) -> Result<Report, RecoverError> {
+/// Mends the part of this number in place. Where that fails nothing is left beside it.
+fn mend(session: &Session, number: usize, limits: &Limits) -> Result<Report, RecoverError> {
+    let part = &session.parts[number];
     let beside = part.path.with_extension("mcap.mending");
     let failed = |cause: io::Error| RecoverError::Write { path: beside.clone(), cause: cause.into() };
     // One that was left by a run that died is worth nothing.
@@ -142,7 +143,7 @@ fn mend(session: &Session, part: &Part, limits: &Limits) -> Result<Report, Recov
     let replace = || {
         let file = create_private(&beside).map_err(failed)?;
         let (file, mut report) =
-            rewrite(session, part, limits, (&beside, io::BufWriter::with_capacity(1 << 16, file)))?;
+            rewrite(session, number, limits, &beside, io::BufWriter::with_capacity(1 << 16, file))?;
         let file = file.into_inner().map_err(|e| failed(e.into_error()))?;
         file.sync_all().map_err(failed)?;
         let cut_short = report.bytes_cut > part.largest_chunk() && !part.ends_in_chunk();
@@ -183,12 +184,15 @@ fn limits(session: &Session) -> Limits {
     }
 }
 
+/// Writes what is kept of the part of this number to `out`, which stands at `path`.
 fn rewrite<W: Write>(
     session: &Session,
-    part: &Part,
+    number: usize,
     limits: &Limits,
-    (path, out): (&Path, W),
+    path: &Path,
+    out: W,
 ) -> Result<(W, Report), RecoverError> {
+    let part = &session.parts[number];
     let read = |cause| SessionError::Io { path: part.path.clone(), cause };
     let write = |cause: mcap::McapError| RecoverError::Write { path: path.to_owned(), cause };
     let mut report = Report {
@@ -233,14 +237,15 @@ fn rewrite<W: Write>(
         .map(|t| t.name.as_str())
         .collect();
     let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
-    for number in 0..part.scan.blocks.len() {
-        part.records(number, &mut bytes, &mut stored).map_err(read)?;
+    for block in 0..part.scan.blocks.len() {
+        part.records(block, &mut bytes, &mut stored).map_err(read)?;
         let (mut at, mut behind) = (0, 0);
         while let Some((_, record)) = next_record(&bytes, &mut behind) {
             let start = std::mem::replace(&mut at, behind);
             let Ok(Record::Message(m)) = record else { continue };
             let Some(channel) = part.channels.get(&m.channel) else { continue };
-            if !session.stands_at(channel, &m, (part, number, start)) {
+            let place = Place { part: number as u32, block: block as u32, start };
+            if !session.stands_at(channel, &m, place) {
                 continue;
             }
             if let Some(topic) = beyond(limits, channel, &m) {

@@ -179,10 +179,10 @@ fn a_recording_without_the_topic_names_those_that_it_has() {
 fn a_broken_message_is_named_by_its_number() {
     let mut cut = message(&[[1.0; 3]]);
     cut.truncate(60);
-    let files = files(&[("r.mcap", recording(&[("/cam", 1, message(&[])), ("/cam", 2, cut)]))]);
+    let files = files(&[("r.mcap", recording(&[("/cam", 2, cut), ("/cam", 1, message(&[]))]))]);
     let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /cam } }";
     let error = refused(it, &files);
-    assert!(error.contains("r.mcap: cloud 2: the message ends at byte 60"), "{error}");
+    assert!(error.contains("r.mcap: cloud 2 by time: the message ends at byte 60"), "{error}");
 }
 
 fn port() -> Bench {

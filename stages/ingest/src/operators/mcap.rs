@@ -105,7 +105,9 @@ fn read(bytes: &[u8], params: &McapParams) -> Result<Vec<Cloud>, String> {
     let (mut clouds, mut total) = (Vec::new(), 0);
     for (number, message) in messages(bytes)?.filter(|m| is_on(m, &params.topic)).enumerate() {
         let Some(place) = places.get(&number) else { continue };
-        let cloud = decode(&message?.data, params).map_err(|e| format!("cloud {}: {e}", number + 1))?;
+        // The number that `skip` counts.
+        let by_time = params.skip as usize + place + 1;
+        let cloud = decode(&message?.data, params).map_err(|e| format!("cloud {by_time} by time: {e}"))?;
         total += cloud.points.len();
         if total > MOST_POINTS {
             return Err("its clouds take more than 1 GiB of memory: set `frames`".to_string());
