@@ -80,13 +80,15 @@ fn a_simulated_run_whose_step_never_comes_back_ends_by_a_further_signal() {
 }
 
 #[test]
-fn a_run_whose_first_operator_cannot_be_made_has_no_length() {
+fn a_run_whose_operator_cannot_be_made_leaves_nothing() {
     let bench = Bench::new();
     let file = pipeline("fragile.yaml");
-    for placement in [&["--clock", "simulated"][..], &["--lock-step=threads"]] {
-        let run =
-            ["run", text(&file), "--set", "fragile.way=error", "--for", "1 h", "--json", "--record", "s"];
+    for placement in [&["--clock", "simulated"][..], &["--lock-step=threads"], &["--lock-step"]] {
+        let run = ["run", text(&file), "--set", "fragile.way=error", "--for", "1 h", "--record", "s"];
         let done = bench.call(&[&run, placement].concat());
-        assert_eq!((done.code(), &done.json()["seconds"]), (1, &json!(0.0)), "{}", done.err);
+        assert_eq!(done.code(), 1, "{}", done.err);
+        assert!(done.err.contains("the kit's model has 3 layers"), "{}", done.err);
+        assert!(!bench.path("s/fragile-0001").exists(), "a session of a run that did not begin");
+        assert!(bench.run_ids().is_empty());
     }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use stillpoint_pipeline::clock::SessionClock;
 use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::keep::Keeper;
+use stillpoint_pipeline::keep::{Keeper, remove_folder};
 use stillpoint_pipeline::ledger::{Ledger, Line};
 use stillpoint_pipeline::live::control::Hello;
 use stillpoint_pipeline::live::status::Status;
@@ -82,7 +82,6 @@ pub fn simulate(
             &mut processes
         }
     };
-    // Last: a run that cannot begin leaves no session.
     let keeper = match session {
         None => None,
         Some((session, compression)) => {
@@ -101,6 +100,11 @@ pub fn simulate(
     };
     let mut events = Events::new(graph.clone()).stopped_by(stop);
     let ended = events.run(placement, 0, length, &mut witness);
+    if let Err(RunError::NotBegun(reason)) = &ended {
+        // A run that does not begin leaves no session.
+        session.into_iter().for_each(|(folder, _)| remove_folder(folder));
+        return Err(Failure::failed(reason));
+    }
     let ledger = witness.ledger.lines(graph);
     let mut recorded = Vec::new();
     if let Some(keeper) = witness.keeper {

@@ -30,6 +30,9 @@ pub enum RunError {
         /// What the policy says.
         reason: String,
     },
+    /// An operator could not be made: nothing has happened.
+    #[error("{0}")]
+    NotBegun(PlacementError),
     /// The placement could not do what was asked.
     #[error(transparent)]
     Placement(#[from] PlacementError),
@@ -132,7 +135,7 @@ impl Events {
         witness: &mut dyn Witness,
     ) -> Result<(), RunError> {
         self.end = start.saturating_add(duration);
-        self.begin(placement, start, witness).inspect_err(|_| self.end = start)?;
+        self.begin(placement, start, witness)?;
         let mut last = start;
         let mut ended = Ok(());
         while let Some((time, operator)) = self.next(start) {
@@ -177,7 +180,7 @@ impl Events {
     ) -> Result<(), RunError> {
         for (operator, state) in self.operators.iter_mut().enumerate() {
             state.busy_until = start;
-            let entry = placement.start(operator, 0, start)?;
+            let entry = placement.start(operator, 0, start).map_err(RunError::NotBegun)?;
             witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
         }
         Ok(())
