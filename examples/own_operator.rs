@@ -46,9 +46,9 @@ impl Operator for Speed {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(sample) = activation.input::<Pose>(0) else { return Ok(()) };
         let Some(at) = sample.first().map(|pose| pose.position) else { return Ok(()) };
-        let Some((before, from)) = self.last.replace((sample.head.origin, at)) else { return Ok(()) };
+        let Some((before, from)) = self.last.replace((sample.header.origin, at)) else { return Ok(()) };
         let moved: f64 = at.iter().zip(from).map(|(to, from)| (to - from) * (to - from)).sum();
-        let speed = moved.sqrt() / (sample.head.origin.saturating_sub(before).max(1) as f64 * 1e-9);
+        let speed = moved.sqrt() / (sample.header.origin.saturating_sub(before).max(1) as f64 * 1e-9);
         let sent = if speed < self.threshold { 0.0 } else { speed };
         outputs.send_slice::<Diagnostics>(0, &(), &[Metric::new("speed_m_s", sent)])
     }

@@ -2,7 +2,7 @@
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
-use stillpoint_samples::{Cause, Head, Pieces, Sample, View};
+use stillpoint_samples::{Cause, Header, Pieces, Sample, View};
 
 /// A sample that an activation consumes.
 #[derive(Clone, Copy)]
@@ -69,9 +69,9 @@ impl<'a> Activation<'a> {
         consumed.pieces.view::<S>().ok()
     }
 
-    /// The head of the sample on an input.
-    pub fn head(&self, port: usize) -> Option<Head> {
-        Some(self.inputs.get(port)?.sample?.pieces.head())
+    /// The header of the sample on an input.
+    pub fn header(&self, port: usize) -> Option<Header> {
+        Some(self.inputs.get(port)?.sample?.pieces.header())
     }
 
     /// Samples on an input that were sent and never taken since the last activation.

@@ -49,7 +49,7 @@ impl Said {
 
 /// A command that comes by itself.
 #[derive(Clone, Debug, Params)]
-pub struct Line {
+pub struct ScriptedCommand {
     /// When it is said, after the beginning of the run.
     #[param(unit = "ns")]
     pub at: u64,
@@ -65,7 +65,7 @@ pub struct Line {
 pub struct ConsoleParams {
     /// What is said without a person, for runs that nobody attends: simulations, demonstrations, tests.
     #[param(default = "[]")]
-    pub script: Vec<Line>,
+    pub script: Vec<ScriptedCommand>,
 }
 
 /// Turns the commands of `stillpoint send`, and those of its script, into samples, at each tick of its timer.
@@ -126,7 +126,7 @@ impl Operator for Console {
     }
 }
 
-fn command(line: &Line) -> Result<(u64, Command), SetupError> {
+fn command(line: &ScriptedCommand) -> Result<(u64, Command), SetupError> {
     if line.values.len() > VALUES || line.values.iter().any(|v| !v.is_finite()) {
         return Err(SetupError(format!(
             "the script's command at {} ms has {} values: a command has up to {VALUES} finite ones",

@@ -1,24 +1,24 @@
 //! The intake: how an operator's inputs become causes of activations. The same code decides live and simulated.
 
-use stillpoint_samples::{Cause, Head, JournalRef, RefKind};
+use stillpoint_samples::{Cause, Header, JournalRef, RefKind};
 
 use crate::graph::OperatorNode;
 use crate::operator::Policy;
 
 /// A sample, or the name of one, on its way into an operator.
 pub trait Arrival {
-    /// Its head.
-    fn head(&self) -> Head;
+    /// Its header.
+    fn header(&self) -> Header;
 }
 
 impl Arrival for stillpoint_shm::Received {
-    fn head(&self) -> Head {
-        stillpoint_shm::Received::head(self)
+    fn header(&self) -> Header {
+        stillpoint_shm::Received::header(self)
     }
 }
 
-impl Arrival for Head {
-    fn head(&self) -> Head {
+impl Arrival for Header {
+    fn header(&self) -> Header {
         *self
     }
 }
@@ -66,13 +66,13 @@ struct Count {
 }
 
 impl Count {
-    fn take(&mut self, head: &Head) {
-        if self.incarnation == Some(head.incarnation) {
-            self.lost += head.sequence.saturating_sub(self.next);
+    fn take(&mut self, header: &Header) {
+        if self.incarnation == Some(header.incarnation) {
+            self.lost += header.sequence.saturating_sub(self.next);
         } else {
-            *self = Self { incarnation: Some(head.incarnation), ..Self::default() };
+            *self = Self { incarnation: Some(header.incarnation), ..Self::default() };
         }
-        self.next = head.sequence + 1;
+        self.next = header.sequence + 1;
         self.total += 1;
     }
 
@@ -140,7 +140,7 @@ impl<T: Arrival> Intake<T> {
                         && let Some((sample, false)) = &port.held
                     {
                         offer(Trigger {
-                            since: sample.head().stamp.saturating_add(port.delay),
+                            since: sample.header().stamp.saturating_add(port.delay),
                             cause: Cause::Input,
                             port: index,
                         });
@@ -152,7 +152,7 @@ impl<T: Arrival> Intake<T> {
                         && let Some(sample) = &port.front
                     {
                         offer(Trigger {
-                            since: sample.head().stamp.saturating_add(port.delay),
+                            since: sample.header().stamp.saturating_add(port.delay),
                             cause: Cause::Input,
                             port: index,
                         });
@@ -188,10 +188,10 @@ impl<T: Arrival> Intake<T> {
                 if !port.fill(now, index, pull) {
                     return None;
                 }
-                let head = port.front.as_ref()?.head();
-                oldest = oldest.min((head.origin, index));
-                newest = newest.max(head.origin);
-                since = since.max(head.stamp.saturating_add(port.delay));
+                let header = port.front.as_ref()?.header();
+                oldest = oldest.min((header.origin, index));
+                newest = newest.max(header.origin);
+                since = since.max(header.stamp.saturating_add(port.delay));
             }
             if newest - oldest.0 <= within {
                 return Some(since);
@@ -206,7 +206,7 @@ impl<T: Arrival> Intake<T> {
     pub fn next_visible(&self) -> Option<u64> {
         self.ports
             .iter()
-            .filter_map(|p| p.front.as_ref().map(|f| f.head().stamp.saturating_add(p.delay)))
+            .filter_map(|p| p.front.as_ref().map(|f| f.header().stamp.saturating_add(p.delay)))
             .min()
     }
 
@@ -217,10 +217,10 @@ impl<T: Arrival> Intake<T> {
             let consumed = match p.policy {
                 Policy::Latest => {
                     if let Some((sample, seen)) = &mut p.held {
-                        let head = sample.head();
+                        let header = sample.header();
                         let kind = if *seen { RefKind::Held } else { RefKind::Fresh };
                         *seen = true;
-                        refs.push(p.count.reference(index, head.sequence, head.incarnation, 1, kind));
+                        refs.push(p.count.reference(index, header.sequence, header.incarnation, 1, kind));
                     }
                     continue;
                 }
@@ -228,8 +228,8 @@ impl<T: Arrival> Intake<T> {
                 Policy::Sync { .. } => cause == Cause::Sync && p.leader == Some(port),
             };
             if consumed && let Some(sample) = p.take_front() {
-                let head = sample.head();
-                refs.push(p.count.reference(index, head.sequence, head.incarnation, 1, RefKind::Fresh));
+                let header = sample.header();
+                refs.push(p.count.reference(index, header.sequence, header.incarnation, 1, RefKind::Fresh));
                 p.current = Some(sample);
             }
         }
@@ -275,7 +275,7 @@ impl<T: Arrival> Port<T> {
     /// Takes the front, and counts it: what still waits there is nobody's yet.
     fn take_front(&mut self) -> Option<T> {
         let sample = self.front.take()?;
-        self.count.take(&sample.head());
+        self.count.take(&sample.header());
         Some(sample)
     }
 
@@ -284,7 +284,7 @@ impl<T: Arrival> Port<T> {
         if self.front.is_none() {
             self.front = pull(index);
         }
-        self.front.as_ref().is_some_and(|f| f.head().stamp.saturating_add(self.delay) <= now)
+        self.front.as_ref().is_some_and(|f| f.header().stamp.saturating_add(self.delay) <= now)
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Ledger {
 
 /// The account of one edge.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Line {
+pub struct LedgerLine {
     /// The topic.
     pub topic: String,
     /// The consumer's input, `operator.input`.
@@ -37,7 +37,7 @@ pub struct Line {
     /// Pushed out of a full buffer by newer ones.
     pub overwritten: u64,
     /// Never sent, since the producer's memory was used up.
-    pub homeless: u64,
+    pub pool_exhausted: u64,
     /// Lost while the consumer was down, between two of its incarnations.
     pub down: u64,
     /// Waiting when the consumer ended, or cut off by the end of the producer's incarnation.
@@ -49,8 +49,8 @@ pub struct Line {
 impl Ledger {
     /// Takes an entry of an operator. Entries of one incarnation come in order; some may be missing.
     pub fn enter(&mut self, operator: usize, entry: &Entry) {
-        let incarnation = entry.head.incarnation;
-        let number = entry.head.sequence;
+        let incarnation = entry.header.incarnation;
+        let number = entry.header.sequence;
         let (last, missing) = self.entries.entry((operator, incarnation)).or_insert((0, number));
         *missing += number.saturating_sub(*last + 1);
         *last = number.max(*last);
@@ -76,19 +76,19 @@ impl Ledger {
     }
 
     /// The account of every edge, in the order of the graph.
-    pub fn lines(&self, graph: &Graph) -> Vec<Line> {
+    pub fn lines(&self, graph: &Graph) -> Vec<LedgerLine> {
         let mut lines = Vec::new();
         for (consumer, node) in graph.operators.iter().enumerate() {
             for (port, input) in node.inputs.iter().enumerate() {
                 let Some(edge) = input.edge else { continue };
-                let mut line = Line {
+                let mut line = LedgerLine {
                     topic: graph.operators[edge.operator].outputs[edge.output].topic.clone(),
                     consumer: format!("{}.{}", node.name, node.stage.kind.inputs[port].name),
                     sent: 0,
                     received: 0,
                     passed: 0,
                     overwritten: 0,
-                    homeless: 0,
+                    pool_exhausted: 0,
                     down: 0,
                     left: 0,
                     unexplained: 0,
@@ -97,8 +97,8 @@ impl Ledger {
                     .sent
                     .iter()
                     .filter(|((o, p, _), _)| (*o, *p as usize) == (edge.operator, edge.output));
-                for ((_, _, incarnation), (total, homeless)) in sent {
-                    self.balance(&mut line, consumer, port as u32, *incarnation, *total, *homeless);
+                for ((_, _, incarnation), (total, pool_exhausted)) in sent {
+                    self.balance(&mut line, consumer, port as u32, *incarnation, *total, *pool_exhausted);
                 }
                 lines.push(line);
             }
@@ -109,12 +109,12 @@ impl Ledger {
     /// Adds what one incarnation of the producer sent. `total` counts from sequence 0.
     fn balance(
         &self,
-        line: &mut Line,
+        line: &mut LedgerLine,
         consumer: usize,
         port: u32,
         incarnation: u32,
         total: u64,
-        homeless: u64,
+        pool_exhausted: u64,
     ) {
         line.sent += total;
         // Numbers below this are accounted for.
@@ -141,8 +141,8 @@ impl Ledger {
             next = r.first + 1;
         }
         let left = total.saturating_sub(next);
-        let unsent = homeless.min(gaps + left);
-        line.homeless += unsent;
+        let unsent = pool_exhausted.min(gaps + left);
+        line.pool_exhausted += unsent;
         let from_gaps = unsent.min(gaps);
         line.overwritten += gaps - from_gaps;
         line.left += left - (unsent - from_gaps);
@@ -151,10 +151,10 @@ impl Ledger {
     }
 }
 
-impl Line {
+impl LedgerLine {
     /// Whether the account balances.
     pub fn balances(&self) -> bool {
-        let accounted = self.received + self.overwritten + self.homeless + self.down + self.left;
+        let accounted = self.received + self.overwritten + self.pool_exhausted + self.down + self.left;
         self.unexplained == 0 && accounted == self.sent
     }
 }

@@ -113,7 +113,7 @@ pub struct SetupError(pub String);
 /// Parameters that are each in their range and do not go together.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{reason}")]
-pub struct Misfit {
+pub struct ParamConflict {
     /// The parameters of it: the fault stands at the first that the config gives, one of the command line before others.
     pub params: &'static [&'static str],
     /// What does not fit, with units.
@@ -122,8 +122,8 @@ pub struct Misfit {
     pub help: &'static str,
 }
 
-impl Misfit {
-    /// A misfit inside one parameter, of which a set-up would say this.
+impl ParamConflict {
+    /// A conflict inside one parameter, of which a set-up would say this.
     pub fn inside(params: &'static [&'static str], reason: SetupError) -> Self {
         Self { params, reason: reason.0, help: "change one of them" }
     }
@@ -149,7 +149,7 @@ pub trait Operator: Sized + Send + 'static {
 
     /// Refuses parameters that are each in their range and do not go together. The checker says it with the place, and
     /// [`new`](Operator::new) sees no others.
-    fn fit(_params: &Self::Params) -> Result<(), Misfit> {
+    fn validate(_params: &Self::Params) -> Result<(), ParamConflict> {
         Ok(())
     }
 
@@ -167,19 +167,19 @@ pub trait Operator: Sized + Send + 'static {
 }
 
 /// An operator behind its trait.
-pub trait Step: Send {
+pub trait ErasedOperator: Send {
     /// Does one activation.
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError>;
 }
 
-impl<T: Operator> Step for T {
+impl<T: Operator> ErasedOperator for T {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         Operator::step(self, activation, outputs)
     }
 }
 
 /// Makes an operator from its checked parameters.
-pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn Step>, SetupError>;
+pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn ErasedOperator>, SetupError>;
 
 /// A kind of operator in a family's list: what checker and executors need, without its type.
 #[derive(Clone, Copy)]
@@ -193,7 +193,7 @@ pub struct Stage {
     /// Reads the parameters of a config; faults go into the reader.
     pub read: fn(&mut ParamReader<'_>) -> Option<CheckedParams>,
     /// Refuses parameters that do not go together.
-    pub fit: fn(&CheckedParams) -> Result<(), Misfit>,
+    pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// Makes the operator.
@@ -212,7 +212,7 @@ impl Stage {
                 let params = <T::Params as Params>::read(reader)?;
                 Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved() })
             },
-            fit: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::fit(&params)),
+            validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {
@@ -221,7 +221,7 @@ impl Stage {
                         T::KIND.name
                     ))
                 })?;
-                T::fit(&params).map_err(|misfit| SetupError(misfit.to_string()))?;
+                T::validate(&params).map_err(|conflict| SetupError(conflict.to_string()))?;
                 Ok(Box::new(T::new(params, setup)?))
             },
         }

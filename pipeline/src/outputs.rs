@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use stillpoint_samples::{AlignedBytes, HEAD_SIZE, Pieces, Sample, SampleKind};
+use stillpoint_samples::{AlignedBytes, HEADER_SIZE, Pieces, Sample, SampleKind};
 use zerocopy::FromBytes;
 
 use crate::operator::StepError;
@@ -13,9 +13,9 @@ pub enum Buffer {
     Shared(stillpoint_shm::Loan),
     /// On the heap: meta bytes and elements one behind the other.
     Heap {
-        /// Head, body and elements.
+        /// Header, body and elements.
         bytes: AlignedBytes,
-        /// Bytes of head and body.
+        /// Bytes of header and body.
         meta: usize,
     },
 }
@@ -27,7 +27,7 @@ impl Buffer {
         Self::Heap { bytes: AlignedBytes::zeroed(meta + elements * kind.element_size), meta }
     }
 
-    /// Head and body, and room for the elements.
+    /// Header and body, and room for the elements.
     pub fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]) {
         match self {
             Self::Shared(loan) => loan.parts_mut(),
@@ -35,7 +35,7 @@ impl Buffer {
         }
     }
 
-    /// The bytes as they stand; the payload may reach beyond the head's count.
+    /// The bytes as they stand; the payload may reach beyond the header's count.
     pub fn pieces(&self) -> Pieces<'_> {
         match self {
             Self::Shared(loan) => loan.pieces(),
@@ -63,7 +63,7 @@ pub struct Draft {
     /// Its bytes.
     pub buffer: Buffer,
     /// The port's memory was used up: the sample is made and counted, but cannot be sent.
-    pub homeless: bool,
+    pub pool_exhausted: bool,
 }
 
 /// The outputs of one activation.
@@ -133,12 +133,17 @@ impl<'a> Outputs<'a> {
                 "a sample of {elements} elements exceeds the {capacity} that output {port} was laid out for"
             )));
         }
-        let (mut buffer, homeless) = match self.lender.loan(port, elements) {
+        let (mut buffer, pool_exhausted) = match self.lender.loan(port, elements) {
             Some(buffer) => (buffer, false),
             None => (Buffer::heap(kind, elements), true),
         };
         buffer.parts_mut().0.fill(0);
-        Ok(Writer { outputs: self, draft: Draft { port, buffer, homeless }, elements, sample: PhantomData })
+        Ok(Writer {
+            outputs: self,
+            draft: Draft { port, buffer, pool_exhausted },
+            elements,
+            sample: PhantomData,
+        })
     }
 
     /// States the acquisition time of what a source sends, ns since the epoch. Without it, it is the activation's time.
@@ -178,7 +183,7 @@ impl<S: Sample> Writer<'_, '_, S> {
     pub fn body(&mut self) -> &mut S::Body {
         let (meta, _) = self.draft.buffer.parts_mut();
         // The lender's meta piece has the size and alignment that the kind states.
-        S::Body::mut_from_bytes(&mut meta[HEAD_SIZE..]).expect("the lender's buffer fits the sample kind")
+        S::Body::mut_from_bytes(&mut meta[HEADER_SIZE..]).expect("the lender's buffer fits the sample kind")
     }
 
     /// Room for the elements. It may hold bytes of an earlier sample: write each element that you count in.
@@ -198,7 +203,7 @@ impl<S: Sample> Writer<'_, '_, S> {
         }
         let (meta, _) = self.draft.buffer.parts_mut();
         let count = (count as u32).to_le_bytes();
-        meta[HEAD_SIZE - 4..HEAD_SIZE].copy_from_slice(&count);
+        meta[HEADER_SIZE - 4..HEADER_SIZE].copy_from_slice(&count);
         if !S::KIND.body.is_empty() {
             let end = meta.len();
             meta[end - 4..].copy_from_slice(&count);

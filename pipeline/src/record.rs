@@ -27,7 +27,7 @@ impl Record {
             return None;
         }
         Some(Self {
-            time: entry.head.stamp,
+            time: entry.header.stamp,
             nominal: entry.body.nominal,
             tick: entry.body.tick,
             cause,

@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use stillpoint_samples::{
-    DepthImage, Diagnostics, GreyImage, HEAD_SIZE, Head, Metric, Pieces, Sample, SampleKind,
+    DepthImage, Diagnostics, GreyImage, HEADER_SIZE, Header, Metric, Pieces, Sample, SampleKind,
 };
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -51,8 +51,8 @@ impl Carried for GreyImage {
 /// It is a source: what came over a wire cannot be made again, so a session keeps it.
 pub struct Stream<S> {
     arrivals: Option<Arrivals>,
-    /// Head of the sample that came last.
-    last: Option<Head>,
+    /// Header of the sample that came last.
+    last: Option<Header>,
     lost: u64,
     malformed: u64,
     dropped: u64,
@@ -124,27 +124,27 @@ impl<S: Carried> Operator for Stream<S> {
 impl<S: Carried> Stream<S> {
     fn send(&mut self, bytes: &[u8], now: u64, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let pieces = Pieces::split(S::KIND, bytes).ok();
-        let body = |p: &Pieces<'_>| S::Body::read_from_bytes(&p.meta[HEAD_SIZE..]).ok();
+        let body = |p: &Pieces<'_>| S::Body::read_from_bytes(&p.meta[HEADER_SIZE..]).ok();
         let Some((pieces, body)) = pieces.and_then(|p| Some((p, body(&p)?))) else {
             self.malformed += 1;
             return Ok(());
         };
-        let head = pieces.head();
-        let count = head.count as usize;
+        let header = pieces.header();
+        let count = header.count as usize;
         if count > outputs.capacity(SAMPLE) {
             self.malformed += 1;
             return Ok(());
         }
         // Numbers go on within a life of the producer; in a new one, whose stamps are later, they begin anew.
         self.lost += match self.last {
-            Some(last) if last.incarnation == head.incarnation => {
-                head.sequence.saturating_sub(last.sequence + 1)
+            Some(last) if last.incarnation == header.incarnation => {
+                header.sequence.saturating_sub(last.sequence + 1)
             }
             _ => 0,
         };
-        self.last = Some(head);
+        self.last = Some(header);
         // A clock that is ahead of this one acquires nothing in the future.
-        outputs.acquired_at(head.origin.min(now));
+        outputs.acquired_at(header.origin.min(now));
         let mut writer = outputs.open::<S>(SAMPLE, count)?;
         *writer.body() = body;
         writer.elements().as_mut_bytes().copy_from_slice(pieces.payload);

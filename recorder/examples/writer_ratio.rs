@@ -8,7 +8,7 @@ use std::io::{self, Write};
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use stillpoint_recorder::{Compression, Encoded, Opening, PartWriter, Role, TopicInfo};
-use stillpoint_samples::{AlignedBytes, CloudShape, HEAD_SIZE, Head, Pieces, PointCloud, Sample};
+use stillpoint_samples::{AlignedBytes, CloudShape, HEADER_SIZE, Header, Pieces, PointCloud, Sample};
 use zerocopy::IntoBytes;
 
 const WINDOWS: usize = 15;
@@ -53,10 +53,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn cloud(n: u32) -> AlignedBytes {
     let kind = PointCloud::KIND;
     let mut bytes = AlignedBytes::zeroed(kind.meta_size() + POINTS as usize * kind.element_size);
-    let head = Head { stamp: 1, origin: 1, sequence: n.into(), incarnation: 0, count: POINTS };
+    let header = Header { stamp: 1, origin: 1, sequence: n.into(), incarnation: 0, count: POINTS };
     let shape = CloudShape { width: POINTS, height: 1, reserved: 0, length: POINTS };
-    bytes[..HEAD_SIZE].copy_from_slice(head.as_bytes());
-    bytes[HEAD_SIZE..kind.meta_size()].copy_from_slice(shape.as_bytes());
+    bytes[..HEADER_SIZE].copy_from_slice(header.as_bytes());
+    bytes[HEADER_SIZE..kind.meta_size()].copy_from_slice(shape.as_bytes());
     let mut random = 1 + u64::from(n);
     for (i, point) in bytes[kind.meta_size()..].chunks_exact_mut(12).enumerate() {
         random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);

@@ -194,7 +194,7 @@ fn open_ends(session: &Session) -> Vec<Gap> {
             let Some((&(_, incarnation, sequence), _)) = last else { continue };
             let goes_on = next.is_some_and(|((_, i, _), _)| *i == incarnation);
             let ended = session.journals().get(&t.operator).is_some_and(|entries| {
-                let find = |e: &&Entry| (e.head.incarnation, e.head.sequence) == (incarnation, sequence);
+                let find = |e: &&Entry| (e.header.incarnation, e.header.sequence) == (incarnation, sequence);
                 entries.iter().find(find).is_some_and(|e| e.cause() == Some(Cause::End))
             });
             if !goes_on && !ended {
@@ -274,8 +274,8 @@ fn sent(session: &Session, topic: usize) -> BTreeMap<u32, Sent> {
         return by_incarnation;
     };
     for (i, entry) in entries.iter().enumerate() {
-        let last = entries.get(i + 1).is_none_or(|next| next.head.incarnation != entry.head.incarnation);
-        let sent = by_incarnation.entry(entry.head.incarnation).or_default();
+        let last = entries.get(i + 1).is_none_or(|next| next.header.incarnation != entry.header.incarnation);
+        let sent = by_incarnation.entry(entry.header.incarnation).or_default();
         if last && entry.cause() != Some(Cause::End) {
             continue;
         }

@@ -28,8 +28,8 @@ impl Producer<'_> {
     /// Behind the last output on `port` that a kept entry names, in the last incarnation that is kept.
     fn end(&self, port: usize) -> (u32, u64) {
         let kept = &self.entries[..self.kept];
-        let Some(incarnation) = kept.last().map(|e| e.head.incarnation) else { return (0, 0) };
-        let last = kept.iter().rev().take_while(|e| e.head.incarnation == incarnation);
+        let Some(incarnation) = kept.last().map(|e| e.header.incarnation) else { return (0, 0) };
+        let last = kept.iter().rev().take_while(|e| e.header.incarnation == incarnation);
         (incarnation, last.flat_map(|e| outputs(e, port)).map(end).max().unwrap_or(0))
     }
 }
@@ -78,7 +78,7 @@ pub(crate) fn consistent_cut(session: &Session) -> Limits {
             limits.insert(name.clone(), p.end(port));
         }
         let last = p.entries[..p.kept].last();
-        let end = last.map_or((0, 0), |e| (e.head.incarnation, e.head.sequence.saturating_add(1)));
+        let end = last.map_or((0, 0), |e| (e.header.incarnation, e.header.sequence.saturating_add(1)));
         limits.insert(p.topic.name.clone(), end);
     }
     limits

@@ -3,7 +3,7 @@
 //! Whoever takes samples out of shared memory must copy them anyway: copied into an [`Encoded`], they need no second
 //! copy when they are written.
 
-use stillpoint_samples::{BytesError, Head, Pieces, SampleKind};
+use stillpoint_samples::{BytesError, Header, Pieces, SampleKind};
 
 use crate::form::{Envelope, Form, Shared, camera_info};
 use crate::topic::TopicInfo;
@@ -14,7 +14,7 @@ pub struct Encoded {
     pub(crate) kind: &'static SampleKind,
     pub(crate) form: Form,
     pub(crate) shared: Shared,
-    pub(crate) head: Head,
+    pub(crate) header: Header,
     /// The message; behind it the one that stands beside it, if there is one.
     bytes: Vec<u8>,
     message: usize,
@@ -49,7 +49,7 @@ impl Encoded {
         if form == Form::Depth {
             camera_info(sample, frame, &mut bytes);
         }
-        Self { kind: info.kind, form, shared, head: sample.head(), bytes, message }
+        Self { kind: info.kind, form, shared, header: sample.header(), bytes, message }
     }
 
     /// The same sample in its own form. `None`: the message does not read back, which its form rules out.
@@ -59,7 +59,7 @@ impl Encoded {
             .decode(
                 info.kind,
                 &self.shared,
-                Envelope { sequence: self.head.sequence as u32, publish_time: self.head.origin },
+                Envelope { sequence: self.header.sequence as u32, publish_time: self.header.origin },
                 self.message(),
             )
             .ok()?
@@ -80,7 +80,7 @@ impl Encoded {
 
     /// Number of the sample on its topic and incarnation of its producer.
     pub fn number(&self) -> (u32, u64) {
-        (self.head.incarnation, self.head.sequence)
+        (self.header.incarnation, self.header.sequence)
     }
 
     /// The buffer, to be used again.

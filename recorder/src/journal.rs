@@ -6,7 +6,7 @@ use stillpoint_samples::{Cause, Entry, Journal, JournalRef, Pieces, RefKind, Sam
 pub(crate) fn entry_of(sample: &[u8], inputs: usize, outputs: usize) -> Result<Entry, String> {
     let pieces = Pieces::split(Journal::KIND, sample).map_err(|e| e.to_string())?;
     let view = pieces.view::<Journal>().map_err(|e| e.to_string())?;
-    let entry = Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() };
+    let entry = Entry { header: view.header, body: *view.body, refs: view.elements.to_vec() };
     let Some(cause) = entry.cause() else {
         return Err(format!("no cause has the number {}", entry.body.cause));
     };
@@ -42,12 +42,12 @@ fn check(r: &JournalRef, inputs: usize, outputs: usize, activates: bool) -> Resu
 pub fn times(journal: &[Entry]) -> impl Iterator<Item = (u64, Option<String>)> {
     let mut before = 0;
     journal.iter().enumerate().map(move |(i, entry)| {
-        let stamp = entry.head.stamp;
+        let stamp = entry.header.stamp;
         // One behind it that is too early is wrong itself.
-        let next = journal.get(i + 1).map(|next| next.head.stamp).filter(|next| *next >= before);
+        let next = journal.get(i + 1).map(|next| next.header.stamp).filter(|next| *next >= before);
         let time = stamp.min(next.unwrap_or(u64::MAX)).max(before);
         before = time;
-        let sequence = entry.head.sequence;
+        let sequence = entry.header.sequence;
         let what =
             || format!("its journal is damaged: the time of entry {sequence} is not between its neighbours'");
         (time, (time != stamp).then(what))

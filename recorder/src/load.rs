@@ -122,7 +122,7 @@ impl Session {
     /// Puts the entries of each journal in their order, over all parts.
     pub(crate) fn order_journals(&mut self) {
         for entries in self.journals.values_mut() {
-            entries.sort_by_key(|e| (e.head.incarnation, e.head.sequence));
+            entries.sort_by_key(|e| (e.header.incarnation, e.header.sequence));
         }
     }
 }

@@ -6,13 +6,13 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{Field, HEAD_FIELDS, HEAD_SIZE, Pieces, Primitive, SampleKind, Shape};
+use stillpoint_samples::{Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, SampleKind, Shape};
 
 use crate::form::{Decoded, Fault, Form, Reader};
 
 /// Fields that fill a struct up to its alignment: zeros, and of no meaning.
 const FILLING: &str = "reserved";
-/// The last field of a head.
+/// The last field of a header.
 const COUNT: &str = "count";
 /// The last field of a body: the length of the sequence behind it.
 const LENGTH: &str = "length";
@@ -80,12 +80,12 @@ impl Mapping {
             fields.add(COUNT, Primitive::U32, 0, "");
         }
         let mut at = 0;
-        for f in HEAD_FIELDS {
+        for f in HEADER_FIELDS {
             fields.fields.remove(f.name).filter(|there| there.is(f) && there.at == at)?;
             at += f.size();
         }
-        fields.fields.values_mut().for_each(|f| f.at -= HEAD_SIZE);
-        fields.size -= HEAD_SIZE;
+        fields.fields.values_mut().for_each(|f| f.at -= HEADER_SIZE);
+        fields.size -= HEADER_SIZE;
         if slice.is_some() && with_body {
             fields.add(LENGTH, Primitive::U32, 0, "");
         }
@@ -116,14 +116,14 @@ impl Mapping {
     /// A recorded message as a sample of this build.
     pub(crate) fn decode(&self, ours: &SampleKind, data: &[u8]) -> Result<Decoded<'static>, Fault> {
         let mut reader = Reader::new(data)?;
-        let there = reader.raw(HEAD_SIZE + self.body_size, 1)?;
-        let (head, body) = there.split_at(HEAD_SIZE);
-        let count = Pieces { meta: head, payload: &[] }.head().count as usize;
+        let there = reader.raw(HEADER_SIZE + self.body_size, 1)?;
+        let (header, body) = there.split_at(HEADER_SIZE);
+        let count = Pieces { meta: header, payload: &[] }.header().count as usize;
         let size = count.checked_mul(self.element_size).ok_or("the number of elements is too large")?;
         let elements = reader.raw(size, 1)?;
         let mut meta = vec![0; ours.meta_size()];
-        meta[..HEAD_SIZE].copy_from_slice(head);
-        shift(&self.body, body, &mut meta[HEAD_SIZE..]);
+        meta[..HEADER_SIZE].copy_from_slice(header);
+        shift(&self.body, body, &mut meta[HEADER_SIZE..]);
         let mut payload = vec![0; count * ours.element_size];
         let pairs = elements.chunks_exact(self.element_size).zip(payload.chunks_exact_mut(ours.element_size));
         pairs.for_each(|(from, to)| shift(&self.element, from, to));
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn a_message_of_another_length_than_its_layout_is_refused() {
         let Some(mapping) = Mapping::new(&turned(Plane::KIND), Plane::KIND) else { panic!("it maps") };
-        let mut data = vec![0; 4 + HEAD_SIZE + Plane::KIND.element_size];
+        let mut data = vec![0; 4 + HEADER_SIZE + Plane::KIND.element_size];
         data[1] = 1;
         data[4 + 28] = 1;
         assert!(mapping.decode(Plane::KIND, &data).is_ok());

@@ -8,7 +8,7 @@ use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RE
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
-use crate::form::{Envelope, Form, Shared, own_head};
+use crate::form::{Envelope, Form, Shared, own_header};
 
 /// What the messages of a channel are.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -212,8 +212,8 @@ impl Use {
         let envelope = Envelope::of(message);
         Ok(match self {
             Self::Samples { form: Form::Own, .. } => {
-                let head = own_head(message.data)?;
-                Some((head.incarnation, head.sequence))
+                let header = own_header(message.data)?;
+                Some((header.incarnation, header.sequence))
             }
             Self::Samples { shared, .. } | Self::Beside { shared, .. } => {
                 Some((shared.incarnation, shared.sequence(envelope)))

@@ -20,7 +20,7 @@ pub struct Recorded {
     pub sequence: u64,
     /// Realtime at which it was recorded, ns since the epoch: for people, never compared.
     pub log_time: u64,
-    /// `Head ++ Body ++ elements`, as it was in shared memory.
+    /// `Header ++ Body ++ elements`, as it was in shared memory.
     pub sample: AlignedBytes,
 }
 

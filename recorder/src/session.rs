@@ -196,9 +196,9 @@ impl Session {
     pub fn unended(&self) -> Vec<(&str, u32)> {
         let mut unended = Vec::new();
         for (operator, entries) in &self.journals {
-            for life in entries.chunk_by(|a, b| a.head.incarnation == b.head.incarnation) {
+            for life in entries.chunk_by(|a, b| a.header.incarnation == b.header.incarnation) {
                 if let Some(last) = life.last().filter(|e| e.cause() != Some(Cause::End)) {
-                    unended.push((operator.as_str(), last.head.incarnation));
+                    unended.push((operator.as_str(), last.header.incarnation));
                 }
             }
         }

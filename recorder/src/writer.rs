@@ -159,9 +159,9 @@ impl<W: Write> PartWriter<W> {
         };
         let header = |channel_id| MessageHeader {
             channel_id,
-            sequence: sample.head.sequence as u32,
+            sequence: sample.header.sequence as u32,
             log_time: log_time_ns,
-            publish_time: sample.head.origin,
+            publish_time: sample.header.origin,
         };
         let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
         self.out.write_to_known_channel(&header(channel), sample.message())?;

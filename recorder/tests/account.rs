@@ -11,7 +11,7 @@ mod fixture;
 
 use std::sync::Arc;
 
-use fixture::{START, Tee, cloud, head, opening, pieces, pipeline, topic};
+use fixture::{START, Tee, cloud, header, opening, pieces, pipeline, topic};
 use stillpoint_recorder::{
     Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session,
     SessionError, TopicKind,
@@ -23,7 +23,7 @@ fn part(role: Role, numbers: &[u64], lost: &[(u64, u64)]) -> PartWriter<Vec<u8>>
     let mut w = PartWriter::new(Vec::new(), Compression::Lz4, &opening()).unwrap();
     let id = w.add_topic(topic("cam.cloud", PointCloud::KIND, role)).unwrap();
     for n in numbers {
-        w.write(id, pieces(PointCloud::KIND, &cloud(head(*n), 2, 2, &[1])), START).unwrap();
+        w.write(id, pieces(PointCloud::KIND, &cloud(header(*n), 2, 2, &[1])), START).unwrap();
     }
     for (first, count) in lost {
         w.note_lost(id, 0, *first, *count, START).unwrap();

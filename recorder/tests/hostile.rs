@@ -194,7 +194,7 @@ proptest! {
         }
         within_bounds(|| for kind in stillpoint_samples::all() {
             let _ = Pieces::split(kind, &sample);
-            // As shared memory gives it: head and body apart, more elements than are counted.
+            // As shared memory gives it: header and body apart, more elements than are counted.
             let (meta, payload) = sample.split_at(kind.meta_size().min(sample.len()));
             let p = Pieces { meta, payload };
             if let Ok(checked) = p.check(kind) {

@@ -9,11 +9,11 @@
 
 mod fixture;
 
-use fixture::{entry, head, opening, pieces, reference, topic};
+use fixture::{entry, header, opening, pieces, reference, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role, Session, SessionError, TopicKind};
 use stillpoint_samples::{
-    AlignedBytes, Cause, Cluster, ClusterTable, ClusterTableShape, Field, HEAD_SIZE, Journal, Pieces, Plane,
-    PlaneElement, Primitive, RefKind, Sample, SampleKind, Shape, fields_size,
+    AlignedBytes, Cause, Cluster, ClusterTable, ClusterTableShape, Field, HEADER_SIZE, Journal, Pieces,
+    Plane, PlaneElement, Primitive, RefKind, Sample, SampleKind, Shape, fields_size,
 };
 use zerocopy::IntoBytes;
 
@@ -51,7 +51,7 @@ fn only(session: &Session) -> AlignedBytes {
 }
 
 fn refused(kind: &'static SampleKind) -> String {
-    let sample = fixture::sample(kind, head(0), &[1, 2, 3]);
+    let sample = fixture::sample(kind, header(0), &[1, 2, 3]);
     let error = session(kind, &sample).unwrap_err();
     assert!(matches!(error, SessionError::Layout { .. }), "{error}");
     error.to_string()
@@ -78,16 +78,16 @@ fn fields_in_another_order_and_fields_that_went_are_mapped_by_name() {
     let old = kind(Plane::KIND, Vec::new(), fields);
     let p = plane();
     let mut sample = AlignedBytes::zeroed(old.total_size(1).unwrap());
-    sample[..HEAD_SIZE].copy_from_slice(head(0).as_bytes());
+    sample[..HEADER_SIZE].copy_from_slice(header(0).as_bytes());
     let rest = [7.0, 8.0, p.offset, p.normal[0], p.normal[1], p.normal[2], p.rms];
-    sample[HEAD_SIZE..HEAD_SIZE + 56].copy_from_slice(rest.as_bytes());
-    sample[HEAD_SIZE + 56..].copy_from_slice([p.inliers, p.points, p.kept, p.hypotheses].as_bytes());
+    sample[HEADER_SIZE..HEADER_SIZE + 56].copy_from_slice(rest.as_bytes());
+    sample[HEADER_SIZE + 56..].copy_from_slice([p.inliers, p.points, p.kept, p.hypotheses].as_bytes());
     let session = session(old, &sample).unwrap();
     let TopicKind::Mapped { mapping, .. } = &session.topics()[0].kind else { panic!("it is not mapped") };
     assert_eq!(mapping.left_out(), ["tolerance"]);
     let found = only(&session);
     let view = Pieces::split(Plane::KIND, &found).unwrap().view::<Plane>().unwrap();
-    assert_eq!((view.head, view.elements), (head(0), &[p][..]));
+    assert_eq!((view.header, view.elements), (header(0), &[p][..]));
     assert_eq!(session.holds(0, 0, 0, &found).unwrap(), Some(true));
 }
 
@@ -100,11 +100,11 @@ fn a_slice_with_a_body_is_mapped() {
     let body = [vec![extra], ours.body.to_vec()].concat();
     let old = kind(ours, body, element);
     let (first, second) = (ours.element[0].size(), ours.element[1].size());
-    let new = fixture::sample(ours, stillpoint_samples::Head { count: 3, ..head(0) }, &[1, 2, 3, 4, 5]);
+    let new = fixture::sample(ours, stillpoint_samples::Header { count: 3, ..header(0) }, &[1, 2, 3, 4, 5]);
     // The same sample as it would have been.
     let mut sample = AlignedBytes::zeroed(old.total_size(3).unwrap());
-    sample[..HEAD_SIZE].copy_from_slice(&new[..HEAD_SIZE]);
-    sample[HEAD_SIZE + 8..old.meta_size()].copy_from_slice(&new[HEAD_SIZE..ours.meta_size()]);
+    sample[..HEADER_SIZE].copy_from_slice(&new[..HEADER_SIZE]);
+    sample[HEADER_SIZE + 8..old.meta_size()].copy_from_slice(&new[HEADER_SIZE..ours.meta_size()]);
     let pairs = new[ours.meta_size()..].chunks_exact(size_of::<Cluster>());
     let size = old.element_size;
     for (i, from) in pairs.enumerate() {
@@ -124,8 +124,8 @@ fn journals_of_another_layout_are_read() {
     let extra = Field { name: "weather", primitive: Primitive::U64, array: 0, unit: "" };
     body.insert(0, extra);
     let old = kind(Journal::KIND, body, Journal::KIND.element.to_vec());
-    let new = entry(head(0), 5, Cause::Timer, &[reference(RefKind::Output, 0, 0, 9)]);
-    let sample = [&new[..HEAD_SIZE], &[0; 8], &new[HEAD_SIZE..]].concat();
+    let new = entry(header(0), 5, Cause::Timer, &[reference(RefKind::Output, 0, 0, 9)]);
+    let sample = [&new[..HEADER_SIZE], &[0; 8], &new[HEADER_SIZE..]].concat();
     let mut w = PartWriter::new(Vec::new(), Compression::Lz4, &opening()).unwrap();
     let role = Role::Journal { inputs: Vec::new(), outputs: vec!["a.b".into()] };
     let id = w.add_topic(topic("a.journal", old, role)).unwrap();

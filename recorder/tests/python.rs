@@ -12,10 +12,11 @@ mod fixture;
 
 use std::process::Command;
 
-use fixture::{START, cloud, depth, entry, grey, head, opening, pieces, sample, topic};
+use fixture::{START, cloud, depth, entry, grey, header, opening, pieces, sample, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{
-    Cause, DepthImage, Field, GreyImage, HEAD_SIZE, Head, PointCloud, Pose, Primitive, RefKind, Sample, Shape,
+    Cause, DepthImage, Field, GreyImage, HEADER_SIZE, Header, PointCloud, Pose, Primitive, RefKind, Sample,
+    Shape,
 };
 
 const PROBE: &str = "import mcap_ros2, rosbags";
@@ -141,11 +142,11 @@ fn numbers(fields: &[Field], mut bytes: &[u8]) -> Vec<String> {
     out
 }
 
-fn own_head(h: &Head) -> Vec<String> {
+fn own_header(h: &Header) -> Vec<String> {
     [h.stamp, h.origin, h.sequence, u64::from(h.incarnation)].map(|n| n.to_string()).to_vec()
 }
 
-fn ros_head(h: &Head) -> Vec<String> {
+fn ros_head(h: &Header) -> Vec<String> {
     vec![(h.stamp / 1_000_000_000).to_string(), (h.stamp % 1_000_000_000).to_string(), "camera".to_owned()]
 }
 
@@ -166,7 +167,7 @@ fn write_every_kind(path: &std::path::Path) -> Expected {
         let id = w.add_topic(topic(&name, kind, Role::Computed)).unwrap();
         let mut lines = Vec::new();
         for i in 0..2_u64 {
-            let (h, noise) = (Head { count: i as u32 * 3, ..head(i) }, noise(i));
+            let (h, noise) = (Header { count: i as u32 * 3, ..header(i) }, noise(i));
             let bytes = match kind.name {
                 "PointCloud" => cloud(h, 3, 2, &noise),
                 "DepthImage" => depth(h, 3, 2, 450.5, &noise),
@@ -188,7 +189,7 @@ fn write_every_kind(path: &std::path::Path) -> Expected {
     w.finish(&Closing::default()).unwrap();
     let t = &opening().frames[0];
     let [qw, qx, qy, qz] = t.rotation;
-    let mut frames = ros_head(&Head { stamp: START, ..Head::default() });
+    let mut frames = ros_head(&Header { stamp: START, ..Header::default() });
     frames.splice(2.., [t.parent.clone(), t.child.clone()]);
     frames.extend(t.translation.into_iter().chain([qx, qy, qz, qw]).map(hex));
     expected.push(("/tf_static".into(), vec![frames]));
@@ -202,7 +203,7 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
     match kind {
         "PointCloud" => {
             let p = of(PointCloud::KIND);
-            out.extend(ros_head(&p.head()));
+            out.extend(ros_head(&p.header()));
             out.extend(["2", "3"].map(str::to_owned));
             for (name, offset) in [("x", "0"), ("y", "4"), ("z", "8")] {
                 out.extend([name, offset, "7", "1"].map(str::to_owned));
@@ -213,19 +214,19 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
         }
         "DepthImage" => {
             let p = of(DepthImage::KIND);
-            out.extend(ros_head(&p.head()));
+            out.extend(ros_head(&p.header()));
             out.extend(["2", "3", "16UC1", "0", "6"].map(str::to_owned));
             out.extend(u8s(p.payload));
         }
         "GreyImage" => {
             let p = of(GreyImage::KIND);
-            out.extend(ros_head(&p.head()));
+            out.extend(ros_head(&p.header()));
             out.extend(["2", "3", "mono8", "0", "3"].map(str::to_owned));
             out.extend(u8s(p.payload));
         }
         "Pose" => {
             let p = of(Pose::KIND);
-            out.extend(ros_head(&p.head()));
+            out.extend(ros_head(&p.header()));
             let v = f64s(p.payload);
             out.extend_from_slice(&v[..3]);
             out.extend([4, 5, 6, 3].map(|i| v[i].clone()));
@@ -234,12 +235,12 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
         _ => {
             let kind = stillpoint_samples::by_name(kind).unwrap();
             let p = of(kind);
-            out.extend(own_head(&p.head()));
+            out.extend(own_header(&p.header()));
             if kind.shape == Shape::Fixed || !kind.body.is_empty() {
-                out.push(p.head().count.to_string());
+                out.push(p.header().count.to_string());
             }
             let said = kind.body.split_last().map_or(&[][..], |(_, rest)| rest);
-            out.extend(numbers(said, &p.meta[HEAD_SIZE..]));
+            out.extend(numbers(said, &p.meta[HEADER_SIZE..]));
             for element in p.payload.chunks_exact(kind.element_size) {
                 match kind.bare {
                     Some(primitive) => out.push(number(primitive, element)),

@@ -219,7 +219,7 @@ fn a_damaged_chunk_takes_no_channel_with_it_where_the_summary_is_there() {
 
 #[test]
 fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_and_counted() {
-    use fixture::{cloud, depth, entry, head, opening, pieces, reference, topic};
+    use fixture::{cloud, depth, entry, header, opening, pieces, reference, topic};
     use stillpoint_recorder::{PartWriter, Role};
     use stillpoint_samples::{Cause, DepthImage, Journal, PointCloud, RefKind, Sample};
     let file = Arc::new(std::sync::Mutex::new(Vec::new()));
@@ -235,15 +235,15 @@ fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_
         w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &["seg.cloud"]))).unwrap();
     for i in 0..6 {
         if i < 4 {
-            let bytes = entry(head(i), i, Cause::Timer, &[reference(RefKind::Output, 0, 0, i)]);
+            let bytes = entry(header(i), i, Cause::Timer, &[reference(RefKind::Output, 0, 0, i)]);
             w.write(cam, pieces(Journal::KIND, &bytes), 0).unwrap();
         }
         if i < 3 || i == 5 {
-            w.write(image, pieces(DepthImage::KIND, &depth(head(i), 2, 2, 1.0, &[1])), 0).unwrap();
+            w.write(image, pieces(DepthImage::KIND, &depth(header(i), 2, 2, 1.0, &[1])), 0).unwrap();
         }
         let refs = [reference(RefKind::Fresh, 0, 0, i), reference(RefKind::Output, 0, 0, i)];
-        w.write(seg, pieces(Journal::KIND, &entry(head(i), i, Cause::Input, &refs)), 0).unwrap();
-        w.write(clouds, pieces(PointCloud::KIND, &cloud(head(i), 2, 2, &[1])), 0).unwrap();
+        w.write(seg, pieces(Journal::KIND, &entry(header(i), i, Cause::Input, &refs)), 0).unwrap();
+        w.write(clouds, pieces(PointCloud::KIND, &cloud(header(i), 2, 2, &[1])), 0).unwrap();
     }
     w.flush().unwrap();
     let cut = file.lock().unwrap().clone();

@@ -9,17 +9,23 @@
 
 mod fixture;
 
-use fixture::{cloud, depth, grey, head, opening, pieces, pipeline, sample, samples, topic};
+use fixture::{cloud, depth, grey, header, opening, pieces, pipeline, sample, samples, topic};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
-use stillpoint_samples::{AlignedBytes, DepthImage, GreyImage, Head, PointCloud, Pose, Sample, SampleKind};
+use stillpoint_samples::{AlignedBytes, DepthImage, GreyImage, Header, PointCloud, Pose, Sample, SampleKind};
 
-fn heads() -> impl Strategy<Value = Head> {
+fn heads() -> impl Strategy<Value = Header> {
     let times = prop_oneof![any::<u64>(), 0..i32::MAX as u64 * 1_000_000_000];
     let sequences = prop_oneof![any::<u64>(), 0..1000_u64, Just(u64::from(u32::MAX)), Just(1 << 32)];
     (times, any::<u64>(), sequences, any::<u32>(), 0..40_u32).prop_map(
-        |(stamp, origin, sequence, incarnation, count)| Head { stamp, origin, sequence, incarnation, count },
+        |(stamp, origin, sequence, incarnation, count)| Header {
+            stamp,
+            origin,
+            sequence,
+            incarnation,
+            count,
+        },
     )
 }
 
@@ -53,25 +59,25 @@ proptest! {
 
     #[test]
     fn clouds_come_back(heads in vec(heads(), 1..5), w in 0..9_u32, h in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
-        let written = distinct(heads.iter().map(|head| cloud(*head, w, h, &noise)).collect());
+        let written = distinct(heads.iter().map(|header| cloud(*header, w, h, &noise)).collect());
         prop_assert_eq!(there_and_back(PointCloud::KIND, &written), written);
     }
 
     #[test]
     fn depth_images_come_back(heads in vec((heads(), any::<f64>()), 1..5), w in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
-        let written = distinct(heads.iter().map(|(head, fx)| depth(*head, w, 3, *fx, &noise)).collect());
+        let written = distinct(heads.iter().map(|(header, fx)| depth(*header, w, 3, *fx, &noise)).collect());
         prop_assert_eq!(there_and_back(DepthImage::KIND, &written), written);
     }
 
     #[test]
     fn grey_images_come_back(heads in vec(heads(), 1..5), w in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
-        let written = distinct(heads.iter().map(|head| grey(*head, w, 5, &noise)).collect());
+        let written = distinct(heads.iter().map(|header| grey(*header, w, 5, &noise)).collect());
         prop_assert_eq!(there_and_back(GreyImage::KIND, &written), written);
     }
 
     #[test]
     fn poses_come_back(heads in vec(heads(), 1..5), noise in vec(any::<u8>(), 1..400)) {
-        let written = distinct(heads.iter().map(|head| sample(Pose::KIND, *head, &noise)).collect());
+        let written = distinct(heads.iter().map(|header| sample(Pose::KIND, *header, &noise)).collect());
         prop_assert_eq!(there_and_back(Pose::KIND, &written), written);
     }
 }
@@ -93,7 +99,7 @@ fn two_writes_of_the_same_give_the_same_file() {
 
 #[test]
 fn changed_intrinsics_beyond_the_channel_limit_fall_back_and_come_back() {
-    let written: Vec<_> = (0..100).map(|i| depth(head(i), 4, 3, 500.0 + i as f64, &[1, 2, 3])).collect();
+    let written: Vec<_> = (0..100).map(|i| depth(header(i), 4, 3, 500.0 + i as f64, &[1, 2, 3])).collect();
     assert_eq!(there_and_back(DepthImage::KIND, &written), written);
 }
 

@@ -99,7 +99,7 @@ impl Operator for Paired {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let origin = |port| activation.head(port).map_or(0, |h| h.origin) as f64;
+        let origin = |port| activation.header(port).map_or(0, |h| h.origin) as f64;
         outputs.send_slice::<Diagnostics>(0, &(), &[Metric::new("apart", origin(0) - origin(1))])
     }
 }

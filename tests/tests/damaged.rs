@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde_json::Value;
-use stillpoint_samples::{HEAD_SIZE, JournalBody};
+use stillpoint_samples::{HEADER_SIZE, JournalBody};
 
 use crate::bench::{Bench, pipeline, text};
 use crate::tampered::{Sample, rewrite, rewrite_all};
@@ -11,7 +11,7 @@ use crate::tampered::{Sample, rewrite, rewrite_all};
 const OWN_RECORDING: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/own-recording.yaml");
 
 /// Place of the first reference of an entry.
-const REFERENCE: usize = HEAD_SIZE + size_of::<JournalBody>();
+const REFERENCE: usize = HEADER_SIZE + size_of::<JournalBody>();
 
 /// Replays a session that must have gaps and no difference, and gives what is open.
 fn open(bench: &Bench, session: &str) -> Vec<Value> {

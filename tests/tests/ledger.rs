@@ -38,13 +38,13 @@ fn nothing_is_unexplained_over_overflow_used_up_memory_kills_and_start_up() {
         let n = |key: &str| entry[key].as_u64().unwrap();
         assert_eq!(
             n("sent"),
-            n("received") + n("overwritten") + n("homeless") + n("down") + n("left"),
+            n("received") + n("overwritten") + n("pool_exhausted") + n("down") + n("left"),
             "{entry}"
         );
     }
     assert!(line(&report, "wide.queue")["sent"].as_u64().unwrap() >= 100_000);
     assert!(line(&report, "narrow.queue")["overwritten"].as_u64().unwrap() > 10_000);
-    assert!(line(&report, "wide.second")["homeless"].as_u64().unwrap() > 10_000);
+    assert!(line(&report, "wide.second")["pool_exhausted"].as_u64().unwrap() > 10_000);
     let session = report["session"].as_str().unwrap();
     let replay = bench.call(&["replay", session, "--json"]);
     assert_eq!(replay.json()["differences"], 0);

@@ -30,6 +30,7 @@
 // A test stops at the first surprise; clippy knows test functions, but not what they call.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod affinity;
 mod apart;
 mod attach;
 mod bench;
@@ -49,7 +50,6 @@ mod recording;
 mod refusals;
 mod releases;
 mod replaying;
-mod seat;
 mod seeing;
 mod stopping;
 mod tampered;

@@ -25,7 +25,7 @@ fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
     let report = run.stop().good();
 
     let before: serde_json::Value = serde_json::from_str(entry.lines().next().unwrap()).unwrap();
-    let last = cut.journals()["source"].last().unwrap().head.stamp;
+    let last = cut.journals()["source"].last().unwrap().header.stamp;
     assert!(last + 1_000_000_000 >= before["stamp"].as_u64().unwrap(), "the last second at most");
     assert_eq!(report["balanced"], true, "the ledger does not need the recorder");
     assert_eq!(report["recorded"].as_array().unwrap().len(), 1);

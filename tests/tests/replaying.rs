@@ -1,7 +1,7 @@
 //! Replay: what is the same is found the same, and what is not is named.
 
 use serde_json::Value;
-use stillpoint_samples::{Entry, HEAD_SIZE, JournalRef};
+use stillpoint_samples::{Entry, HEADER_SIZE, JournalRef};
 
 use crate::bench::{Bench, Done, figures, line, pipeline, text};
 use crate::tampered::{Sample, rewrite, rewrite_all};
@@ -85,7 +85,7 @@ fn a_swapped_activation_order_is_found() {
 }
 
 /// Place of the first reference's first sequence number in an entry.
-const QUEUED: usize = HEAD_SIZE + size_of::<stillpoint_samples::JournalBody>();
+const QUEUED: usize = HEADER_SIZE + size_of::<stillpoint_samples::JournalBody>();
 
 /// The sample that an entry of `other` consumed from its queue.
 fn queued(entry: &Sample) -> u64 {

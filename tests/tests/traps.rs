@@ -1,7 +1,7 @@
 //! What iceoryx2 does to samples of the dead, and why ours stay.
 
 use iceoryx2::prelude::*;
-use stillpoint_samples::{Diagnostics, HEAD_SIZE, Head, Sample};
+use stillpoint_samples::{Diagnostics, HEADER_SIZE, Header, Sample};
 use stillpoint_shm::{Contract, Domain, Topic, sweep};
 use zerocopy::IntoBytes;
 
@@ -26,7 +26,7 @@ fn dying_publisher() {
         let mut loan = publisher.loan(1).unwrap().unwrap();
         let (meta, _) = loan.parts_mut();
         meta.fill(0);
-        meta[..HEAD_SIZE].copy_from_slice(Head { sequence, count: 1, ..Head::default() }.as_bytes());
+        meta[..HEADER_SIZE].copy_from_slice(Header { sequence, count: 1, ..Header::default() }.as_bytes());
         publisher.send(loan).unwrap();
     }
     let own = rustix::process::getpid();

@@ -120,12 +120,12 @@ pub fn of_session(session: &Session) -> Option<Accuracy> {
         let name = topics[recorded.topic].name.as_str();
         if name == truth.name {
             let view = Pieces::split(Pose::KIND, &recorded.sample).ok()?.view::<Pose>().ok()?;
-            true_at.insert(view.head.origin, Place::of_pose(view.first()?));
+            true_at.insert(view.header.origin, Place::of_pose(view.first()?));
         } else {
             let view = Pieces::split(Track::KIND, &recorded.sample).ok()?.view::<Track>().ok()?;
             let track = view.first()?;
             if track.standing() != Standing::None {
-                tracked.entry(name).or_default().push((view.head.origin, Place::of_track(track)));
+                tracked.entry(name).or_default().push((view.header.origin, Place::of_track(track)));
             }
         }
     }

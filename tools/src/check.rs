@@ -36,7 +36,7 @@ impl Check {
                 1 => "1 process".to_string(),
                 many => format!("{many} processes"),
             };
-            println!("{}: {operators} in {processes}, no faults", graph.name);
+            outln!("{}: {operators} in {processes}, no faults", graph.name);
         }
         Ok(Exit::Done)
     }

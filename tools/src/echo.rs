@@ -128,5 +128,5 @@ fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
 
 /// Prints one line of JSON; whether somebody still reads.
 fn print(value: &serde_json::Value) -> bool {
-    crate::say::out(format_args!("{value}\n"))
+    crate::output::out(format_args!("{value}\n"))
 }

@@ -53,6 +53,6 @@ pub type Ended = Result<Exit, Failure>;
 /// Prints a value as JSON.
 pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
-    println!("{text}");
+    outln!("{text}");
     Ok(())
 }

@@ -115,14 +115,14 @@ impl Hold {
                 && let Some(target) = pieces.view::<Target>().ok().as_ref().and_then(|v| v.first())
             {
                 aim.newest = Some(*target);
-                aim.refusals.take(pieces.head().stamp, target);
+                aim.refusals.take(pieces.header().stamp, target);
             }
             if aim.estimate == topic
                 && let Some(target) = &aim.newest
                 && let Ok(view) = pieces.view::<Track>()
                 && let Some(track) = view.first()
             {
-                let now = view.head.stamp;
+                let now = view.header.stamp;
                 aim.errors.push_back((now, Aim::at(track, target, &ANY, true).error));
                 while aim.errors.front().is_some_and(|(at, _)| at + LAST < now) {
                     aim.errors.pop_front();
@@ -142,7 +142,7 @@ impl Hold {
                 && let Ok(view) = pieces.view::<FarEndSample>()
                 && let Some(state) = view.first()
             {
-                far.take(view.head.stamp, state);
+                far.take(view.header.stamp, state);
             } else if far.diagnostics.as_deref() == Some(topic)
                 && let Ok(view) = pieces.view::<Diagnostics>()
             {

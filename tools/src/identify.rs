@@ -112,7 +112,7 @@ impl Identify {
             }))?;
         } else {
             print(&signals, sample_time, &found, &record, without_number);
-            warnings.iter().for_each(|w| println!("warning: {w}"));
+            warnings.iter().for_each(|w| outln!("warning: {w}"));
         }
         if let Some(reason) = unstable {
             let unwritten =
@@ -200,7 +200,7 @@ fn print(
 ) {
     let model = &found.model;
     let row = |values: &[f64]| values.iter().map(|v| format!("{v:>14.6e}")).collect::<Vec<_>>().join(" ");
-    println!(
+    outln!(
         "{} -> {}: {} samples of {:.3} ms, {:.1} s",
         input.name,
         output.name,
@@ -208,7 +208,7 @@ fn print(
         sample_time * 1e3,
         found.samples as f64 * sample_time
     );
-    println!(
+    outln!(
         "resampled: output interpolated over at most {:.3} ms, input held; {} gaps, {:.1} s left out; without a number {} of the \
          input, {} of the output",
         record.farthest as f64 * 1e-6,
@@ -218,12 +218,12 @@ fn print(
         without_number[1]
     );
     for (what, signal) in [("input", input), ("output", output)] {
-        println!("{what} counted from {} {}, rms {:.6e}", signal.offset, signal.unit, signal.scale);
+        outln!("{what} counted from {} {}, rms {:.6e}", signal.offset, signal.unit, signal.scale);
     }
-    println!();
+    outln!();
     for i in 0..model.order() {
         let a: Vec<f64> = model.a().row(i).iter().copied().collect();
-        println!(
+        outln!(
             "{} {}   B {:>14.6e}   K {:>14.6e}",
             if i == 0 { "A" } else { " " },
             row(&a),
@@ -231,21 +231,22 @@ fn print(
             model.gain[i]
         );
     }
-    println!();
-    println!(
+    outln!();
+    outln!(
         "fit {:.2} % one step ahead, {:.2} % from the input alone",
-        found.fit_percent, found.simulation_fit_percent
+        found.fit_percent,
+        found.simulation_fit_percent
     );
-    println!("loss {:.6e}, standard deviation of e {:.6e}", found.loss, found.noise_variance.sqrt());
+    outln!("loss {:.6e}, standard deviation of e {:.6e}", found.loss, found.noise_variance.sqrt());
     match &found.dc_gain {
-        Some(gain) => println!("DC gain {}   (95 %)", within(gain)),
-        None => println!("no DC gain: the output of an unstable model settles nowhere"),
+        Some(gain) => outln!("DC gain {}   (95 %)", within(gain)),
+        None => outln!("no DC gain: the output of an unstable model settles nowhere"),
     }
     for pole in &found.poles {
-        println!("pole {}, {} i, modulus {}", within(&pole.re), within(&pole.im), within(&pole.modulus));
+        outln!("pole {}, {} i, modulus {}", within(&pole.re), within(&pole.im), within(&pole.modulus));
     }
     for test in &found.residuals {
-        println!(
+        outln!(
             "{} of the residuals: {} ({:.1}, 99 % are below {:.1}; {} of {} lags beyond their own 99 %)",
             test.name,
             if test.passes() { "passes" } else { "FAILS" },

@@ -65,19 +65,19 @@ impl Info {
             }))?;
             return Ok(Exit::Done);
         }
-        println!("{}", self.session.display());
+        outln!("{}", self.session.display());
         for fact in facts(&session) {
-            println!("{fact}");
+            outln!("{fact}");
         }
-        println!("ended {ended}");
+        outln!("ended {ended}");
         for (operator, incarnation) in session.unended() {
-            println!("`{operator}`, incarnation {incarnation}, did not end in order: its journal stops");
+            outln!("`{operator}`, incarnation {incarnation}, did not end in order: its journal stops");
         }
-        println!();
-        println!("{:<28} {:>9} {:>10}  type", "topic", "samples", "MB");
+        outln!();
+        outln!("{:<28} {:>9} {:>10}  type", "topic", "samples", "MB");
         for t in session.topics() {
             let frame = t.frame.as_ref().map_or_else(String::new, |f| format!(" in {f}"));
-            println!(
+            outln!(
                 "{:<28} {:>9} {:>10.3}  {}{frame}{}",
                 t.name,
                 t.samples,
@@ -86,20 +86,20 @@ impl Info {
                 layout(t).map_or_else(String::new, |l| format!(" ({l})"))
             );
         }
-        println!();
+        outln!();
         for a in session.attachments().values() {
-            println!("attached {:<32} {:>9} bytes", a.name, a.bytes.len());
+            outln!("attached {:<32} {:>9} bytes", a.name, a.bytes.len());
         }
-        println!();
+        outln!();
         for l in session.lost() {
-            println!("{}, incarnation {}: {} lost from number {}", l.topic, l.incarnation, l.count, l.first);
+            outln!("{}, incarnation {}: {} lost from number {}", l.topic, l.incarnation, l.count, l.first);
         }
         if gaps.is_empty() {
-            println!("complete: everything that a replay needs is there");
+            outln!("complete: everything that a replay needs is there");
         } else {
-            println!("not complete:");
+            outln!("not complete:");
             for gap in &gaps {
-                println!("  {gap}");
+                outln!("  {gap}");
             }
         }
         Ok(Exit::Done)

@@ -15,7 +15,7 @@
 
 // Before all others: its macros are for them.
 #[macro_use]
-mod say;
+mod output;
 
 mod accuracy;
 mod answer;
@@ -156,7 +156,7 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(answer) => {
-            say::kept(answer.print());
+            output::kept(answer.print());
             return ended(Ok(if answer.use_stderr() { Exit::Wrong } else { Exit::Done }));
         }
     };
@@ -183,11 +183,11 @@ pub fn command(extra: &[&[Stage]]) -> ExitCode {
 
 fn ended(done: exit::Ended) -> ExitCode {
     let exit = done.unwrap_or_else(|failure| {
-        eprintln!("stillpoint: {}", failure.text);
+        errln!("stillpoint: {}", failure.text);
         failure.exit
     });
-    let Some(reason) = say::finish() else { return exit.into() };
-    eprintln!("stillpoint: standard output cannot be written: {reason}");
+    let Some(reason) = output::finish() else { return exit.into() };
+    errln!("stillpoint: standard output cannot be written: {reason}");
     // What came out of the command says more than that it could not be told.
     if exit == Exit::Done { Exit::Failed.into() } else { exit.into() }
 }
@@ -196,10 +196,10 @@ fn ended(done: exit::Ended) -> ExitCode {
 /// panic is said as what it is.
 fn quiet_panics() {
     std::panic::set_hook(Box::new(|panic| {
-        if !stillpoint_pipeline::cell::is_stepping() {
+        if !stillpoint_pipeline::instance::is_stepping() {
             let text = panic.payload_as_str().unwrap_or_default();
             let place = panic.location().map(ToString::to_string).unwrap_or_default();
-            eprintln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
+            errln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
         }
     }));
 }

@@ -28,7 +28,7 @@ impl Operators {
         match &self.kind {
             Some(name) => match registry.get(name) {
                 Some(stage) if self.json => print_json(&described(stage))?,
-                Some(stage) => print!("{}", reference_of(stage)),
+                Some(stage) => out!("{}", reference_of(stage)),
                 None => {
                     let near = nearest(name, registry.iter().map(|s| s.kind.name));
                     let help = near.map_or_else(String::new, |n| format!("; did you mean {n}?"));
@@ -36,10 +36,10 @@ impl Operators {
                 }
             },
             None if self.json => print_json(&registry.iter().map(described).collect::<Vec<_>>())?,
-            None if self.all => print!("{}", reference(registry)),
+            None if self.all => out!("{}", reference(registry)),
             None => {
                 for stage in registry.iter() {
-                    println!("{:<18} {}", stage.kind.name, stage.kind.about);
+                    outln!("{:<18} {}", stage.kind.name, stage.kind.about);
                 }
             }
         }

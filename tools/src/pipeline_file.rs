@@ -76,7 +76,7 @@ impl Refused {
                 return Err(Failure::wrong(format!("{}: {reason}; {NAME_ONE}", file.display())));
             }
             Self::Faults(faults) if !json => {
-                eprintln!("{faults}");
+                errln!("{faults}");
                 return Ok(Exit::Wrong);
             }
             Self::Unreadable { file, reason } => serde_json::json!([{

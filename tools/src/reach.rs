@@ -213,7 +213,7 @@ fn print(map: &Map) {
     let Map { across, up, .. } = map;
     let at: Vec<String> = map.at.iter().map(|(name, value)| format!(", {name} at {value:.2}")).collect();
     let all = across.values.len() * up.values.len();
-    println!(
+    outln!(
         "a head of {} kg{}: {} of {all} places can be held (.); a digit is the bladder in the way, counted from 0",
         map.head_mass_kg,
         at.concat(),
@@ -221,12 +221,12 @@ fn print(map: &Map) {
     );
     for (y, row) in up.values.iter().zip(&map.map).rev() {
         let cells: String = row.iter().map(mark).collect();
-        println!("{y:>9.1} {} {cells}", up.unit);
+        outln!("{y:>9.1} {} {cells}", up.unit);
     }
     let (first, last) = (across.values.first(), across.values.last());
     let ends =
         first.zip(last).map(|(a, b)| format!("{} from {a:.1} to {b:.1} {}", across.channel, across.unit));
-    println!("upwards {}; {}", up.channel, ends.unwrap_or_default());
+    outln!("upwards {}; {}", up.channel, ends.unwrap_or_default());
 }
 
 fn mark(wall: &Option<Wall>) -> char {

@@ -44,10 +44,10 @@ impl Recover {
             return Ok(Exit::Done);
         }
         if mended.is_empty() {
-            println!("{}: nothing to mend", self.session.display());
+            outln!("{}: nothing to mend", self.session.display());
         }
         for (part, report) in mended {
-            println!("{}: {report}", part.display());
+            outln!("{}: {report}", part.display());
         }
         Ok(Exit::Done)
     }

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use clap::Args;
 use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::graph::{Graph, Record};
-use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
-use stillpoint_pipeline::schedule::Witness;
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::session::{HASHES, IDENTITY, PIPELINE, RUN, SETS, identity};
-use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::spec;
 use stillpoint_pipeline::stdout::Aside;
 use stillpoint_recorder::{Opening, Session};
@@ -49,8 +49,8 @@ const MOST_GAPS: usize = 5;
 /// Keeps nothing.
 pub struct Nobody;
 
-impl Witness for Nobody {
-    fn saw(&mut self, _: usize, _: &Entry, _: &[(usize, Parcel)]) -> Result<(), String> {
+impl Observer for Nobody {
+    fn on_activation(&mut self, _: usize, _: &Entry, _: &[(usize, OwnedSample)]) -> Result<(), String> {
         Ok(())
     }
 }
@@ -96,10 +96,12 @@ impl Replay {
             Some(folder) => {
                 let all = Graph { record: Record::All, ..(*graph).clone() };
                 let opening = opening_of(&session);
-                let mut keeper = Keeper::create(folder, &all, &opening, self.compression.into())
-                    .map_err(Failure::failed)?;
-                let report = replay(&session, &graph, &files, &selection, &mut keeper).map_err(failed)?;
-                keeper.finish(None).map_err(Failure::failed)?;
+                let mut session_recorder =
+                    SessionRecorder::create(folder, &all, &opening, self.compression.into())
+                        .map_err(Failure::failed)?;
+                let report =
+                    replay(&session, &graph, &files, &selection, &mut session_recorder).map_err(failed)?;
+                session_recorder.finish(None).map_err(Failure::failed)?;
                 report
             }
         };
@@ -110,7 +112,7 @@ impl Replay {
     fn warn_of_other_layouts(&self, session: &Session) {
         for t in session.topics() {
             if let Some(layout) = layout(t) {
-                eprintln!("stillpoint: {} was recorded in {layout}", t.name);
+                errln!("stillpoint: {} was recorded in {layout}", t.name);
             }
         }
     }
@@ -120,7 +122,7 @@ impl Replay {
         let Some(there) = session.metadata().get(IDENTITY) else { return };
         for (key, what) in [("build", "another build"), ("cpu_features", "a CPU with other features")] {
             if there.get(key) != here.get(key) {
-                eprintln!(
+                errln!(
                     "stillpoint: the session was recorded by {what}; results may differ in the last place"
                 );
             }
@@ -143,25 +145,28 @@ impl Replay {
             return Ok(exit);
         }
         for (topic, count) in &report.identical {
-            println!("{topic:<24} {count:>9} identical");
+            outln!("{topic:<24} {count:>9} identical");
         }
         for (topic, count) in &report.recomputed {
-            println!("{topic:<24} {count:>9} made again, not in the recording");
+            outln!("{topic:<24} {count:>9} made again, not in the recording");
         }
         for (topic, count) in &report.measured {
-            println!("{topic:<24} {count:>9} measured when it was recorded, not compared");
+            outln!("{topic:<24} {count:>9} measured when it was recorded, not compared");
         }
         for open in &report.open {
-            println!(
+            outln!(
                 "{} incarnation {} is not exact from activation {} on: {}",
-                open.operator, open.incarnation, open.from_activation, open.reason
+                open.operator,
+                open.incarnation,
+                open.from_activation,
+                open.reason
             );
         }
         for gap in report.gaps.iter().take(MOST_GAPS) {
-            println!("the session says: {gap}");
+            outln!("the session says: {gap}");
         }
         if report.gaps.len() > MOST_GAPS {
-            println!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
+            outln!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
         }
         let speed = report.seconds / wall.max(1e-9);
         let verdict = match &report.first_difference {
@@ -181,7 +186,7 @@ impl Replay {
                 format!("identical where it can be replayed; {} incarnations are open", report.open.len())
             }
         };
-        println!(
+        outln!(
             "{verdict}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
              ({speed:.1}x real time)",
             report.activations,

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use stillpoint_pipeline::keep::{create_folder, remove_folder};
 use stillpoint_pipeline::live::{Launch, RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
+use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_pipeline::spec::{Machine, quantity};
 
 use crate::compress::Compress;
@@ -195,11 +195,11 @@ impl Run {
             match stillpoint_recorder::recover_session(session) {
                 Ok(parts) => {
                     for (part, mended) in parts {
-                        eprintln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+                        errln!("stillpoint: {} was cut and is mended: {mended}", part.display());
                     }
                 }
                 // The report comes first: the session can be mended later.
-                Err(e) => eprintln!("stillpoint: the session cannot be mended now: {e}"),
+                Err(e) => errln!("stillpoint: the session cannot be mended now: {e}"),
             }
         }
         Ok(report)

@@ -7,7 +7,7 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_samples::{Command, ConsoleCommand, HEAD_SIZE, Head, RigFault, Sample, Verb};
+use stillpoint_samples::{Command, ConsoleCommand, HEADER_SIZE, Header, RigFault, Sample, Verb};
 use stillpoint_shm::Topic;
 use zerocopy::IntoBytes;
 
@@ -54,11 +54,11 @@ impl Send {
             Verb::Target => answer::listen(registry, &self.which, console)?,
             _ => Vec::new(),
         };
-        println!("{}", deliver(registry, &self.which, console, verb, &values)?);
+        outln!("{}", deliver(registry, &self.which, console, verb, &values)?);
         let mut exit = Exit::Done;
         for listener in &listeners {
             let answer = listener.answer()?;
-            println!("{}", answer.line(listener.topic()));
+            outln!("{}", answer.line(listener.topic()));
             if matches!(answer, Answer::Refused(_)) {
                 exit = Exit::Failed;
             }
@@ -97,7 +97,7 @@ pub fn deliver(
     let loan = publisher.loan(1).map_err(Failure::failed)?;
     let mut loan = loan.ok_or_else(|| Failure::failed("the console's inbox is full: try again"))?;
     let (meta, payload) = loan.parts_mut();
-    meta[..HEAD_SIZE].copy_from_slice(Head { count: 1, ..Head::default() }.as_bytes());
+    meta[..HEADER_SIZE].copy_from_slice(Header { count: 1, ..Header::default() }.as_bytes());
     payload.copy_from_slice(command.as_bytes());
     let reached = publisher.send(loan).map_err(Failure::failed)?;
     if reached == 0 {
@@ -109,7 +109,7 @@ pub fn deliver(
         while let Some(sample) = answer.receive().map_err(Failure::failed)? {
             let pieces = sample.pieces();
             if pieces.check(ConsoleCommand::KIND).is_ok_and(|p| p.payload == command.as_bytes()) {
-                let number = sample.head().sequence;
+                let number = sample.header().sequence;
                 let sent = format!("sent {word} (sample {number} of {})", contract.topic);
                 return Ok(match graph.consumers(operator, port).next() {
                     Some(_) => sent,

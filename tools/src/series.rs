@@ -53,7 +53,7 @@ pub fn of_session(session: &Session, signal: &str, clock: Clock) -> Result<Serie
     for recorded in session.samples_where(|t| t.name == topic) {
         let recorded = recorded.map_err(Failure::failed)?;
         let pieces = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
-        let head = pieces.head();
+        let head = pieces.header();
         let time = if clock == Clock::Stamp { head.stamp } else { head.origin };
         match place.read(pieces) {
             Some(value) if value.is_finite() => series.samples.push((time, value)),

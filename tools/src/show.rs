@@ -1,7 +1,7 @@
 //! A sample as text or JSON, by the field table of its kind.
 
 use serde_json::{Map, Value, json};
-use stillpoint_samples::{Field, HEAD_FIELDS, HEAD_SIZE, Pieces, Primitive, SampleKind};
+use stillpoint_samples::{Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, SampleKind};
 
 /// Elements that are shown; more are counted.
 const SHOWN: usize = 8;
@@ -9,9 +9,9 @@ const SHOWN: usize = 8;
 /// A sample as JSON: head, body, and the first elements.
 pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
     let cut = sample.check(kind).unwrap_or(sample);
-    let mut value = fields(HEAD_FIELDS, &cut.meta[..HEAD_SIZE.min(cut.meta.len())]);
+    let mut value = fields(HEADER_FIELDS, &cut.meta[..HEADER_SIZE.min(cut.meta.len())]);
     if !kind.body.is_empty() {
-        value.extend(fields(kind.body, cut.meta.get(HEAD_SIZE..).unwrap_or(&[])));
+        value.extend(fields(kind.body, cut.meta.get(HEADER_SIZE..).unwrap_or(&[])));
     }
     let elements: Vec<Value> = cut
         .payload

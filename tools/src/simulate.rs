@@ -7,16 +7,16 @@ use std::sync::atomic::AtomicBool;
 use stillpoint_pipeline::clock::SessionClock;
 use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::keep::{Keeper, remove_folder};
-use stillpoint_pipeline::ledger::{Ledger, Line};
+use stillpoint_pipeline::ledger::{Ledger, LedgerLine};
 use stillpoint_pipeline::live::control::Hello;
 use stillpoint_pipeline::live::status::Status;
 use stillpoint_pipeline::live::{Fault, Processes, Recorded, RunReport};
 use stillpoint_pipeline::placement::{Local, Placement, Threads};
-use stillpoint_pipeline::schedule::{Events, RunError, Witness};
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::{Events, Observer, RunError};
 use stillpoint_pipeline::session::{identity, opening};
+use stillpoint_pipeline::session_recorder::{SessionRecorder, remove_folder};
 use stillpoint_pipeline::setup::Files;
-use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::stdout::Aside;
 use stillpoint_recorder::Compression;
 use stillpoint_samples::Entry;
@@ -82,16 +82,16 @@ pub fn simulate(
             &mut processes
         }
     };
-    let keeper = match session {
+    let session_recorder = match session {
         None => None,
         Some((session, compression)) => {
             let start = opening(graph, &hello, &identity()).map_err(Failure::failed)?;
-            Some(Keeper::create(session, graph, &start, compression).map_err(Failure::failed)?)
+            Some(SessionRecorder::create(session, graph, &start, compression).map_err(Failure::failed)?)
         }
     };
-    let mut witness = Witnesses {
+    let mut observer = Witnesses {
         graph: graph.clone(),
-        keeper,
+        session_recorder,
         ledger: Ledger::default(),
         status: Status::new(graph),
         faults: Vec::new(),
@@ -99,33 +99,33 @@ pub fn simulate(
         bytes: 0,
     };
     let mut events = Events::new(graph.clone()).stopped_by(stop);
-    let ended = events.run(placement, 0, length, &mut witness);
+    let ended = events.run(placement, 0, length, &mut observer);
     if let Err(RunError::NotBegun(reason)) = &ended {
         // A run that does not begin leaves no session.
         session.into_iter().for_each(|(folder, _)| remove_folder(folder));
         return Err(Failure::failed(reason));
     }
-    let ledger = witness.ledger.lines(graph);
+    let ledger = observer.ledger.lines(graph);
     let mut recorded = Vec::new();
-    if let Some(keeper) = witness.keeper {
+    if let Some(session_recorder) = observer.session_recorder {
         let text = serde_json::to_string_pretty(&ledger).map_err(Failure::failed)?;
         let part = match &ended {
             // Who stops a run has it end in order.
-            Ok(()) | Err(RunError::Stopped) => keeper.finish(Some(text)),
-            Err(reason) => keeper.finish_early(Some(text), &reason.to_string()),
+            Ok(()) | Err(RunError::Stopped) => session_recorder.finish(Some(text)),
+            Err(reason) => session_recorder.finish_early(Some(text), &reason.to_string()),
         };
         let part = part.map_err(Failure::failed)?;
         let lost = std::collections::BTreeMap::new();
-        recorded.push(Recorded { part, samples: witness.samples, bytes: witness.bytes, cpu_ns: 0, lost });
+        recorded.push(Recorded { part, samples: observer.samples, bytes: observer.bytes, cpu_ns: 0, lost });
     }
     Ok(RunReport {
         pipeline: graph.name.clone(),
         seconds: events.end() as f64 / 1e9,
-        operators: witness.status.figures(),
-        balanced: ledger.iter().all(Line::balances),
+        operators: observer.status.figures(),
+        balanced: ledger.iter().all(LedgerLine::balances),
         ledger,
-        unseen_entries: witness.ledger.missing_entries(),
-        faults: witness.faults,
+        unseen_entries: observer.ledger.missing_entries(),
+        faults: observer.faults,
         ended_early: ended.err().map(|reason| reason.to_string()),
         recorded,
         recording_failed: None,
@@ -136,7 +136,7 @@ pub fn simulate(
 /// What is kept of a run as it goes on.
 struct Witnesses {
     graph: Arc<Graph>,
-    keeper: Option<Keeper>,
+    session_recorder: Option<SessionRecorder>,
     ledger: Ledger,
     status: Status,
     faults: Vec<Fault>,
@@ -144,14 +144,19 @@ struct Witnesses {
     bytes: u64,
 }
 
-impl Witness for Witnesses {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+impl Observer for Witnesses {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
         self.ledger.enter(operator, entry);
         self.status.enter(operator, entry);
         self.samples += 1 + outputs.len() as u64;
         self.bytes += outputs.iter().map(|(_, p)| p.bytes.len() as u64).sum::<u64>();
-        match &mut self.keeper {
-            Some(keeper) => keeper.saw(operator, entry, outputs),
+        match &mut self.session_recorder {
+            Some(session_recorder) => session_recorder.on_activation(operator, entry, outputs),
             None => Ok(()),
         }
     }

@@ -70,7 +70,7 @@ impl<'a> StatusLine<'a> {
     /// Takes it away.
     fn clear(&mut self) {
         for line in 0..self.shown {
-            eprint!("{}\r\x1b[2K", if line > 0 { "\x1b[1A" } else { "" });
+            err!("{}\r\x1b[2K", if line > 0 { "\x1b[1A" } else { "" });
         }
         self.shown = 0;
     }
@@ -96,13 +96,13 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         let width = if columns == 0 { 80 } else { columns.max(20) };
         let lines = [wrapped(&parts, width - 1), wrapped(&figures, width - 1)].concat();
         self.clear();
-        eprint!("{}", lines.join("\n"));
+        err!("{}", lines.join("\n"));
         self.shown = lines.len();
     }
 
     fn failed(&mut self, fault: &Fault) {
         self.clear();
-        eprintln!("stillpoint: {}: {}", fault.operator, fault.reason);
+        errln!("stillpoint: {}: {}", fault.operator, fault.reason);
     }
 }
 

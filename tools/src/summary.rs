@@ -80,36 +80,36 @@ impl<'a> Summary<'a> {
     /// Prints it for people.
     pub fn print(&self) {
         let report = self.report;
-        println!("{}: {:.1} s of session time", report.pipeline, report.seconds);
+        outln!("{}: {:.1} s of session time", report.pipeline, report.seconds);
         if let Some(reason) = &report.ended_early {
-            println!("ended early: {reason}");
+            outln!("ended early: {reason}");
         }
         for id in &report.swept {
-            println!("swept what the dead run {id} had left");
+            outln!("swept what the dead run {id} had left");
         }
         print_operators(report);
         print_faults(report);
         print_ledger(report);
         if !self.too_slow.is_empty() {
-            println!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with something else:");
+            outln!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with something else:");
         }
         for slow in &self.too_slow {
-            println!("  {slow}");
+            outln!("  {slow}");
         }
         if let Some(held) = &self.held {
-            print!("\n{held}");
+            out!("\n{held}");
         }
         if let Some(accuracy) = &self.accuracy {
-            println!("\n{accuracy}");
+            outln!("\n{accuracy}");
         }
         if !self.refused.is_empty() || !self.uncaptured.is_empty() {
-            println!();
+            outln!();
         }
         for uncaptured in &self.uncaptured {
-            println!("{uncaptured}");
+            outln!("{uncaptured}");
         }
         for refused in &self.refused {
-            println!("{refused}");
+            outln!("{refused}");
         }
         if let Some(session) = self.session {
             self.print_session(session);
@@ -121,11 +121,11 @@ impl<'a> Summary<'a> {
         let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
         let size = size_of(session) as f64 / 1e6;
         let count = parts(session).len();
-        println!();
+        outln!();
         if let Some(reason) = &report.recording_failed {
-            println!("THE RECORDING FAILED: {reason}");
+            outln!("THE RECORDING FAILED: {reason}");
         }
-        println!(
+        outln!(
             "session {}: {size:.1} MB{}, {count} part{}, {} samples{}",
             session.display(),
             // A session of no length has no rate.
@@ -139,16 +139,13 @@ impl<'a> Summary<'a> {
             if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
         );
         match self.gaps.split_first() {
-            None => println!("complete: everything that a replay needs is there"),
-            Some((first, [])) => println!("not complete: {first}"),
+            None => outln!("complete: everything that a replay needs is there"),
+            Some((first, [])) => outln!("not complete: {first}"),
             Some((first, more)) => {
-                println!("not complete: {first}; and {} more: `stillpoint info` lists them", more.len());
+                outln!("not complete: {first}; and {} more: `stillpoint info` lists them", more.len());
             }
         }
-        println!(
-            "replay it: stillpoint replay {0}    (cargo run --release -- replay {0})",
-            session.display()
-        );
+        outln!("replay it: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
     }
 }
 
@@ -184,10 +181,14 @@ fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
 }
 
 fn print_operators(report: &RunReport) {
-    println!();
-    println!(
+    outln!();
+    outln!(
         "{:<16} {:>8} {:>8} {:>16} {:>16}  failures",
-        "operator", "done", "Hz", "step ms p50 p99", "age ms p50 p99"
+        "operator",
+        "done",
+        "Hz",
+        "step ms p50 p99",
+        "age ms p50 p99"
     );
     for o in &report.operators {
         let pair =
@@ -202,7 +203,7 @@ fn print_operators(report: &RunReport) {
         say(o.panics, "panics");
         say(u64::from(o.incarnations.saturating_sub(1)), "restarts");
         say(o.missed, "ticks missed");
-        println!(
+        outln!(
             "{:<16} {:>8} {:>8.1} {:>16} {:>16}  {}",
             o.operator,
             o.activations,
@@ -224,38 +225,45 @@ fn print_faults(report: &RunReport) {
         }
     }
     if !counts.is_empty() {
-        println!();
+        outln!();
     }
     for (fault, count) in counts.iter().take(MOST_FAULTS) {
         let often = if *count > 1 { format!(" ({count} times)") } else { String::new() };
-        println!("failed: {}: {}{often}", fault.operator, fault.reason);
+        outln!("failed: {}: {}{often}", fault.operator, fault.reason);
     }
     if counts.len() > MOST_FAULTS {
-        println!("and {} other failures: --json lists all", counts.len() - MOST_FAULTS);
+        outln!("and {} other failures: --json lists all", counts.len() - MOST_FAULTS);
     }
 }
 
 fn print_ledger(report: &RunReport) {
-    println!();
-    println!(
+    outln!();
+    outln!(
         "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}",
-        "ledger: topic -> input", "sent", "received", "passed", "over", "no mem", "down", "left"
+        "ledger: topic -> input",
+        "sent",
+        "received",
+        "passed",
+        "over",
+        "no mem",
+        "down",
+        "left"
     );
     for line in &report.ledger {
-        println!(
+        outln!(
             "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}{}",
             format!("{} -> {}", line.topic, line.consumer),
             line.sent,
             line.received,
             line.passed,
             line.overwritten,
-            line.homeless,
+            line.pool_exhausted,
             line.down,
             line.left,
             if line.balances() { String::new() } else { format!("  UNEXPLAINED {}", line.unexplained) }
         );
     }
-    println!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
+    outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }
 
 /// Samples of a session.

@@ -19,7 +19,7 @@ pub struct FaceBoxesShape {
     /// Rows of the image.
     #[unit("px")]
     pub height: u32,
-    /// Which way the top of the head points in the image: 0 up, 1 right, 2 down, 3 left.
+    /// Which way the top of the header points in the image: 0 up, 1 right, 2 down, 3 left.
     pub top: u32,
     /// Number of boxes.
     pub length: u32,

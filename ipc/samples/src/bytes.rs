@@ -5,36 +5,36 @@ use std::marker::PhantomData;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::kind::{Sample, SampleKind, Shape};
-use crate::{HEAD_SIZE, Head};
+use crate::{HEADER_SIZE, Header};
 
 /// Why bytes are not a sample of a kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BytesError {
-    /// Fewer bytes than head and body take.
+    /// Fewer bytes than header and body take.
     Short {
         /// Name of the sample type.
         kind: &'static str,
         /// Bytes that are there.
         found: usize,
-        /// Bytes that head and body take.
+        /// Bytes that header and body take.
         needed: usize,
     },
-    /// The byte count does not fit the element count that the head states.
+    /// The byte count does not fit the element count that the header states.
     Count {
         /// Name of the sample type.
         kind: &'static str,
-        /// Elements that the head states.
+        /// Elements that the header states.
         count: u32,
         /// Bytes of elements that are there.
         found: usize,
         /// Bytes of elements that `count` takes (`None` where it overflows).
         needed: Option<usize>,
     },
-    /// Head and body state different lengths.
+    /// Header and body state different lengths.
     Length {
         /// Name of the sample type.
         kind: &'static str,
-        /// Elements that the head states.
+        /// Elements that the header states.
         count: u32,
         /// Elements that the body states.
         length: u32,
@@ -50,14 +50,14 @@ impl std::fmt::Display for BytesError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Short { kind, found, needed } => {
-                write!(f, "a {kind} needs at least {needed} bytes for its head, found {found}")
+                write!(f, "a {kind} needs at least {needed} bytes for its header, found {found}")
             }
             Self::Count { kind, count, found, needed: Some(needed) } => {
                 write!(f, "a {kind} of {count} elements needs {needed} bytes of elements, found {found}")
             }
             Self::Count { kind, count, .. } => write!(f, "a {kind} cannot have {count} elements"),
             Self::Length { kind, count, length } => {
-                write!(f, "a {kind} states {count} elements in its head and {length} in its body")
+                write!(f, "a {kind} states {count} elements in its header and {length} in its body")
             }
             Self::Unaligned { kind } => write!(f, "the bytes of a {kind} must start at a multiple of 8"),
         }
@@ -142,17 +142,17 @@ impl std::fmt::Debug for AlignedBytes {
     }
 }
 
-/// A sample in two pieces, as shared memory holds it: head and body, then the elements.
+/// A sample in two pieces, as shared memory holds it: header and body, then the elements.
 #[derive(Clone, Copy)]
 pub struct Pieces<'a> {
-    /// Head and body.
+    /// Header and body.
     pub meta: &'a [u8],
-    /// The elements; bytes beyond the head's count are not part of the sample.
+    /// The elements; bytes beyond the header's count are not part of the sample.
     pub payload: &'a [u8],
 }
 
 impl<'a> Pieces<'a> {
-    /// Splits contiguous bytes (`Head ++ Body ++ elements`) and checks every length.
+    /// Splits contiguous bytes (`Header ++ Body ++ elements`) and checks every length.
     pub fn split(kind: &SampleKind, bytes: &'a [u8]) -> Result<Self, BytesError> {
         let needed = kind.meta_size();
         if bytes.len() < needed {
@@ -161,11 +161,11 @@ impl<'a> Pieces<'a> {
         let (meta, payload) = bytes.split_at(needed);
         let pieces = Self { meta, payload };
         pieces.check(kind)?;
-        let exact = pieces.head().count as usize * kind.element_size;
+        let exact = pieces.header().count as usize * kind.element_size;
         if payload.len() != exact {
             return Err(BytesError::Count {
                 kind: kind.name,
-                count: pieces.head().count,
+                count: pieces.header().count,
                 found: payload.len(),
                 needed: Some(exact),
             });
@@ -173,7 +173,7 @@ impl<'a> Pieces<'a> {
         Ok(pieces)
     }
 
-    /// Checks lengths against what the head states, and cuts the payload to the stated count.
+    /// Checks lengths against what the header states, and cuts the payload to the stated count.
     pub fn check(&self, kind: &SampleKind) -> Result<Pieces<'a>, BytesError> {
         if self.meta.len() != kind.meta_size() {
             return Err(BytesError::Short {
@@ -182,7 +182,7 @@ impl<'a> Pieces<'a> {
                 needed: kind.meta_size(),
             });
         }
-        let count = self.head().count;
+        let count = self.header().count;
         let needed = (count as usize).checked_mul(kind.element_size);
         let bytes = match needed {
             Some(n) if n <= self.payload.len() && (kind.shape == Shape::Slice || count == 1) => n,
@@ -197,28 +197,28 @@ impl<'a> Pieces<'a> {
         Ok(Pieces { meta: self.meta, payload: &self.payload[..bytes] })
     }
 
-    /// The head. A meta piece shorter than a head reads as zeros.
-    pub fn head(&self) -> Head {
-        self.meta.get(..HEAD_SIZE).and_then(|b| Head::read_from_bytes(b).ok()).unwrap_or_default()
+    /// The header. A meta piece shorter than a header reads as zeros.
+    pub fn header(&self) -> Header {
+        self.meta.get(..HEADER_SIZE).and_then(|b| Header::read_from_bytes(b).ok()).unwrap_or_default()
     }
 
     /// The typed view.
     pub fn view<S: Sample>(&self) -> Result<View<'a, S>, BytesError> {
         let cut = self.check(S::KIND)?;
         let unaligned = || BytesError::Unaligned { kind: S::NAME };
-        let body = S::Body::ref_from_bytes(&cut.meta[HEAD_SIZE..]).map_err(|_| unaligned())?;
+        let body = S::Body::ref_from_bytes(&cut.meta[HEADER_SIZE..]).map_err(|_| unaligned())?;
         let elements = <[S::Element]>::ref_from_bytes(cut.payload).map_err(|_| unaligned())?;
-        Ok(View { head: self.head(), body, elements, sample: PhantomData })
+        Ok(View { header: self.header(), body, elements, sample: PhantomData })
     }
 }
 
-/// A sample as its type: read in place, nothing copied but the head.
+/// A sample as its type: read in place, nothing copied but the header.
 pub struct View<'a, S: Sample> {
     /// Stamps, sequence, incarnation and count.
-    pub head: Head,
+    pub header: Header,
     /// What is said once.
     pub body: &'a S::Body,
-    /// What is repeated: `head.count` of them.
+    /// What is repeated: `header.count` of them.
     pub elements: &'a [S::Element],
     sample: PhantomData<S>,
 }

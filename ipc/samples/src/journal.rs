@@ -2,9 +2,9 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Head, Layout, Sample, SampleKind, Shape};
+use crate::{Header, Layout, Sample, SampleKind, Shape};
 
-/// An operator's journal. The head's stamp is the activation's time, its origin the activation's origin, its
+/// An operator's journal. The header's stamp is the activation's time, its origin the activation's origin, its
 /// sequence the entry's number in the incarnation.
 pub struct Journal;
 
@@ -141,7 +141,7 @@ impl RefKind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// Time, origin, number of the entry, incarnation.
-    pub head: Head,
+    pub header: Header,
     /// Cause and outcome.
     pub body: JournalBody,
     /// Samples consumed and sent, by port.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
-use crate::{HEAD_FIELDS, HEAD_SIZE};
+use crate::{HEADER_FIELDS, HEADER_SIZE};
 
 /// How many elements a sample has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub enum Shape {
     Slice,
 }
 
-/// A type of sample: `Head ++ Body ++ [Element]`.
+/// A type of sample: `Header ++ Body ++ [Element]`.
 ///
 /// A fixed sample has `Body = ()` and one element. A slice has elements behind a body that describes them all (`()` if
 /// there is nothing to describe); a body ends in a `u32` named `length` that repeats the element count, so that the
@@ -101,9 +101,9 @@ impl SampleKind {
         let body_size = size_of::<S::Body>();
         assert!(body_size == fields_size(body), "the body has padding");
         assert!(
-            !share_a_name(HEAD_FIELDS, body)
-                && (matches!(S::SHAPE, Shape::Slice) || !share_a_name(HEAD_FIELDS, S::Element::FIELDS)),
-            "a field has the name of another, or of the head's: readers of recordings refuse that"
+            !share_a_name(HEADER_FIELDS, body)
+                && (matches!(S::SHAPE, Shape::Slice) || !share_a_name(HEADER_FIELDS, S::Element::FIELDS)),
+            "a field has the name of another, or of the header's: readers of recordings refuse that"
         );
         assert!(
             body_size.is_multiple_of(8),
@@ -149,9 +149,9 @@ impl SampleKind {
         format!("{}@{:016x}", self.name, self.hash)
     }
 
-    /// Bytes of head and body: the user header of the shared-memory sample.
+    /// Bytes of header and body: the user header of the shared-memory sample.
     pub const fn meta_size(&self) -> usize {
-        HEAD_SIZE + self.body_size
+        HEADER_SIZE + self.body_size
     }
 
     /// Bytes of a whole sample with `count` elements, or `None` where that overflows.
@@ -159,15 +159,15 @@ impl SampleKind {
         (count as usize).checked_mul(self.element_size)?.checked_add(self.meta_size())
     }
 
-    /// The `ros2msg` text of the CDR body `Head ++ Body ++ elements`. Units stand as comments.
+    /// The `ros2msg` text of the CDR body `Header ++ Body ++ elements`. Units stand as comments.
     pub fn ros_schema(&self) -> String {
         let mut text = format!("# {}\n", self.about);
-        let head = match (self.shape, self.body.is_empty()) {
+        let header = match (self.shape, self.body.is_empty()) {
             // The count is the sequence's own length.
-            (Shape::Slice, true) => &HEAD_FIELDS[..HEAD_FIELDS.len() - 1],
-            _ => HEAD_FIELDS,
+            (Shape::Slice, true) => &HEADER_FIELDS[..HEADER_FIELDS.len() - 1],
+            _ => HEADER_FIELDS,
         };
-        push_fields(&mut text, head);
+        push_fields(&mut text, header);
         match self.shape {
             Shape::Fixed => push_fields(&mut text, self.element),
             Shape::Slice => {

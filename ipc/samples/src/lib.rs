@@ -5,7 +5,7 @@
 //! assert!(Pose::KIND.type_name().starts_with("Pose@"));
 //! ```
 //!
-//! A sample is `Head ++ Body ++ [Element]`. Its bytes in shared memory are the little-endian CDR body that a recording
+//! A sample is `Header ++ Body ++ [Element]`. Its bytes in shared memory are the little-endian CDR body that a recording
 //! holds. To add a type, add a file with its structs and one line in [`all`].
 //!
 //! - `layout`: the field table, its size and its hash
@@ -72,15 +72,15 @@ pub use track::{Standing, Track, TrackElement};
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// Bytes of a [`Head`].
-pub const HEAD_SIZE: usize = 32;
+/// Bytes of a [`Header`].
+pub const HEADER_SIZE: usize = 32;
 
 /// What every sample starts with. Logical time only: wall time never enters a sample.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
 )]
 #[repr(C)]
-pub struct Head {
+pub struct Header {
     /// Time of the activation that made the sample, ns since the epoch.
     #[unit("ns")]
     pub stamp: u64,
@@ -95,10 +95,10 @@ pub struct Head {
     pub count: u32,
 }
 
-const _: () = assert!(size_of::<Head>() == HEAD_SIZE);
+const _: () = assert!(size_of::<Header>() == HEADER_SIZE);
 
-/// The fields of [`Head`].
-pub const HEAD_FIELDS: &[Field] = Head::FIELDS;
+/// The fields of [`Header`].
+pub const HEADER_FIELDS: &[Field] = Header::FIELDS;
 
 /// Every sample type of the project, in the order of their names.
 pub fn all() -> &'static [&'static SampleKind] {

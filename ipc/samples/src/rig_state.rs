@@ -34,7 +34,7 @@ pub struct RigStateElement {
     /// Distance of each bladder's plates.
     #[unit("m")]
     pub gap: [f64; 8],
-    /// Force of each bladder on the head.
+    /// Force of each bladder on the header.
     #[unit("N")]
     pub force: [f64; 8],
     /// Opening of inlet and outlet of the first bladder, of the second, and so on, 0 to 1.

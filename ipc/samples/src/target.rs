@@ -1,4 +1,4 @@
-//! Where the head is to be.
+//! Where the header is to be.
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -11,7 +11,7 @@ pub struct Target;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum TargetStatus {
-    /// There is no target: the head is to be left where it is.
+    /// There is no target: the header is to be left where it is.
     None = 0,
     /// The target stands.
     Held = 1,
@@ -63,7 +63,7 @@ pub enum Refusal {
     WrongNumber = 2,
     /// A value is not finite.
     NotFinite = 3,
-    /// It is not known yet where the head is, which targets are counted from.
+    /// It is not known yet where the header is, which targets are counted from.
     NoStart = 4,
 }
 

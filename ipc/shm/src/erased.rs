@@ -37,7 +37,7 @@ fn builder(
             .map_err(|e| topic_error(contract, e))
     };
     let payload = detail(variant, &contract.type_name, contract.element_size, contract.element_align)?;
-    let header = detail(TypeVariant::FixedSize, "stillpoint/Head", contract.meta_size, 8)?;
+    let header = detail(TypeVariant::FixedSize, "stillpoint/Header", contract.meta_size, 8)?;
     let builder = domain
         .node
         .service_builder(name)
@@ -122,7 +122,7 @@ pub(crate) fn loan(
     }
 }
 
-/// Head and body, and room for the elements, of a loan.
+/// Header and body, and room for the elements, of a loan.
 pub(crate) fn loan_parts(loan: &mut ErasedLoan, meta_size: usize) -> (&mut [u8], &mut [u8]) {
     let header = std::ptr::from_mut(loan.user_header_mut()).cast::<u8>();
     let payload = loan.payload_mut();
@@ -134,7 +134,7 @@ pub(crate) fn loan_parts(loan: &mut ErasedLoan, meta_size: usize) -> (&mut [u8],
     unsafe { (std::slice::from_raw_parts_mut(header, meta_size), std::slice::from_raw_parts_mut(start, len)) }
 }
 
-/// Head and body, and the elements, of a loan, to read.
+/// Header and body, and the elements, of a loan, to read.
 pub(crate) fn loan_view(loan: &ErasedLoan, meta_size: usize) -> (&[u8], &[u8]) {
     let header = std::ptr::from_ref(loan.user_header()).cast::<u8>();
     let payload = loan.payload();
@@ -149,11 +149,11 @@ pub(crate) fn loan_view(loan: &ErasedLoan, meta_size: usize) -> (&[u8], &[u8]) {
 
 /// Sends a loan; consumers that it reached.
 pub(crate) fn send(loan: ErasedLoan, contract: &Contract) -> Result<usize, ShmError> {
-    // SAFETY: each byte has a value (see `loan_parts`), and what lies beyond the head's count is never read.
+    // SAFETY: each byte has a value (see `loan_parts`), and what lies beyond the header's count is never read.
     unsafe { loan.assume_init() }.send().map_err(|e| port_error(contract, "publisher", e))
 }
 
-/// Head and body, and the elements, of a received sample.
+/// Header and body, and the elements, of a received sample.
 pub(crate) fn received_view(sample: &ErasedSample, meta_size: usize) -> (&[u8], &[u8]) {
     let header = std::ptr::from_ref(sample.user_header()).cast::<u8>();
     let payload = sample.payload();

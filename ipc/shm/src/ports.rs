@@ -1,7 +1,7 @@
 //! Ports that carry bytes: publisher, subscriber, loan, received sample.
 
 use iceoryx2::port::update_connections::UpdateConnections;
-use stillpoint_samples::{Head, Pieces};
+use stillpoint_samples::{Header, Pieces};
 
 use crate::erased::{self, ErasedLoan, ErasedPublisher, ErasedSample, ErasedSubscriber};
 use crate::topic::port_error;
@@ -29,7 +29,7 @@ impl Publisher {
         Ok(loan.map(|loan| Loan { loan, meta_size: self.contract.meta_size }))
     }
 
-    /// Sends what was written into a loan. The head's count says how many elements it has.
+    /// Sends what was written into a loan. The header's count says how many elements it has.
     pub fn send(&self, loan: Loan) -> Result<usize, ShmError> {
         erased::send(loan.loan, &self.contract)
     }
@@ -42,7 +42,7 @@ pub struct Loan {
 }
 
 impl Loan {
-    /// Head and body, and room for the elements. Both may hold bytes of an earlier sample.
+    /// Header and body, and room for the elements. Both may hold bytes of an earlier sample.
     pub fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]) {
         erased::loan_parts(&mut self.loan, self.meta_size)
     }
@@ -85,14 +85,14 @@ pub struct Received {
 }
 
 impl Received {
-    /// Its bytes; the payload may reach beyond the head's count.
+    /// Its bytes; the payload may reach beyond the header's count.
     pub fn pieces(&self) -> Pieces<'_> {
         let (meta, payload) = erased::received_view(&self.sample, self.meta_size);
         Pieces { meta, payload }
     }
 
-    /// Its head.
-    pub fn head(&self) -> Head {
-        self.pieces().head()
+    /// Its header.
+    pub fn header(&self) -> Header {
+        self.pieces().header()
     }
 }

@@ -17,7 +17,7 @@ pub struct Contract {
     pub topic: String,
     /// Sample type, layout hash and frame: who says otherwise is refused.
     pub type_name: String,
-    /// Bytes of head and body.
+    /// Bytes of header and body.
     pub meta_size: usize,
     /// Bytes of an element.
     pub element_size: usize,

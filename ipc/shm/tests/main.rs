@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use stillpoint_samples::{Head, Pieces, PointCloud, Pose, Sample};
+use stillpoint_samples::{Header, Pieces, PointCloud, Pose, Sample};
 use stillpoint_shm::{Contract, Domain, Topic, Wake, sweep};
 use zerocopy::IntoBytes;
 
@@ -38,7 +38,7 @@ fn send(publisher: &stillpoint_shm::Publisher, sequence: u64, count: u32) {
     let mut loan = publisher.loan(count as usize).unwrap().expect("memory");
     let (meta, payload) = loan.parts_mut();
     meta.fill(0);
-    meta[..32].copy_from_slice(Head { sequence, count, ..Head::default() }.as_bytes());
+    meta[..32].copy_from_slice(Header { sequence, count, ..Header::default() }.as_bytes());
     let end = meta.len();
     meta[end - 4..].copy_from_slice(&count.to_le_bytes());
     payload.fill(sequence as u8);
@@ -56,7 +56,7 @@ fn bytes_arrive_as_they_were_written() {
     send(&publisher, 7, 3);
     let sample = subscriber.receive().unwrap().unwrap();
     let view = sample.pieces().view::<PointCloud>().unwrap();
-    assert_eq!((view.head.sequence, view.elements.len(), view.body.length), (7, 3, 3));
+    assert_eq!((view.header.sequence, view.elements.len(), view.body.length), (7, 3, 3));
     assert_eq!(sample.pieces().check(PointCloud::KIND).unwrap().payload, vec![7u8; 36]);
     assert!(subscriber.receive().unwrap().is_none());
 }
@@ -73,7 +73,7 @@ fn a_full_buffer_drops_the_oldest_and_never_blocks() {
         send(&publisher, sequence, 1);
     }
     let seen: Vec<u64> =
-        std::iter::from_fn(|| subscriber.receive().unwrap()).map(|s| s.head().sequence).collect();
+        std::iter::from_fn(|| subscriber.receive().unwrap()).map(|s| s.header().sequence).collect();
     assert_eq!(seen, [998, 999]);
 }
 

@@ -54,15 +54,15 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
     }
 }
 
-fn head(incarnation: u32, sequence: u64, stamp: u64) -> Head {
-    Head { stamp, origin: stamp, sequence, incarnation, count: 1 }
+fn header(incarnation: u32, sequence: u64, stamp: u64) -> Header {
+    Header { stamp, origin: stamp, sequence, incarnation, count: 1 }
 }
 
 /// What waits on each input.
-struct Waiting(Vec<VecDeque<Head>>);
+struct Waiting(Vec<VecDeque<Header>>);
 
 impl Waiting {
-    fn ready(&mut self, intake: &mut Intake<Head>, now: u64) -> Option<Trigger> {
+    fn ready(&mut self, intake: &mut Intake<Header>, now: u64) -> Option<Trigger> {
         intake.ready(now, &mut |port| self.0[port].pop_front())
     }
 }
@@ -70,7 +70,7 @@ impl Waiting {
 #[test]
 fn a_queue_gives_each_sample_once_and_counts_the_gap() {
     let mut intake = Intake::new(&node(&[(Policy::Queue(4), None, 0)], None));
-    let mut waiting = Waiting(vec![VecDeque::from([head(0, 0, 10), head(0, 3, 20)])]);
+    let mut waiting = Waiting(vec![VecDeque::from([header(0, 0, 10), header(0, 3, 20)])]);
     let mut seen = Vec::new();
     while let Some(t) = waiting.ready(&mut intake, 100) {
         let refs = intake.begin(t.cause, t.port);
@@ -83,7 +83,7 @@ fn a_queue_gives_each_sample_once_and_counts_the_gap() {
 #[test]
 fn latest_is_held_and_passed_over_samples_are_counted() {
     let mut intake = Intake::new(&node(&[(Policy::Latest, None, 0)], Some(10)));
-    let mut waiting = Waiting(vec![VecDeque::from([head(0, 0, 1), head(0, 1, 2), head(0, 2, 3)])]);
+    let mut waiting = Waiting(vec![VecDeque::from([header(0, 0, 1), header(0, 1, 2), header(0, 2, 3)])]);
     assert_eq!(waiting.ready(&mut intake, 5), None, "with a timer a latest input causes nothing");
     let first = intake.begin(Cause::Timer, 0);
     intake.end();
@@ -95,7 +95,7 @@ fn latest_is_held_and_passed_over_samples_are_counted() {
 #[test]
 fn latest_alone_causes_activations() {
     let mut intake = Intake::new(&node(&[(Policy::Latest, None, 0)], None));
-    let mut waiting = Waiting(vec![VecDeque::from([head(0, 0, 1)])]);
+    let mut waiting = Waiting(vec![VecDeque::from([header(0, 0, 1)])]);
     assert_eq!(waiting.ready(&mut intake, 5).map(|t| t.cause), Some(Cause::Input));
     intake.begin(Cause::Input, 0);
     assert_eq!(waiting.ready(&mut intake, 6), None);
@@ -106,8 +106,8 @@ fn sync_pairs_by_origin_and_passes_over_what_has_no_partner() {
     let sync = Policy::Sync { within: 2 };
     let mut intake = Intake::new(&node(&[(sync, Some(0), 0), (sync, Some(0), 0)], None));
     let mut waiting = Waiting(vec![
-        VecDeque::from([head(0, 0, 10), head(0, 1, 20), head(0, 2, 30)]),
-        VecDeque::from([head(0, 0, 19), head(0, 1, 31)]),
+        VecDeque::from([header(0, 0, 10), header(0, 1, 20), header(0, 2, 30)]),
+        VecDeque::from([header(0, 0, 19), header(0, 1, 31)]),
     ]);
     let mut pairs = Vec::new();
     while let Some(t) = waiting.ready(&mut intake, 100) {
@@ -121,7 +121,7 @@ fn sync_pairs_by_origin_and_passes_over_what_has_no_partner() {
 #[test]
 fn a_delayed_sample_is_seen_when_its_delay_is_over() {
     let mut intake = Intake::new(&node(&[(Policy::Queue(4), None, 50)], None));
-    let mut waiting = Waiting(vec![VecDeque::from([head(0, 0, 10)])]);
+    let mut waiting = Waiting(vec![VecDeque::from([header(0, 0, 10)])]);
     assert_eq!(waiting.ready(&mut intake, 59), None);
     assert_eq!(intake.next_visible(), Some(60));
     assert_eq!(waiting.ready(&mut intake, 60).map(|t| t.since), Some(60));
@@ -131,7 +131,7 @@ fn a_delayed_sample_is_seen_when_its_delay_is_over() {
 fn the_account_starts_anew_with_each_incarnation_of_the_producer() {
     let mut intake = Intake::new(&node(&[(Policy::Queue(4), None, 0)], None));
     let mut waiting =
-        Waiting(vec![VecDeque::from([head(0, 0, 1), head(0, 5, 2), head(1, 2, 3), head(1, 4, 4)])]);
+        Waiting(vec![VecDeque::from([header(0, 0, 1), header(0, 5, 2), header(1, 2, 3), header(1, 4, 4)])]);
     let mut last = Vec::new();
     while let Some(t) = waiting.ready(&mut intake, 100) {
         last = intake.begin(t.cause, t.port);
@@ -146,6 +146,6 @@ fn the_account_starts_anew_with_each_incarnation_of_the_producer() {
 fn the_earlier_of_two_queues_goes_first() {
     let queue = (Policy::Queue(4), None, 0);
     let mut intake = Intake::new(&node(&[queue, queue], None));
-    let mut waiting = Waiting(vec![VecDeque::from([head(0, 0, 7)]), VecDeque::from([head(0, 0, 5)])]);
+    let mut waiting = Waiting(vec![VecDeque::from([header(0, 0, 7)]), VecDeque::from([header(0, 0, 5)])]);
     assert_eq!(waiting.ready(&mut intake, 100).map(|t| t.port), Some(1));
 }

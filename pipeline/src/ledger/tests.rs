@@ -2,15 +2,15 @@
 
 use super::*;
 
-fn line() -> Line {
-    Line {
+fn line() -> LedgerLine {
+    LedgerLine {
         topic: "a.b".into(),
         consumer: "c.d".into(),
         sent: 0,
         received: 0,
         passed: 0,
         overwritten: 0,
-        homeless: 0,
+        pool_exhausted: 0,
         down: 0,
         left: 0,
         unexplained: 0,
@@ -27,9 +27,9 @@ fn taken(accounts: &[(u32, u64, u64, u64)]) -> Ledger {
     ledger
 }
 
-fn balance(ledger: &Ledger, sent: u64, homeless: u64) -> Line {
+fn balance(ledger: &Ledger, sent: u64, pool_exhausted: u64) -> LedgerLine {
     let mut line = line();
-    ledger.balance(&mut line, 1, 0, 0, sent, homeless);
+    ledger.balance(&mut line, 1, 0, 0, sent, pool_exhausted);
     line
 }
 
@@ -57,7 +57,7 @@ fn what_was_sent_between_two_lives_of_the_consumer_is_down() {
 fn samples_without_memory_are_not_called_overwritten() {
     let line = balance(&taken(&[(0, 9, 8, 2)]), 10, 2);
     assert!(line.balances(), "{line:?}");
-    assert_eq!((line.homeless, line.overwritten), (2, 0));
+    assert_eq!((line.pool_exhausted, line.overwritten), (2, 0));
 }
 
 #[test]

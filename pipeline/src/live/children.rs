@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 
 use super::control::{Connect, FromWorker};
-use super::pipe::{Line, Lines, say};
+use super::pipe::{PipeRead, PipeReader, say};
 
 /// How long a child that is no longer wanted may take to end in order.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);
@@ -49,7 +49,7 @@ pub struct Child {
     asked: Instant,
     process: Process,
     stdin: Option<ChildStdin>,
-    lines: Lines,
+    lines: PipeReader,
     heard: VecDeque<FromWorker>,
     ended: bool,
 }
@@ -98,7 +98,7 @@ impl Child {
             asked: begun,
             process,
             stdin,
-            lines: Lines::new(OwnedFd::from(stdout)),
+            lines: PipeReader::new(OwnedFd::from(stdout)),
             heard: VecDeque::new(),
             ended: false,
         };
@@ -155,30 +155,30 @@ impl Child {
     pub fn listen(&mut self, told: &mut Vec<Told>) {
         while !self.ended {
             match self.lines.next::<FromWorker>() {
-                Ok(Line::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
+                Ok(PipeRead::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
                     let operator = if operator.is_empty() { self.name.clone() } else { operator };
                     if fatal {
                         self.last_words = Some(reason.clone());
                     }
                     told.push(Told { operator, incarnation, reason, fatal });
                 }
-                Ok(Line::Message(FromWorker::Panicked { operator, incarnation, reason })) => {
+                Ok(PipeRead::Message(FromWorker::Panicked { operator, incarnation, reason })) => {
                     self.panicked.push((operator.clone(), reason.clone()));
                     told.push(Told { operator, incarnation, reason, fatal: false });
                 }
-                Ok(Line::Message(FromWorker::Made)) => {
+                Ok(PipeRead::Message(FromWorker::Made)) => {
                     self.made = true;
                     self.owing = None;
                 }
-                Ok(Line::Message(FromWorker::Connected { number })) => {
+                Ok(PipeRead::Message(FromWorker::Connected { number })) => {
                     self.connected = number;
                     // It answers: what it owes still it has as long for again.
                     self.owing = (number < self.ordered).then(Instant::now);
                 }
-                Ok(Line::Message(FromWorker::Stopped)) => self.stopped = true,
-                Ok(Line::Message(message)) => self.heard.push_back(message),
-                Ok(Line::Nothing) => return,
-                Ok(Line::Ended) => self.ended = true,
+                Ok(PipeRead::Message(FromWorker::Stopped)) => self.stopped = true,
+                Ok(PipeRead::Message(message)) => self.heard.push_back(message),
+                Ok(PipeRead::Nothing) => return,
+                Ok(PipeRead::Ended) => self.ended = true,
                 Err(reason) => {
                     told.push(Told { operator: self.name.clone(), incarnation: 0, reason, fatal: true });
                     self.kill();

@@ -9,27 +9,27 @@ use zerocopy::IntoBytes;
 
 use super::contracts;
 use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
-use super::pipe::{Lines, tell};
+use super::pipe::{PipeReader, tell};
 use super::worker::wait_for;
 use crate::graph::{Graph, ProcessNode};
 use crate::placement::Directed;
+use crate::sample_store::OwnedSample;
 use crate::setup::Files;
-use crate::shelf::Parcel;
 
 /// The operators of a directed process.
 pub struct DirectedWorker<'f> {
-    members: Vec<Member>,
+    runners: Vec<DirectedOperator>,
     files: &'f dyn Files,
 }
 
-struct Member {
+struct DirectedOperator {
     number: usize,
     directed: Directed,
     inlets: Vec<Option<(Subscriber, &'static stillpoint_samples::SampleKind)>>,
     /// Each with the depth of its consumers' buffers.
     outlets: Vec<(Publisher, usize)>,
     /// Outputs of the activation that is under way, for which there was no room yet.
-    unsent: VecDeque<(usize, Parcel)>,
+    unsent: VecDeque<(usize, OwnedSample)>,
     journal: Publisher,
     _topics: Vec<Topic>,
 }
@@ -42,13 +42,15 @@ impl<'f> DirectedWorker<'f> {
         domain: &Domain,
         files: &'f dyn Files,
     ) -> Result<Self, String> {
-        let members =
-            process.operators.iter().map(|o| Member::open(&graph, *o, domain).map_err(|e| e.to_string()));
-        Ok(Self { members: members.collect::<Result<_, _>>()?, files })
+        let runners = process
+            .operators
+            .iter()
+            .map(|o| DirectedOperator::open(&graph, *o, domain).map_err(|e| e.to_string()));
+        Ok(Self { runners: runners.collect::<Result<_, _>>()?, files })
     }
 
     /// Does what it is told until the supervisor ends it.
-    pub fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+    pub fn serve(&mut self, orders: &mut PipeReader) -> Result<(), String> {
         tell(&FromWorker::Made)?;
         loop {
             let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };
@@ -56,8 +58,8 @@ impl<'f> DirectedWorker<'f> {
                 ToWorker::Exit => return Ok(()),
                 ToWorker::Go { .. } => {}
                 ToWorker::Connect(Connect { number }) => {
-                    for member in &self.members {
-                        member.connect().map_err(|e| e.to_string())?;
+                    for runner in &self.runners {
+                        runner.connect().map_err(|e| e.to_string())?;
                     }
                     tell(&FromWorker::Connected { number })?;
                 }
@@ -74,49 +76,49 @@ impl<'f> DirectedWorker<'f> {
         let files = self.files;
         match order {
             ToWorker::Start { operator, incarnation, time } => {
-                let member = self.member(operator)?;
-                let entry = member.directed.start(incarnation, time, files).map_err(|e| e.to_string())?;
-                member.publish_entry(&entry)?;
+                let runner = self.runner(operator)?;
+                let entry = runner.directed.start(incarnation, time, files).map_err(|e| e.to_string())?;
+                runner.publish_entry(&entry)?;
                 Ok(FromWorker::Entry)
             }
             ToWorker::Take { operator, port } => {
-                self.member(operator)?.take(port)?;
+                self.runner(operator)?.take(port)?;
                 Ok(FromWorker::Taken)
             }
             ToWorker::Activate { operator, record } => {
-                let member = self.member(operator)?;
+                let runner = self.runner(operator)?;
                 let record = record.record().ok_or("a record that makes no sense")?;
-                let committed = member.directed.activate(&record).map_err(|e| e.to_string())?;
-                member.publish_entry(&committed.entry)?;
-                member.unsent = committed.outputs.into();
-                let sent = member.send()?;
-                Ok(FromWorker::Committed { sent, left: member.unsent.len(), fault: committed.fault })
+                let committed = runner.directed.activate(&record).map_err(|e| e.to_string())?;
+                runner.publish_entry(&committed.entry)?;
+                runner.unsent = committed.outputs.into();
+                let sent = runner.send()?;
+                Ok(FromWorker::Committed { sent, left: runner.unsent.len(), fault: committed.fault })
             }
             ToWorker::More { operator } => {
-                let member = self.member(operator)?;
-                let sent = member.send()?;
-                Ok(FromWorker::Committed { sent, left: member.unsent.len(), fault: None })
+                let runner = self.runner(operator)?;
+                let sent = runner.send()?;
+                Ok(FromWorker::Committed { sent, left: runner.unsent.len(), fault: None })
             }
             ToWorker::End { operator, time, inputs } => {
-                let member = self.member(operator)?;
+                let runner = self.runner(operator)?;
                 let inputs = refs_of_wire(&inputs).ok_or("an account that makes no sense")?;
-                let entry = member.directed.end(time, &inputs).map_err(|e| e.to_string())?;
-                member.publish_entry(&entry)?;
+                let entry = runner.directed.end(time, &inputs).map_err(|e| e.to_string())?;
+                runner.publish_entry(&entry)?;
                 Ok(FromWorker::Entry)
             }
             other => Err(format!("a directed worker cannot do {other:?}")),
         }
     }
 
-    fn member(&mut self, operator: usize) -> Result<&mut Member, String> {
-        self.members
+    fn runner(&mut self, operator: usize) -> Result<&mut DirectedOperator, String> {
+        self.runners
             .iter_mut()
             .find(|m| m.number == operator)
             .ok_or_else(|| format!("operator {operator} is not in this process"))
     }
 }
 
-impl Member {
+impl DirectedOperator {
     fn open(graph: &Arc<Graph>, number: usize, domain: &Domain) -> Result<Self, ShmError> {
         let node = &graph.operators[number];
         let mut topics = Vec::new();
@@ -164,7 +166,7 @@ impl Member {
             return Err(format!("input {port} is not connected"));
         };
         while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
-            self.directed.deliver(port, Parcel::copy_of(kind, sample.pieces()));
+            self.directed.deliver(port, OwnedSample::copy_of(kind, sample.pieces()));
         }
         Ok(())
     }
@@ -172,13 +174,13 @@ impl Member {
     /// Sends outputs until the buffer of one is full; everyone takes those before the next are sent.
     fn send(&mut self) -> Result<Vec<usize>, String> {
         let mut sent = Vec::new();
-        while let Some((port, parcel)) = self.unsent.front() {
-            let (port, pieces) = (*port, parcel.pieces());
+        while let Some((port, owned)) = self.unsent.front() {
+            let (port, pieces) = (*port, owned.pieces());
             let (publisher, buffer) = &self.outlets[port];
             if sent.iter().filter(|p| **p == port).count() >= *buffer {
                 break;
             }
-            let loan = publisher.loan(parcel.head().count as usize).map_err(|e| e.to_string())?;
+            let loan = publisher.loan(owned.header().count as usize).map_err(|e| e.to_string())?;
             let mut loan = loan.ok_or("the memory of an output is used up in lock-step")?;
             let (meta, payload) = loan.parts_mut();
             meta.copy_from_slice(pieces.meta);
@@ -201,8 +203,8 @@ pub fn publish_entry(journal: &Publisher, entry: &Entry) -> Result<(), String> {
     let mut loan = loan.ok_or("the journal's memory is used up: somebody holds its samples")?;
     let (meta, payload) = loan.parts_mut();
     debug_assert_eq!(meta.len(), Journal::KIND.meta_size());
-    let (head, body) = meta.split_at_mut(stillpoint_samples::HEAD_SIZE);
-    head.copy_from_slice(entry.head.as_bytes());
+    let (header, body) = meta.split_at_mut(stillpoint_samples::HEADER_SIZE);
+    header.copy_from_slice(entry.header.as_bytes());
     body.copy_from_slice(entry.body.as_bytes());
     let refs = entry.refs.as_bytes();
     payload[..refs.len()].copy_from_slice(refs);

@@ -18,7 +18,7 @@ use crate::files::{DiskFiles, Snapshot};
 use crate::graph::Graph;
 use crate::placement::{Committed, Placement, PlacementError};
 use crate::record::Record;
-use crate::shelf::Parcel;
+use crate::sample_store::OwnedSample;
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -133,13 +133,13 @@ impl Processes {
         &mut self,
         operator: usize,
         sent: &[usize],
-        outputs: &mut Vec<(usize, Parcel)>,
+        outputs: &mut Vec<(usize, OwnedSample)>,
     ) -> Result<(), PlacementError> {
         for port in sent {
-            let sample = self.taps[operator]
-                .get(*port)
-                .and_then(|(tap, kind)| Some(Parcel::copy_of(kind, tap.receive().ok().flatten()?.pieces())));
-            outputs.extend(sample.map(|parcel| (*port, parcel)));
+            let sample = self.taps[operator].get(*port).and_then(|(tap, kind)| {
+                Some(OwnedSample::copy_of(kind, tap.receive().ok().flatten()?.pieces()))
+            });
+            outputs.extend(sample.map(|owned| (*port, owned)));
         }
         let graph = self.graph.clone();
         for port in sent.iter().collect::<BTreeSet<_>>() {

@@ -13,7 +13,7 @@
 //! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
 //! - `lockstep`: processes that do what a schedule tells them
-//! - `member`: one operator in a worker
+//! - `runner`: one operator in a worker
 //! - `recorder`: the process that records
 //! - `seat`: core and scheduling class of a process
 //! - `serving`: samples of any size from one program to another
@@ -21,19 +21,19 @@
 //! - `stopwatch`: how long the stages of a step took
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
+mod affinity;
 mod children;
 pub mod contracts;
 pub mod control;
 mod directed;
 mod lockstep;
-mod member;
 mod missed;
 mod pipe;
 mod recorder;
 mod report;
 mod room;
 pub mod run_folder;
-mod seat;
+mod runner;
 mod serving;
 pub mod status;
 mod stopwatch;
@@ -54,5 +54,5 @@ use stillpoint_samples::{Entry, Journal, Pieces};
 /// An entry out of the bytes of a journal sample.
 pub fn entry_of(pieces: Pieces<'_>) -> Option<Entry> {
     let view = pieces.view::<Journal>().ok()?;
-    Some(Entry { head: view.head, body: *view.body, refs: view.elements.to_vec() })
+    Some(Entry { header: view.header, body: *view.body, refs: view.elements.to_vec() })
 }

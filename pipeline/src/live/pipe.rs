@@ -1,4 +1,4 @@
-//! Lines over the children's pipes. Reads are unbuffered but for the rest of a line, which is asked for before a wait:
+//! PipeReader over the children's pipes. Reads are unbuffered but for the rest of a line, which is asked for before a wait:
 //! two lines that arrive together are both seen.
 
 use std::fs::File;
@@ -14,14 +14,14 @@ use super::control::FromWorker;
 use crate::stdout::Aside;
 
 /// The reading end of a pipe of JSON lines.
-pub struct Lines {
+pub struct PipeReader {
     fd: OwnedFd,
     rest: Vec<u8>,
     ended: bool,
 }
 
 /// What reading a line gave.
-pub enum Line<T> {
+pub enum PipeRead<T> {
     /// A message.
     Message(T),
     /// Nothing yet.
@@ -33,7 +33,7 @@ pub enum Line<T> {
 /// The longest line that is taken.
 const LONGEST: usize = 64 << 20;
 
-impl Lines {
+impl PipeReader {
     /// Reads lines from `fd`.
     pub fn new(fd: OwnedFd) -> Self {
         Self { fd, rest: Vec::new(), ended: false }
@@ -45,20 +45,20 @@ impl Lines {
     }
 
     /// The next line, without waiting.
-    pub fn next<T: DeserializeOwned>(&mut self) -> Result<Line<T>, String> {
+    pub fn next<T: DeserializeOwned>(&mut self) -> Result<PipeRead<T>, String> {
         loop {
             if let Some(end) = self.rest.iter().position(|b| *b == b'\n') {
                 let line: Vec<u8> = self.rest.drain(..=end).collect();
                 return serde_json::from_slice(&line)
-                    .map(Line::Message)
+                    .map(PipeRead::Message)
                     .map_err(|e| format!("a line of the control pipe cannot be read: {e}"));
             }
             if self.ended {
-                return Ok(Line::Ended);
+                return Ok(PipeRead::Ended);
             }
             let mut poll_fd = [PollFd::new(&self.fd, PollFlags::IN)];
             match poll(&mut poll_fd, Some(&Timespec { tv_sec: 0, tv_nsec: 0 })) {
-                Ok(0) => return Ok(Line::Nothing),
+                Ok(0) => return Ok(PipeRead::Nothing),
                 Ok(_) => {}
                 // Not known whether there is anything: to read now could be to wait for ever.
                 Err(rustix::io::Errno::INTR) => continue,

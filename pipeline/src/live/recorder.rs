@@ -16,14 +16,14 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 use super::contracts;
 use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::missed::missed;
-use super::pipe::{Line, take_control, tell};
+use super::pipe::{PipeRead, take_control, tell};
 use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
-use crate::keep::{end_facts, no_room, refused};
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
+use crate::session_recorder::{end_facts, no_room, refused};
 
 /// How often shared memory is looked at, ns. Below the period of the fastest images: who sends finds the memory of the last
 /// sample free again, and warm.
@@ -87,16 +87,16 @@ fn serve(registry: &Registry) -> Result<(), String> {
     loop {
         while told {
             match orders.next::<ToRecorder>()? {
-                Line::Nothing => told = false,
-                Line::Message(ToRecorder::Connect(Connect { number })) => {
+                PipeRead::Nothing => told = false,
+                PipeRead::Message(ToRecorder::Connect(Connect { number })) => {
                     recorder.connect()?;
                     tell(&FromWorker::Connected { number })?;
                 }
-                Line::Message(ToRecorder::Finish { ledger, gaps, ended_early }) => {
+                PipeRead::Message(ToRecorder::Finish { ledger, gaps, ended_early }) => {
                     let report = recorder.finish(Some(ledger), gaps, end_facts(ended_early.as_deref()))?;
                     return tell(&FromWorker::Recorded(report));
                 }
-                Line::Ended => {
+                PipeRead::Ended => {
                     recorder.outlive(graph.outlives())?;
                     let reason = "the supervisor died";
                     recorder.finish(None, vec![reason.to_string()], end_facts(Some(reason)))?;
@@ -228,24 +228,29 @@ impl Recorder {
         for tap in &mut self.taps {
             for _ in 0..tap.buffer {
                 let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? else { break };
-                let head = sample.head();
+                let header = sample.header();
                 // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
-                let next = tap.next.entry(head.incarnation).or_insert(if self.first_part {
+                let next = tap.next.entry(header.incarnation).or_insert(if self.first_part {
                     0
                 } else {
-                    head.sequence
+                    header.sequence
                 });
                 let mut lose = |first: u64, count: u64| {
                     *self.lost.entry(tap.info.name.clone()).or_insert(0) += count;
-                    taken.push(Item::Lost { topic: tap.topic, incarnation: head.incarnation, first, count });
+                    taken.push(Item::Lost {
+                        topic: tap.topic,
+                        incarnation: header.incarnation,
+                        first,
+                        count,
+                    });
                 };
-                if head.sequence > *next {
-                    lose(*next, head.sequence - *next);
+                if header.sequence > *next {
+                    lose(*next, header.sequence - *next);
                 }
-                *next = head.sequence + 1;
-                let size = tap.info.kind.total_size(head.count).unwrap_or(0);
+                *next = header.sequence + 1;
+                let size = tap.info.kind.total_size(header.count).unwrap_or(0);
                 if self.waiting.load(Ordering::Relaxed) + size > MOST_WAITING {
-                    lose(head.sequence, 1);
+                    lose(header.sequence, 1);
                     continue;
                 }
                 self.waiting.fetch_add(size, Ordering::Relaxed);

@@ -9,7 +9,7 @@ use stillpoint_recorder::Compression;
 use super::children::Launch;
 use super::status::OperatorFigures;
 use crate::files::DiskFiles;
-use crate::ledger::Line;
+use crate::ledger::LedgerLine;
 
 /// What is to be run, and how.
 #[derive(Clone, Debug)]
@@ -44,7 +44,7 @@ pub struct RunReport {
     /// Figures by operator.
     pub operators: Vec<OperatorFigures>,
     /// The ledger.
-    pub ledger: Vec<Line>,
+    pub ledger: Vec<LedgerLine>,
     /// Whether every line of the ledger balances.
     pub balanced: bool,
     /// Journal entries that the supervisor did not see (the recorder may have).

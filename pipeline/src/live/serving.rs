@@ -226,7 +226,7 @@ mod tests {
 
     use std::net::TcpListener;
 
-    use stillpoint_samples::{DepthImage, HEAD_SIZE, Sample};
+    use stillpoint_samples::{DepthImage, HEADER_SIZE, Sample};
 
     use super::*;
 
@@ -234,7 +234,7 @@ mod tests {
     fn image(pixels: u32, value: u16) -> Vec<u8> {
         let mut bytes = vec![0; DepthImage::KIND.meta_size()];
         let end = bytes.len();
-        bytes[HEAD_SIZE - 4..HEAD_SIZE].copy_from_slice(&pixels.to_le_bytes());
+        bytes[HEADER_SIZE - 4..HEADER_SIZE].copy_from_slice(&pixels.to_le_bytes());
         bytes[end - 4..].copy_from_slice(&pixels.to_le_bytes());
         (0..pixels).for_each(|_| bytes.extend_from_slice(&value.to_le_bytes()));
         bytes

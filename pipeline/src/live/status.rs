@@ -8,12 +8,12 @@ use crate::graph::Graph;
 
 /// Running figures of every operator.
 pub struct Status {
-    operators: Vec<Figures>,
+    operators: Vec<OperatorCounts>,
     first: u64,
     last: u64,
 }
 
-struct Figures {
+struct OperatorCounts {
     name: String,
     activations: u64,
     errors: u64,
@@ -35,7 +35,7 @@ struct Figures {
     before: Option<(u32, u64, u64)>,
 }
 
-/// Figures of one operator over a run.
+/// OperatorCounts of one operator over a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OperatorFigures {
     /// Name of the operator.
@@ -70,7 +70,7 @@ impl Status {
     pub fn new(graph: &Graph) -> Self {
         let histogram =
             || Histogram::new(3).unwrap_or_else(|_| unreachable!("3 significant digits are supported"));
-        let operators = graph.operators.iter().map(|node| Figures {
+        let operators = graph.operators.iter().map(|node| OperatorCounts {
             name: node.name.clone(),
             activations: 0,
             errors: 0,
@@ -93,7 +93,7 @@ impl Status {
     pub fn enter(&mut self, operator: usize, entry: &Entry) {
         let f = &mut self.operators[operator];
         if let Some((incarnation, stamp, origin)) = f.before.take()
-            && incarnation == entry.head.incarnation
+            && incarnation == entry.header.incarnation
             && entry.body.sent_before > stamp
         {
             let sent = entry.body.sent_before;
@@ -110,15 +110,15 @@ impl Status {
         }
         if entry.cause() == Some(Cause::Timer) {
             f.ticks += 1;
-            let now = (entry.head.incarnation, entry.body.tick);
+            let now = (entry.header.incarnation, entry.body.tick);
             if let Some((incarnation, tick)) = f.tick.replace(now)
                 && incarnation == now.0
             {
                 f.missed += now.1.saturating_sub(tick + 1);
             }
         }
-        self.first = self.first.min(entry.head.stamp);
-        self.last = self.last.max(entry.head.stamp);
+        self.first = self.first.min(entry.header.stamp);
+        self.last = self.last.max(entry.header.stamp);
         f.activations += 1;
         match entry.outcome() {
             Some(Outcome::Error) => f.errors += 1,
@@ -143,7 +143,7 @@ impl Status {
                 }
             }
         }
-        f.before = Some((entry.head.incarnation, entry.head.stamp, entry.head.origin));
+        f.before = Some((entry.header.incarnation, entry.header.stamp, entry.header.origin));
     }
 
     /// The figures now.

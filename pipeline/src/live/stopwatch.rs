@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use stillpoint_samples::{Entry, HEAD_SIZE, Head, Metric};
+use stillpoint_samples::{Entry, HEADER_SIZE, Header, Metric};
 use stillpoint_shm::{Domain, Publisher, ShmError, Topic};
 use zerocopy::IntoBytes;
 
@@ -59,9 +59,9 @@ impl Stopwatch {
     /// lost, and the sequence, which is the activation's index, shows it.
     pub fn send(&self, entry: &Entry) -> Result<(), ShmError> {
         let Some(mut loan) = self.publisher.loan(self.laps.len())? else { return Ok(()) };
-        let head = Head { sequence: entry.body.index, count: self.laps.len() as u32, ..entry.head };
+        let header = Header { sequence: entry.body.index, count: self.laps.len() as u32, ..entry.header };
         let (meta, payload) = loan.parts_mut();
-        meta[..HEAD_SIZE].copy_from_slice(head.as_bytes());
+        meta[..HEADER_SIZE].copy_from_slice(header.as_bytes());
         let bytes = self.laps.as_bytes();
         payload[..bytes.len()].copy_from_slice(bytes);
         self.publisher.send(loan).map(drop)

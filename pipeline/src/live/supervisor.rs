@@ -303,7 +303,7 @@ impl Supervisor {
         for (operator, journal) in self.journals.iter().enumerate() {
             while let Ok(Some(sample)) = journal.receive() {
                 let Some(entry): Option<Entry> = entry_of(sample.pieces()) else { continue };
-                self.lives[operator] = self.lives[operator].max(entry.head.incarnation);
+                self.lives[operator] = self.lives[operator].max(entry.header.incarnation);
                 self.ledger.enter(operator, &entry);
                 self.status.enter(operator, &entry);
                 self.finished.enter(operator, &entry);

@@ -12,14 +12,14 @@ use crate::outside::{Arrivals, MOST_DATAGRAMS};
 use crate::stream;
 
 /// Where things come in for the far end of a link.
-pub enum Ear {
+pub enum LinkReceiver {
     /// Datagrams.
     Socket(UdpSocket, Arrivals),
     /// Samples of a stream.
     Stream(Client),
 }
 
-impl Ear {
+impl LinkReceiver {
     /// Listens, if this operator is the far end of a link.
     pub fn open(node: &OperatorNode) -> Result<Option<Self>, String> {
         let address = match node.far_end {
@@ -72,7 +72,7 @@ impl Ear {
 }
 
 /// Where samples of an output leave.
-pub struct Mouth {
+pub struct LinkSender {
     kind: &'static SampleKind,
     datagrams: Option<Datagrams>,
     servers: Vec<Server>,
@@ -80,7 +80,7 @@ pub struct Mouth {
     is_refused: bool,
 }
 
-impl Mouth {
+impl LinkSender {
     /// What is needed to send over the links of an output, if it has any.
     pub fn open(node: &OperatorNode, port: usize) -> Result<Option<Self>, String> {
         let output = &node.outputs[port];
@@ -160,9 +160,10 @@ mod tests {
 
     #[test]
     fn the_first_of_a_row_of_samples_that_cannot_be_sent_is_told() {
-        let mut mouth = Mouth { kind: Duties::KIND, datagrams: None, servers: Vec::new(), is_refused: false };
+        let mut link_sender =
+            LinkSender { kind: Duties::KIND, datagrams: None, servers: Vec::new(), is_refused: false };
         let short = Pieces { meta: &[], payload: &[] };
-        assert!(mouth.send(short).unwrap().starts_with("a sample did not go over its link"));
-        assert_eq!(mouth.send(short), None);
+        assert!(link_sender.send(short).unwrap().starts_with("a sample did not go over its link"));
+        assert_eq!(link_sender.send(short), None);
     }
 }

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use stillpoint_samples::Outcome;
 use stillpoint_shm::{Domain, Wake};
 
+use super::affinity::place;
 use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
-use super::member::{Down, Looked, Member};
-use super::pipe::{Line, Lines, take_control, tell};
+use super::pipe::{PipeRead, PipeReader, take_control, tell};
 use super::run_folder::hold;
-use super::seat::place;
+use super::runner::{Down, OperatorRunner, PollOutcome};
 use super::watch::Watch;
 use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
@@ -32,7 +32,7 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
     ignore_interrupts();
     // An operator's panic is contained, journalled and told. Any other one ends the process, and is told here.
     std::panic::set_hook(Box::new(|panic| {
-        if !crate::cell::is_stepping() {
+        if !crate::instance::is_stepping() {
             let place = panic.location().map(ToString::to_string).unwrap_or_default();
             let reason =
                 format!("a fault of stillpoint itself at {place}: {}", panic.payload_as_str().unwrap_or(""));
@@ -71,18 +71,18 @@ fn end_with_supervisor(outlives: u64) {
 }
 
 /// Standard input as lines.
-pub(super) fn orders() -> Result<Lines, String> {
+pub(super) fn orders() -> Result<PipeReader, String> {
     let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(|e| e.to_string())?;
-    Ok(Lines::new(stdin))
+    Ok(PipeReader::new(stdin))
 }
 
 /// The next order, waiting for it. `None`: the supervisor is gone.
-pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut Lines) -> Result<Option<T>, String> {
+pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Result<Option<T>, String> {
     loop {
         match orders.next()? {
-            Line::Message(message) => return Ok(Some(message)),
-            Line::Ended => return Ok(None),
-            Line::Nothing => {
+            PipeRead::Message(message) => return Ok(Some(message)),
+            PipeRead::Ended => return Ok(None),
+            PipeRead::Nothing => {
                 let mut fd =
                     [rustix::event::PollFd::from_borrowed_fd(orders.fd(), rustix::event::PollFlags::IN)];
                 match rustix::event::poll(&mut fd, None) {
@@ -124,9 +124,9 @@ fn serve(registry: &Registry) -> Result<(), String> {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
     }
     let mut listeners = Vec::new();
-    let mut members = Vec::new();
+    let mut runners = Vec::new();
     for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
-        members.push(Member::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
+        runners.push(OperatorRunner::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
     }
     let watch = Watch::start(&graph, &process.operators);
     let control = orders.fd().try_clone_to_owned().map_err(|e| e.to_string())?;
@@ -134,7 +134,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         graph,
         files,
         clock: hello.clock,
-        members,
+        runners,
         wake: Wake::new(control, listeners),
         watch,
         outlives,
@@ -151,7 +151,7 @@ struct Worker {
     graph: Arc<Graph>,
     files: Snapshot,
     clock: SessionClock,
-    members: Vec<Member>,
+    runners: Vec<OperatorRunner>,
     wake: Wake,
     watch: Option<Watch>,
     /// How long it goes on after its supervisor died, ns.
@@ -164,27 +164,29 @@ struct Worker {
 }
 
 impl Worker {
-    fn serve(&mut self, orders: &mut Lines) -> Result<(), String> {
+    fn serve(&mut self, orders: &mut PipeReader) -> Result<(), String> {
         let mut heard = 0;
         let mut told = true;
         loop {
             // A look at the pipe is a call into the system: on the data path it is taken only now and then.
             if self.last_at.is_some_and(|at| self.clock.now() >= at) {
-                return self.members.iter_mut().try_for_each(|m| m.finish(&self.clock));
+                return self.runners.iter_mut().try_for_each(|m| m.finish(&self.clock));
             }
             if self.last_at.is_none() && (told || self.clock.now() >= heard + HEAR_EVERY) {
                 loop {
                     match orders.next()? {
-                        Line::Message(ToWorker::Exit) => return Ok(()),
-                        Line::Ended if self.outlives == 0 || !self.running || self.stopped => return Ok(()),
-                        Line::Ended => {
+                        PipeRead::Message(ToWorker::Exit) => return Ok(()),
+                        PipeRead::Ended if self.outlives == 0 || !self.running || self.stopped => {
+                            return Ok(());
+                        }
+                        PipeRead::Ended => {
                             // Nobody gives orders any more; what is driven from here is brought to its end.
                             self.last_at = Some(self.clock.now().saturating_add(self.outlives));
                             self.wake.forget_control();
                             break;
                         }
-                        Line::Message(order) => self.obey(&order)?,
-                        Line::Nothing => break,
+                        PipeRead::Message(order) => self.obey(&order)?,
+                        PipeRead::Nothing => break,
                     }
                 }
                 heard = self.clock.now();
@@ -204,8 +206,8 @@ impl Worker {
                 continue;
             }
             if active && self.stopping {
-                for member in &mut self.members {
-                    member.finish(&self.clock)?;
+                for runner in &mut self.runners {
+                    runner.finish(&self.clock)?;
                 }
                 self.stopped = true;
                 tell(&FromWorker::Stopped)?;
@@ -220,15 +222,15 @@ impl Worker {
     fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
         match order {
             ToWorker::Connect(Connect { number }) => {
-                for member in &self.members {
-                    member.connect().map_err(|e| e.to_string())?;
+                for runner in &self.runners {
+                    runner.connect().map_err(|e| e.to_string())?;
                 }
                 tell(&FromWorker::Connected { number: *number })
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);
-                for member in &mut self.members {
-                    member.begin(*epoch, now)?;
+                for runner in &mut self.runners {
+                    runner.begin(*epoch, now)?;
                 }
                 self.running = true;
                 Ok(())
@@ -238,9 +240,9 @@ impl Worker {
                 Ok(())
             }
             ToWorker::Renew { operator, at } => {
-                for member in self.members.iter_mut().filter(|m| m.operator == *operator && m.down.is_some())
+                for runner in self.runners.iter_mut().filter(|m| m.operator == *operator && m.down.is_some())
                 {
-                    member.down = Some(Down::Until(*at));
+                    runner.down = Some(Down::Until(*at));
                 }
                 Ok(())
             }
@@ -248,15 +250,15 @@ impl Worker {
         }
     }
 
-    /// Looks at every member once, upstream first. Says whether anything was done, and when the next look is due.
+    /// Looks at every runner once, upstream first. Says whether anything was done, and when the next look is due.
     fn pass(&mut self) -> Result<(bool, Option<u64>), String> {
         let mut worked = false;
         let mut next: Option<u64> = None;
-        for member in &mut self.members {
-            match member.down {
+        for runner in &mut self.runners {
+            match runner.down {
                 None => {}
                 Some(Down::Until(at)) if at <= self.clock.now() && !self.stopping => {
-                    member.reincarnate(&self.graph, &self.files, &self.clock)?;
+                    runner.reincarnate(&self.graph, &self.files, &self.clock)?;
                 }
                 Some(Down::Until(at)) => {
                     next = [next, Some(at)].into_iter().flatten().min();
@@ -265,22 +267,22 @@ impl Worker {
                 Some(Down::Unanswered) => continue,
             }
             if let Some(watch) = &self.watch {
-                watch.enter(member.operator);
+                watch.enter(runner.operator);
             }
-            let looked = member.look(&self.clock, !self.stopping);
+            let looked = runner.look(&self.clock, !self.stopping);
             if let Some(watch) = &self.watch {
                 watch.leave();
             }
             match looked? {
-                Looked::Activated(outcome) => {
+                PollOutcome::Activated(outcome) => {
                     worked = true;
-                    let told = report(member, outcome, &self.graph);
+                    let told = report(runner, outcome, &self.graph);
                     // Once the supervisor is dead nobody hears it.
                     if self.last_at.is_none() {
                         told?;
                     }
                 }
-                Looked::Idle(at) => next = [next, at].into_iter().flatten().min(),
+                PollOutcome::Idle(at) => next = [next, at].into_iter().flatten().min(),
             }
         }
         Ok((worked, next))
@@ -288,19 +290,19 @@ impl Worker {
 }
 
 /// Tells of an activation that failed. One that panicked leaves its operator down until the supervisor has answered.
-fn report(member: &mut Member, outcome: Outcome, graph: &Graph) -> Result<(), String> {
-    let operator = || graph.operators[member.operator].name.clone();
-    let incarnation = member.cell.incarnation();
-    if let Some(reason) = member.unlinked.take() {
+fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Result<(), String> {
+    let operator = || graph.operators[runner.operator].name.clone();
+    let incarnation = runner.instance.incarnation();
+    if let Some(reason) = runner.unlinked.take() {
         tell(&FromWorker::Fault { operator: operator(), incarnation, reason, fatal: false })?;
     }
     if !outcome.is_failure() {
         return Ok(());
     }
     let operator = operator();
-    let reason = member.cell.fault().unwrap_or_default().to_string();
+    let reason = runner.instance.fault().unwrap_or_default().to_string();
     if outcome == Outcome::Panic {
-        member.down = Some(Down::Unanswered);
+        runner.down = Some(Down::Unanswered);
         return tell(&FromWorker::Panicked { operator, incarnation, reason });
     }
     tell(&FromWorker::Fault { operator, incarnation, reason, fatal: false })

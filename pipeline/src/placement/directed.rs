@@ -5,28 +5,28 @@ use std::sync::Arc;
 use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
 
 use super::{Committed, PlacementError};
-use crate::cell::Cell;
 use crate::clock::float_state_is_standard;
 use crate::graph::Graph;
+use crate::instance::OperatorInstance;
 use crate::operator::Policy;
 use crate::outputs::{Buffer, Lender};
 use crate::outside::Outside;
 use crate::record::Record;
+use crate::sample_store::{OwnedSample, SampleStore};
 use crate::setup::Files;
-use crate::shelf::{Parcel, Shelf};
 
 /// One operator: its present incarnation, and the samples that wait for it.
 pub struct Directed {
     graph: Arc<Graph>,
     operator: usize,
-    cell: Option<Cell>,
-    shelf: Shelf,
+    instance: Option<OperatorInstance>,
+    store: SampleStore,
 }
 
 impl Directed {
     /// Operator number `operator`, without an incarnation yet.
     pub fn new(graph: Arc<Graph>, operator: usize) -> Self {
-        Self { graph, operator, cell: None, shelf: Shelf::default() }
+        Self { graph, operator, instance: None, store: SampleStore::default() }
     }
 
     fn name(&self) -> &str {
@@ -42,20 +42,21 @@ impl Directed {
                     .to_string(),
             });
         }
-        let built = Cell::build(&self.graph, self.operator, incarnation, files, Outside::default())
-            .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
-        Ok(self.cell.insert(built).mark(Cause::Start, time, &[]))
+        let built =
+            OperatorInstance::build(&self.graph, self.operator, incarnation, files, Outside::default())
+                .map_err(|e| PlacementError::Setup { operator: self.name().to_string(), reason: e.0 })?;
+        Ok(self.instance.insert(built).mark(Cause::Start, time, &[]))
     }
 
     /// Puts a sample where activations will find it.
-    pub fn deliver(&mut self, port: usize, parcel: Parcel) {
-        self.shelf.put(port, parcel);
+    pub fn deliver(&mut self, port: usize, owned: OwnedSample) {
+        self.store.put(port, owned);
     }
 
     /// Does one activation.
     pub fn activate(&mut self, record: &Record) -> Result<Committed, PlacementError> {
         for r in &record.inputs {
-            if self.shelf.get(r.port as usize, r.incarnation, r.first).is_none() {
+            if self.store.get(r.port as usize, r.incarnation, r.first).is_none() {
                 return Err(PlacementError::Sample {
                     operator: self.name().to_string(),
                     port: r.port,
@@ -65,20 +66,20 @@ impl Directed {
             }
         }
         let node = &self.graph.operators[self.operator];
-        let cell = self.cell.as_mut().ok_or_else(|| gone(&node.name))?;
-        let shelf = &self.shelf;
+        let instance = self.instance.as_mut().ok_or_else(|| gone(&node.name))?;
+        let store = &self.store;
         let find = |port: usize| {
             let r = record.inputs.iter().find(|r| r.port as usize == port)?;
-            Some(shelf.get(port, r.incarnation, r.first)?.pieces())
+            Some(store.get(port, r.incarnation, r.first)?.pieces())
         };
         let mut heap = Heap { kinds: node.stage.kind.outputs.iter().map(|o| o.sample).collect() };
-        let entry = cell.activate(record, &find, &mut heap);
-        let fault = (entry.body.outcome != 0).then(|| cell.fault().unwrap_or_default().to_string());
-        let outputs = cell
+        let entry = instance.activate(record, &find, &mut heap);
+        let fault = (entry.body.outcome != 0).then(|| instance.fault().unwrap_or_default().to_string());
+        let outputs = instance
             .take_drafts()
             .map(|draft| {
                 let kind = node.stage.kind.outputs[draft.port].sample;
-                (draft.port, Parcel::of(kind, draft.buffer))
+                (draft.port, OwnedSample::of(kind, draft.buffer))
             })
             .collect();
         for r in &record.inputs {
@@ -86,9 +87,9 @@ impl Directed {
             // A `latest` sample may be named again; anything else is consumed once.
             let held = node.inputs.get(port).is_some_and(|i| i.policy == Policy::Latest);
             if held || r.kind == RefKind::Held as u32 {
-                self.shelf.forget_before(port, r.incarnation, r.first);
+                self.store.forget_before(port, r.incarnation, r.first);
             } else {
-                self.shelf.forget_before(port, r.incarnation, r.first + 1);
+                self.store.forget_before(port, r.incarnation, r.first + 1);
             }
         }
         Ok(Committed { entry, outputs, fault })
@@ -97,7 +98,7 @@ impl Directed {
     /// Ends the incarnation in order.
     pub fn end(&mut self, time: u64, inputs: &[JournalRef]) -> Result<Entry, PlacementError> {
         let name = self.name().to_string();
-        Ok(self.cell.take().ok_or_else(|| gone(&name))?.mark(Cause::End, time, inputs))
+        Ok(self.instance.take().ok_or_else(|| gone(&name))?.mark(Cause::End, time, inputs))
     }
 }
 

@@ -7,8 +7,8 @@ use stillpoint_samples::{Entry, JournalRef};
 use super::{Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
 use crate::record::Record;
+use crate::sample_store::OwnedSample;
 use crate::setup::Files;
-use crate::shelf::Parcel;
 
 /// All operators in this thread.
 pub struct Local<'f> {
@@ -30,15 +30,15 @@ impl<'f> Local<'f> {
     }
 
     /// Hands a sample of an output to its consumers.
-    pub fn deliver(&mut self, operator: usize, output: usize, parcel: &Parcel) {
+    pub fn deliver(&mut self, operator: usize, output: usize, owned: &OwnedSample) {
         for (consumer, port) in self.graph.consumers(operator, output) {
-            self.operators[consumer].deliver(port, parcel.clone());
+            self.operators[consumer].deliver(port, owned.clone());
         }
     }
 
     /// Hands a sample to one input.
-    pub fn deliver_to(&mut self, operator: usize, port: usize, parcel: Parcel) {
-        self.operators[operator].deliver(port, parcel);
+    pub fn deliver_to(&mut self, operator: usize, port: usize, owned: OwnedSample) {
+        self.operators[operator].deliver(port, owned);
     }
 }
 
@@ -49,8 +49,8 @@ impl Placement for Local<'_> {
 
     fn activate(&mut self, operator: usize, record: &Record) -> Result<Committed, PlacementError> {
         let committed = self.operators[operator].activate(record)?;
-        for (port, parcel) in &committed.outputs {
-            self.deliver(operator, *port, parcel);
+        for (port, owned) in &committed.outputs {
+            self.deliver(operator, *port, owned);
         }
         Ok(committed)
     }

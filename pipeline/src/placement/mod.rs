@@ -17,7 +17,7 @@ pub use threads::Threads;
 use stillpoint_samples::Entry;
 
 use crate::record::Record;
-use crate::shelf::Parcel;
+use crate::sample_store::OwnedSample;
 
 /// What an activation left behind: its entry, and its outputs in the order of sending.
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub struct Committed {
     /// The journal entry.
     pub entry: Entry,
     /// The outputs, with the number of their port.
-    pub outputs: Vec<(usize, Parcel)>,
+    pub outputs: Vec<(usize, OwnedSample)>,
     /// What a failed activation said.
     pub fault: Option<String>,
 }

@@ -9,12 +9,12 @@ use stillpoint_samples::{Entry, JournalRef};
 use super::{Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
 use crate::record::Record;
+use crate::sample_store::OwnedSample;
 use crate::setup::Files;
-use crate::shelf::Parcel;
 
 enum Ask {
     Start { incarnation: u32, time: u64 },
-    Deliver { port: usize, parcel: Parcel },
+    Deliver { port: usize, owned: OwnedSample },
     Activate(Record),
     End { time: u64, inputs: Vec<JournalRef> },
 }
@@ -77,8 +77,8 @@ fn serve(mut directed: Directed, asked: &Receiver<Ask>, reply: &Sender<Answer>, 
             Ask::Start { incarnation, time } => Answer::Entry(directed.start(incarnation, time, files)),
             Ask::Activate(record) => Answer::Committed(Box::new(directed.activate(&record))),
             Ask::End { time, inputs } => Answer::Entry(directed.end(time, &inputs)),
-            Ask::Deliver { port, parcel } => {
-                directed.deliver(port, parcel);
+            Ask::Deliver { port, owned } => {
+                directed.deliver(port, owned);
                 continue;
             }
         };
@@ -100,9 +100,9 @@ impl Placement for Threads {
             Ok(Answer::Committed(committed)) => (*committed)?,
             _ => return Err(self.gone(operator)),
         };
-        for (output, parcel) in &committed.outputs {
+        for (output, owned) in &committed.outputs {
             for (consumer, port) in self.graph.consumers(operator, *output) {
-                let deliver = Ask::Deliver { port, parcel: parcel.clone() };
+                let deliver = Ask::Deliver { port, owned: owned.clone() };
                 self.workers[consumer].ask.send(deliver).map_err(|_| self.gone(consumer))?;
             }
         }

@@ -1,7 +1,9 @@
 //! Which field of which sample differs, and by how much.
 
 use serde::Serialize;
-use stillpoint_samples::{Entry, Field, HEAD_FIELDS, HEAD_SIZE, Primitive, RefKind, SampleKind, fields_size};
+use stillpoint_samples::{
+    Entry, Field, HEADER_FIELDS, HEADER_SIZE, Primitive, RefKind, SampleKind, fields_size,
+};
 
 /// Where something differs, and both values.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -62,7 +64,7 @@ impl Difference {
     fn at(place: &Place<'_>, sequence: u64, field: &str, recorded: String, replayed: String) -> Self {
         Self {
             operator: place.operator.to_string(),
-            incarnation: place.entry.head.incarnation,
+            incarnation: place.entry.header.incarnation,
             activation: place.entry.body.index,
             topic: place.topic.to_string(),
             sequence,
@@ -93,7 +95,7 @@ impl Difference {
 
     /// The first difference of what two entries say of outcome, origin and outputs.
     pub fn of_entries(place: &Place<'_>, recorded: &Entry, replayed: &Entry) -> Option<Self> {
-        let sequence = recorded.head.sequence;
+        let sequence = recorded.header.sequence;
         let text = |e: &Entry| e.outcome().map_or_else(|| e.body.outcome.to_string(), |o| format!("{o:?}"));
         if recorded.body.outcome != replayed.body.outcome {
             return Some(Self::at(place, sequence, "outcome", text(recorded), text(replayed)));
@@ -102,8 +104,8 @@ impl Difference {
             let index = |e: &Entry| e.body.index.to_string();
             return Some(Self::at(place, sequence, "index", index(recorded), index(replayed)));
         }
-        if recorded.head.origin != replayed.head.origin {
-            let origin = |e: &Entry| e.head.origin.to_string();
+        if recorded.header.origin != replayed.header.origin {
+            let origin = |e: &Entry| e.header.origin.to_string();
             return Some(Self::at(place, sequence, "origin", origin(recorded), origin(replayed)));
         }
         let outputs =
@@ -126,10 +128,10 @@ impl Difference {
 
 /// Name, first byte and type of the value that holds byte `at` of a sample.
 fn field_at(kind: &SampleKind, at: usize) -> (String, usize, Primitive) {
-    let (fields, prefix, base) = if at < HEAD_SIZE {
-        (HEAD_FIELDS, "head.".to_string(), 0)
+    let (fields, prefix, base) = if at < HEADER_SIZE {
+        (HEADER_FIELDS, "header.".to_string(), 0)
     } else if at < kind.meta_size() {
-        (kind.body, "body.".to_string(), HEAD_SIZE)
+        (kind.body, "body.".to_string(), HEADER_SIZE)
     } else {
         let element = (at - kind.meta_size()) / kind.element_size.max(1);
         let base = kind.meta_size() + element * kind.element_size;

@@ -25,7 +25,7 @@ impl<'s> Ordered<'s> {
             }
         }
         entries.sort_by_key(|(time, operator, entry, _)| {
-            (*time, *operator, entry.head.incarnation, entry.head.sequence)
+            (*time, *operator, entry.header.incarnation, entry.header.sequence)
         });
         Self { entries }
     }
@@ -45,10 +45,10 @@ impl<'s> Ordered<'s> {
 /// What is missing between an entry and the one recorded before it.
 fn gap(before: Option<&Entry>, entry: &Entry) -> Option<String> {
     let expected = match before {
-        Some(b) if b.head.incarnation == entry.head.incarnation => b.head.sequence + 1,
+        Some(b) if b.header.incarnation == entry.header.incarnation => b.header.sequence + 1,
         _ => 0,
     };
-    let missing = entry.head.sequence.saturating_sub(expected);
+    let missing = entry.header.sequence.saturating_sub(expected);
     if missing > 0 {
         return Some(format!("{missing} journal entries before it were not kept"));
     }

@@ -29,16 +29,16 @@ pub use selection::Selection;
 use selection::{needed, selected};
 
 use crate::graph::Graph;
-use crate::schedule::Witness;
+use crate::schedule::Observer;
 use crate::setup::Files;
 
-/// Replays a session of this graph. `witness` sees every entry with the outputs as they were made again.
+/// Replays a session of this graph. `observer` sees every entry with the outputs as they were made again.
 pub fn replay(
     session: &Session,
     graph: &Arc<Graph>,
     files: &dyn Files,
     selection: &Selection,
-    witness: &mut dyn Witness,
+    observer: &mut dyn Observer,
 ) -> Result<ReplayReport, ReplayError> {
     let compared = selected(graph, selection)?;
     let run = needed(session, graph, &compared);
@@ -46,7 +46,7 @@ pub fn replay(
     let seconds = ordered.seconds();
     let mut replayer = Replayer::new(session, graph, files, compared.clone(), run);
     for (operator, entry, gap) in ordered.entries() {
-        replayer.enter(operator, entry, gap, witness)?;
+        replayer.enter(operator, entry, gap, observer)?;
     }
     for orphan in orphans::of_session(session, graph, &compared) {
         replayer.differ(orphan);

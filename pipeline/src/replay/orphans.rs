@@ -22,7 +22,7 @@ pub fn of_session(session: &Session, graph: &Graph, operators: &BTreeSet<usize>)
         let mut sent: BTreeMap<(usize, u32), (u64, u64)> = BTreeMap::new();
         for entry in session.journals().get(&node.name).into_iter().flatten() {
             for r in entry.refs_of(RefKind::Output) {
-                sent.insert((r.port as usize, entry.head.incarnation), (entry.body.index, r.total));
+                sent.insert((r.port as usize, entry.header.incarnation), (entry.body.index, r.total));
             }
         }
         for (port, output) in node.outputs.iter().enumerate() {

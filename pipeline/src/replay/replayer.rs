@@ -11,9 +11,9 @@ use super::{Open, ReplayError, ReplayReport};
 use crate::graph::{Graph, OperatorNode};
 use crate::placement::{Local, Placement, PlacementError};
 use crate::record::Record;
-use crate::schedule::Witness;
+use crate::sample_store::OwnedSample;
+use crate::schedule::Observer;
 use crate::setup::Files;
-use crate::shelf::Parcel;
 
 struct Life {
     incarnation: u32,
@@ -66,7 +66,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         operator: usize,
         entry: &Entry,
         gap: Option<String>,
-        witness: &mut dyn Witness,
+        observer: &mut dyn Observer,
     ) -> Result<(), ReplayError> {
         let mut made = None;
         if self.run.contains(&operator) {
@@ -79,22 +79,22 @@ impl<'s, 'f> Replayer<'s, 'f> {
         }
         let made = made.unwrap_or_default();
         let outputs = self.hand_on(operator, entry, made)?;
-        witness.saw(operator, entry, &outputs).map_err(ReplayError::Witness)
+        observer.on_activation(operator, entry, &outputs).map_err(ReplayError::Observer)
     }
 
     fn begin(&mut self, operator: usize, entry: &Entry) -> Result<(), ReplayError> {
-        let open_already = |l: &Life| l.incarnation == entry.head.incarnation && l.open.is_some();
+        let open_already = |l: &Life| l.incarnation == entry.header.incarnation && l.open.is_some();
         if self.lives[operator].as_ref().is_some_and(open_already) {
             return Ok(());
         }
-        let life = Life { incarnation: entry.head.incarnation, open: None };
+        let life = Life { incarnation: entry.header.incarnation, open: None };
         if self.lives[operator].replace(life).is_some_and(|l| l.open.is_none()) {
             self.report.exact_incarnations += 1;
         }
         match lacking(&self.graph.operators[operator], self.files) {
             Some(reason) => self.open(operator, entry, reason),
             // The recording shows that it could be made: a build that cannot is no gap of the session.
-            None => drop(self.placement.start(operator, entry.head.incarnation, entry.head.stamp)?),
+            None => drop(self.placement.start(operator, entry.header.incarnation, entry.header.stamp)?),
         }
         Ok(())
     }
@@ -103,7 +103,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         if !self.is_exact(operator, entry) {
             return;
         }
-        match self.placement.end(operator, entry.head.stamp, &[]) {
+        match self.placement.end(operator, entry.header.stamp, &[]) {
             Ok(again) => self.compare_entries(operator, entry, &again),
             Err(e) => self.open(operator, entry, e.to_string()),
         }
@@ -111,12 +111,12 @@ impl<'s, 'f> Replayer<'s, 'f> {
 
     fn is_exact(&self, operator: usize, entry: &Entry) -> bool {
         let life = self.lives[operator].as_ref();
-        life.is_some_and(|l| l.incarnation == entry.head.incarnation && l.open.is_none())
+        life.is_some_and(|l| l.incarnation == entry.header.incarnation && l.open.is_none())
     }
 
     /// From here to its end the incarnation is not exact.
     fn open(&mut self, operator: usize, entry: &Entry, reason: String) {
-        let incarnation = entry.head.incarnation;
+        let incarnation = entry.header.incarnation;
         match &mut self.lives[operator] {
             Some(life) if life.incarnation == incarnation => {
                 if life.open.is_some() {
@@ -144,7 +144,7 @@ impl<'s, 'f> Replayer<'s, 'f> {
         &mut self,
         operator: usize,
         entry: &Entry,
-    ) -> Result<Option<Vec<(usize, Parcel)>>, ReplayError> {
+    ) -> Result<Option<Vec<(usize, OwnedSample)>>, ReplayError> {
         if !self.is_exact(operator, entry) {
             return Ok(None);
         }
@@ -176,9 +176,9 @@ impl<'s, 'f> Replayer<'s, 'f> {
             self.report.activations_compared += 1;
             self.compare_entries(operator, entry, &committed.entry);
         }
-        for (port, parcel) in &committed.outputs {
-            let other = self.compare(operator, entry, *port, parcel)?;
-            self.placement.deliver(operator, *port, other.as_ref().unwrap_or(parcel));
+        for (port, owned) in &committed.outputs {
+            let other = self.compare(operator, entry, *port, owned)?;
+            self.placement.deliver(operator, *port, other.as_ref().unwrap_or(owned));
         }
         Ok(Some(committed.outputs))
     }
@@ -199,8 +199,8 @@ impl<'s, 'f> Replayer<'s, 'f> {
         sequence: u64,
     ) -> Result<bool, ReplayError> {
         let Some((producer, output, _)) = self.edge(operator, port) else { return Ok(false) };
-        let Some(parcel) = self.recorded(producer, output, incarnation, sequence)? else { return Ok(false) };
-        self.placement.deliver_to(operator, port, parcel);
+        let Some(owned) = self.recorded(producer, output, incarnation, sequence)? else { return Ok(false) };
+        self.placement.deliver_to(operator, port, owned);
         Ok(true)
     }
 
@@ -210,12 +210,12 @@ impl<'s, 'f> Replayer<'s, 'f> {
         operator: usize,
         entry: &Entry,
         port: usize,
-        parcel: &Parcel,
-    ) -> Result<Option<Parcel>, ReplayError> {
-        let head = parcel.head();
+        owned: &OwnedSample,
+    ) -> Result<Option<OwnedSample>, ReplayError> {
+        let header = owned.header();
         let topic = &self.graph.operators[operator].outputs[port].topic;
         let same = match self.session.topic_number(topic) {
-            Some(number) => self.session.holds(number, head.incarnation, head.sequence, &parcel.bytes)?,
+            Some(number) => self.session.holds(number, header.incarnation, header.sequence, &owned.bytes)?,
             None => None,
         };
         if self.compared.contains(&operator) {
@@ -228,10 +228,10 @@ impl<'s, 'f> Replayer<'s, 'f> {
         if same != Some(false) {
             return Ok(None);
         }
-        let recorded = self.recorded(operator, port, head.incarnation, head.sequence)?;
+        let recorded = self.recorded(operator, port, header.incarnation, header.sequence)?;
         if let Some(recorded) = recorded.as_ref().filter(|_| self.compared.contains(&operator)) {
             let place = difference::Place { operator: &self.graph.operators[operator].name, entry, topic };
-            let found = Difference::of_samples(&place, parcel.kind, &recorded.bytes, &parcel.bytes);
+            let found = Difference::of_samples(&place, owned.kind, &recorded.bytes, &owned.bytes);
             self.differ(found);
         }
         Ok(recorded)
@@ -262,19 +262,19 @@ impl<'s, 'f> Replayer<'s, 'f> {
         &mut self,
         operator: usize,
         entry: &Entry,
-        made: Vec<(usize, Parcel)>,
-    ) -> Result<Vec<(usize, Parcel)>, ReplayError> {
+        made: Vec<(usize, OwnedSample)>,
+    ) -> Result<Vec<(usize, OwnedSample)>, ReplayError> {
         if !made.is_empty() || entry.outcome().is_none_or(Outcome::is_failure) {
             return Ok(made);
         }
         let mut outputs = Vec::new();
         for r in entry.refs_of(RefKind::Output) {
             for sequence in r.first..r.first + u64::from(r.count) {
-                if let Some(parcel) =
-                    self.recorded(operator, r.port as usize, entry.head.incarnation, sequence)?
+                if let Some(owned) =
+                    self.recorded(operator, r.port as usize, entry.header.incarnation, sequence)?
                 {
-                    self.placement.deliver(operator, r.port as usize, &parcel);
-                    outputs.push((r.port as usize, parcel));
+                    self.placement.deliver(operator, r.port as usize, &owned);
+                    outputs.push((r.port as usize, owned));
                 }
             }
         }
@@ -287,14 +287,14 @@ impl<'s, 'f> Replayer<'s, 'f> {
         port: usize,
         incarnation: u32,
         sequence: u64,
-    ) -> Result<Option<Parcel>, ReplayError> {
+    ) -> Result<Option<OwnedSample>, ReplayError> {
         let node = &self.graph.operators[operator];
         let (Some(output), Some(kind)) = (node.outputs.get(port), node.stage.kind.outputs.get(port)) else {
             return Ok(None);
         };
         let Some(number) = self.session.topic_number(&output.topic) else { return Ok(None) };
         let recorded = self.session.sample(number, incarnation, sequence)?;
-        Ok(recorded.map(|r| Parcel { kind: kind.sample, bytes: Arc::new(r.sample) }))
+        Ok(recorded.map(|r| OwnedSample { kind: kind.sample, bytes: Arc::new(r.sample) }))
     }
 }
 

@@ -62,7 +62,7 @@ pub enum ReplayError {
     Operator(String, String),
     /// What was made again cannot be written.
     #[error("{0}")]
-    Witness(String),
+    Observer(String),
 }
 
 impl ReplayReport {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use stillpoint_samples::{Cause, Entry, Head, Outcome};
+use stillpoint_samples::{Cause, Entry, Header, Outcome};
 
 use super::waiting::Waiting;
 use crate::finished::Finished;
@@ -12,7 +12,7 @@ use crate::intake::Intake;
 use crate::placement::{Placement, PlacementError};
 use crate::record::Record;
 use crate::restarts::{Answer, Restarts};
-use crate::shelf::Parcel;
+use crate::sample_store::OwnedSample;
 
 /// How long what is under way at the end is drained at most, ns of session time.
 const DRAIN: u64 = 1_000_000_000;
@@ -36,18 +36,23 @@ pub enum RunError {
     /// The placement could not do what was asked.
     #[error(transparent)]
     Placement(#[from] PlacementError),
-    /// The witness could not keep what it saw.
+    /// The observer could not keep what it saw.
     #[error("{0}")]
-    Witness(String),
+    Observer(String),
     /// Somebody stopped it.
     #[error("stopped")]
     Stopped,
 }
 
 /// Sees everything that happens, in order: a recorder, a test, a summary.
-pub trait Witness {
+pub trait Observer {
     /// An entry was made, with these outputs. Says why the run cannot go on, if it cannot.
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String>;
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String>;
 
     /// The activation that was seen last failed, and this is what the operator said.
     fn failed(&mut self, _operator: usize, _reason: &str) {}
@@ -67,7 +72,7 @@ pub struct Events {
 }
 
 struct State {
-    intake: Intake<Head>,
+    intake: Intake<Header>,
     ports: Vec<Waiting>,
     /// Number of the next timer tick.
     tick: u64,
@@ -132,10 +137,10 @@ impl Events {
         placement: &mut dyn Placement,
         start: u64,
         duration: u64,
-        witness: &mut dyn Witness,
+        observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         self.end = start.saturating_add(duration);
-        self.begin(placement, start, witness)?;
+        self.begin(placement, start, observer)?;
         let mut last = start;
         let mut ended = Ok(());
         while let Some((time, operator)) = self.next(start) {
@@ -151,7 +156,7 @@ impl Events {
                 continue;
             }
             last = last.max(time);
-            if let Err(e) = self.visit(operator, time, start, placement, witness) {
+            if let Err(e) = self.visit(operator, time, start, placement, observer) {
                 self.end = self.end.min(last);
                 // A fault ends the run in order.
                 if !matches!(e, RunError::Fault { .. }) {
@@ -165,7 +170,7 @@ impl Events {
             // The dead mark no end.
             if !matches!(state.down, Some(Down::Dead(_))) {
                 let entry = placement.end(operator, last, &state.intake.account())?;
-                witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
+                observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
             }
         }
         ended
@@ -176,12 +181,12 @@ impl Events {
         &mut self,
         placement: &mut dyn Placement,
         start: u64,
-        witness: &mut dyn Witness,
+        observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         for (operator, state) in self.operators.iter_mut().enumerate() {
             state.busy_until = start;
             let entry = placement.start(operator, 0, start).map_err(RunError::NotBegun)?;
-            witness.saw(operator, &entry, &[]).map_err(RunError::Witness)?;
+            observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
         }
         Ok(())
     }
@@ -216,10 +221,10 @@ impl Events {
         time: u64,
         start: u64,
         placement: &mut dyn Placement,
-        witness: &mut dyn Witness,
+        observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         if let Some(down) = self.operators[operator].down {
-            return self.begin_again(operator, down, time.saturating_sub(start), time, placement, witness);
+            return self.begin_again(operator, down, time.saturating_sub(start), time, placement, observer);
         }
         let timer = self.timer(operator, start).filter(|due| *due <= time);
         let graph = self.graph.clone();
@@ -248,7 +253,7 @@ impl Events {
         };
         state.dirty = true;
         if let Some(deadline) = node.deadline.filter(|deadline| node.latency > *deadline) {
-            return self.die(operator, time.saturating_add(deadline), witness);
+            return self.die(operator, time.saturating_add(deadline), observer);
         }
         let state = &mut self.operators[operator];
         let record = Record { time, nominal, tick, cause, port, inputs: state.intake.begin(cause, port) };
@@ -256,9 +261,9 @@ impl Events {
         state.intake.end();
         // At least one nanosecond, so that stamps of an operator rise.
         state.busy_until = time.saturating_add(node.latency.max(1));
-        witness.saw(operator, &committed.entry, &committed.outputs).map_err(RunError::Witness)?;
+        observer.on_activation(operator, &committed.entry, &committed.outputs).map_err(RunError::Observer)?;
         if let Some(reason) = &committed.fault {
-            witness.failed(operator, reason);
+            observer.failed(operator, reason);
         }
         self.finished.enter(operator, &committed.entry);
         if committed.entry.outcome() == Some(Outcome::Finished) && self.finished.is_all(&graph) {
@@ -270,10 +275,10 @@ impl Events {
             // At least one nanosecond, so that stamps of an operator rise.
             self.operators[operator].down = Some(Down::Panicked(at.max(time + 1)));
         }
-        for (output, parcel) in &committed.outputs {
+        for (output, owned) in &committed.outputs {
             for (consumer, port) in graph.consumers(operator, *output) {
                 let arrival = time.saturating_add(node.latency);
-                self.operators[consumer].ports[port].send(arrival, parcel.head());
+                self.operators[consumer].ports[port].send(arrival, owned.header());
             }
         }
         Ok(())
@@ -291,7 +296,7 @@ impl Events {
     }
 
     /// A step is not done by its deadline: its process dies, with all its operators, and nothing of the step is seen.
-    fn die(&mut self, operator: usize, time: u64, witness: &mut dyn Witness) -> Result<(), RunError> {
+    fn die(&mut self, operator: usize, time: u64, observer: &mut dyn Observer) -> Result<(), RunError> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         let said = format!(
@@ -299,7 +304,7 @@ impl Events {
             node.latency / 1000,
             node.deadline.unwrap_or(0) / 1000
         );
-        witness.failed(operator, &said);
+        observer.failed(operator, &said);
         let members = &graph.processes[node.process].operators;
         for member in members {
             self.operators[*member].down = Some(Down::Dead(u64::MAX));
@@ -319,7 +324,7 @@ impl Events {
         since_start: u64,
         time: u64,
         placement: &mut dyn Placement,
-        witness: &mut dyn Witness,
+        observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         let node = &self.graph.operators[operator];
         let state = &mut self.operators[operator];
@@ -339,7 +344,7 @@ impl Events {
         }
         let entry = placement.start(operator, state.incarnation, time)?;
         self.finished.enter(operator, &entry);
-        witness.saw(operator, &entry, &[]).map_err(RunError::Witness)
+        observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)
     }
 }
 

@@ -9,5 +9,5 @@
 mod events;
 mod waiting;
 
-pub use events::{Events, RunError, Witness};
+pub use events::{Events, Observer, RunError};
 pub(crate) use waiting::depth_of;

@@ -2,16 +2,16 @@
 
 use std::collections::VecDeque;
 
-use stillpoint_samples::Head;
+use stillpoint_samples::Header;
 
 use crate::operator::Policy;
 
 /// The samples on their way to one input.
 pub struct Waiting {
     depth: usize,
-    /// Sent, not arrived: (time of arrival, head).
-    under_way: VecDeque<(u64, Head)>,
-    arrived: VecDeque<Head>,
+    /// Sent, not arrived: (time of arrival, header).
+    under_way: VecDeque<(u64, Header)>,
+    arrived: VecDeque<Header>,
 }
 
 impl Waiting {
@@ -21,8 +21,8 @@ impl Waiting {
     }
 
     /// A sample is sent, and arrives at this time, ns.
-    pub fn send(&mut self, arrival: u64, head: Head) {
-        self.under_way.push_back((arrival, head));
+    pub fn send(&mut self, arrival: u64, header: Header) {
+        self.under_way.push_back((arrival, header));
     }
 
     /// When the next sample arrives.
@@ -34,18 +34,18 @@ impl Waiting {
     /// came.
     pub fn arrive(&mut self, time: u64) -> bool {
         let mut any = false;
-        while let Some((_, head)) = self.under_way.pop_front_if(|(arrival, _)| *arrival <= time) {
+        while let Some((_, header)) = self.under_way.pop_front_if(|(arrival, _)| *arrival <= time) {
             if self.arrived.len() >= self.depth {
                 self.arrived.pop_front();
             }
-            self.arrived.push_back(head);
+            self.arrived.push_back(header);
             any = true;
         }
         any
     }
 
     /// The oldest sample that has arrived.
-    pub fn take(&mut self) -> Option<Head> {
+    pub fn take(&mut self) -> Option<Header> {
         self.arrived.pop_front()
     }
 

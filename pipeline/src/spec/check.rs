@@ -126,11 +126,11 @@ fn params(
     let place = parsed.name.span;
     let params =
         (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))?;
-    if let Err(misfit) = (stage.fit)(&params) {
+    if let Err(conflict) = (stage.validate)(&params) {
         let given =
             |name: &&str| entries.iter().find(|e| e.key.value == *name).map(|e| changed_last(&e.value));
-        let place = misfit.params.iter().filter_map(given).rev().max_by_key(|p| p.source).unwrap_or(place);
-        findings.say(place, Code::OutOfRange, misfit.reason, misfit.help);
+        let place = conflict.params.iter().filter_map(given).rev().max_by_key(|p| p.source).unwrap_or(place);
+        findings.say(place, Code::OutOfRange, conflict.reason, conflict.help);
     }
     Some(params)
 }

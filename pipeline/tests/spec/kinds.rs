@@ -1,7 +1,8 @@
 //! Kinds of operators with the ports and parameters of a small pipeline. They do nothing: only their description counts.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Misfit, Output, Policy, Registry, Role, SetupError, Stage, StepError, Timer,
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Registry, Role, SetupError, Stage, StepError,
+    Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -17,8 +18,8 @@ macro_rules! kind {
             type Params = $params;
             const KIND: Kind = $kind;
             $(const LAPS: &'static [&'static str] = $laps;)?
-            $(fn fit(params: &$params) -> Result<(), Misfit> {
-                let fit: fn(&$params) -> Result<(), Misfit> = $fit;
+            $(fn validate(params: &$params) -> Result<(), ParamConflict> {
+                let fit: fn(&$params) -> Result<(), ParamConflict> = $fit;
                 fit(params)
             })?
             fn new(_: $params, _: &Setup<'_>) -> Result<Self, SetupError> {
@@ -109,7 +110,7 @@ kind!(
     },
     fit: |params| match params.far > params.near {
         true => Ok(()),
-        false => Err(Misfit {
+        false => Err(ParamConflict {
             params: &["near", "far"],
             reason: format!("`far` is {} m and must be greater than `near`, {} m", params.far, params.near),
             help: "raise `far`, or lower `near`",
@@ -154,7 +155,7 @@ kind!(
 );
 
 kind!(
-    Head,
+    Header,
     (),
     Kind {
         name: "track.head",
@@ -200,7 +201,7 @@ const ALL: &[Stage] = &[
     Stage::of::<Rig>(),
     Stage::of::<Depth>(),
     Stage::of::<Face>(),
-    Stage::of::<Head>(),
+    Stage::of::<Header>(),
     Stage::of::<Kalman>(),
     Stage::of::<others::Target>(),
     Stage::of::<others::Mrac>(),

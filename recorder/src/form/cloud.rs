@@ -1,6 +1,6 @@
 //! `PointCloud` as `sensor_msgs/msg/PointCloud2`: the points' bytes are its data.
 
-use stillpoint_samples::{CloudShape, HEAD_SIZE, Pieces, Point};
+use stillpoint_samples::{CloudShape, HEADER_SIZE, Pieces, Point};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::cdr::{Reader, Writer};
@@ -11,7 +11,7 @@ const POINT: u32 = size_of::<Point>() as u32;
 const FLOAT32: u8 = 7;
 
 fn shape(sample: &Pieces<'_>) -> Option<CloudShape> {
-    CloudShape::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
+    CloudShape::read_from_bytes(sample.meta.get(HEADER_SIZE..)?).ok()
 }
 
 /// Whether the message says all that the sample says.
@@ -27,7 +27,7 @@ pub(super) fn fits(sample: &Pieces<'_>) -> bool {
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let shape = shape(sample).unwrap_or_default();
     let mut w = Writer::new(out);
-    w.header(sample.head().stamp, frame);
+    w.header(sample.header().stamp, frame);
     w.u32(shape.height);
     w.u32(shape.width);
     w.u32(3);
@@ -67,8 +67,8 @@ pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) ->
         return Err(format!("{} bytes are not {width} x {height} points of {POINT} bytes", points.len()));
     }
     let length = u32::try_from(count).map_err(|_| format!("{count} points are too many"))?;
-    let head = shared.head(envelope, stamp, length);
+    let header = shared.header(envelope, stamp, length);
     let shape = CloudShape { width, height, reserved: 0, length };
-    let meta = [head.as_bytes(), shape.as_bytes()].concat();
+    let meta = [header.as_bytes(), shape.as_bytes()].concat();
     Ok(Decoded { meta: meta.into(), payload: points.into() })
 }

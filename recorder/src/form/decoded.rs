@@ -7,7 +7,7 @@ use stillpoint_samples::AlignedBytes;
 /// A sample behind a message.
 #[derive(Clone, Debug)]
 pub(crate) struct Decoded<'a> {
-    /// Head and body.
+    /// Header and body.
     pub meta: Cow<'a, [u8]>,
     /// The elements.
     pub payload: Cow<'a, [u8]>,

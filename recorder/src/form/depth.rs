@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{HEAD_SIZE, Intrinsics, Pieces};
+use stillpoint_samples::{HEADER_SIZE, Intrinsics, Pieces};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::cdr::Writer;
@@ -13,7 +13,7 @@ use super::{Decoded, Envelope, Fault, Shared};
 const ENCODING: Encoding = Encoding { name: "16UC1", pixel: size_of::<u16>() as u32 };
 
 fn intrinsics(sample: &Pieces<'_>) -> Option<Intrinsics> {
-    Intrinsics::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
+    Intrinsics::read_from_bytes(sample.meta.get(HEADER_SIZE..)?).ok()
 }
 
 fn numbers(i: &Intrinsics) -> [(&'static str, f64); 5] {
@@ -41,7 +41,7 @@ pub(super) fn extra(sample: &Pieces<'_>) -> Option<BTreeMap<String, String>> {
 }
 
 fn image<'a>(i: &Intrinsics, sample: &Pieces<'a>) -> Image<'a> {
-    Image { stamp: sample.head().stamp, width: i.width, height: i.height, pixels: sample.payload }
+    Image { stamp: sample.header().stamp, width: i.width, height: i.height, pixels: sample.payload }
 }
 
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
@@ -59,7 +59,7 @@ pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) ->
         let text = shared.extra.get(name).ok_or_else(|| format!("its channel does not say `{name}`"))?;
         *to = text.parse().map_err(|_| format!("`{name}` is `{}`, no number", text.escape_debug()))?;
     }
-    let meta = [shared.head(envelope, stamp, length).as_bytes(), i.as_bytes()].concat();
+    let meta = [shared.header(envelope, stamp, length).as_bytes(), i.as_bytes()].concat();
     Ok(Decoded { meta: meta.into(), payload: pixels.into() })
 }
 
@@ -67,7 +67,7 @@ pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) ->
 pub(crate) fn camera_info(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let i = intrinsics(sample).unwrap_or_default();
     let mut w = Writer::new(out);
-    w.header(sample.head().stamp, frame);
+    w.header(sample.header().stamp, frame);
     w.u32(i.height);
     w.u32(i.width);
     w.text("plumb_bob");

@@ -1,6 +1,6 @@
 //! `GreyImage` as `sensor_msgs/msg/Image` (`mono8`).
 
-use stillpoint_samples::{GreyShape, HEAD_SIZE, Pieces};
+use stillpoint_samples::{GreyShape, HEADER_SIZE, Pieces};
 use zerocopy::{FromBytes, IntoBytes};
 
 use super::image::{Encoding, Image};
@@ -9,11 +9,11 @@ use super::{Decoded, Envelope, Fault, Shared};
 const ENCODING: Encoding = Encoding { name: "mono8", pixel: 1 };
 
 fn shape(sample: &Pieces<'_>) -> Option<GreyShape> {
-    GreyShape::read_from_bytes(sample.meta.get(HEAD_SIZE..)?).ok()
+    GreyShape::read_from_bytes(sample.meta.get(HEADER_SIZE..)?).ok()
 }
 
 fn image<'a>(s: &GreyShape, sample: &Pieces<'a>) -> Image<'a> {
-    Image { stamp: sample.head().stamp, width: s.width, height: s.height, pixels: sample.payload }
+    Image { stamp: sample.header().stamp, width: s.width, height: s.height, pixels: sample.payload }
 }
 
 /// Whether the message says all that the sample says.
@@ -29,6 +29,6 @@ pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
 pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
     let (Image { stamp, width, height, pixels }, length) = Image::decode(&ENCODING, data)?;
     let shape = GreyShape { width, height, reserved: 0, length };
-    let meta = [shared.head(envelope, stamp, length).as_bytes(), shape.as_bytes()].concat();
+    let meta = [shared.header(envelope, stamp, length).as_bytes(), shape.as_bytes()].concat();
     Ok(Decoded { meta: meta.into(), payload: pixels.into() })
 }

@@ -32,7 +32,7 @@ mod transforms;
 
 use std::collections::BTreeMap;
 
-use stillpoint_samples::{Head, Pieces, SampleKind};
+use stillpoint_samples::{Header, Pieces, SampleKind};
 
 pub(crate) use cdr::{Reader, Writer};
 pub(crate) use decoded::Decoded;
@@ -121,20 +121,20 @@ impl Form {
 
     /// What the channel of this sample must say. `None`: this form would lose something of it.
     pub fn shared(self, sample: &Pieces<'_>) -> Option<Shared> {
-        let head = sample.head();
+        let header = sample.header();
         if self == Self::Own {
             // The bytes say everything themselves.
             return Some(Shared::default());
         }
         let extra = match self {
             Self::Own => BTreeMap::new(),
-            _ if !cdr::is_ros_time(head.stamp) => return None,
+            _ if !cdr::is_ros_time(header.stamp) => return None,
             Self::Cloud => cloud::fits(sample).then(BTreeMap::new)?,
             Self::Pose => BTreeMap::new(),
             Self::Depth => depth::extra(sample)?,
             Self::Grey => grey::fits(sample).then(BTreeMap::new)?,
         };
-        Some(Shared { incarnation: head.incarnation, sequence_high: (head.sequence >> 32) as u32, extra })
+        Some(Shared { incarnation: header.incarnation, sequence_high: (header.sequence >> 32) as u32, extra })
     }
 
     /// Appends the message to `out`.
@@ -167,9 +167,9 @@ impl Form {
 }
 
 impl Shared {
-    /// The head behind a message.
-    fn head(&self, envelope: Envelope, stamp: u64, count: u32) -> Head {
-        Head {
+    /// The header behind a message.
+    fn header(&self, envelope: Envelope, stamp: u64, count: u32) -> Header {
+        Header {
             stamp,
             origin: envelope.publish_time,
             sequence: self.sequence(envelope),
@@ -185,7 +185,7 @@ impl Shared {
 }
 
 pub(crate) use depth::camera_info;
-pub(crate) use own::head as own_head;
+pub(crate) use own::header as own_header;
 
 const INCARNATION: &str = "stillpoint.incarnation";
 const SEQUENCE_HIGH: &str = "stillpoint.sequence_high";

@@ -1,6 +1,6 @@
-//! A sample's own bytes: `Head ++ Body ++ elements` is a CDR body as it is.
+//! A sample's own bytes: `Header ++ Body ++ elements` is a CDR body as it is.
 
-use stillpoint_samples::{HEAD_SIZE, Head, Pieces, SampleKind};
+use stillpoint_samples::{HEADER_SIZE, Header, Pieces, SampleKind};
 
 use super::cdr::{ENCAPSULATION, Reader, Writer};
 use super::{Decoded, Fault};
@@ -17,8 +17,8 @@ pub(super) fn decode<'a>(kind: &SampleKind, data: &'a [u8]) -> Result<Decoded<'a
     Ok(Decoded { meta: pieces.meta.into(), payload: pieces.payload.into() })
 }
 
-/// The head of a message in its own form, whatever its kind.
-pub(crate) fn head(data: &[u8]) -> Result<Head, Fault> {
-    let meta = Reader::new(data)?.raw(HEAD_SIZE, 1)?;
-    Ok(Pieces { meta, payload: &[] }.head())
+/// The header of a message in its own form, whatever its kind.
+pub(crate) fn header(data: &[u8]) -> Result<Header, Fault> {
+    let meta = Reader::new(data)?.raw(HEADER_SIZE, 1)?;
+    Ok(Pieces { meta, payload: &[] }.header())
 }

@@ -8,7 +8,7 @@ use super::{Decoded, Envelope, Fault, Shared};
 
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);
-    w.header(sample.head().stamp, frame);
+    w.header(sample.header().stamp, frame);
     if let Ok(pose) = PoseElement::read_from_bytes(sample.payload) {
         let [qw, qx, qy, qz] = pose.orientation;
         w.f64s(&pose.position);
@@ -30,6 +30,6 @@ pub(super) fn decode(shared: &Shared, envelope: Envelope, data: &[u8]) -> Result
         *c = r.f64()?;
     }
     let pose = PoseElement { position, orientation: [qw, qx, qy, qz], covariance };
-    let head = shared.head(envelope, stamp, 1);
-    Ok(Decoded { meta: head.as_bytes().to_vec().into(), payload: pose.as_bytes().to_vec().into() })
+    let header = shared.header(envelope, stamp, 1);
+    Ok(Decoded { meta: header.as_bytes().to_vec().into(), payload: pose.as_bytes().to_vec().into() })
 }

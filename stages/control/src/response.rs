@@ -9,7 +9,7 @@ const BAND: f64 = 0.05;
 
 /// A step of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Step {
+pub struct TargetStep {
     /// When it came, s.
     pub at_s: f64,
     /// When the target changed next, or the session ended, s.
@@ -25,7 +25,7 @@ pub struct Step {
 pub struct Response {
     /// The step.
     #[serde(flatten)]
-    pub step: Step,
+    pub step: TargetStep,
     /// How long it was between 10 % and 90 % of the step, s; none where 90 % was not reached. Where it goes up evenly that
     /// is the time from the one to the other. What swings about its way, as a head that breathes, crosses 90 % for the
     /// first time too early, by as much as its swing is large beside how slowly it comes.
@@ -41,7 +41,7 @@ pub struct Response {
 }
 
 /// The steps of a target over time: (s, value), in the order of time, that lasted until `end`.
-pub fn steps(target: &[(f64, f64)], end: f64) -> Vec<Step> {
+pub fn steps(target: &[(f64, f64)], end: f64) -> Vec<TargetStep> {
     // Where it changed, and to what.
     let mut changes: Vec<(f64, f64)> = Vec::new();
     for (time, value) in target.iter().filter(|p| p.1.is_finite()) {
@@ -52,11 +52,11 @@ pub fn steps(target: &[(f64, f64)], end: f64) -> Vec<Step> {
     let ends = changes.iter().skip(1).map(|c| c.0).chain([end]).collect::<Vec<_>>();
     let pairs = changes.windows(2).zip(ends.iter().skip(1));
     let stood = pairs.filter(|(w, end)| w[1].0 - w[0].0 >= STANDS && **end - w[1].0 >= STANDS);
-    stood.map(|(w, end)| Step { at_s: w[1].0, until_s: *end, from: w[0].1, to: w[1].1 }).collect()
+    stood.map(|(w, end)| TargetStep { at_s: w[1].0, until_s: *end, from: w[0].1, to: w[1].1 }).collect()
 }
 
 /// The answer of a value over time to a step.
-pub fn response(step: Step, value: &[(f64, f64)]) -> Option<Response> {
+pub fn response(step: TargetStep, value: &[(f64, f64)]) -> Option<Response> {
     let during: Vec<(f64, f64)> = value
         .iter()
         .filter(|p| (step.at_s..step.until_s).contains(&p.0) && p.1.is_finite())
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn a_first_order_system_has_the_rise_and_the_settling_of_its_time_constant() {
         let steps = steps(&target(), 60.0);
-        assert_eq!(steps, [Step { at_s: 5.0, until_s: 60.0, from: 1.0, to: 3.0 }]);
+        assert_eq!(steps, [TargetStep { at_s: 5.0, until_s: 60.0, from: 1.0, to: 3.0 }]);
         let tau: f64 = 4.0;
         let value = |t: f64| if t < 5.0 { 1.0 } else { 3.0 - 2.0 * (-(t - 5.0) / tau).exp() };
         let points: Vec<_> = (0..60_000).map(|k| 1e-3 * f64::from(k)).map(|t| (t, value(t))).collect();
@@ -112,7 +112,7 @@ mod tests {
 
     #[test]
     fn what_breathes_on_its_way_rises_as_slowly_as_what_does_not() {
-        let step = Step { at_s: 0.0, until_s: 120.0, from: 0.0, to: 1.0 };
+        let step = TargetStep { at_s: 0.0, until_s: 120.0, from: 0.0, to: 1.0 };
         let (rise, swing, period) = (20.0, 0.045, 4.0);
         let mut crossings = Vec::new();
         for phase in 0..8 {
@@ -139,7 +139,7 @@ mod tests {
                 * ((damped * t).cos() + zeta * omega / damped * (damped * t).sin())
         };
         // Downwards: beyond is below.
-        let step = Step { at_s: 2.0, until_s: 50.0, from: 1.0, to: -1.0 };
+        let step = TargetStep { at_s: 2.0, until_s: 50.0, from: 1.0, to: -1.0 };
         let points: Vec<_> = (0..50_000)
             .map(|k| 1e-3 * f64::from(k))
             .map(|t| (t, 1.0 - 2.0 * answer(f64::max(t - 2.0, 0.0))))
@@ -153,7 +153,7 @@ mod tests {
     fn a_ramp_is_no_step_and_what_is_never_reached_has_no_rise() {
         let ramp: Vec<(f64, f64)> = (0..100).map(|k| (0.1 * f64::from(k), 0.01 * f64::from(k))).collect();
         assert!(steps(&ramp, 10.0).is_empty() && steps(&[], 1.0).is_empty());
-        let step = Step { at_s: 0.0, until_s: 10.0, from: 0.0, to: 1.0 };
+        let step = TargetStep { at_s: 0.0, until_s: 10.0, from: 0.0, to: 1.0 };
         let lazy: Vec<_> = (0..100).map(|k| (0.1 * f64::from(k), 0.3)).collect();
         let found = response(step, &lazy).unwrap();
         assert_eq!((found.rise_s, found.settling_s), (None, None));

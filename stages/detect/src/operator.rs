@@ -1,7 +1,7 @@
 //! `detect.face`: where grey images show faces.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{FaceBox, FaceBoxes, FaceBoxesShape, GreyImage, Sample};
@@ -85,12 +85,12 @@ impl Operator for DetectFace {
         timer: Timer::No,
     };
 
-    fn fit(params: &DetectFaceParams) -> Result<(), Misfit> {
+    fn validate(params: &DetectFaceParams) -> Result<(), ParamConflict> {
         let DetectFaceParams { smallest, largest, .. } = params;
         if largest >= smallest {
             return Ok(());
         }
-        Err(Misfit {
+        Err(ParamConflict {
             params: &["smallest", "largest"],
             reason: format!(
                 "`largest` is {largest} pixels and must be at least `smallest`, {smallest} pixels"

@@ -150,7 +150,7 @@ enum Until {
 }
 
 /// The head of an element.
-struct Head {
+struct ElementHeader {
     tag: Tag,
     vr: VR,
     length: u32,
@@ -267,7 +267,7 @@ impl Walk<'_> {
         Err(LayoutError::End { tag: PIXEL_DATA, at: end })
     }
 
-    fn head(&mut self, end: usize, encoding: Encoding) -> Result<Head, LayoutError> {
+    fn head(&mut self, end: usize, encoding: Encoding) -> Result<ElementHeader, LayoutError> {
         let at = self.at;
         let cut = LayoutError::End { tag: self.last, at };
         let bytes = self.bytes.get(at..end).unwrap_or_default();
@@ -279,22 +279,22 @@ impl Walk<'_> {
                 _ => StandardDataDictionary.by_tag(tag).map_or(VR::UN, |entry| entry.vr().relaxed()),
             };
             self.at += 8;
-            return Ok(Head { tag, vr, length: u32::from_le_bytes([a, b, c, d]) });
+            return Ok(ElementHeader { tag, vr, length: u32::from_le_bytes([a, b, c, d]) });
         }
         let Some(vr) = VR::from_binary([a, b]) else {
             return Err(LayoutError::Wrong { tag, at, why: "has no value representation that DICOM knows" });
         };
         if !is_long(vr) {
             self.at += 8;
-            return Ok(Head { tag, vr, length: u32::from(u16::from_le_bytes([c, d])) });
+            return Ok(ElementHeader { tag, vr, length: u32::from(u16::from_le_bytes([c, d])) });
         }
         let Some(&[l0, l1, l2, l3]) = bytes.get(8..12) else { return Err(cut) };
         self.at += 12;
-        Ok(Head { tag, vr, length: u32::from_le_bytes([l0, l1, l2, l3]) })
+        Ok(ElementHeader { tag, vr, length: u32::from_le_bytes([l0, l1, l2, l3]) })
     }
 
     /// The length of a value, if it ends before `end`.
-    fn fits(&self, head: &Head, at: usize, end: usize) -> Result<usize, LayoutError> {
+    fn fits(&self, head: &ElementHeader, at: usize, end: usize) -> Result<usize, LayoutError> {
         let left = end.saturating_sub(self.at);
         match head.length as usize <= left {
             true => Ok(head.length as usize),
@@ -302,7 +302,7 @@ impl Walk<'_> {
         }
     }
 
-    fn value(&mut self, head: &Head, at: usize, end: usize) -> Result<&[u8], LayoutError> {
+    fn value(&mut self, head: &ElementHeader, at: usize, end: usize) -> Result<&[u8], LayoutError> {
         let length = self.fits(head, at, end)?;
         let value = &self.bytes[self.at..self.at + length];
         self.at += length;

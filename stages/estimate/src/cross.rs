@@ -31,7 +31,7 @@ pub enum Update<const N: usize> {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Step<const N: usize> {
+struct PendingUpdate<const N: usize> {
     time: u64,
     side: Side,
     update: Update<N>,
@@ -47,7 +47,7 @@ pub struct CrossCovariance<const N: usize, const M: usize> {
     /// How far each track is known, ns.
     known: [u64; 2],
     /// Updates after `at`, in the order of time.
-    waiting: [Option<Step<N>>; WAITING],
+    waiting: [Option<PendingUpdate<N>>; WAITING],
 }
 
 impl<const N: usize, const M: usize> CrossCovariance<N, M> {
@@ -78,7 +78,7 @@ impl<const N: usize, const M: usize> CrossCovariance<N, M> {
     /// Takes notice of an update of one track at `time`, ns. Updates of one track come in the order of time; those of
     /// both together need not.
     pub fn record(&mut self, side: Side, time: u64, update: Update<N>) {
-        let step = Step { time: time.max(self.at), side, update };
+        let step = PendingUpdate { time: time.max(self.at), side, update };
         if self.waiting[WAITING - 1].is_some() {
             // The other track has been silent for all of these: it had no updates among them.
             self.absorb_first();
@@ -120,7 +120,7 @@ impl<const N: usize, const M: usize> CrossCovariance<N, M> {
         }
     }
 
-    fn after(&self, p12: &SMatrix<f64, M, M>, at: u64, step: &Step<N>) -> SMatrix<f64, M, M> {
+    fn after(&self, p12: &SMatrix<f64, M, M>, at: u64, step: &PendingUpdate<N>) -> SMatrix<f64, M, M> {
         let Update::Gain(gain) = &step.update else { return SMatrix::zeros() };
         let keep = keep::<N, M>(gain);
         let prior = self.predicted(p12, at, step.time);

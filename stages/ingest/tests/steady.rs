@@ -8,7 +8,7 @@ use std::io::Cursor;
 use allocation_counter::{AllocationInfo, measure};
 use stillpoint_ingest::pcd::{write_ascii, write_binary};
 use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_samples::{DepthImage, GreyImage, Head, Intrinsics, Pieces, PointCloud, Sample};
+use stillpoint_samples::{DepthImage, GreyImage, Header, Intrinsics, Pieces, PointCloud, Sample};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;
 
@@ -77,7 +77,7 @@ fn an_image_from_a_camera_takes_no_memory() {
         length: 0,
     };
     for k in 1..=5_u64 {
-        let head = Head { stamp: k, origin: k, sequence: k, incarnation: 0, count: PIXELS as u32 };
+        let head = Header { stamp: k, origin: k, sequence: k, incarnation: 0, count: PIXELS as u32 };
         let image = bytes_of::<DepthImage>(&head, &body, &counts());
         let pieces = Pieces::split(DepthImage::KIND, &image).unwrap();
         let taken = it.feed(0, k, pieces, |step| measure(step)).unwrap();

@@ -34,7 +34,7 @@ const ERROR: [f64; 7] =
 
 /// What one step gives.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step<const N: usize> {
+pub struct IntegrationStep<const N: usize> {
     /// The state after the step, of order 5.
     pub state: SVector<f64, N>,
     /// The slope after the step: the first slope of the next one.
@@ -50,7 +50,7 @@ fn from_slope<const N: usize>(
     y: &SVector<f64, N>,
     slope: SVector<f64, N>,
     h: f64,
-) -> Step<N> {
+) -> IntegrationStep<N> {
     let mut slopes = [SVector::<f64, N>::zeros(); 7];
     slopes[0] = slope;
     let mut state = *y;
@@ -65,7 +65,7 @@ fn from_slope<const N: usize>(
     for (weight, slope) in ERROR.iter().zip(&slopes) {
         error.axpy(h * weight, slope, 1.0);
     }
-    Step { state, slope: slopes[6], error }
+    IntegrationStep { state, slope: slopes[6], error }
 }
 
 /// Advances `y' = f(t, y)` from `t` by `h`: local error of order `h^6`, no allocation.
@@ -74,7 +74,7 @@ pub fn step<const N: usize>(
     t: f64,
     y: &SVector<f64, N>,
     h: f64,
-) -> Step<N> {
+) -> IntegrationStep<N> {
     let slope = f(t, y);
     from_slope(&mut f, t, y, slope, h)
 }

@@ -82,7 +82,7 @@ impl Operator for View {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let Some(truth) = activation.input::<Pose>(TRUTH) else { return Ok(()) };
         let Some(pose) = truth.first() else { return Ok(()) };
-        outputs.acquired_at(truth.head.stamp);
+        outputs.acquired_at(truth.header.stamp);
         self.sight.send(&isometry(pose), activation, outputs, DEPTH)
     }
 }

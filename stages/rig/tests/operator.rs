@@ -26,7 +26,7 @@ fn each_tick_sends_an_image_and_the_exact_pose_of_its_moment() {
     let (images, poses) = (run.samples::<DepthImage>("rig.depth"), run.samples::<Pose>("rig.truth"));
     assert_eq!((images.len(), poses.len()), (10, 10));
     for (image, pose) in images.iter().zip(&poses) {
-        assert_eq!((image.head.stamp, image.head.origin), (pose.head.stamp, pose.head.stamp));
+        assert_eq!((image.header.stamp, image.header.origin), (pose.header.stamp, pose.header.stamp));
         assert_eq!((image.body.width, image.body.height, image.elements.len()), (160, 120, 19_200));
         let seen = image.elements.iter().filter(|c| **c > 0).count();
         assert!(seen > 5000, "{seen} pixels have a depth");

@@ -49,7 +49,7 @@ pub mod table;
 pub mod voxel;
 
 pub use cloud::Cloud;
-pub use face::{FaceParams, FaceSegmenter, Rejection, Rule, Seen, Step};
+pub use face::{FaceParams, FaceSegmenter, Rejection, Rule, Seen, SegmentationStep};
 pub use plane::Plane;
 
 use stillpoint_pipeline::Stage;

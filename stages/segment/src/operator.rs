@@ -1,7 +1,7 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -11,7 +11,7 @@ use stillpoint_samples::{
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::cloud::Cloud;
-use crate::face::{self, FaceParams, FaceSegmenter, Seen, Step};
+use crate::face::{self, FaceParams, FaceSegmenter, Seen, SegmentationStep};
 use crate::findings::{self, METRICS};
 use crate::mls::MlsParams;
 use crate::outliers::OutlierParams;
@@ -173,15 +173,15 @@ impl Operator for SegmentFace {
         ],
         timer: Timer::No,
     };
-    const LAPS: &'static [&'static str] = Step::NAMES;
+    const LAPS: &'static [&'static str] = SegmentationStep::NAMES;
 
-    fn fit(params: &SegmentParams) -> Result<(), Misfit> {
+    fn validate(params: &SegmentParams) -> Result<(), ParamConflict> {
         let SegmentParams { height_min, height_max, .. } = *params;
         if height_max > height_min {
             return Ok(());
         }
         let mm = |metres: f64| (metres * 1e6).round() / 1e3;
-        Err(Misfit {
+        Err(ParamConflict {
             params: &["height_min", "height_max"],
             reason: format!(
                 "`height_max` is {} mm and must be greater than `height_min`, {} mm",
@@ -240,7 +240,7 @@ impl Operator for SegmentFace {
         let organised =
             cloud.body.height > 1 && cloud.body.width as usize * cloud.body.height as usize == points.len();
         let width = if organised { cloud.body.width as usize } else { 0 };
-        let mut ended = |step: Step| outputs.lap(step as usize);
+        let mut ended = |step: SegmentationStep| outputs.lap(step as usize);
         let seen =
             self.segmenter.segment_in_steps(Cloud { points, width }, &mut activation.random(), &mut ended);
         let sent = match &seen.face {

@@ -56,8 +56,8 @@ fn view<S: Sample>(left: &Left, port: usize) -> View<'_, S> {
 }
 
 fn metrics(left: &Left) -> Vec<(String, f64)> {
-    let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
-    let view = parcel.pieces().view::<Diagnostics>().unwrap();
+    let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+    let view = owned.pieces().view::<Diagnostics>().unwrap();
     view.elements.iter().map(|m| (m.name().to_string(), m.value)).collect()
 }
 

@@ -82,8 +82,8 @@ fn record(run: &stillpoint_testing::Run, path: &Path) -> Result<(), Box<dyn Erro
         frame: Some("camera".to_string()),
         role: Role::Source,
     })?;
-    for parcel in run.parcels("coarse.cloud").take(3) {
-        part.write(topic, parcel.pieces(), parcel.head().stamp)?;
+    for owned in run.owned_samples("coarse.cloud").take(3) {
+        part.write(topic, owned.pieces(), owned.header().stamp)?;
     }
     part.finish(&Closing::default())?;
     Ok(())

@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use stillpoint_pipeline::cell::Cell;
 use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::instance::OperatorInstance;
 use stillpoint_pipeline::operator::{Registry, Stage};
 use stillpoint_pipeline::outputs::{Buffer, Lender};
 use stillpoint_pipeline::outside::Outside;
 use stillpoint_pipeline::record::Record;
+use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::setup::Files;
-use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec::check;
-use stillpoint_samples::{Cause, Head, JournalRef, Outcome, RefKind, Sample, SampleKind};
+use stillpoint_samples::{Cause, Header, JournalRef, Outcome, RefKind, Sample, SampleKind};
 
 use crate::feed;
 use crate::run::START;
@@ -19,7 +19,7 @@ use crate::sample::bytes_of;
 
 /// One operator of a pipeline on the bench.
 pub struct Bench {
-    cell: Cell,
+    instance: OperatorInstance,
     kinds: Vec<&'static SampleKind>,
     time: u64,
     next: Option<u64>,
@@ -30,7 +30,7 @@ pub struct Bench {
 /// What an activation left behind.
 pub struct Left {
     /// The outputs with the number of their port, in the order of sending.
-    pub outputs: Vec<(usize, Parcel)>,
+    pub outputs: Vec<(usize, OwnedSample)>,
     /// What the operator said where the activation failed.
     pub fault: Option<String>,
     /// It failed by a panic.
@@ -48,9 +48,10 @@ impl Bench {
         let graph: Graph = check(text, "bench.yaml", &[], &registry, files).map_err(|f| f.to_string())?;
         let graph = Arc::new(graph);
         let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
-        let cell = Cell::build(&graph, operator, 0, files, Outside::default()).map_err(|e| e.0)?;
+        let instance =
+            OperatorInstance::build(&graph, operator, 0, files, Outside::default()).map_err(|e| e.0)?;
         let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
-        Ok(Self { cell, kinds, time: START, next: None, sequence: 0, padding: 0 })
+        Ok(Self { instance, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }
 
     /// Lends buffers that have this many bytes more than needed, of another content each time: what lies beyond a
@@ -70,15 +71,15 @@ impl Bench {
         age: i64,
     ) -> Left {
         self.advance();
-        let head = Head {
+        let header = Header {
             stamp: self.time,
             origin: self.time.saturating_add_signed(-age),
             sequence: self.sequence,
             incarnation: 0,
             count: elements.len() as u32,
         };
-        let bytes = Arc::new(bytes_of::<S>(&head, body, elements));
-        let parcel = Parcel { kind: S::KIND, bytes };
+        let bytes = Arc::new(bytes_of::<S>(&header, body, elements));
+        let owned = OwnedSample { kind: S::KIND, bytes };
         let reference = JournalRef {
             first: self.sequence,
             total: self.sequence + 1,
@@ -90,7 +91,7 @@ impl Bench {
             kind: RefKind::Fresh as u32,
         };
         self.sequence += 1;
-        self.activate(Cause::Input, port, vec![reference], Some(&parcel))
+        self.activate(Cause::Input, port, vec![reference], Some(&owned))
     }
 
     /// Says when the next activation is: so many ns after the first one could have been.
@@ -114,17 +115,19 @@ impl Bench {
         cause: Cause,
         port: usize,
         inputs: Vec<JournalRef>,
-        parcel: Option<&Parcel>,
+        owned: Option<&OwnedSample>,
     ) -> Left {
         let record = Record { time: self.time, nominal: self.time, tick: self.sequence, cause, port, inputs };
         let mut heap = Heap { kinds: &self.kinds, padding: self.padding };
-        let sample = |p: usize| parcel.filter(|_| p == port).map(Parcel::pieces);
-        let entry = self.cell.activate(&record, &sample, &mut heap);
+        let sample = |p: usize| owned.filter(|_| p == port).map(OwnedSample::pieces);
+        let entry = self.instance.activate(&record, &sample, &mut heap);
         let outcome = entry.outcome();
-        let fault = self.cell.fault().filter(|_| outcome.is_none_or(Outcome::is_failure)).map(str::to_string);
+        let fault =
+            self.instance.fault().filter(|_| outcome.is_none_or(Outcome::is_failure)).map(str::to_string);
         let kinds = &self.kinds;
-        let outputs = self.cell.take_drafts();
-        let outputs = outputs.map(|d| (d.port, Parcel::copy_of(kinds[d.port], d.buffer.pieces()))).collect();
+        let outputs = self.instance.take_drafts();
+        let outputs =
+            outputs.map(|d| (d.port, OwnedSample::copy_of(kinds[d.port], d.buffer.pieces()))).collect();
         Left { outputs, fault, panicked: outcome == Some(Outcome::Panic) }
     }
 }

@@ -1,7 +1,7 @@
 //! One operator with its buffers made beforehand, so that a step can be watched alone: what it takes from the heap, say.
 
 use stillpoint_pipeline::activation::{Activation, Brought, Consumed, RandomKey};
-use stillpoint_pipeline::operator::{Registry, Stage, Step};
+use stillpoint_pipeline::operator::{ErasedOperator, Registry, Stage};
 use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
 use stillpoint_pipeline::setup::{Files, Setup};
 use stillpoint_pipeline::spec::check;
@@ -14,7 +14,7 @@ const DRAFTS: usize = 8;
 
 /// An operator with all that a step of it touches.
 pub struct Quiet {
-    operator: Box<dyn Step>,
+    operator: Box<dyn ErasedOperator>,
     inputs: usize,
     laps: usize,
     kinds: Vec<(&'static SampleKind, usize)>,

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;
-use stillpoint_pipeline::schedule::{Events, Witness};
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::{Events, Observer};
 use stillpoint_pipeline::setup::Files;
-use stillpoint_pipeline::shelf::Parcel;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Entry, Outcome, Sample, View};
 
@@ -19,7 +19,7 @@ pub struct Run {
     /// The checked pipeline.
     pub graph: Arc<Graph>,
     keep: fn(&str) -> bool,
-    sent: Vec<(String, Parcel)>,
+    sent: Vec<(String, OwnedSample)>,
     failed: Vec<String>,
 }
 
@@ -50,8 +50,13 @@ pub fn run_keeping(
     Ok(run)
 }
 
-impl Witness for Run {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+impl Observer for Run {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
         let node = &self.graph.operators[operator];
         if entry.outcome().is_none_or(Outcome::is_failure) {
             self.failed.push(node.name.clone());
@@ -66,12 +71,12 @@ impl Witness for Run {
 impl Run {
     /// The samples of a topic, in the order of sending. A topic of another type has none.
     pub fn samples<S: Sample>(&self, topic: &str) -> Vec<View<'_, S>> {
-        self.parcels(topic).filter_map(|p| p.pieces().view::<S>().ok()).collect()
+        self.owned_samples(topic).filter_map(|p| p.pieces().view::<S>().ok()).collect()
     }
 
     /// The bytes of a topic's samples, heads included, one behind the other.
     pub fn bytes(&self, topic: &str) -> Vec<u8> {
-        self.parcels(topic).flat_map(|p| p.bytes.iter().copied()).collect()
+        self.owned_samples(topic).flat_map(|p| p.bytes.iter().copied()).collect()
     }
 
     /// The topics on which something was sent, sorted.
@@ -86,7 +91,7 @@ impl Run {
     }
 
     /// The samples of a topic as bytes, in the order of sending.
-    pub fn parcels(&self, topic: &str) -> impl Iterator<Item = &Parcel> {
+    pub fn owned_samples(&self, topic: &str) -> impl Iterator<Item = &OwnedSample> {
         self.sent.iter().filter(move |(t, _)| t == topic).map(|(_, p)| p)
     }
 }

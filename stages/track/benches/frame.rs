@@ -24,14 +24,14 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::setting::Setting;
 use stillpoint_rig::trajectory::{Motion, Trajectory};
-use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Step};
+use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, SegmentationStep};
 use stillpoint_testing::reference;
 use stillpoint_track::HeadTracker;
 
 /// Times that each sequence is gone through.
 const ROUNDS: usize = 5;
 /// Cloud, the steps of the segmentation, pose.
-const STEPS: usize = Step::NAMES.len() + 2;
+const STEPS: usize = SegmentationStep::NAMES.len() + 2;
 
 struct Frame {
     name: String,
@@ -123,7 +123,7 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
             let mut last = now();
             let mut spent = [0.0; STEPS];
             spent[0] = last - begin;
-            let mut ended = |step: Step| {
+            let mut ended = |step: SegmentationStep| {
                 let time = now();
                 spent[step as usize + 1] += time - last;
                 last = time;
@@ -146,15 +146,20 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
                 continue;
             }
             to_clusters.push(
-                [Step::Voxel, Step::Plane, Step::Rise, Step::Cluster]
-                    .map(|s| spent[s as usize + 1])
-                    .iter()
-                    .sum::<f64>(),
+                [
+                    SegmentationStep::Voxel,
+                    SegmentationStep::Plane,
+                    SegmentationStep::Rise,
+                    SegmentationStep::Cluster,
+                ]
+                .map(|s| spent[s as usize + 1])
+                .iter()
+                .sum::<f64>(),
             );
             steps.iter_mut().zip(spent).for_each(|(times, time)| times.push(time));
         }
     }
-    let names = ["cloud"].into_iter().chain(Step::NAMES.iter().copied()).chain(["pose"]);
+    let names = ["cloud"].into_iter().chain(SegmentationStep::NAMES.iter().copied()).chain(["pose"]);
     println!("{}: {posed} poses of {} frames", sequence.name, wholes.len());
     let shown = names.zip(steps.iter_mut()).map(|(name, times)| (name, median(times)));
     for (name, time) in shown.filter(|(_, time)| *time > 0.0) {

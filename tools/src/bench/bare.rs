@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use stillpoint_pipeline::live::run_folder::RunFolder;
-use stillpoint_samples::{HEAD_SIZE, Head, Sample};
+use stillpoint_samples::{HEADER_SIZE, Header, Sample};
 use stillpoint_shm::{Contract, Domain, Listener, Notifier, Publisher, Subscriber, Topic};
 use zerocopy::{FromBytes, IntoBytes};
 
@@ -152,7 +152,7 @@ pub fn child_main(argument: Option<String>) -> ExitCode {
     match serve(&argument.unwrap_or_default()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("stillpoint: {}", failure.text);
+            errln!("stillpoint: {}", failure.text);
             ExitCode::FAILURE
         }
     }
@@ -215,8 +215,8 @@ impl Outlet {
         let loan = self.publisher.loan(words).map_err(Failure::failed)?;
         let mut loan = loan.ok_or_else(|| Failure::failed("a bare publisher's memory is used up"))?;
         let (meta, body) = loan.parts_mut();
-        let head = Head { sequence: self.sequence, count: words as u32, ..Head::default() };
-        meta[..HEAD_SIZE].copy_from_slice(head.as_bytes());
+        let head = Header { sequence: self.sequence, count: words as u32, ..Header::default() };
+        meta[..HEADER_SIZE].copy_from_slice(head.as_bytes());
         let body = <[Word]>::mut_from_bytes(&mut body[..words * size_of::<Word>()])
             .map_err(|_| Failure::failed("a loan is not aligned"))?;
         write(body);

@@ -141,9 +141,9 @@ fn ways([filter, law, valves]: &[Vec<Entry>; 3], [to_law, to_valves]: [u32; 2]) 
         let Some((place, _)) = first_that_takes(valves, to_valves, duties) else { continue };
         let Some(next) = valves.get(place + 1).filter(|e| e.body.sent_before > 0) else { continue };
         ways.push(Way {
-            acquired: measured.head.origin,
-            filtered: measured.head.stamp,
-            decided: decided.head.stamp,
+            acquired: measured.header.origin,
+            filtered: measured.header.stamp,
+            decided: decided.header.stamp,
             sent: next.body.sent_before,
         });
     }
@@ -179,13 +179,18 @@ fn row(recorded: bool, ways: &[Way]) -> Row {
 }
 
 fn print(rows: &[Row]) {
-    println!(
+    outln!(
         "{:<10} {:>7} {:>16} {:>16} {:>16} {:>18}   median and 99th percentile, ms",
-        "recording", "images", "image to filter", "to controller", "to datagram", "image to datagram"
+        "recording",
+        "images",
+        "image to filter",
+        "to controller",
+        "to datagram",
+        "image to datagram"
     );
     for r in rows {
         let pair = |q: Quantiles| format!("{:.1}, {:.1}", q.p50 / 1e3, q.p99 / 1e3);
-        println!(
+        outln!(
             "{:<10} {:>7} {:>16} {:>16} {:>16} {:>18}",
             if r.recorded { "yes" } else { "no" },
             r.whole.count,
@@ -199,7 +204,7 @@ fn print(rows: &[Row]) {
 
 #[cfg(test)]
 mod tests {
-    use stillpoint_samples::{Head, JournalBody};
+    use stillpoint_samples::{Header, JournalBody};
 
     use super::*;
 
@@ -209,7 +214,7 @@ mod tests {
 
     fn entry(origin: u64, stamp: u64, sent_before: u64, refs: Vec<JournalRef>) -> Entry {
         let body = JournalBody { sent_before, length: refs.len() as u32, ..JournalBody::default() };
-        Entry { head: Head { stamp, origin, ..Head::default() }, body, refs }
+        Entry { header: Header { stamp, origin, ..Header::default() }, body, refs }
     }
 
     #[test]

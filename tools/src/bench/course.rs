@@ -9,8 +9,8 @@ use stillpoint_pipeline::files::MemoryFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;
-use stillpoint_pipeline::schedule::{Events, Witness};
-use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::{Events, Observer};
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
     Actuation, ActuationElement, Entry, FarEnd, FarEndElement, Outcome, Pose, PoseElement, PoseReport,
@@ -250,8 +250,13 @@ impl Watch {
     }
 }
 
-impl Witness for Watch {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+impl Observer for Watch {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         if entry.outcome().is_none_or(Outcome::is_failure) {
@@ -259,7 +264,7 @@ impl Witness for Watch {
         }
         let sent = |port: &str| {
             let place = node.stage.kind.outputs.iter().position(|o| o.name == port);
-            outputs.iter().find(|(output, _)| Some(*output) == place).map(|(_, parcel)| parcel)
+            outputs.iter().find(|(output, _)| Some(*output) == place).map(|(_, owned)| owned)
         };
         match node.name.as_str() {
             "rig" => {
@@ -267,25 +272,25 @@ impl Witness for Watch {
                     self.course.pressure = state.pressure.iter().copied().fold(self.course.pressure, greater);
                 }
                 if let Some(truth) = sent("truth") {
-                    let time = truth.head().stamp;
+                    let time = truth.header().stamp;
                     first::<Pose>(truth).iter().for_each(|pose| self.truth(time, pose));
                 }
             }
             "head" => {
                 let report = sent("report").and_then(first::<PoseReport>);
                 let status = report.and_then(|r| PoseStatus::from_number(r.status));
-                if let Some(parcel) = sent("pose") {
-                    let origin = parcel.head().origin;
-                    first::<Pose>(parcel).iter().for_each(|pose| self.tracked(origin, pose, status));
+                if let Some(owned) = sent("pose") {
+                    let origin = owned.header().origin;
+                    first::<Pose>(owned).iter().for_each(|pose| self.tracked(origin, pose, status));
                 }
             }
             "target" => {
                 self.target = sent("reference").and_then(first::<Target>).or(self.target);
             }
             "valves" => {
-                if let Some(parcel) = sent("state") {
-                    let time = parcel.head().stamp;
-                    first::<Actuation>(parcel).iter().for_each(|now| self.actuated(time, now));
+                if let Some(owned) = sent("state") {
+                    let time = owned.header().stamp;
+                    first::<Actuation>(owned).iter().for_each(|now| self.actuated(time, now));
                 }
             }
             "far" => {
@@ -300,8 +305,8 @@ impl Witness for Watch {
     }
 }
 
-fn first<S: Sample>(parcel: &Parcel) -> Option<S::Element> {
-    parcel.pieces().view::<S>().ok()?.first().copied()
+fn first<S: Sample>(owned: &OwnedSample) -> Option<S::Element> {
+    owned.pieces().view::<S>().ok()?.first().copied()
 }
 
 fn isometry(pose: &PoseElement) -> Isometry3<f64> {

@@ -28,9 +28,9 @@ pub fn each<J: Sync, R: Send>(
                     let Ok(mut results) = results.lock() else { break };
                     results[number] = Some(result);
                     let done = results.iter().flatten().count();
-                    eprint!("\r{done} of {} runs", jobs.len());
+                    err!("\r{done} of {} runs", jobs.len());
                     if done == jobs.len() {
-                        eprintln!();
+                        errln!();
                     }
                 }
             });

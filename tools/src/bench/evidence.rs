@@ -96,26 +96,26 @@ impl Tracks {
             match session.topics()[recorded.topic].name.as_str() {
                 "far.state" => {
                     let view = view::<FarEnd>(bytes)?;
-                    tracks.far.extend(view.first().map(|state| (view.head.stamp, *state)));
+                    tracks.far.extend(view.first().map(|state| (view.header.stamp, *state)));
                 }
                 "far.duties" => {
                     let view = view::<Duties>(bytes)?;
-                    tracks.duties.extend(view.first().map(|duties| (view.head.stamp, *duties)));
+                    tracks.duties.extend(view.first().map(|duties| (view.header.stamp, *duties)));
                 }
                 "rig.state" => {
                     let view = view::<RigState>(bytes)?;
                     let Some(state) = view.first() else { continue };
                     let valves = &state.opening[..2 * (state.bladders as usize).min(8)];
                     let safe = valves.chunks_exact(2).all(|pair| pair[0] <= SHUT && pair[1] >= OPEN);
-                    tracks.rig.push((view.head.stamp, safe));
+                    tracks.rig.push((view.header.stamp, safe));
                 }
                 "filter.state" => {
                     let view = view::<Track>(bytes)?;
-                    tracks.poses.push((view.head.stamp, view.head.origin));
+                    tracks.poses.push((view.header.stamp, view.header.origin));
                 }
                 _ => {
                     let view = view::<Actuation>(bytes)?;
-                    tracks.reasons.extend(view.first().map(|a| (view.head.stamp, a.reasons | a.fault)));
+                    tracks.reasons.extend(view.first().map(|a| (view.header.stamp, a.reasons | a.fault)));
                 }
             }
         }

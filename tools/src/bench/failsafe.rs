@@ -150,13 +150,19 @@ fn spread(all: &[f64]) -> [f64; 2] {
 }
 
 fn print(rows: &[Row]) {
-    println!(
+    outln!(
         "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   median and greatest, ms",
-        "fault", "trials", "safe", "starved", "far end vents", "valves safe", "beam off"
+        "fault",
+        "trials",
+        "safe",
+        "starved",
+        "far end vents",
+        "valves safe",
+        "beam off"
     );
     let pair = |[m, w]: [f64; 2]| if m.is_nan() { "-".to_owned() } else { format!("{m:.0}, {w:.0}") };
     for r in rows {
-        println!(
+        outln!(
             "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   {}",
             r.fault,
             r.trials,
@@ -174,7 +180,7 @@ fn print(rows: &[Row]) {
             }
         );
         if let Some(failure) = &r.first_failure {
-            println!("  {failure}");
+            outln!("  {failure}");
         }
     }
 }

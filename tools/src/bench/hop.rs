@@ -127,7 +127,7 @@ impl Kind {
 
 /// One line of the result.
 #[derive(Serialize)]
-struct Line {
+struct HopFigures {
     cores: Layout,
     bytes: usize,
     kind: Kind,
@@ -170,7 +170,7 @@ impl Hop {
                 if self.payload.is_empty() || self.payload.contains(&size) {
                     let found = self.measure(layout, &cores, size, period, registry)?;
                     if !self.json {
-                        print!("{}", table(&found));
+                        out!("{}", table(&found));
                     }
                     lines.extend(found);
                 }
@@ -189,7 +189,7 @@ impl Hop {
         size: usize,
         period_us: u64,
         registry: &Registry,
-    ) -> Result<Vec<Line>, Failure> {
+    ) -> Result<Vec<HopFigures>, Failure> {
         let windows = if self.quick { 2 } else { self.windows };
         let length = Duration::from_millis(if self.quick { 200 } else { self.length });
         let chain: Vec<usize> = (0..4).map(|place| layout.core(cores, place)).collect();
@@ -266,7 +266,7 @@ fn pipeline(kind: Kind, words: usize, cores: &[usize], period: Duration) -> Stri
     text
 }
 
-fn line(layout: Layout, size: usize, kind: Kind, ages: &BTreeMap<Kind, Vec<Ages>>) -> Option<Line> {
+fn line(layout: Layout, size: usize, kind: Kind, ages: &BTreeMap<Kind, Vec<Ages>>) -> Option<HopFigures> {
     let windows = ages.get(&kind)?;
     let mut all = Ages::default();
     windows.iter().for_each(|w| all.add(w));
@@ -275,7 +275,7 @@ fn line(layout: Layout, size: usize, kind: Kind, ages: &BTreeMap<Kind, Vec<Ages>
     };
     let against = kind.against().filter(|other| ages.contains_key(other));
     let to = |pick| against.map(|other| ratio(&of(kind, pick), &of(other, pick)));
-    Some(Line {
+    Some(HopFigures {
         cores: layout,
         bytes: size,
         kind,
@@ -287,7 +287,7 @@ fn line(layout: Layout, size: usize, kind: Kind, ages: &BTreeMap<Kind, Vec<Ages>
     })
 }
 
-fn table(lines: &[Line]) -> String {
+fn table(lines: &[HopFigures]) -> String {
     let mut text = String::new();
     if let Some(first) = lines.first() {
         let on = if first.cores == Layout::One { "one core" } else { "two cores" };

@@ -97,7 +97,7 @@ impl Killed {
         if self.json {
             print_json(&outcome)?;
         } else {
-            println!(
+            outln!(
                 "{} of {} kills took at most the last second: {:.0} ms in the median, {:.0} ms at most; \
                  {} whole before that, {} open in the format's own reader",
                 outcome.kept,
@@ -156,7 +156,7 @@ fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left
     let kept = Session::open(first).map_err(Failure::failed)?;
     let mut left = Left { lost_ms: 0.0, whole: true, opens: opens(first)? };
     for entries in kept.journals().values() {
-        let last = entries.last().map_or(0, |e| e.head.stamp);
+        let last = entries.last().map_or(0, |e| e.header.stamp);
         left.lost_ms = left.lost_ms.max(struck.saturating_sub(last) as f64 / 1e6);
     }
     for topic in 0..kept.topics().len() {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use rustix::process::{Signal, kill_process};
 use serde::Serialize;
-use stillpoint_pipeline::ledger::Line;
+use stillpoint_pipeline::ledger::LedgerLine;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run};
 use stillpoint_pipeline::operator::Registry;
@@ -64,7 +64,7 @@ struct Result {
     unexplained: u64,
     balanced: bool,
     unseen_entries: u64,
-    lines: Vec<Line>,
+    lines: Vec<LedgerLine>,
 }
 
 /// A time between kills, ms.
@@ -89,7 +89,7 @@ impl Ledger {
             outcome
         })?;
         let lines = outcome.report.ledger;
-        let total = |pick: fn(&Line) -> u64| lines.iter().map(pick).sum();
+        let total = |pick: fn(&LedgerLine) -> u64| lines.iter().map(pick).sum();
         let result = Result {
             seconds: outcome.report.seconds,
             kills: kills.into_inner(),
@@ -110,17 +110,33 @@ impl Ledger {
 }
 
 fn print(result: &Result) {
-    println!(
+    outln!(
         "{:<12} {:<14} {:>10} {:>10} {:>11} {:>9} {:>8} {:>8} {:>12}",
-        "topic", "consumer", "sent", "received", "overwritten", "homeless", "down", "left", "unexplained"
+        "topic",
+        "consumer",
+        "sent",
+        "received",
+        "overwritten",
+        "pool_exhausted",
+        "down",
+        "left",
+        "unexplained"
     );
     for l in &result.lines {
-        println!(
+        outln!(
             "{:<12} {:<14} {:>10} {:>10} {:>11} {:>9} {:>8} {:>8} {:>12}",
-            l.topic, l.consumer, l.sent, l.received, l.overwritten, l.homeless, l.down, l.left, l.unexplained
+            l.topic,
+            l.consumer,
+            l.sent,
+            l.received,
+            l.overwritten,
+            l.pool_exhausted,
+            l.down,
+            l.left,
+            l.unexplained
         );
     }
-    println!(
+    outln!(
         "{} samples on {} edges in {:.1} s with {} kills: {} unexplained; {} journal entries not seen",
         result.samples,
         result.lines.len(),

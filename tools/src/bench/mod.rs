@@ -82,7 +82,7 @@ enum What {
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
     Loop(closed_loop::ClosedLoop),
-    Step(step::Step),
+    Step(step::StepBench),
     Robust(robust::Robust),
     Tune(tune::Tune),
 }

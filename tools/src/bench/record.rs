@@ -9,7 +9,7 @@ use serde::Serialize;
 use stillpoint_pipeline::clock::cpu_time;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_recorder::{CHUNK_SIZE, Compression, Session};
-use stillpoint_samples::{Cause, Entry, HEAD_SIZE};
+use stillpoint_samples::{Cause, Entry, HEADER_SIZE};
 use zerocopy::IntoBytes;
 
 use super::cores::{self, Layout};
@@ -53,7 +53,7 @@ pub struct Record {
 }
 
 #[derive(Serialize)]
-struct Line {
+struct RecordFigures {
     compression: Compression,
     /// Bytes of samples per CPU-second of the recorder's process.
     recorder: f64,
@@ -91,7 +91,7 @@ impl Record {
         if self.json {
             print_json(&lines)?;
         } else {
-            print!("{}", table(&lines));
+            out!("{}", table(&lines));
         }
         Ok(Exit::Done)
     }
@@ -102,7 +102,7 @@ impl Record {
         core: usize,
         folder: &Folder,
         registry: &Registry,
-    ) -> Result<Line, Failure> {
+    ) -> Result<RecordFigures, Failure> {
         let windows = if self.quick { 2 } else { self.windows };
         let length = Duration::from_millis(if self.quick { 600 } else { self.length });
         let pipeline = pipeline(core);
@@ -134,7 +134,7 @@ impl Record {
             paced.push(bare(&folder.free("bare")?, compression, bytes, period)?);
         }
         let to = |theirs: &[f64]| median(&ours.iter().zip(theirs).map(|(a, b)| a / b).collect::<Vec<_>>());
-        Ok(Line {
+        Ok(RecordFigures {
             compression,
             recorder: median(&ours),
             bare: median(&theirs),
@@ -186,7 +186,7 @@ fn bare(folder: &Path, compression: Compression, bytes: u64, period: Duration) -
         Compression::Lz4 => Some(mcap::Compression::Lz4),
         Compression::Zstd => Some(mcap::Compression::Zstd),
     };
-    let mut message = vec![0u8; HEAD_SIZE];
+    let mut message = vec![0u8; HEADER_SIZE];
     message.extend_from_slice(payload(PAYLOAD / size_of::<Word>()).as_bytes());
     // As many different ones as a publisher's memory holds.
     let messages: Vec<Vec<u8>> = (0..8).map(|_| message.clone()).collect();
@@ -220,7 +220,7 @@ fn bare(folder: &Path, compression: Compression, bytes: u64, period: Duration) -
     Ok((count * message.len() as u64) as f64 / (cpu_time() - before) as f64 * 1e9)
 }
 
-fn table(lines: &[Line]) -> String {
+fn table(lines: &[RecordFigures]) -> String {
     let mut text = format!(
         "{:<12} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6}   {:>9} {:>9} {:>6}   {:>6} {:>7}\n",
         "compression",

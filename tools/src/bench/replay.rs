@@ -9,9 +9,9 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_pipeline::clock::cpu_time;
 use stillpoint_pipeline::graph::{Graph, Record};
-use stillpoint_pipeline::keep::Keeper;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayReport, Selection, replay};
+use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_recorder::{Completeness, Compression, Session};
 
 use super::cores;
@@ -152,7 +152,7 @@ impl Replay {
 }
 
 fn print(r: &Result) {
-    println!(
+    outln!(
         "{} of {} replays identical: {:.1} s live under {} spinning threads per core, {}, {} samples compared in each, \
          {:.1}x real time without output",
         r.identical,
@@ -164,10 +164,10 @@ fn print(r: &Result) {
         r.speed
     );
     if let Some(first) = &r.first_difference {
-        println!("the first difference: {first}");
+        outln!("the first difference: {first}");
     }
     for b in &r.bulk {
-        println!(
+        outln!(
             "three topics of 1.2 MB at 30 Hz, {} to {}: {:.1} s, {:.2} GB written again on one core at {:.1}x real time \
              (the first {:.1}x; {:.1}x in CPU time)",
             b.session,
@@ -207,9 +207,10 @@ fn again(
     };
     let wide = Graph { record: Record::All, ..(*graph).clone() };
     let opening = opening_of(&session);
-    let mut keeper = Keeper::create(output, &wide, &opening, compression).map_err(Failure::failed)?;
-    let report = replay(&session, &graph, &files, &all, &mut keeper).map_err(Failure::failed)?;
-    keeper.finish(None).map_err(Failure::failed)?;
+    let mut session_recorder =
+        SessionRecorder::create(output, &wide, &opening, compression).map_err(Failure::failed)?;
+    let report = replay(&session, &graph, &files, &all, &mut session_recorder).map_err(Failure::failed)?;
+    session_recorder.finish(None).map_err(Failure::failed)?;
     Ok(report)
 }
 

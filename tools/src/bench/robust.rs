@@ -208,9 +208,15 @@ fn judge(course: &Course) -> Option<Found> {
 }
 
 fn print(rows: &[Row]) {
-    println!(
+    outln!(
         "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9} {:>6}  seconds holding, venting, at fault",
-        "", "", "worst, mm deg deg", "beam", "worst with beam on", "kPa", "duty"
+        "",
+        "",
+        "worst, mm deg deg",
+        "beam",
+        "worst with beam on",
+        "kPa",
+        "duty"
     );
     for row in rows {
         let most = |of: &dyn Fn(&Found) -> f64| row.found.iter().map(of).fold(0.0, f64::max);
@@ -223,7 +229,7 @@ fn print(rows: &[Row]) {
         let seconds =
             ["holding", "venting", "fault"].map(|s| most(&|f| f.states.get(s).copied().unwrap_or(0.0)));
         let passed: Vec<&str> = row.found.iter().flat_map(|f| f.passed.iter().copied()).collect();
-        println!(
+        outln!(
             "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9.1} {:>6.2}  {:.1}, {:.1}, {:.1} {}",
             row.case,
             row.verdict.words(),

@@ -2,7 +2,7 @@
 
 use clap::Args;
 use serde::Serialize;
-use stillpoint_control::response::{Step as StepOf, response};
+use stillpoint_control::response::{TargetStep, response};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::quantity;
 
@@ -31,7 +31,7 @@ pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, r
 /// where they should. A seed draws the camera's noise and what the person does. Times count from the step, errors are the
 /// truth's.
 #[derive(Args)]
-pub struct Step {
+pub struct StepBench {
     /// Seeds, from 1.
     #[arg(long, default_value_t = 20, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
@@ -85,7 +85,7 @@ struct Row {
     outcomes: Vec<Outcome>,
 }
 
-impl Step {
+impl StepBench {
     /// Does it.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let mut jobs = Vec::new();
@@ -132,7 +132,7 @@ fn outcome(course: &Course, at: f64, rise: f64, seed: u64) -> Outcome {
     let early = &way[..way.len() - late.len()];
     let answers: [_; 3] = std::array::from_fn(|i| {
         let to = way.first().map_or(f64::NAN, |p| p.target[i]);
-        let step = StepOf { at_s: at, until_s: end, from: to - STEP[i], to };
+        let step = TargetStep { at_s: at, until_s: end, from: to - STEP[i], to };
         response(step, &way.iter().map(|p| (p.time, p.moved[i])).collect::<Vec<_>>())
     });
     Outcome {
@@ -177,11 +177,11 @@ fn seconds(rise: &str) -> Result<f64, Failure> {
 }
 
 fn print(rows: &[Row]) {
-    println!(
+    outln!(
         "the truth's height (mm), pitch and roll (degrees), least to greatest over the seeds; times from the step"
     );
     for row in rows {
-        println!(
+        outln!(
             "reference model {}: {} of {} {}, {} of {} within {WITHIN:?} from {FROM} s on",
             row.rise,
             row.rose,
@@ -196,14 +196,14 @@ fn print(rows: &[Row]) {
                 let (least, most) = all.fold((f64::INFINITY, 0.0), |(a, b), v| (v.min(a), v.max(b)));
                 format!("{least:.3} to {most:.3}")
             };
-            println!("  {what:<22} {:>18} {:>18} {:>18}", range(0), range(1), range(2));
+            outln!("  {what:<22} {:>18} {:>18} {:>18}", range(0), range(1), range(2));
         };
         line("rise, s", &|o, i| o.rise_s[i].unwrap_or(f64::INFINITY));
         line("settling, s", &|o, i| o.settling_s[i].unwrap_or(f64::INFINITY));
         line("worst from the model", &|o, i| o.from_model[i]);
         line("worst from the target", &|o, i| o.worst[i]);
         let pressure = row.outcomes.iter().map(|o| o.pressure).fold(0.0, f64::max);
-        println!("  greatest pressure {:.1} kPa", pressure * 1e-3);
+        outln!("  greatest pressure {:.1} kPa", pressure * 1e-3);
     }
 }
 
@@ -214,7 +214,7 @@ mod tests {
     /// A part of the bench: a few seeds, until a little after the head should be there.
     fn tenth(law: Option<Law>, rise: &str, seconds: f64, seeds: u64) -> Row {
         let registry = crate::bench::registry(&[]);
-        let step = Step {
+        let step = StepBench {
             seeds,
             seconds,
             rises: vec![rise.to_owned()],

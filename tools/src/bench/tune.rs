@@ -192,28 +192,34 @@ fn worst<'c>(costs: impl IntoIterator<Item = &'c f64>) -> f64 {
 }
 
 fn print(rows: &[Row]) {
-    println!(
+    outln!(
         "the worst run: root mean square of truth less reference model, in parts of 0.5 mm, 0.2 degrees, 0.2 degrees;\n\
          from 100 on the head was not held, and it is the greatest distance from the target in hundredths of these"
     );
-    print!(
+    out!(
         "{:<6} {:>5} {:>8} {:>8}   {:<14} {:>5} {:>8}  ",
-        "law", "runs", "start", "trained", "held out", "held", "worst"
+        "law",
+        "runs",
+        "start",
+        "trained",
+        "held out",
+        "held",
+        "worst"
     );
-    println!("{}", HELD_OUT.iter().map(|t| format!(" {:>7}", t.name)).collect::<String>());
+    outln!("{}", HELD_OUT.iter().map(|t| format!(" {:>7}", t.name)).collect::<String>());
     for r in rows {
         let law = format!("{:?}", r.law).to_lowercase();
-        print!("{law:<6} {:>5} {:>8.3} {:>8.3}   ", r.runs, r.started, r.trained);
+        out!("{law:<6} {:>5} {:>8.3} {:>8.3}   ", r.runs, r.started, r.trained);
         line("as it began", &r.before);
-        print!("{:<32}", "");
+        out!("{:<32}", "");
         line("found", &r.after);
-        println!("       {}", r.found.join("  "));
+        outln!("       {}", r.found.join("  "));
     }
 }
 
 fn line(what: &str, of: &HeldOut) {
     let by = of.by_trial.iter().map(|cost| format!(" {cost:>7.3}")).collect::<String>();
-    println!("{what:<14} {:>2}/{:<2} {:>8.3}  {by}", of.held, of.runs, of.worst);
+    outln!("{what:<14} {:>2}/{:<2} {:>8.3}  {by}", of.held, of.runs, of.worst);
 }
 
 #[cfg(test)]

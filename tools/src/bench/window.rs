@@ -127,7 +127,7 @@ pub struct Nobody;
 impl Run for Nobody {
     fn goes_on(&mut self, _: f64, _: &[OperatorFigures]) {}
     fn failed(&mut self, fault: &Fault) {
-        eprintln!("stillpoint: {}: {}", fault.operator, fault.reason);
+        errln!("stillpoint: {}: {}", fault.operator, fault.reason);
     }
     fn started(&mut self, _: &[(String, u32)]) {}
 }

@@ -51,7 +51,7 @@ impl Import {
             None => import_folder(&self.from, &self.request(&names)?).map_err(Failure::failed)?,
         };
         for note in notes {
-            println!("note: {note}");
+            outln!("note: {note}");
         }
         if let Some(folder) = self.out.parent() {
             std::fs::create_dir_all(folder)
@@ -59,16 +59,16 @@ impl Import {
         }
         let hash = write(&case, &self.out).map_err(Failure::failed)?;
         let targets: Vec<_> = case.targets().map(|t| t.name.as_str()).collect();
-        println!(
+        outln!(
             "{}: {}, {} structures, targets {}",
             self.out.display(),
             case.name(),
             case.structures().len(),
             targets.join(", ")
         );
-        println!("hash {hash}");
+        outln!("hash {hash}");
         if case.prescription().is_empty() {
-            println!("note: the case has no prescription; a plan needs one (`--prescribe PTV=78Gy`)");
+            outln!("note: the case has no prescription; a plan needs one (`--prescribe PTV=78Gy`)");
         }
         Ok(Exit::Done)
     }

@@ -26,8 +26,8 @@ impl Phantom {
         std::fs::create_dir_all(&self.out).map_err(fault)?;
         let path = self.out.join(format!("{}.case", case.name()));
         let hash = write(&case, &path).map_err(Failure::failed)?;
-        println!("{}: {}", path.display(), case.provenance());
-        println!("hash {hash}");
+        outln!("{}: {}", path.display(), case.provenance());
+        outln!("hash {hash}");
         Ok(Exit::Done)
     }
 }

@@ -41,7 +41,7 @@ impl Show {
                 let file = std::fs::File::create(&path).map_err(|e| fault(&path, &e))?;
                 draw(&case, plane).write(std::io::BufWriter::new(file)).map_err(|e| fault(&path, &e))?;
                 if !self.json {
-                    println!("{}", path.display());
+                    outln!("{}", path.display());
                 }
             }
         }
@@ -82,40 +82,47 @@ fn told(case: &Case, hash: &str) -> serde_json::Value {
 fn print(case: &Case, hash: &str) {
     let grid = case.grid();
     let three = |values: [f64; 3]| values.map(|v| format!("{v:.1}")).join(", ");
-    println!("{}: {}", case.name(), case.provenance());
-    println!("hash {hash}");
+    outln!("{}: {}", case.name(), case.provenance());
+    outln!("hash {hash}");
     let [x, y, z] = grid.counts;
-    println!(
+    outln!(
         "{x} x {y} x {z} voxels of {} mm, the first at {} mm",
         three(grid.spacing_mm),
         three(grid.origin_mm)
     );
-    println!("isocentre {} mm", three(case.isocentre_mm()));
+    outln!("isocentre {} mm", three(case.isocentre_mm()));
     for p in case.prescription() {
         let fractions = case.fractions().map_or_else(String::new, |n| format!(" in {n} fractions"));
-        println!("prescribed {} Gy to {}{fractions}", p.dose_gy, p.structure);
+        outln!("prescribed {} Gy to {}{fractions}", p.dose_gy, p.structure);
     }
     if case.reference_dose_gy().is_some() {
-        println!("a dose came with it");
+        outln!("a dose came with it");
     }
     if let Some(uids) = case.uids() {
-        println!(
+        outln!(
             "study {}\nseries {}\nframe of reference {}",
-            uids.study, uids.series, uids.frame_of_reference
+            uids.study,
+            uids.series,
+            uids.frame_of_reference
         );
-        println!("structure set {}", uids.structure_set);
+        outln!("structure set {}", uids.structure_set);
     }
-    println!();
-    println!(
+    outln!();
+    outln!(
         "{:<24} {:<16} {:>10} {:>18} {:>18} {:>18}  colour",
-        "structure", "role", "cm3", "left mm", "back mm", "head mm"
+        "structure",
+        "role",
+        "cm3",
+        "left mm",
+        "back mm",
+        "head mm"
     );
     for (place, structure) in case.structures().iter().enumerate() {
         let ranges = match extent_mm(case, structure) {
             Some(extent) => extent.map(|[low, high]| format!("{low:.1} to {high:.1}")),
             None => ["-"; 3].map(str::to_owned),
         };
-        println!(
+        outln!(
             "{:<24} {:<16} {:>10.3} {:>18} {:>18} {:>18}  {}",
             structure.name,
             structure.role.word(),

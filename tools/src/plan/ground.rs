@@ -78,10 +78,10 @@ impl<'a> Ground<'a> {
     /// Says what the plan is made on.
     pub fn tell(&self) {
         for note in &self.notes {
-            println!("note: {note}");
+            outln!("note: {note}");
         }
         let (computed, bytes) = self.doses.computed();
-        println!(
+        outln!(
             "{} voxels with objectives, {computed} doses computed, {:.0} MB of doses",
             self.goals.voxels().len(),
             bytes as f64 * 1e-6

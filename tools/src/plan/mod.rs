@@ -117,9 +117,9 @@ impl Plan {
             print_json(&told)?;
         } else {
             table::print(&request, &ground, &runs, &outcome);
-            println!("\ndoses {ready_s:.1} s, choice and fluence {chosen_s:.1} s");
+            outln!("\ndoses {ready_s:.1} s, choice and fluence {chosen_s:.1} s");
             for file in files {
-                println!("{}", file.display());
+                outln!("{}", file.display());
             }
         }
         Ok(Exit::Done)

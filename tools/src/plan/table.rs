@@ -10,11 +10,11 @@ use super::search::Run;
 /// Prints what was found.
 pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Outcome<'_>) {
     if runs.len() > 1 {
-        println!();
+        outln!();
         searches(request, runs);
     }
     let best = &outcome.run.choice.best;
-    println!(
+    outln!(
         "\n{}: {} by {}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
         request.case.name(),
         angles(&outcome.angles_deg),
@@ -24,14 +24,14 @@ pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Out
         outcome.run.history.len(),
         outcome.run.prices
     );
-    println!();
+    outln!();
     structures(&outcome.figures, &ground.volumes_at_gy);
     if let Some(reference) = &outcome.reference {
-        println!("\nthe dose that came with the case, on the same grid:\n");
+        outln!("\nthe dose that came with the case, on the same grid:\n");
         structures(reference, &ground.volumes_at_gy);
     }
     if !outcome.moved.is_empty() {
-        println!("\nover {} set-ups, the planned one with them:\n", request.setups_mm.len());
+        outln!("\nover {} set-ups, the planned one with them:\n", request.setups_mm.len());
         setups(outcome);
     }
 }
@@ -43,10 +43,10 @@ pub fn angles(angles_deg: &[f64]) -> String {
 }
 
 fn searches(request: &Request, runs: &[Run]) {
-    println!("{:<12} {:>12} {:>7} {:>7} {:>8}  beams", "method", "objective", "solves", "prices", "s");
+    outln!("{:<12} {:>12} {:>7} {:>7} {:>8}  beams", "method", "objective", "solves", "prices", "s");
     for run in runs {
         let beams = run.choice.best.beams.beams();
-        println!(
+        outln!(
             "{:<12} {:>12.4} {:>7} {:>7} {:>8.1}  {}",
             run.way.word(),
             run.choice.best.cost,
@@ -60,32 +60,40 @@ fn searches(request: &Request, runs: &[Run]) {
 
 fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
     let name = widest(figures.iter());
-    print!(
+    out!(
         "{:<name$} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}",
-        "structure", "cm3", "D98", "D95", "D50", "D10", "D2", "max", "mean"
+        "structure",
+        "cm3",
+        "D98",
+        "D95",
+        "D50",
+        "D10",
+        "D2",
+        "max",
+        "mean"
     );
     for dose in volumes_at_gy {
-        print!(" {:>6}", format!("V{dose}"));
+        out!(" {:>6}", format!("V{dose}"));
     }
-    println!(" {:>6} {:>5} {:>5}", "V95%", "HI", "CI");
+    outln!(" {:>6} {:>5} {:>5}", "V95%", "HI", "CI");
     for f in figures {
-        print!("{:<name$} {:>9.1}", f.name, f.volume_cm3);
+        out!("{:<name$} {:>9.1}", f.name, f.volume_cm3);
         for dose in [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.max_gy, f.mean_gy] {
-            print!(" {dose:>6.1}");
+            out!(" {dose:>6.1}");
         }
         for volume in &f.volumes {
-            print!(" {:>6.1}", 100.0 * volume.fraction);
+            out!(" {:>6.1}", 100.0 * volume.fraction);
         }
         let or_dash =
             |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-        println!(
+        outln!(
             " {:>6} {:>5} {:>5}",
             or_dash(f.covered.map(|c| 100.0 * c), 1),
             or_dash(f.homogeneity, 2),
             or_dash(f.conformity, 2)
         );
     }
-    println!(
+    outln!(
         "D: doses in Gy that so many percent get at least; V: percent that gets so many Gy; V95%: percent of a target that gets \
          95 % of its prescription;\nHI: (D2 - D98) / D50; CI: Paddick's conformity of the 95 % isodose"
     );
@@ -94,7 +102,7 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
 fn setups(outcome: &Outcome<'_>) {
     let Some(first) = outcome.moved.first() else { return };
     let name = widest(first.iter());
-    println!("{:<name$} {:>13} {:>13} {:>13} {:>13}", "structure", "D98", "D95", "D2", "mean");
+    outln!("{:<name$} {:>13} {:>13} {:>13} {:>13}", "structure", "D98", "D95", "D2", "mean");
     for f in first {
         let all = || {
             let planned = outcome.figures.iter().filter(|g| g.name == f.name);
@@ -106,7 +114,7 @@ fn setups(outcome: &Outcome<'_>) {
                 (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
             format!("{low:.1} to {high:.1}")
         };
-        println!(
+        outln!(
             "{:<name$} {:>13} {:>13} {:>13} {:>13}",
             f.name,
             range(|f| f.d98_gy),

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::replay::{ReplayError, Selection, replay};
-use stillpoint_pipeline::schedule::Witness;
-use stillpoint_pipeline::shelf::Parcel;
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::stdout::Aside;
 use stillpoint_samples::Entry;
 
 use super::source::Source;
 use super::views::{Camera, Found};
 
-/// What the witness says once it has seen everything.
+/// What the observer says once it has seen everything.
 const ENOUGH: &str = "enough was made again";
 
 /// Keeps what is wanted of a replay, and ends it behind the last of it.
@@ -26,13 +26,18 @@ struct Collector<'a> {
     found: &'a mut Found,
 }
 
-impl Witness for Collector<'_> {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
-        let origin = entry.head.origin;
+impl Observer for Collector<'_> {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
+        let origin = entry.header.origin;
         if self.wanted.contains(&origin) {
-            for (port, parcel) in outputs {
+            for (port, owned) in outputs {
                 if let Some(topic) = self.topics.get(&(operator, *port)) {
-                    self.found.insert((topic.clone(), origin), (*parcel.bytes).clone());
+                    self.found.insert((topic.clone(), origin), (*owned.bytes).clone());
                 }
             }
         }
@@ -65,7 +70,7 @@ pub fn made_again(
     let mut collector = Collector { graph, topics, stage, wanted, found };
     let _aside = Aside::begin();
     match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
-        Err(ReplayError::Witness(said)) if said.starts_with(ENOUGH) => Ok(()),
+        Err(ReplayError::Observer(said)) if said.starts_with(ENOUGH) => Ok(()),
         Ok(_) => Ok(()),
         Err(e) => Err(e.to_string()),
     }

@@ -8,9 +8,9 @@ use stillpoint_recorder::{
     Closing, Compression, Opening, PartWriter, Role, Session, Source as Bytes, TopicInfo,
 };
 use stillpoint_samples::{
-    Actuation, AlignedBytes, ConsoleCommand, DepthImage, Diagnostics, Duties, Gate, HEAD_SIZE, Head, Health,
-    Hull, Intrinsics, Journal, Pieces, Plane, PointCloud, Pose, PoseReport, Rejection, RigState, Sample,
-    SampleKind, Shape, Target, Track,
+    Actuation, AlignedBytes, ConsoleCommand, DepthImage, Diagnostics, Duties, Gate, HEADER_SIZE, Header,
+    Health, Hull, Intrinsics, Journal, Pieces, Plane, PointCloud, Pose, PoseReport, Rejection, RigState,
+    Sample, SampleKind, Shape, Target, Track,
 };
 use zerocopy::IntoBytes;
 
@@ -86,11 +86,11 @@ fn sample(kind: &SampleKind, sequence: u64, random: &mut impl Rng, garbage: Garb
     };
     let is_wild =
         |random: &mut dyn Rng| matches!(garbage, Garbage::Some) && random.next_u32().is_multiple_of(6);
-    let mut head = Head { stamp: time, origin: time, sequence, incarnation: 0, count };
+    let mut head = Header { stamp: time, origin: time, sequence, incarnation: 0, count };
     if is_wild(random) {
         (head.stamp, head.origin) = (wild(random), wild(random));
     }
-    let rest = kind.meta_size() - HEAD_SIZE + count as usize * kind.element_size;
+    let rest = kind.meta_size() - HEADER_SIZE + count as usize * kind.element_size;
     let mut words: Vec<u64> =
         (0..rest.div_ceil(8)).map(|i| (1e-3 * (i % 7) as f64 + 0.1).to_bits()).collect();
     if *kind == *DepthImage::KIND {
@@ -120,7 +120,7 @@ fn entry(sequence: u64, outputs: usize, random: &mut impl Rng, garbage: Garbage)
     let cause = if sequence == 0 { 0 } else { 1 };
     let mut body =
         JournalBody { index: sequence, nominal: time, cause, length: count, ..JournalBody::default() };
-    let mut head = Head { stamp: time, origin: time, sequence, incarnation: 0, count };
+    let mut head = Header { stamp: time, origin: time, sequence, incarnation: 0, count };
     let mut refs: Vec<JournalRef> = (0..count)
         .map(|port| JournalRef {
             first: sequence,

@@ -46,7 +46,7 @@ impl Report {
         let name = name(&self.session);
         if self.json {
             let value = to_json(&self.session, &sections);
-            println!("{}", serde_json::to_string(&value).map_err(Failure::failed)?);
+            outln!("{}", serde_json::to_string(&value).map_err(Failure::failed)?);
         }
         if !self.json || self.out.is_some() {
             let path = self.out.clone().unwrap_or_else(|| beside(&self.session));
@@ -56,7 +56,7 @@ impl Report {
                 Failure::failed(format!("{}: {e}; choose another file with --out", path.display()))
             })?;
             if !self.json {
-                println!("{} ({:.1} MB)", path.display(), page.len() as f64 / 1e6);
+                outln!("{} ({:.1} MB)", path.display(), page.len() as f64 / 1e6);
             }
         }
         Ok(Exit::Done)

@@ -212,12 +212,12 @@ fn colours() -> Vec<[u8; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_samples::{AlignedBytes, CloudShape, HEAD_SIZE, Intrinsics, PlaneElement, Point};
+    use stillpoint_samples::{AlignedBytes, CloudShape, HEADER_SIZE, Intrinsics, PlaneElement, Point};
     use zerocopy::IntoBytes;
 
     /// A sample of these bytes.
     fn sample(body: &[u8], elements: &[u8], count: u32) -> AlignedBytes {
-        let mut head = vec![0; HEAD_SIZE];
+        let mut head = vec![0; HEADER_SIZE];
         head[28..].copy_from_slice(&count.to_le_bytes());
         AlignedBytes::joined(&[&head, body].concat(), elements)
     }
@@ -297,7 +297,7 @@ mod tests {
     fn sizes_that_lie_are_refused() {
         let good = flat(64, 48, 1);
         let mut bad = good.clone();
-        let width_at = HEAD_SIZE + 40;
+        let width_at = HEADER_SIZE + 40;
         bad[width_at..width_at + 4].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(Image::of_depth(&bad).unwrap_err().contains("3072 pixels"));
         assert!(Image::of_depth(&good[..good.len() - 2]).is_err());

@@ -170,7 +170,7 @@ impl<'s> Recording<'s> {
     fn take(&mut self, topic: &Topic, place: Option<usize>, r: &Recorded) -> Result<(), BytesError> {
         let Some(kind) = topic.kind.kind() else { return Ok(()) };
         let pieces = Pieces::split(kind, &r.sample)?;
-        let head = pieces.head();
+        let head = pieces.header();
         if *kind == *Pose::KIND {
             let signal = place.and_then(|p| self.signals.get_mut(p));
             if let (Some(signal), Some(pose)) = (signal, pieces.view::<Pose>()?.first()) {
@@ -329,7 +329,7 @@ pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
 
 /// First and last time of the journals; where there are none, nothing.
 fn span(session: &Session) -> [u64; 2] {
-    let stamps = || session.journals().values().flatten().map(|e| e.head.stamp).filter(|t| *t < u64::MAX);
+    let stamps = || session.journals().values().flatten().map(|e| e.header.stamp).filter(|t| *t < u64::MAX);
     [stamps().min().unwrap_or(0), stamps().max().unwrap_or(0)]
 }
 

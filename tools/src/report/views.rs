@@ -121,7 +121,7 @@ fn sent(recording: &Recording<'_>, topic: &str) -> BTreeMap<u64, (u32, u64)> {
     for entry in entries {
         for r in entry.refs_of(RefKind::Output).filter(|r| r.port as usize == port && r.count > 0) {
             let last = r.first.saturating_add(u64::from(r.count) - 1);
-            sent.insert(entry.head.origin, (entry.head.incarnation, last));
+            sent.insert(entry.header.origin, (entry.header.incarnation, last));
         }
     }
     sent

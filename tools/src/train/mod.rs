@@ -159,8 +159,8 @@ impl Controller {
         if self.json {
             print_json(&json!(card))?;
         } else {
-            print!("{}", card.markdown());
-            println!("\nwritten: {}.safetensors, .json, .md, .svg", self.out.display());
+            out!("{}", card.markdown());
+            outln!("\nwritten: {}.safetensors, .json, .md, .svg", self.out.display());
         }
         Ok(Exit::Done)
     }

@@ -88,7 +88,7 @@ fn each<S: stillpoint_samples::Sample<Body = ()>>(
         let pieces = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
         let view = pieces.view::<S>().map_err(|e| Failure::wrong(format!("{topic}: {e}")))?;
         if let Some(element) = view.first() {
-            heard(view.head.origin, view.head.stamp, element);
+            heard(view.header.origin, view.header.stamp, element);
         }
     }
     Ok(())

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::connecting::GLANCE;
 use super::{PATIENCE, Supervisor};
 use crate::graph::Graph;
-use crate::ledger::Line;
+use crate::ledger::LedgerLine;
 use crate::live::children::Child;
 use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
 use crate::live::report::{Recorded, Run, RunReport};
@@ -57,7 +57,7 @@ impl Supervisor {
         self.read_journals();
         self.tell_faults(run);
         let ledger = self.ledger.lines(&self.graph);
-        let balanced = ledger.iter().all(Line::balances);
+        let balanced = ledger.iter().all(LedgerLine::balances);
         let mut report = RunReport {
             pipeline: self.graph.name.clone(),
             seconds: stopped.saturating_sub(self.epoch) as f64 / 1e9,

@@ -202,18 +202,18 @@ impl GateBeam {
         if let Some(sample) = activation.fresh::<Track>(STATE)
             && let Some(track) = sample.first()
         {
-            self.pose.see(track, sample.head.origin, sample.head.incarnation, now);
+            self.pose.see(track, sample.header.origin, sample.header.incarnation, now);
         }
         if let Some(sample) = activation.fresh::<Target>(TARGET)
             && let Some(target) = sample.first()
         {
-            self.target = Some((*target, sample.head.stamp.min(now)));
+            self.target = Some((*target, sample.header.stamp.min(now)));
         }
         if let Some(sample) = activation.fresh::<Actuation>(ACTUATION)
             && let Some(element) = sample.first()
         {
             let is_armed = element.state() == ActuationState::Armed && element.order == Order::Follow as u32;
-            self.actuation = Some((is_armed, sample.head.stamp.min(now)));
+            self.actuation = Some((is_armed, sample.header.stamp.min(now)));
         }
     }
 

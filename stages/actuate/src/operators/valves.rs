@@ -1,7 +1,7 @@
 //! `actuate.valves`: duties to datagrams.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
@@ -150,7 +150,7 @@ impl Operator for ActuateValves {
         timer: Timer::Required,
     };
 
-    fn fit(params: &ValvesParams) -> Result<(), Misfit> {
+    fn validate(params: &ValvesParams) -> Result<(), ParamConflict> {
         let (starts, bladders) = (params.pressure.start.len(), params.bladders as usize);
         if starts == 1 || starts == bladders {
             return Ok(());
@@ -158,7 +158,7 @@ impl Operator for ActuateValves {
         let said = format!(
             "`start` has {starts} pressures for {bladders} bladders: give one for all or one for each"
         );
-        Err(Misfit::inside(&["pressure"], SetupError(said)))
+        Err(ParamConflict::inside(&["pressure"], SetupError(said)))
     }
 
     fn new(params: ValvesParams, setup: &Setup<'_>) -> Result<Self, SetupError> {

@@ -58,17 +58,17 @@ impl Watch {
         if let Some(sample) = activation.fresh::<Duties>(COMMAND)
             && let Some(duties) = sample.first()
         {
-            self.command = Some((*duties, sample.head.stamp.min(activation.time)));
+            self.command = Some((*duties, sample.header.stamp.min(activation.time)));
         }
         if let Some(sample) = activation.fresh::<Track>(STATE)
             && let Some(track) = sample.first()
         {
-            self.pose.see(track, sample.head.origin, sample.head.incarnation, activation.time);
+            self.pose.see(track, sample.header.origin, sample.header.incarnation, activation.time);
         }
         if let Some(sample) = activation.fresh::<PoseReport>(REFERENCE)
             && let Some(report) = sample.first()
         {
-            self.captured = (report.reference != 0).then_some((report.reference, sample.head.incarnation));
+            self.captured = (report.reference != 0).then_some((report.reference, sample.header.incarnation));
         }
     }
 

@@ -35,13 +35,13 @@ fn valves(params: &str) -> Bench {
 
 fn state(left: &Left) -> ActuationElement {
     assert_eq!(left.fault, None);
-    let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
-    *parcel.pieces().view::<Actuation>().unwrap().first().unwrap()
+    let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+    *owned.pieces().view::<Actuation>().unwrap().first().unwrap()
 }
 
 fn order(left: &Left) -> Order {
-    let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 0).unwrap();
-    decode(parcel.pieces().view::<Datagram>().unwrap().elements, &key()).unwrap().order
+    let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 0).unwrap();
+    decode(owned.pieces().view::<Datagram>().unwrap().elements, &key()).unwrap().order
 }
 
 /// Valves that were armed with everything there, 40 ms after the start.
@@ -214,8 +214,8 @@ fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease
     use stillpoint_samples::{Gate, GateElement, GateReason, Target};
     let gate = |left: &Left| -> GateElement {
         assert_eq!(left.fault, None);
-        let (_, parcel) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
-        *parcel.pieces().view::<Gate>().unwrap().first().unwrap()
+        let (_, owned) = left.outputs.iter().find(|(port, _)| *port == 1).unwrap();
+        *owned.pieces().view::<Gate>().unwrap().first().unwrap()
     };
     let armed = ActuationElement {
         state: State::Armed as u32,

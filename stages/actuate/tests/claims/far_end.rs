@@ -20,7 +20,7 @@ fn run(said: &Said<'_>, key: &str, ms: u64) -> Run {
 
 fn states(run: &Run) -> Vec<(u64, FarEndElement)> {
     let samples = run.samples::<FarEnd>("far.state");
-    samples.iter().map(|s| ((s.head.stamp - START) / 1_000_000, *s.first().unwrap())).collect()
+    samples.iter().map(|s| ((s.header.stamp - START) / 1_000_000, *s.first().unwrap())).collect()
 }
 
 fn last_duties(run: &Run) -> DutiesElement {

@@ -8,8 +8,8 @@ use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
 use stillpoint_pipeline::setup::Setup;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
-    Actuation, ActuationElement, AlignedBytes, Cause, ConsoleCommand, Duties, Gate, Head, Pieces, PoseReport,
-    Sample, SampleKind, Target, Track, Verb,
+    Actuation, ActuationElement, AlignedBytes, Cause, ConsoleCommand, Duties, Gate, Header, Pieces,
+    PoseReport, Sample, SampleKind, Target, Track, Verb,
 };
 use zerocopy::IntoBytes;
 
@@ -96,7 +96,7 @@ impl<T: Operator> Quiet<T> {
 }
 
 fn sample<S: Sample<Body = ()>>(element: &S::Element, time: u64) -> AlignedBytes {
-    let head = Head { stamp: time, origin: time, sequence: 0, incarnation: 0, count: 1 };
+    let head = Header { stamp: time, origin: time, sequence: 0, incarnation: 0, count: 1 };
     AlignedBytes::copy_of(&[head.as_bytes(), element.as_bytes()].concat())
 }
 

@@ -79,13 +79,13 @@ pub fn run(said: &Said<'_>, ms: u64) -> Run {
 /// Stamp in ms, and content, of each sample of actuation.
 pub fn actuation(run: &Run) -> Vec<(u64, ActuationElement)> {
     let samples = run.samples::<Actuation>("valves.state");
-    samples.iter().map(|s| ((s.head.stamp - START) / MS, *s.first().unwrap())).collect()
+    samples.iter().map(|s| ((s.header.stamp - START) / MS, *s.first().unwrap())).collect()
 }
 
 /// Stamp in ms, and content, of each sample of the gate.
 pub fn gate(run: &Run) -> Vec<(u64, GateElement)> {
     let samples = run.samples::<Gate>("gate.state");
-    samples.iter().map(|s| ((s.head.stamp - START) / MS, *s.first().unwrap())).collect()
+    samples.iter().map(|s| ((s.header.stamp - START) / MS, *s.first().unwrap())).collect()
 }
 
 /// What valves and beam did, ms by ms, behind a way of 2 ms; datagrams of either made after `until` ms never come.
@@ -93,7 +93,7 @@ pub fn far_end(run: &Run, until: u64) -> (FarEnd, Vec<(u64, Act, bool)>) {
     let mut sent: Vec<(u64, Vec<u8>)> = Vec::new();
     for topic in ["valves.datagram", "gate.datagram"] {
         for sample in run.samples::<Datagram>(topic) {
-            sent.push(((sample.head.stamp - START) / MS, sample.elements.to_vec()));
+            sent.push(((sample.header.stamp - START) / MS, sample.elements.to_vec()));
         }
     }
     sent.sort_by_key(|(stamp, _)| *stamp);
@@ -133,7 +133,7 @@ fn a_person_arms_the_head_is_held_and_the_beam_goes_on_after_the_dwell() {
     for (datagram, (_, state)) in sent.iter().zip(&states) {
         let message = decode(datagram.elements, &key()).unwrap();
         assert_eq!(message.duty.map(f64::from), state.duty);
-        assert_eq!((message.sequence, message.stamp), (state.datagram, datagram.head.stamp));
+        assert_eq!((message.sequence, message.stamp), (state.datagram, datagram.header.stamp));
         assert_eq!((message.session.started, message.session.nonce), (START, state.session_nonce));
         assert_eq!((message.order as u32, message.reasons), (state.order, state.reasons));
     }

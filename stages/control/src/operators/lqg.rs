@@ -2,13 +2,13 @@
 
 use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
-use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 
 use crate::identified::Identified;
 use crate::lqi::{Lqi, Plant, Weights};
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::{CheckedPlant, PlantParams};
-use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
 use crate::reference::{ReferenceModel, pole_of_rise};
 use crate::riccati::observer_gain;
 
@@ -48,7 +48,7 @@ pub struct LqgParams {
 /// reference model of (4.24) does. Idle, with all valves shut, where estimate or target are missing, old or not finite;
 /// afterwards it begins from where the head is.
 pub struct ControlLqg {
-    seat: Seat,
+    shell: ControllerShell,
     law: Lqi,
     identified: Option<Identified>,
     model: ReferenceModel,
@@ -71,8 +71,8 @@ impl Operator for ControlLqg {
         timer: Timer::Required,
     };
 
-    fn fit(params: &LqgParams) -> Result<(), Misfit> {
-        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    fn validate(params: &LqgParams) -> Result<(), ParamConflict> {
+        params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
     }
 
     fn new(params: LqgParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
@@ -110,31 +110,31 @@ impl Operator for ControlLqg {
             y: vec![0.0; p],
             r: vec![0.0; p],
             x: vec![0.0; n],
-            seat: Seat::new(plant, params.stale, setup, names)?,
+            shell: ControllerShell::new(plant, params.stale, setup, names)?,
         })
     }
 
     fn capacities(params: &LqgParams) -> Vec<usize> {
-        vec![1, Seat::metrics(3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (dt, reasons) = match self.seat.look(activation) {
+        let (dt, reasons) = match self.shell.look(activation) {
             Look::Ready { dt, reasons } => (dt, reasons),
             Look::Idle(reasons) => {
                 self.resting = true;
-                return self.seat.idle(outputs, reasons);
+                return self.shell.idle(outputs, reasons);
             }
         };
         let restarts = std::mem::take(&mut self.resting);
         if restarts {
-            self.model.start_at(self.seat.pose());
+            self.model.start_at(self.shell.pose());
         }
-        self.model.advance(self.seat.target(), dt);
-        self.y.copy_from_slice(self.seat.pose());
+        self.model.advance(self.shell.target(), dt);
+        self.y.copy_from_slice(self.shell.pose());
         self.r.copy_from_slice(self.model.at());
-        if let (Some(identified), Some(start)) = (&self.identified, self.seat.start()) {
-            // The model counts from its own offset, the seat from where control began.
+        if let (Some(identified), Some(start)) = (&self.identified, self.shell.start()) {
+            // The model counts from its own offset, the shell from where control began.
             let start = identified.counted(start[0]);
             self.y[0] += start;
             self.r[0] += start;
@@ -150,12 +150,12 @@ impl Operator for ControlLqg {
             self.net[0] = identified.duty(self.net[0]);
         }
         for i in 0..self.y.len() {
-            let scale = self.seat.plant().scale[i];
-            self.seat.say(3 * i, (self.r[i] - self.y[i]) * scale);
-            self.seat.say(3 * i + 1, self.seat.absolute(i, self.model.at()[i]));
-            self.seat.say(3 * i + 2, self.law.integral()[i]);
+            let scale = self.shell.plant().scale[i];
+            self.shell.say(3 * i, (self.r[i] - self.y[i]) * scale);
+            self.shell.say(3 * i + 1, self.shell.absolute(i, self.model.at()[i]));
+            self.shell.say(3 * i + 2, self.law.integral()[i]);
         }
-        self.resting = !self.seat.act(outputs, &self.net, reasons)?;
+        self.resting = !self.shell.act(outputs, &self.net, reasons)?;
         Ok(())
     }
 }

@@ -4,16 +4,16 @@
 //! - `planned`: what a config says of targets, checked
 //! - `pi`, `lqg`, `mrac`: the controllers `control.pi`, `control.lqg` and `control.mrac`
 //! - `params`: parameters that controllers share
-//! - `seat`: what every controller does around its law
+//! - `shell`: what every controller does around its law
 //! - `freshness`: how old the newest measurement behind a track is
 
+mod controller_shell;
 mod freshness;
 mod lqg;
 mod mrac;
 mod params;
 mod pi;
 mod planned;
-mod seat;
 mod target;
 
 pub use lqg::{ControlLqg, LqgParams};

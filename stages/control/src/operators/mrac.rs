@@ -1,14 +1,14 @@
 //! `control.mrac`: the adaptive controller.
 
-use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::DutyReason;
 
 use crate::channels::Channel;
 use crate::features::{Features, Learned};
 use crate::mrac::{Learning, Mrac, MracDesign};
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::{CheckedPlant, PerChannel, PlantParams};
-use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
 use crate::predictor::Predictor;
 use crate::projection::Ball;
 use crate::reference::pole_of_rise;
@@ -74,7 +74,7 @@ pub struct MracParams {
 /// old, or inside the dead zone. Idle, with all valves shut, where estimate or target are missing, old or not finite;
 /// afterwards the reference model begins from where the head is, and what was learned stays.
 pub struct ControlMrac {
-    seat: Seat,
+    shell: ControllerShell,
     law: Mrac,
     /// The law as it began, should its numbers be lost.
     initial: Mrac,
@@ -95,8 +95,8 @@ impl Operator for ControlMrac {
         timer: Timer::Required,
     };
 
-    fn fit(params: &MracParams) -> Result<(), Misfit> {
-        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    fn validate(params: &MracParams) -> Result<(), ParamConflict> {
+        params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
     }
 
     fn new(params: MracParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
@@ -120,41 +120,46 @@ impl Operator for ControlMrac {
         let predicted = plant.channels.iter().map(|c| named("predicted_change", c));
         let names: Vec<String> =
             NAMES.into_iter().map(str::to_owned).chain(of_channels).chain(predicted).collect();
-        Ok(Self { seat: Seat::new(plant, params.stale, setup, names)?, initial: law.clone(), law, net })
+        Ok(Self {
+            shell: ControllerShell::new(plant, params.stale, setup, names)?,
+            initial: law.clone(),
+            law,
+            net,
+        })
     }
 
     fn capacities(params: &MracParams) -> Vec<usize> {
-        vec![1, Seat::metrics(NAMES.len() + 3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(NAMES.len() + 3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (dt, mut reasons) = match self.seat.look(activation) {
+        let (dt, mut reasons) = match self.shell.look(activation) {
             Look::Ready { dt, reasons } => (dt, reasons),
             Look::Idle(reasons) => {
                 self.law.restart();
-                return self.seat.idle(outputs, reasons | DutyReason::Frozen.bit());
+                return self.shell.idle(outputs, reasons | DutyReason::Frozen.bit());
             }
         };
-        let learning = self.law.step(self.seat.pose(), self.seat.target(), dt, &mut self.net);
+        let learning = self.law.step(self.shell.pose(), self.shell.target(), dt, &mut self.net);
         if learning != Learning::On {
             reasons |= DutyReason::Frozen.bit();
         }
-        self.seat.say(0, if learning == Learning::On { 1.0 } else { 0.0 });
+        self.shell.say(0, if learning == Learning::On { 1.0 } else { 0.0 });
         for (place, gains) in self.law.gains().into_iter().enumerate() {
-            self.seat.say(1 + place, gains.norm());
+            self.shell.say(1 + place, gains.norm());
         }
         let count = self.law.error().len();
         for i in 0..count {
-            let scale = self.seat.plant().scale[i];
-            let (error, pose) = (self.law.error()[i], self.seat.pose()[i]);
-            self.seat.say(NAMES.len() + 2 * i, error * scale);
-            self.seat.say(NAMES.len() + 2 * i + 1, self.seat.absolute(i, pose - error));
+            let scale = self.shell.plant().scale[i];
+            let (error, pose) = (self.law.error()[i], self.shell.pose()[i]);
+            self.shell.say(NAMES.len() + 2 * i, error * scale);
+            self.shell.say(NAMES.len() + 2 * i + 1, self.shell.absolute(i, pose - error));
             if let Features::Learned(learned) = self.law.features() {
                 let change = learned.predicted_change(i).unwrap_or(f64::NAN);
-                self.seat.say(NAMES.len() + 2 * count + i, change);
+                self.shell.say(NAMES.len() + 2 * count + i, change);
             }
         }
-        if !self.seat.act(outputs, &self.net, reasons)? {
+        if !self.shell.act(outputs, &self.net, reasons)? {
             self.law = self.initial.clone();
         }
         Ok(())

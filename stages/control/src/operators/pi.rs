@@ -1,10 +1,10 @@
 //! `control.pi`: the baseline.
 
-use stillpoint_pipeline::operator::{Kind, Misfit, Role, SetupError, StepError, Timer};
+use stillpoint_pipeline::operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::PlantParams;
-use crate::operators::seat::{INPUTS, Look, OUTPUTS, Seat, named};
 use crate::pi::{Pi, PiGains};
 use crate::reference::{ReferenceModel, pole_of_rise};
 
@@ -33,7 +33,7 @@ pub struct PiParams {
 /// Idle, with all valves shut, where estimate or target are missing, old or not finite; afterwards it begins from where
 /// the head is, with integrals of zero.
 pub struct ControlPi {
-    seat: Seat,
+    shell: ControllerShell,
     law: Pi,
     model: ReferenceModel,
     resting: bool,
@@ -51,8 +51,8 @@ impl Operator for ControlPi {
         timer: Timer::Required,
     };
 
-    fn fit(params: &PiParams) -> Result<(), Misfit> {
-        params.plant.checked().map(drop).map_err(|e| Misfit::inside(&["plant"], e))
+    fn validate(params: &PiParams) -> Result<(), ParamConflict> {
+        params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
     }
 
     fn new(params: PiParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
@@ -66,35 +66,41 @@ impl Operator for ControlPi {
             .iter()
             .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
             .collect();
-        Ok(Self { seat: Seat::new(plant, params.stale, setup, names)?, law, model, resting: true, net })
+        Ok(Self {
+            shell: ControllerShell::new(plant, params.stale, setup, names)?,
+            law,
+            model,
+            resting: true,
+            net,
+        })
     }
 
     fn capacities(params: &PiParams) -> Vec<usize> {
-        vec![1, Seat::metrics(3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (dt, reasons) = match self.seat.look(activation) {
+        let (dt, reasons) = match self.shell.look(activation) {
             Look::Ready { dt, reasons } => (dt, reasons),
             Look::Idle(reasons) => {
                 self.resting = true;
-                return self.seat.idle(outputs, reasons);
+                return self.shell.idle(outputs, reasons);
             }
         };
         if std::mem::take(&mut self.resting) {
             self.law.restart();
-            self.model.start_at(self.seat.pose());
+            self.model.start_at(self.shell.pose());
         }
-        self.model.advance(self.seat.target(), dt);
-        self.law.step(self.seat.pose(), self.model.at(), dt, &mut self.net);
+        self.model.advance(self.shell.target(), dt);
+        self.law.step(self.shell.pose(), self.model.at(), dt, &mut self.net);
         for i in 0..self.model.at().len() {
-            let scale = self.seat.plant().scale[i];
+            let scale = self.shell.plant().scale[i];
             let model = self.model.at()[i];
-            self.seat.say(3 * i, (model - self.seat.pose()[i]) * scale);
-            self.seat.say(3 * i + 1, self.seat.absolute(i, model));
-            self.seat.say(3 * i + 2, self.law.integral()[i]);
+            self.shell.say(3 * i, (model - self.shell.pose()[i]) * scale);
+            self.shell.say(3 * i + 1, self.shell.absolute(i, model));
+            self.shell.say(3 * i + 2, self.law.integral()[i]);
         }
-        self.resting = !self.seat.act(outputs, &self.net, reasons)?;
+        self.resting = !self.shell.act(outputs, &self.net, reasons)?;
         Ok(())
     }
 }

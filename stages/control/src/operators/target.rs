@@ -1,7 +1,7 @@
 //! `control.target`: where the head is to be.
 
 use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Misfit, Output, Policy, Role, SetupError, StepError, Timer,
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Track};
@@ -171,8 +171,8 @@ impl Operator for ControlTarget {
         timer: Timer::Required,
     };
 
-    fn fit(params: &TargetParams) -> Result<(), Misfit> {
-        goal(params).map(drop).map_err(|e| Misfit::inside(&["moves", "reach", "rig", "channels"], e))
+    fn validate(params: &TargetParams) -> Result<(), ParamConflict> {
+        goal(params).map(drop).map_err(|e| ParamConflict::inside(&["moves", "reach", "rig", "channels"], e))
     }
 
     fn new(params: TargetParams, _: &Setup<'_>) -> Result<Self, SetupError> {
@@ -193,7 +193,7 @@ impl Operator for ControlTarget {
         if let Some(state) = activation.input::<Track>(STATE)
             && let Some(track) = state.first()
         {
-            self.goal.see(track, state.head.origin, activation.time);
+            self.goal.see(track, state.header.origin, activation.time);
         }
         let command = activation.fresh::<ConsoleCommand>(COMMAND);
         if let Some(command) = command.as_ref().and_then(|c| c.first()) {

@@ -12,7 +12,7 @@ use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
 use stillpoint_pipeline::setup::Setup;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
-    Actuation, ActuationElement, ActuationState, AlignedBytes, Cause, Head, Pieces, Sample, SampleKind,
+    Actuation, ActuationElement, ActuationState, AlignedBytes, Cause, Header, Pieces, Sample, SampleKind,
     Standing, Target, TargetElement, TargetStatus, Track, TrackElement,
 };
 use zerocopy::IntoBytes;
@@ -130,7 +130,7 @@ fn allocations<T: Operator>(graph: &Graph, files: &MemoryFiles, name: &str, step
 }
 
 fn sample<S: Sample<Body = ()>>(element: &S::Element, origin: u64) -> AlignedBytes {
-    let head = Head { stamp: origin, origin, sequence: 0, incarnation: 0, count: 1 };
+    let head = Header { stamp: origin, origin, sequence: 0, incarnation: 0, count: 1 };
     AlignedBytes::copy_of(&[head.as_bytes(), element.as_bytes()].concat())
 }
 

@@ -276,19 +276,19 @@ operators:
 /// Duties with their times, s since the first.
 pub fn duties(run: &Run) -> Vec<(f64, DutiesElement)> {
     let samples = run.samples::<Duties>("law.duties");
-    let begin = samples[0].head.stamp;
-    samples.iter().map(|s| ((s.head.stamp - begin) as f64 * 1e-9, *s.first().unwrap())).collect()
+    let begin = samples[0].header.stamp;
+    samples.iter().map(|s| ((s.header.stamp - begin) as f64 * 1e-9, *s.first().unwrap())).collect()
 }
 
 /// Where the head was, with times, s: height, pitch, roll.
 pub fn truth(run: &Run) -> Vec<(f64, [f64; 3])> {
     let samples = run.samples::<Track>("head.truth");
-    let begin = samples[0].head.stamp;
+    let begin = samples[0].header.stamp;
     let numbers = |t: &TrackElement| {
         let [w, x, y, z] = t.orientation;
         let turn = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(w, x, y, z));
         let n = PoseNumbers::of(&Isometry3::from_parts(nalgebra::Translation3::identity(), turn));
         [t.position[2], n.pitch, n.roll]
     };
-    samples.iter().map(|s| ((s.head.stamp - begin) as f64 * 1e-9, numbers(s.first().unwrap()))).collect()
+    samples.iter().map(|s| ((s.header.stamp - begin) as f64 * 1e-9, numbers(s.first().unwrap()))).collect()
 }

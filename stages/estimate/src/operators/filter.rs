@@ -22,7 +22,7 @@ pub struct Given {
 }
 
 /// What a measurement brought about.
-pub struct Step {
+pub struct FilterOutput {
     /// What is sent on the state's topic, where something is.
     pub track: Option<TrackElement>,
     /// What is sent on the diagnostics' topic.
@@ -33,12 +33,12 @@ pub struct Step {
 pub trait Filter: Send {
     /// Uses a pose that was measured at `origin` and arrived at `time`, both ns. One that was measured later than it
     /// arrived, by more than clocks may differ, is not used.
-    fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step;
+    fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> FilterOutput;
     /// Whether a measurement acquired at `origin`, ns, or later has come.
     fn has_seen(&self, origin: u64) -> bool;
     /// Ends the track, for what is measured from now on is in another frame. Where the newest measurement, acquired at
     /// `origin` or later, ns, is so already, it begins the next track.
-    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<Step>;
+    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<FilterOutput>;
     /// The track at `time`, ns, predicted from what was measured before; `None` where a newer one was sent.
     fn predict(&self, time: u64) -> Option<TrackElement>;
 }
@@ -137,11 +137,11 @@ impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
 }
 
 impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
-    fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> Step {
+    fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> FilterOutput {
         if origin > time.saturating_add(self.clock_ahead) {
             self.early += 1;
             let track = self.track(None, Standing::None);
-            return Step { metrics: self.metrics(Some(&track), 0, None, time), track: Some(track) };
+            return FilterOutput { metrics: self.metrics(Some(&track), 0, None, time), track: Some(track) };
         }
         let same = self.last.is_some_and(|(last, _)| has_same_numbers(&last, pose));
         self.repeated = if same { self.repeated + 1 } else { 0 };
@@ -157,7 +157,7 @@ impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
             stepped => stepped,
         };
         let Ok(outcome) = outcome else {
-            return Step { track: None, metrics: self.metrics(None, 0, None, time) };
+            return FilterOutput { track: None, metrics: self.metrics(None, 0, None, time) };
         };
         if matches!(outcome, Outcome::Started | Outcome::Updated(_)) {
             self.used_at = time;
@@ -178,14 +178,14 @@ impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
         let dof =
             innovation.as_ref().map_or(0, |i: &Innovation<N>| i.measured.iter().filter(|m| **m).count());
         let nees = self.nees(truths, origin);
-        Step { metrics: self.metrics(Some(&track), dof, nees, time), track: Some(track) }
+        FilterOutput { metrics: self.metrics(Some(&track), dof, nees, time), track: Some(track) }
     }
 
     fn has_seen(&self, origin: u64) -> bool {
         self.last.is_some_and(|(_, acquired)| acquired >= origin)
     }
 
-    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<Step> {
+    fn begin_anew(&mut self, origin: u64, time: u64, truths: &Truths) -> Option<FilterOutput> {
         self.kalman.restart();
         let (pose, acquired) = self.last.take()?;
         (acquired >= origin).then(|| self.measure(&pose, acquired, time, truths))

@@ -9,7 +9,7 @@ use stillpoint_samples::{Cause, Diagnostics, Pose, PoseReport, Sample, Track};
 
 use crate::channels::{Channels, Follow, InSamples};
 use crate::kalman::{Kalman, KalmanParams};
-use crate::operators::filter::{Filter, FilterOf, Given, METRICS, Step};
+use crate::operators::filter::{Filter, FilterOf, FilterOutput, Given, METRICS};
 use crate::operators::truths::Truths;
 use crate::process::{Hold, ProcessNoise};
 
@@ -156,17 +156,17 @@ impl Operator for EstimateKalman {
         if let Some(truth) = activation.fresh::<Pose>(TRUTH)
             && let Some(pose) = truth.first()
         {
-            self.truths.keep(truth.head.origin, *pose);
+            self.truths.keep(truth.header.origin, *pose);
         }
         if let Some(report) = activation.fresh::<PoseReport>(REPORT)
             && let Some(said) = report.first()
-            && let Some(step) = self.hear(said.reference, report.head.origin, activation.time)
+            && let Some(step) = self.hear(said.reference, report.header.origin, activation.time)
         {
             return send(&step, outputs);
         }
         let Some(measured) = activation.fresh::<Pose>(MEASUREMENT) else { return Ok(()) };
         let Some(pose) = measured.first() else { return Ok(()) };
-        let origin = measured.head.origin;
+        let origin = measured.header.origin;
         if self.anew_from.is_some_and(|from| origin >= from) {
             self.anew_from = None;
             self.filter.begin_anew(u64::MAX, activation.time, &self.truths);
@@ -178,7 +178,7 @@ impl Operator for EstimateKalman {
 impl EstimateKalman {
     /// Hears which reference the pose acquired at `origin`, ns, is relative to. Pose and report are of one activation, and
     /// either may come first: what was made of the pose meanwhile is made anew.
-    fn hear(&mut self, reference: u32, origin: u64, time: u64) -> Option<Step> {
+    fn hear(&mut self, reference: u32, origin: u64, time: u64) -> Option<FilterOutput> {
         let before = std::mem::replace(&mut self.reference, reference);
         if before == 0 || before == reference {
             return None;
@@ -191,7 +191,7 @@ impl EstimateKalman {
     }
 }
 
-fn send(step: &Step, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+fn send(step: &FilterOutput, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
     if let Some(track) = &step.track {
         outputs.send::<Track>(STATE, track)?;
     }

@@ -1,7 +1,7 @@
 //! A step of the filter or of the fusion takes no memory from the heap.
 
 use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_samples::{Head, Pieces, Pose, PoseElement, Sample, Track, TrackElement};
+use stillpoint_samples::{Header, Pieces, Pose, PoseElement, Sample, Track, TrackElement};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;
 
@@ -32,7 +32,7 @@ impl Watched {
     }
 
     fn feed<S: Sample<Body = ()>>(&mut self, port: usize, time: u64, element: &S::Element, origin: u64) {
-        let head = Head { stamp: origin, origin, sequence: 0, incarnation: 0, count: 1 };
+        let head = Header { stamp: origin, origin, sequence: 0, incarnation: 0, count: 1 };
         let bytes = bytes_of::<S>(&head, &(), std::slice::from_ref(element));
         let pieces = Pieces::split(S::KIND, &bytes).unwrap();
         self.allocations += self.operator.feed(port, time, pieces, count).unwrap();

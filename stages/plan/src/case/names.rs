@@ -16,12 +16,12 @@ const SHIPPED: &str = include_str!("../../data/structure-names.json");
 /// Lines that names are matched by, in their order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NameTable {
-    lines: Vec<Line>,
+    lines: Vec<NameRule>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Line {
+struct NameRule {
     /// The name to give; without it the structure keeps its own.
     name: Option<String>,
     role: Option<Role>,
@@ -32,7 +32,7 @@ struct Line {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    structures: Vec<Line>,
+    structures: Vec<NameRule>,
 }
 
 /// What the table says of a structure.
@@ -66,7 +66,7 @@ impl NameTable {
     /// The table in this JSON text.
     pub fn parse(text: &str) -> Result<Self, NamesError> {
         let Table { structures: lines } = serde_json::from_str(text)?;
-        let empty = |line: &Line| {
+        let empty = |line: &NameRule| {
             (line.name.is_none() && line.role.is_none())
                 || line.patterns.is_empty()
                 || line.patterns.iter().any(|p| plain(p).is_empty())

@@ -10,12 +10,12 @@ const SHIPPED: &str = include_str!("../../data/objectives.json");
 /// Lines that structures are matched by, in their order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ObjectiveTable {
-    pub(super) lines: Vec<Line>,
+    pub(super) lines: Vec<TableLine>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Line {
+pub(super) struct TableLine {
     /// Names, by letters and digits, with `*` for any; without it every name.
     #[serde(rename = "match")]
     patterns: Option<Vec<String>>,
@@ -53,7 +53,7 @@ pub(super) struct Volume(pub f64);
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    objectives: Vec<Line>,
+    objectives: Vec<TableLine>,
 }
 
 /// Why a text is no table of objectives.
@@ -78,7 +78,7 @@ impl ObjectiveTable {
     /// The table in this JSON text.
     pub fn parse(text: &str) -> Result<Self, TableError> {
         let Table { objectives: lines } = serde_json::from_str(text)?;
-        let empty = |line: &Line| match &line.patterns {
+        let empty = |line: &TableLine| match &line.patterns {
             Some(patterns) => {
                 patterns.is_empty() || patterns.iter().any(|p| !p.contains(char::is_alphanumeric))
             }
@@ -98,7 +98,7 @@ impl ObjectiveTable {
 
     /// What the first line that matches wants; nothing where none does.
     pub(super) fn find(&self, name: &str, role: Role) -> &[Wish] {
-        let fits = |line: &&Line| {
+        let fits = |line: &&TableLine| {
             line.role.is_none_or(|r| r == role)
                 && line.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
         };

@@ -170,7 +170,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
             && let Some(duties) = view.first()
             && !self.is_lost(activation)
         {
-            self.rig.command(duties, view.head.stamp.saturating_sub(begin), now);
+            self.rig.command(duties, view.header.stamp.saturating_sub(begin), now);
         }
         if activation.cause != Cause::Timer {
             return self.obey(activation);

@@ -72,7 +72,7 @@ fn a_frozen_camera_sends_the_same_image_as_if_it_were_new() {
     let images = run.samples::<DepthImage>("rig.depth");
     let is_same: Vec<bool> = images.windows(2).map(|pair| pair[0].elements == pair[1].elements).collect();
     assert!((0..29).all(|i| is_same[i] == (10..19).contains(&i)), "{is_same:?}");
-    assert!(images.windows(2).all(|pair| pair[1].head.origin - pair[0].head.origin == 100_000_000));
+    assert!(images.windows(2).all(|pair| pair[1].header.origin - pair[0].header.origin == 100_000_000));
     let states = run.samples::<RigState>("rig.state");
     assert_eq!([50, 150, 250].map(|tick| states[tick].first().unwrap().faults), [0, 64, 0]);
 }

@@ -22,9 +22,9 @@ fn poses_come_at_the_rigs_rate_and_images_at_the_cameras() {
     let images = run.samples::<DepthImage>("rig.depth");
     assert_eq!((images.len(), run.samples::<Pose>("rig.truth").len()), (10, 100));
     for pair in images.windows(2) {
-        assert_eq!(pair[1].head.stamp - pair[0].head.stamp, 100_000_000);
+        assert_eq!(pair[1].header.stamp - pair[0].header.stamp, 100_000_000);
         // The duties behind it are older than what it shows.
-        assert_eq!(pair[1].head.origin, pair[1].head.stamp);
+        assert_eq!(pair[1].header.origin, pair[1].header.stamp);
     }
 }
 

@@ -13,5 +13,5 @@ mod segmenter;
 mod support;
 
 pub use params::{FaceParams, ParamError, Rule};
-pub use seen::{Rejection, Seen, Step};
+pub use seen::{Rejection, Seen, SegmentationStep};
 pub use segmenter::FaceSegmenter;

@@ -66,7 +66,7 @@ pub struct Seen<'a> {
 
 /// A step of the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Step {
+pub enum SegmentationStep {
     /// The voxel grid.
     Voxel,
     /// Removal of outliers, where it is asked for.
@@ -87,7 +87,7 @@ pub enum Step {
     Gather,
 }
 
-impl Step {
+impl SegmentationStep {
     /// Names of the steps, in their order.
     pub const NAMES: &'static [&'static str] =
         &["voxel", "outliers", "smooth", "plane", "rise", "cluster", "describe", "head", "gather"];

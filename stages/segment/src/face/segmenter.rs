@@ -2,7 +2,7 @@
 
 use super::pairs::PairsSeen;
 use super::params::{FaceParams, ParamError, Rule, check};
-use super::seen::{Rejection, Seen, Step};
+use super::seen::{Rejection, Seen, SegmentationStep};
 use super::support::Support;
 use crate::cloud::Cloud;
 use crate::cluster::EuclideanClusters;
@@ -101,7 +101,7 @@ impl FaceSegmenter {
         &mut self,
         cloud: Cloud<'_>,
         rng: &mut impl Rng,
-        ended: &mut impl FnMut(Step),
+        ended: &mut impl FnMut(SegmentationStep),
     ) -> Seen<'_> {
         self.simplify(cloud, ended);
         let again = self.found.filter(|_| self.grid.is_repeated());
@@ -109,7 +109,7 @@ impl FaceSegmenter {
         self.found = Some(found);
         if found.face.is_ok() {
             self.gather();
-            ended(Step::Gather);
+            ended(SegmentationStep::Gather);
         }
         Seen {
             points: self.grid.points(),
@@ -124,20 +124,25 @@ impl FaceSegmenter {
     }
 
     /// Voxels without outliers.
-    fn simplify(&mut self, cloud: Cloud<'_>, ended: &mut impl FnMut(Step)) {
+    fn simplify(&mut self, cloud: Cloud<'_>, ended: &mut impl FnMut(SegmentationStep)) {
         self.grid.downsample(cloud, self.params.leaf, self.params.range_max);
-        ended(Step::Voxel);
+        ended(SegmentationStep::Voxel);
         self.removed = 0;
         if let Some(outliers) = &self.params.outliers {
             let before = self.grid.centroids().len();
             self.grid.retain(self.outliers.keep(self.grid.centroids(), outliers));
             self.removed = before - self.grid.centroids().len();
-            ended(Step::Outliers);
+            ended(SegmentationStep::Outliers);
         }
     }
 
     /// Plane and face among the voxels.
-    fn search(&mut self, cloud: Cloud<'_>, rng: &mut impl Rng, ended: &mut impl FnMut(Step)) -> Found {
+    fn search(
+        &mut self,
+        cloud: Cloud<'_>,
+        rng: &mut impl Rng,
+        ended: &mut impl FnMut(SegmentationStep),
+    ) -> Found {
         self.above.clear();
         self.table.clear();
         self.support.clear();
@@ -148,12 +153,16 @@ impl FaceSegmenter {
     }
 
     /// The plane that most voxels lie on.
-    fn stand(&mut self, rng: &mut impl Rng, ended: &mut impl FnMut(Step)) -> Result<PlaneFit, Rejection> {
+    fn stand(
+        &mut self,
+        rng: &mut impl Rng,
+        ended: &mut impl FnMut(SegmentationStep),
+    ) -> Result<PlaneFit, Rejection> {
         let params = self.params;
         let needed = params.min_points;
         if let Some(smoothing) = &params.smoothing {
             self.grid.replace(self.mls.smooth(self.grid.centroids(), smoothing, rng));
-            ended(Step::Smooth);
+            ended(SegmentationStep::Smooth);
         }
         let found = self.grid.centroids().len();
         if found < needed {
@@ -165,7 +174,7 @@ impl FaceSegmenter {
             return Err(Rejection::NoPlane { found: fit.inliers, needed });
         }
         self.support.keep(fit.plane);
-        ended(Step::Plane);
+        ended(SegmentationStep::Plane);
         Ok(fit)
     }
 
@@ -174,15 +183,15 @@ impl FaceSegmenter {
         &mut self,
         cloud: Cloud<'_>,
         plane: &Plane,
-        ended: &mut impl FnMut(Step),
+        ended: &mut impl FnMut(SegmentationStep),
     ) -> Result<(), Rejection> {
         let needed = self.params.min_points;
         self.rise();
-        ended(Step::Rise);
+        ended(SegmentationStep::Rise);
         self.clusters.find(&self.above, self.params.cluster_tolerance, needed);
-        ended(Step::Cluster);
+        ended(SegmentationStep::Cluster);
         self.describe(cloud);
-        ended(Step::Describe);
+        ended(SegmentationStep::Describe);
         let above = self.above.len();
         if self.clusters.sizes().is_empty() {
             return Err(Rejection::NoCluster { above, needed });
@@ -203,7 +212,7 @@ impl FaceSegmenter {
                 self.is_face.extend_from_slice(self.head.is_head());
             }
         }
-        ended(Step::Head);
+        ended(SegmentationStep::Head);
         if self.is_face.iter().filter(|&&is| is).count() < needed {
             return Err(Rejection::NoHead { above, needed });
         }

@@ -32,18 +32,18 @@ fn seconds(stamp: u64) -> f64 {
 /// Errors of height in mm, pitch and roll in degrees, against the target at the same time.
 fn errors(run: &Run) -> Vec<(f64, [f64; 3])> {
     let targets = run.samples::<Target>("target.reference");
-    let newest = |stamp: u64| targets.iter().rev().find(|t| t.head.stamp <= stamp)?.first();
+    let newest = |stamp: u64| targets.iter().rev().find(|t| t.header.stamp <= stamp)?.first();
     run.samples::<Track>("filter.state")
         .iter()
         .filter_map(|state| {
-            let (track, target) = (state.first()?, newest(state.head.stamp)?);
+            let (track, target) = (state.first()?, newest(state.header.stamp)?);
             let [w, x, y, z] = track.orientation;
             let q = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
             let (pitch, roll, _) = q.euler_angles();
             let height = (track.position[2] - target.position[2]) * 1e3;
             let angle = |is: f64, due: f64| (is - due).to_degrees();
             Some((
-                seconds(state.head.stamp),
+                seconds(state.header.stamp),
                 [height, angle(pitch, target.angles[0]), angle(roll, target.angles[1])],
             ))
         })
@@ -56,7 +56,7 @@ fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
     // Armed by the script's person, and never in want of anything after that.
     let last_state = |at: f64| {
         let states = run.samples::<Actuation>("valves.state");
-        states.iter().rev().find(|s| seconds(s.head.stamp) < at).unwrap().first().unwrap().state
+        states.iter().rev().find(|s| seconds(s.header.stamp) < at).unwrap().first().unwrap().state
     };
     assert_eq!(last_state(1.4), ActuationState::Disarmed as u32);
     assert_eq!(last_state(2.0), ActuationState::Armed as u32);
@@ -64,7 +64,7 @@ fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
     // The beam is on while the head is held, off while it moves, and on again where it is to be.
     let beam = |from: f64, until: f64| {
         let gates = run.samples::<Gate>("gate.state");
-        let within = gates.iter().filter(|g| (from..until).contains(&seconds(g.head.stamp)));
+        let within = gates.iter().filter(|g| (from..until).contains(&seconds(g.header.stamp)));
         let on: Vec<bool> = within.map(|g| g.first().unwrap().beam == 1).collect();
         on.iter().filter(|on| **on).count() as f64 / on.len() as f64
     };
@@ -150,19 +150,19 @@ fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
     let gates = run.samples::<Gate>("gate.state");
     let off = gates
         .iter()
-        .find(|g| seconds(g.head.stamp) > 4.0 && g.first().unwrap().beam == 0)
-        .map(|g| seconds(g.head.stamp))
+        .find(|g| seconds(g.header.stamp) > 4.0 && g.first().unwrap().beam == 0)
+        .map(|g| seconds(g.header.stamp))
         .unwrap();
     let far = run.samples::<FarEnd>("far.state");
     let vents = far
         .iter()
-        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().doing() == FarEndDoing::Venting)
-        .map(|s| seconds(s.head.stamp))
+        .find(|s| seconds(s.header.stamp) > 4.0 && s.first().unwrap().doing() == FarEndDoing::Venting)
+        .map(|s| seconds(s.header.stamp))
         .unwrap();
     let dark = far
         .iter()
-        .find(|s| seconds(s.head.stamp) > 4.0 && s.first().unwrap().beam == 0)
-        .map(|s| seconds(s.head.stamp))
+        .find(|s| seconds(s.header.stamp) > 4.0 && s.first().unwrap().beam == 0)
+        .map(|s| seconds(s.header.stamp))
         .unwrap();
     // The last good frame is of 3.9 s: stale after three frames, and safe 100 ms later.
     assert!(
@@ -177,14 +177,14 @@ fn a_camera_that_freezes_ends_the_beam_and_then_vents_the_rig() {
     let run = default_pipeline(&[frozen, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
     let first = |stamps: &mut dyn Iterator<Item = u64>| stamps.map(seconds).find(|s| *s > 4.0).unwrap();
     let gates = run.samples::<Gate>("gate.state");
-    let off = first(&mut gates.iter().filter(|g| g.first().unwrap().beam == 0).map(|g| g.head.stamp));
+    let off = first(&mut gates.iter().filter(|g| g.first().unwrap().beam == 0).map(|g| g.header.stamp));
     let states = run.samples::<Actuation>("valves.state");
     let is_armed = |a: &View<'_, Actuation>| a.first().unwrap().state == ActuationState::Armed as u32;
-    let left = first(&mut states.iter().filter(|a| !is_armed(a)).map(|a| a.head.stamp));
+    let left = first(&mut states.iter().filter(|a| !is_armed(a)).map(|a| a.header.stamp));
     let far = run.samples::<FarEnd>("far.state");
-    let dark = first(&mut far.iter().filter(|s| s.first().unwrap().beam == 0).map(|s| s.head.stamp));
+    let dark = first(&mut far.iter().filter(|s| s.first().unwrap().beam == 0).map(|s| s.header.stamp));
     let is_venting = |s: &View<'_, FarEnd>| s.first().unwrap().doing() == FarEndDoing::Venting;
-    let vents = first(&mut far.iter().filter(|s| is_venting(s)).map(|s| s.head.stamp));
+    let vents = first(&mut far.iter().filter(|s| is_venting(s)).map(|s| s.header.stamp));
     // The image of 4.0 s comes again at 4.1, 4.2 and 4.3 s. That last time it is no news: the pose is of 4.2 s, stale
     // after three frames, and the rig is safe 100 ms later.
     assert!(
@@ -193,10 +193,10 @@ fn a_camera_that_freezes_ends_the_beam_and_then_vents_the_rig() {
     );
     // Until then it was held, and it does not come back.
     let tracks = run.samples::<Track>("filter.state");
-    let frozen = tracks.iter().filter(|t| seconds(t.head.origin) > 4.0 - 1e-9);
+    let frozen = tracks.iter().filter(|t| seconds(t.header.origin) > 4.0 - 1e-9);
     let repeated: Vec<u64> = frozen.map(|t| t.first().unwrap().repeated).collect();
     assert!(repeated.iter().copied().eq(0..20), "{repeated:?}");
-    assert!(states.iter().filter(|a| (2.1..4.0).contains(&seconds(a.head.stamp))).all(is_armed));
+    assert!(states.iter().filter(|a| (2.1..4.0).contains(&seconds(a.header.stamp))).all(is_armed));
     assert!(!is_armed(states.last().unwrap()));
 }
 
@@ -210,7 +210,7 @@ fn every_frame_of_the_default_pipeline_becomes_a_state() {
     }
     let states = run.samples::<Track>("filter.state");
     // The report of the second reference comes behind its first pose, whose state is made anew.
-    let mut frames: Vec<u64> = states.iter().map(|s| s.head.origin).collect();
+    let mut frames: Vec<u64> = states.iter().map(|s| s.header.origin).collect();
     assert_eq!(frames.len(), 31);
     frames.dedup();
     assert_eq!(frames.len(), 30);

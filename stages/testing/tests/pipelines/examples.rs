@@ -128,14 +128,14 @@ fn one_camera_follows_a_head_with_six_degrees_of_freedom() {
     };
     let of_pose = |topic: &str| -> BTreeMap<u64, Isometry3<f64>> {
         let pose = |p: &View<'_, Pose>| {
-            p.first().map(|e| (p.head.origin, isometry(e.position, e.orientation))).unwrap()
+            p.first().map(|e| (p.header.origin, isometry(e.position, e.orientation))).unwrap()
         };
         run.samples::<Pose>(topic).iter().map(pose).collect()
     };
     let track = |t: &View<'_, Track>| {
         let element = t.first().unwrap();
         let known = element.standing() != Standing::None;
-        known.then(|| (t.head.origin, isometry(element.position, element.orientation)))
+        known.then(|| (t.header.origin, isometry(element.position, element.orientation)))
     };
     let filtered: BTreeMap<u64, _> = run.samples::<Track>("filter.state").iter().filter_map(track).collect();
     let (truth, dense, three) = (of_pose("rig.truth"), of_pose("head.pose"), of_pose("head.three_points"));

@@ -32,11 +32,11 @@ frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 
 operators:
   first_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: first, camera: LENS } }
   first_face: { use: segment.face, inputs: { cloud: first_cloud.cloud } }
-  first_head: { use: track.head, inputs: { face: first_face.face, rejection: first_face.rejection }, frame: couch }
+  first_head: { use: track.header, inputs: { face: first_face.face, rejection: first_face.rejection }, frame: couch }
   first: { use: estimate.kalman, inputs: { measurement: first_head.pose }, params: { follow: pose } }
   second_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: second, camera: LENS } }
   second_face: { use: segment.face, inputs: { cloud: second_cloud.cloud } }
-  second_head: { use: track.head, inputs: { face: second_face.face, rejection: second_face.rejection }, frame: couch }
+  second_head: { use: track.header, inputs: { face: second_face.face, rejection: second_face.rejection }, frame: couch }
   second: { use: estimate.kalman, inputs: { measurement: second_head.pose }, params: { follow: pose } }
   fused: { use: estimate.fuse, every: 50 ms, inputs: { first: first.state, second: second.state }, params: { follow: pose } }
 ";
@@ -103,14 +103,14 @@ fn check(run: &Run, after: &[&str]) {
     let healths = run.samples::<Health>("fused.health");
     let named = healths.iter().filter(|h| h.elements[0].reason() == "frozen");
     let named: Vec<f64> =
-        named.map(|h| (h.head.stamp - stillpoint_testing::run::START) as f64 * 1e-9).collect();
+        named.map(|h| (h.header.stamp - stillpoint_testing::run::START) as f64 * 1e-9).collect();
     assert!(named[0] >= 3.3 && named[0] < 3.4 && named[named.len() - 1] < 5.0 + 1e-9, "{named:?}");
 
     let second = run.samples::<Track>("second.state");
     let fused = run.samples::<Track>("fused.state");
     let mut alone = 0;
     for own in second.iter().skip(FROZEN.start + 4).take(FROZEN.len() - 5) {
-        for track in fused.iter().filter(|t| t.head.origin == own.head.origin) {
+        for track in fused.iter().filter(|t| t.header.origin == own.header.origin) {
             let (track, own) = (track.first().unwrap(), own.first().unwrap());
             assert!(track.standing() != Standing::None);
             assert!((0..3).all(|i| (track.position[i] - own.position[i]).abs() < 1e-12), "{track:?}");
@@ -135,7 +135,7 @@ fn a_frozen_camera_before_a_moving_head_leaves_the_track_to_the_other() {
     let fused = run.samples::<Track>("fused.state");
     let height = |frame: usize| {
         let time = stillpoint_testing::run::START + frame as u64 * 100_000_000;
-        fused.iter().find(|t| t.head.origin == time).unwrap().first().unwrap().position[2]
+        fused.iter().find(|t| t.header.origin == time).unwrap().first().unwrap().position[2]
     };
     for frame in FROZEN.start + 4..FRAMES {
         let error = (height(frame) - height(FROZEN.start)) - (truth[frame] - truth[FROZEN.start]);
@@ -149,7 +149,7 @@ fn the_same_image_again_has_the_same_pose_and_report_to_the_bit() {
     for topic in ["first_face.face", "first_face.diagnostics", "first_head.pose", "first_head.report"] {
         // Heads have another time and number each.
         let contents: Vec<&[u8]> =
-            run.parcels(topic).map(|p| &p.bytes[stillpoint_samples::HEAD_SIZE..]).collect();
+            run.owned_samples(topic).map(|p| &p.bytes[stillpoint_samples::HEADER_SIZE..]).collect();
         assert_eq!(contents.len(), FRAMES, "{topic}");
         let is_same = |frame: usize| contents[frame] == contents[frame - 1];
         assert!((1..FRAMES).all(|f| is_same(f) == (FROZEN.start + 1..FROZEN.end).contains(&f)), "{topic}");

@@ -49,9 +49,9 @@ fn the_filtered_pose_follows_the_head_in_the_couchs_frame() {
 fn filtered_from_measured(run: &Run) -> Vec<(u64, [f64; 2])> {
     let poses = run.samples::<Pose>("head.pose");
     let states = run.samples::<Track>("filter.state");
-    let of = |origin: u64| states.iter().rev().find(|s| s.head.origin == origin);
+    let of = |origin: u64| states.iter().rev().find(|s| s.header.origin == origin);
     let pairs = poses.iter().filter_map(|pose| {
-        let origin = pose.head.origin;
+        let origin = pose.header.origin;
         let (p, s) = (*pose.first()?, *of(origin)?.first()?);
         let off = isometry(p.position, p.orientation).inverse() * isometry(s.position, s.orientation);
         Some((origin, [off.translation.vector.norm(), off.rotation.angle()]))

@@ -154,7 +154,7 @@ fn eight_bladders_squeeze_a_head_no_harder_after_five_minutes() {
     stays_armed(&run);
     // The pressures come from duties: these are as old as the image behind them all the same.
     let duties = run.samples::<Duties>("law.duties");
-    assert!(duties.len() > 6_000 && duties.iter().all(|d| d.head.stamp - d.head.origin < 300_000_000));
+    assert!(duties.len() > 6_000 && duties.iter().all(|d| d.header.stamp - d.header.origin < 300_000_000));
 }
 
 #[test]
@@ -192,11 +192,13 @@ fn one_bladder_and_two_cameras_hold_a_height() {
         let mm = |stamp: u64, m: f64| (stamp as f64 * 1e-9, m * 1e3);
         let targets = run.samples::<Target>("target.reference");
         let target: Vec<_> =
-            targets.iter().map(|t| mm(t.head.stamp, t.first().unwrap().position[2])).collect();
+            targets.iter().map(|t| mm(t.header.stamp, t.first().unwrap().position[2])).collect();
         let poses = run.samples::<Pose>("rig.truth");
-        let truth: Vec<_> = poses.iter().map(|p| mm(p.head.stamp, p.first().unwrap().position[2])).collect();
+        let truth: Vec<_> =
+            poses.iter().map(|p| mm(p.header.stamp, p.first().unwrap().position[2])).collect();
         let tracks = run.samples::<Track>("fused.state");
-        let seen: Vec<_> = tracks.iter().map(|t| mm(t.head.origin, t.first().unwrap().position[2])).collect();
+        let seen: Vec<_> =
+            tracks.iter().map(|t| mm(t.header.origin, t.first().unwrap().position[2])).collect();
         let steps = steps(&target, target.last().unwrap().0);
         // The truth as the cameras would have it without what changes of their errors, as in a report.
         let at = |time: f64| truth.iter().rfind(|(t, _)| *t <= time).unwrap().1;

@@ -24,7 +24,7 @@ fn measured(run: &Run, topic: &str) -> Heights {
     let poses = run.samples::<Pose>(topic);
     let pose = |p: &stillpoint_samples::View<'_, Pose>| {
         let element = p.first().unwrap();
-        (p.head.origin, [1e3 * element.position[2], 1e6 * element.covariance[14]])
+        (p.header.origin, [1e3 * element.position[2], 1e6 * element.covariance[14]])
     };
     poses.iter().map(pose).collect()
 }
@@ -33,7 +33,7 @@ fn measured(run: &Run, topic: &str) -> Heights {
 fn tracked(run: &Run, topic: &str, own: bool) -> Heights {
     let tracks = run.samples::<Track>(topic);
     let stands = |standing| if own { standing == Standing::Measured } else { standing != Standing::None };
-    let elements = tracks.iter().map(|t| (t.head.origin, t.first().unwrap()));
+    let elements = tracks.iter().map(|t| (t.header.origin, t.first().unwrap()));
     let known = elements.filter(|(_, t)| stands(t.standing()));
     known.map(|(time, t)| (time, [1e3 * t.position[2], 1e6 * t.covariance[26]])).collect()
 }

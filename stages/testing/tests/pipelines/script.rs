@@ -30,7 +30,7 @@ fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
     let run = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500).unwrap();
     let said = |verb: &str| -> Vec<(u64, Vec<f64>)> {
         let samples = run.samples::<ConsoleCommand>(&format!("console.{verb}"));
-        let at = |s: &stillpoint_samples::View<'_, ConsoleCommand>| (s.head.stamp - START) / 1_000_000;
+        let at = |s: &stillpoint_samples::View<'_, ConsoleCommand>| (s.header.stamp - START) / 1_000_000;
         samples
             .iter()
             .map(|s| (at(s), s.first().map(|c| c.values[..c.given as usize].to_vec()).unwrap()))

@@ -168,7 +168,7 @@ impl Operator for TrackHead {
         std::mem::swap(&mut self.cloud, &mut self.before);
         self.cloud.clear();
         self.cloud.extend(face.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from))));
-        let time = face.head.origin;
+        let time = face.header.origin;
         let captured = self.capture.offer(&mut self.tracker, &self.cloud, time, self.min_points);
         let is_repeated = self.cloud == self.before && captured != Ok(Offer::Taken);
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose

@@ -64,7 +64,7 @@ impl Said {
 
     fn of(left: &Left) -> Self {
         assert_eq!(left.fault, None);
-        let on = |port: usize| left.outputs.iter().find(|(p, _)| *p == port).map(|(_, parcel)| parcel);
+        let on = |port: usize| left.outputs.iter().find(|(p, _)| *p == port).map(|(_, owned)| owned);
         let pose = |port: usize| on(port).map(|p| *p.pieces().view::<Pose>().unwrap().first().unwrap());
         let cloud = on(2).map(|p| p.pieces().view::<PointCloud>().unwrap().elements.to_vec());
         Self {

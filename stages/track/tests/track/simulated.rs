@@ -70,7 +70,7 @@ fn poses(run: &Run, topic: &str) -> Vec<(u64, Isometry3<f64>)> {
         let element = p.first().unwrap();
         let [w, x, y, z] = element.orientation;
         let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-        (p.head.origin, Isometry3::from_parts(Vector3::from(element.position).into(), turn))
+        (p.header.origin, Isometry3::from_parts(Vector3::from(element.position).into(), turn))
     };
     run.samples::<Pose>(topic).into_iter().map(pose).collect()
 }

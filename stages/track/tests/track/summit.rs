@@ -34,14 +34,14 @@ operators:
     assert_eq!(run.failed(), [] as [&str; 0]);
     let truth = run.samples::<Pose>("rig.truth");
     let true_at = |origin: u64| {
-        let sample = truth.iter().find(|t| t.head.origin == origin).unwrap();
+        let sample = truth.iter().find(|t| t.header.origin == origin).unwrap();
         sample.first().unwrap().position[2]
     };
     let heights = run.samples::<Pose>("height.position");
     let n = heights.len() as f64;
     assert!(n > 290.0, "{n}");
     let errors: Vec<f64> =
-        heights.iter().map(|h| 1e3 * (h.first().unwrap().position[2] - true_at(h.head.origin))).collect();
+        heights.iter().map(|h| 1e3 * (h.first().unwrap().position[2] - true_at(h.header.origin))).collect();
     let mean = errors.iter().sum::<f64>() / n;
     let claimed = heights.iter().map(|h| 1e6 * h.first().unwrap().covariance[14]).sum::<f64>() / n;
     [errors.iter().map(|e| (e - mean) * (e - mean)).sum::<f64>() / n, claimed]

@@ -16,7 +16,7 @@ use crate::report::statistics::{Spread, for_a_line};
 const SHOWN: usize = 60;
 
 #[derive(Serialize)]
-struct Figures {
+struct ActuationFigures {
     bladders: Vec<Bladder>,
     changes: Vec<Change>,
     /// What became of the datagrams.
@@ -46,7 +46,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         topic: v.topic.clone(),
         state: v.reason.clone(),
     });
-    let figures = Figures {
+    let figures = ActuationFigures {
         bladders: recording.pressures.iter().flat_map(bladders).collect(),
         changes: changes.collect(),
         far_ends: recording.far_ends.iter().filter_map(FarEnds::told).collect(),

@@ -14,7 +14,7 @@ use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
 
 #[derive(Serialize)]
-struct Figures {
+struct AlignmentFigures {
     trackers: Vec<Tracker>,
 }
 
@@ -35,7 +35,7 @@ struct Tracker {
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
-    let figures = Figures { trackers: recording.alignments.iter().map(tracker).collect() };
+    let figures = AlignmentFigures { trackers: recording.alignments.iter().map(tracker).collect() };
     let mut section = Section::new("alignment", "Fit to the reference surface", &figures)?;
     if figures.trackers.is_empty() {
         return Ok(section.nothing("The session keeps no report of a pose estimate."));

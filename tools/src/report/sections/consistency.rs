@@ -25,7 +25,7 @@ const BOUNDS: [[f64; 2]; 6] = [
 ];
 
 #[derive(Serialize)]
-struct Figures {
+struct ConsistencyFigures {
     estimates: Vec<Estimate>,
 }
 
@@ -87,7 +87,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
             nees: nees_figures,
         });
     }
-    let figures = Figures { estimates };
+    let figures = ConsistencyFigures { estimates };
     let mut section = Section::new("consistency", "Consistency", &figures)?;
     if figures.estimates.is_empty() {
         let said = "The session has no filtered track with innovations, and no estimate with a truth.";

@@ -18,7 +18,7 @@ use crate::report::statistics::for_a_line;
 use crate::report::wiring::Stage;
 
 #[derive(Serialize)]
-struct Figures {
+struct ControllersFigures {
     controllers: Vec<Controller>,
     /// Where there are several: by channel, which of them was nearest to its target while that stood.
     nearest: Vec<Nearest>,
@@ -98,7 +98,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     }
     let nearest = CHANNELS.iter().filter_map(|channel| nearest(channel, &controllers)).collect();
     let contenders: Vec<Contender> = controllers.iter().map(contender).collect();
-    let figures = Figures { controllers, nearest, ranking: ranking(&contenders) };
+    let figures = ControllersFigures { controllers, nearest, ranking: ranking(&contenders) };
     let mut section = Section::new("controllers", "Controllers", &figures)?;
     if figures.controllers.is_empty() {
         return Ok(section.nothing("The session has no controller with a target, an estimate and duties."));

@@ -12,7 +12,7 @@ use crate::report::statistics::{Spread, for_a_line};
 const SPARK: usize = 120;
 
 #[derive(Serialize)]
-struct Figures {
+struct DiagnosticsFigures {
     topics: Vec<Topic>,
 }
 
@@ -55,7 +55,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         });
         Topic { topic: m.topic.clone(), metrics: metrics.collect() }
     });
-    let figures = Figures { topics: topics.collect() };
+    let figures = DiagnosticsFigures { topics: topics.collect() };
     let mut section = Section::new("diagnostics", "Diagnostics", &figures)?;
     if figures.topics.is_empty() {
         return Ok(section.nothing("The session keeps no diagnostics."));

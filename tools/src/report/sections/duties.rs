@@ -15,7 +15,7 @@ use crate::report::statistics::{Spread, for_a_line, mean};
 const IN_A_CHART: usize = 6;
 
 #[derive(Serialize)]
-struct Figures {
+struct DutiesFigures {
     topics: Vec<Topic>,
 }
 
@@ -46,7 +46,7 @@ fn name(valve: usize) -> String {
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
-    let figures = Figures { topics: recording.duties.iter().map(topic).collect() };
+    let figures = DutiesFigures { topics: recording.duties.iter().map(topic).collect() };
     let mut section = Section::new("duties", "Valve duties", &figures)?;
     if figures.topics.iter().all(|t| t.orders == 0) {
         return Ok(section.nothing("The session has no duties of valves."));

@@ -16,7 +16,7 @@ use crate::report::statistics::{Histogram, for_a_line, for_dots};
 const BINS: usize = 41;
 
 #[derive(Serialize)]
-struct Figures {
+struct ErrorsFigures {
     errors: Vec<ErrorFigures>,
     histograms: Vec<Binned>,
     /// Estimates that no truth of their frame is recorded for.
@@ -89,7 +89,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         let chart = Chart { title, x, y: "share of estimates, %".into(), series };
         charts.push(Block::Chart(chart, String::new()));
     }
-    let figures = Figures { errors, histograms, without_truth };
+    let figures = ErrorsFigures { errors, histograms, without_truth };
     let mut section = Section::new("errors", "Errors", &figures)?;
     if figures.errors.is_empty() {
         return Ok(section.nothing("No estimate has a truth in its frame: there are no errors to state."));

@@ -105,19 +105,19 @@ fn events(recording: &Recording<'_>) -> Vec<Event> {
         let mut before: Option<u64> = None;
         for entry in entries {
             let what = match (entry.cause(), entry.outcome()) {
-                (Some(Cause::Start), _) if entry.head.incarnation > 0 => {
-                    let down = before.map_or(0, |b| entry.head.stamp.saturating_sub(b));
+                (Some(Cause::Start), _) if entry.header.incarnation > 0 => {
+                    let down = before.map_or(0, |b| entry.header.stamp.saturating_sub(b));
                     Some(format!("began again, {:.1} ms after its last entry", down as f64 * 1e-6))
                 }
                 (_, Some(Outcome::Error)) if is_activation(entry) => Some("returned an error".to_owned()),
                 (_, Some(Outcome::Panic)) if is_activation(entry) => Some("panicked".to_owned()),
                 _ => None,
             };
-            before = Some(entry.head.stamp);
+            before = Some(entry.header.stamp);
             events.extend(what.map(|what| Event {
-                at_s: recording.seconds(entry.head.stamp),
+                at_s: recording.seconds(entry.header.stamp),
                 operator: operator.clone(),
-                incarnation: entry.head.incarnation,
+                incarnation: entry.header.incarnation,
                 what,
             }));
         }

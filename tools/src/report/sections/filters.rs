@@ -19,7 +19,7 @@ use crate::report::statistics::{mean, quantile, variance};
 const SETTLING: u64 = 3_000_000_000;
 
 #[derive(Serialize)]
-struct Figures {
+struct FiltersFigures {
     settling_s: f64,
     filters: Vec<Filter>,
     fused: Vec<Fused>,
@@ -60,7 +60,8 @@ struct Fused {
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
-    let mut figures = Figures { settling_s: SETTLING as f64 * 1e-9, filters: Vec::new(), fused: Vec::new() };
+    let mut figures =
+        FiltersFigures { settling_s: SETTLING as f64 * 1e-9, filters: Vec::new(), fused: Vec::new() };
     for signal in recording.signals_of(Part::Filtered) {
         figures.filters.extend((0..6).filter_map(|channel| filter(recording, signal, channel)));
     }

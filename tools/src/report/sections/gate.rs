@@ -14,7 +14,7 @@ use crate::report::source::Source;
 use crate::report::statistics::for_a_line;
 
 #[derive(Serialize)]
-struct Figures {
+struct GateFigures {
     gates: Vec<Figured>,
     /// How long the beam was on at the far end, which is no longer than it was allowed.
     far_ends: Vec<BeamOn>,
@@ -50,7 +50,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
     let gates = || recording.gates.iter().filter(|g| !g.values.items().is_empty());
     let far_ends = recording.far_ends.iter().filter_map(|far| far.told().map(BeamOn::of)).collect();
-    let figures = Figures { gates: gates().map(figured).collect(), far_ends };
+    let figures = GateFigures { gates: gates().map(figured).collect(), far_ends };
     let mut section = Section::new("gate", "Beam gate", &figures)?;
     if figures.gates.is_empty() && figures.far_ends.is_empty() {
         return Ok(section.nothing("The session has no gate of a beam."));

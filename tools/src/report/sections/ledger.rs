@@ -15,7 +15,7 @@ pub struct Accounts {
     /// Where it is from.
     pub from: From,
     /// One line for each edge.
-    pub lines: Vec<Line>,
+    pub lines: Vec<LedgerLine>,
     /// Samples that nothing explains, and lines that do not add up.
     pub unexplained: u64,
 }
@@ -35,22 +35,23 @@ pub enum From {
 /// The account of one edge.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Line {
+pub struct LedgerLine {
     topic: String,
     consumer: String,
     sent: u64,
     received: u64,
     passed: u64,
     overwritten: u64,
-    homeless: u64,
+    #[serde(alias = "homeless")]
+    pool_exhausted: u64,
     down: u64,
     left: u64,
     unexplained: u64,
 }
 
-impl Line {
+impl LedgerLine {
     fn balances(&self) -> bool {
-        let parts = [self.received, self.overwritten, self.homeless, self.down, self.left];
+        let parts = [self.received, self.overwritten, self.pool_exhausted, self.down, self.left];
         let accounted = parts.into_iter().fold(0u64, u64::saturating_add);
         self.unexplained == 0 && accounted == self.sent
     }
@@ -64,13 +65,13 @@ pub fn of(source: &Source<'_>) -> Accounts {
         Some(lines) => (From::Session, lines),
         None => from_journals(source).map_or((From::Nowhere, Vec::new()), |lines| (From::Journals, lines)),
     };
-    let lines: Vec<Line> = lines;
+    let lines: Vec<LedgerLine> = lines;
     let wrong = lines.iter().filter(|l| !l.balances());
     let unexplained = wrong.map(|l| l.unexplained.max(1)).fold(0, u64::saturating_add);
     Accounts { from, lines, unexplained }
 }
 
-fn from_journals(source: &Source<'_>) -> Option<Vec<Line>> {
+fn from_journals(source: &Source<'_>) -> Option<Vec<LedgerLine>> {
     let (graph, _) = source.pipeline.as_ref().ok()?;
     let mut ledger = Ledger::default();
     for (operator, node) in graph.operators.iter().enumerate() {
@@ -123,7 +124,7 @@ pub fn section(source: &Source<'_>) -> Result<Section, Failure> {
             n(l.received),
             n(l.passed),
             n(l.overwritten),
-            n(l.homeless),
+            n(l.pool_exhausted),
             n(l.down),
             n(l.left),
             balance,

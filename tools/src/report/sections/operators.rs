@@ -17,7 +17,7 @@ use crate::report::wiring::Stage;
 const DRAWN: usize = 5;
 
 #[derive(Serialize)]
-struct Figures {
+struct OperatorsFigures {
     seconds: f64,
     operators: Vec<Operator>,
 }
@@ -64,15 +64,16 @@ pub fn of(recording: &Recording<'_>) -> Vec<Operator> {
             let ended = |outcome| active.iter().filter(|e| e.outcome() == Some(outcome)).count() as u64;
             let times = sent_times(entries);
             let sent = active.iter().flat_map(|e| e.refs_of(RefKind::Output)).map(|r| u64::from(r.count));
-            let same_life = |w: &&[&Entry]| w[0].head.incarnation == w[1].head.incarnation;
+            let same_life = |w: &&[&Entry]| w[0].header.incarnation == w[1].header.incarnation;
             let intervals = active.windows(2).filter(same_life);
-            let intervals = intervals.map(|w| w[1].head.stamp.saturating_sub(w[0].head.stamp) as f64 * 1e-6);
+            let intervals =
+                intervals.map(|w| w[1].header.stamp.saturating_sub(w[0].header.stamp) as f64 * 1e-6);
             Some(Operator {
                 operator: stage.name.clone(),
                 activations: active.len() as u64,
                 rate_hz: if seconds > 0.0 { active.len() as f64 / seconds } else { 0.0 },
                 interval_ms: Spread::of(intervals),
-                step_ms: Spread::of(times.iter().map(|(e, sent)| (sent - e.head.stamp) as f64 * 1e-6)),
+                step_ms: Spread::of(times.iter().map(|(e, sent)| (sent - e.header.stamp) as f64 * 1e-6)),
                 age_ms: Spread::of(times.iter().filter(|t| has_age(stage, t.0)).map(|t| age_ms(*t))),
                 sent: sent.sum(),
                 errors: ended(Outcome::Error),
@@ -88,24 +89,24 @@ pub fn of(recording: &Recording<'_>) -> Vec<Operator> {
 fn sent_times(entries: &[Entry]) -> Vec<(&Entry, u64)> {
     let pairs = entries.windows(2).filter(|w| {
         is_activation(&w[0])
-            && w[0].head.incarnation == w[1].head.incarnation
-            && w[1].body.sent_before > w[0].head.stamp
+            && w[0].header.incarnation == w[1].header.incarnation
+            && w[1].body.sent_before > w[0].header.stamp
     });
     pairs.map(|w| (&w[0], w[1].body.sent_before)).collect()
 }
 
 /// Whether something was acquired behind an activation: a timer's tick of an operator with inputs may have nothing new.
 fn has_age(stage: &Stage, entry: &Entry) -> bool {
-    entry.head.origin < entry.head.stamp || stage.inputs.iter().all(String::is_empty)
+    entry.header.origin < entry.header.stamp || stage.inputs.iter().all(String::is_empty)
 }
 
 fn age_ms((entry, sent): (&Entry, u64)) -> f64 {
-    sent.saturating_sub(entry.head.origin) as f64 * 1e-6
+    sent.saturating_sub(entry.header.origin) as f64 * 1e-6
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
-    let figures = Figures { seconds: recording.length(), operators: of(recording) };
+    let figures = OperatorsFigures { seconds: recording.length(), operators: of(recording) };
     let mut section = Section::new("operators", "Rates and latency", &figures)?;
     if figures.operators.is_empty() {
         return Ok(section.nothing("The session has no journal: no rate and no latency is known."));
@@ -172,7 +173,7 @@ fn ages(recording: &Recording<'_>) -> Option<Block> {
     let all = made.filter_map(|stage| {
         let times = sent_times(recording.session.journals().get(&stage.name)?);
         let times = times.iter().filter(|t| has_age(stage, t.0));
-        let points: Vec<_> = times.map(|t| (recording.seconds(t.0.head.stamp), age_ms(*t))).collect();
+        let points: Vec<_> = times.map(|t| (recording.seconds(t.0.header.stamp), age_ms(*t))).collect();
         (!points.is_empty()).then(|| Series {
             name: stage.name.clone(),
             points: for_a_line(&points, LINE),

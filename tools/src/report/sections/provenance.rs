@@ -14,7 +14,7 @@ use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::source::Source;
 
 #[derive(Serialize)]
-struct Figures {
+struct ProvenanceFigures {
     run: BTreeMap<String, String>,
     identity: BTreeMap<String, String>,
     started_utc: Option<String>,
@@ -78,7 +78,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     Ok(section)
 }
 
-fn figures(from: &Source<'_>) -> Figures {
+fn figures(from: &Source<'_>) -> ProvenanceFigures {
     let session = from.recording.session;
     let record = |name: &str| session.metadata().get(name).cloned().unwrap_or_default();
     let json =
@@ -88,7 +88,7 @@ fn figures(from: &Source<'_>) -> Figures {
         let name = a.name.strip_prefix(FILES)?;
         Some(File { name: name.to_owned(), bytes: a.bytes.len(), sha256: hashes.get(name).cloned() })
     });
-    Figures {
+    ProvenanceFigures {
         run: record(RUN),
         identity: record(IDENTITY),
         started_utc: started(session),

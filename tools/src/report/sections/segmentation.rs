@@ -10,7 +10,7 @@ use crate::report::source::Source;
 use crate::report::views::{Camera, REPLAYED, View, cameras};
 
 #[derive(Serialize)]
-struct Figures {
+struct SegmentationFigures {
     cameras: Vec<CameraFigures>,
 }
 
@@ -41,7 +41,7 @@ struct Shown {
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let cameras = cameras(from);
     let at = |view: &View| from.recording.seconds(view.origin);
-    let figures = Figures { cameras: cameras.iter().map(|c| figures(c, at)).collect() };
+    let figures = SegmentationFigures { cameras: cameras.iter().map(|c| figures(c, at)).collect() };
     let mut section = Section::new("segmentation", "Segmentation", &figures)?;
     if cameras.is_empty() {
         let said = "No operator of this session finds a plane or a hull in images that it holds.";

@@ -13,7 +13,7 @@ use crate::report::source::Source;
 const SHOWN: usize = 60;
 
 #[derive(Serialize)]
-struct Figures {
+struct SensorsFigures {
     sensors: Vec<Sensor>,
     changes: Vec<Change>,
 }
@@ -58,7 +58,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         sensor: v.sensor.clone(),
         reason: v.reason.clone(),
     });
-    let figures = Figures { sensors: sensors.collect(), changes: changes.collect() };
+    let figures = SensorsFigures { sensors: sensors.collect(), changes: changes.collect() };
     let section = Section::new("sensors", "Sensors", &figures)?;
     if figures.sensors.is_empty() {
         return Ok(section.nothing("The session keeps no health of sensors."));

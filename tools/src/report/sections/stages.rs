@@ -15,7 +15,7 @@ use crate::report::statistics::{Spread, for_a_line, mean};
 const DRAWN: usize = 5;
 
 #[derive(Serialize)]
-struct Figures {
+struct StagesFigures {
     topics: Vec<Timing>,
 }
 
@@ -38,7 +38,7 @@ struct Lap {
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
     let timings = || recording.metrics.iter().filter(|m| m.is_timing && !m.values.is_empty());
-    let figures = Figures { topics: timings().map(timing).collect() };
+    let figures = StagesFigures { topics: timings().map(timing).collect() };
     let mut section = Section::new("stages", "Stages of a step", &figures)?;
     if figures.topics.is_empty() {
         let said =

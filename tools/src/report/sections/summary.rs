@@ -13,7 +13,7 @@ use crate::report::page::{Block, Section, Tile};
 use crate::report::source::Source;
 
 #[derive(Serialize)]
-struct Figures {
+struct SummaryFigures {
     pipeline: Option<String>,
     started_utc: Option<String>,
     seconds: f64,
@@ -46,7 +46,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let best = compared(recording)
         .pop()
         .map(|c| (0..6).filter_map(|channel| c.found.figures(&c.signal.topic, channel)).collect::<Vec<_>>());
-    let figures = Figures {
+    let figures = SummaryFigures {
         pipeline: fact("pipeline"),
         started_utc: started(session),
         seconds: recording.length(),
@@ -82,7 +82,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     Ok(section)
 }
 
-fn tiles(f: &Figures, accounts: &ledger::Accounts) -> Vec<Tile> {
+fn tiles(f: &SummaryFigures, accounts: &ledger::Accounts) -> Vec<Tile> {
     let mut tiles = vec![
         Tile::plain("pipeline", f.pipeline.clone().unwrap_or_else(|| "unknown".into())),
         Tile::plain("length", format!("{} s", fixed(f.seconds, 1))),

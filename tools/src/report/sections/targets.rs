@@ -14,7 +14,7 @@ use crate::report::source::Source;
 use crate::report::statistics::{Spread, for_a_line};
 
 #[derive(Serialize)]
-struct Figures {
+struct TargetsFigures {
     channels: Vec<Followed>,
     refused: Vec<Refused>,
 }
@@ -60,7 +60,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
             why: r.why.clone(),
         })
     });
-    let figures = Figures { channels, refused: refused.collect() };
+    let figures = TargetsFigures { channels, refused: refused.collect() };
     let mut section = Section::new("targets", "Targets", &figures)?;
     if figures.channels.is_empty() && figures.refused.is_empty() {
         let said = "The session has no target with an estimate in its frame.";

@@ -9,7 +9,7 @@ use crate::report::page::{Block, Cell, Section, Table};
 use crate::report::source::Source;
 
 #[derive(Serialize)]
-struct Figures {
+struct TopicsFigures {
     topics: Vec<Kept>,
 }
 
@@ -46,7 +46,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
         rate_hz: if seconds > 0.0 { t.samples as f64 / seconds } else { 0.0 },
         bytes: t.bytes,
     });
-    let figures = Figures { topics: topics.collect() };
+    let figures = TopicsFigures { topics: topics.collect() };
     let mut table = Table::new(
         "Sizes are those before compression. Sources and journals are what a replay needs; the rest it makes again.",
         &["topic", "kind", "frame", "role", "samples", "Hz", "size"],

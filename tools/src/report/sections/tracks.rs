@@ -17,7 +17,7 @@ pub const LINE: usize = 1200;
 pub const DOTS: usize = 500;
 
 #[derive(Serialize)]
-struct Figures {
+struct TracksFigures {
     signals: Vec<SignalFigures>,
 }
 
@@ -36,7 +36,7 @@ struct SignalFigures {
 pub fn section(from: &Source<'_>) -> Result<Section, Failure> {
     let recording = &from.recording;
     let signals = recording.signals.iter().filter(|s| !s.states.items().is_empty());
-    let figures = Figures { signals: signals.map(figures).collect() };
+    let figures = TracksFigures { signals: signals.map(figures).collect() };
     let mut section = Section::new("tracks", "Tracks", &figures)?;
     if figures.signals.is_empty() {
         return Ok(section.nothing("The session has no pose and no track."));

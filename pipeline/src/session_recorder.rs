@@ -11,9 +11,9 @@ use stillpoint_samples::Entry;
 use zerocopy::IntoBytes;
 
 use crate::graph::Graph;
-use crate::schedule::Witness;
+use crate::sample_store::OwnedSample;
+use crate::schedule::Observer;
 use crate::session::topic_infos;
-use crate::shelf::Parcel;
 
 /// Makes the folder of a new session, or says what stands in the way and what to do.
 pub fn create_folder(session: &Path) -> Result<(), String> {
@@ -45,7 +45,7 @@ pub(crate) fn refused(place: &Path, e: &std::io::Error) -> String {
 }
 
 /// A session that is written as the run goes on. Its log times are the stamps, so that two equal runs give equal files.
-pub struct Keeper {
+pub struct SessionRecorder {
     part: PartWriter<std::fs::File>,
     path: PathBuf,
     /// By operator: its journal, and each output that is kept.
@@ -56,7 +56,7 @@ pub struct Keeper {
     refused: Option<String>,
 }
 
-impl Keeper {
+impl SessionRecorder {
     /// Begins a session in a new folder.
     pub fn create(
         session: &Path,
@@ -118,24 +118,25 @@ impl Keeper {
         &mut self,
         operator: usize,
         entry: &Entry,
-        outputs: &[(usize, Parcel)],
+        outputs: &[(usize, OwnedSample)],
     ) -> Result<(), WriteError> {
-        let stamp = entry.head.stamp;
+        let stamp = entry.header.stamp;
         self.last = self.last.max(stamp);
         let (journal, kept) = &self.topics[operator];
         if let Some(journal) = journal {
-            let (head, body, refs) = (entry.head.as_bytes(), entry.body.as_bytes(), entry.refs.as_bytes());
-            let meta = head.len() + body.len();
+            let (header, body, refs) =
+                (entry.header.as_bytes(), entry.body.as_bytes(), entry.refs.as_bytes());
+            let meta = header.len() + body.len();
             self.scratch.resize(meta + refs.len());
-            self.scratch[..head.len()].copy_from_slice(head);
-            self.scratch[head.len()..meta].copy_from_slice(body);
+            self.scratch[..header.len()].copy_from_slice(header);
+            self.scratch[header.len()..meta].copy_from_slice(body);
             self.scratch[meta..].copy_from_slice(refs);
             let (meta, payload) = self.scratch.split_at(meta);
             self.part.write(*journal, stillpoint_samples::Pieces { meta, payload }, stamp)?;
         }
-        for (port, parcel) in outputs {
+        for (port, owned) in outputs {
             if let Some(topic) = kept.get(port) {
-                self.part.write(*topic, parcel.pieces(), stamp)?;
+                self.part.write(*topic, owned.pieces(), stamp)?;
             }
         }
         Ok(())
@@ -149,8 +150,13 @@ pub(crate) fn end_facts(early: Option<&str>) -> BTreeMap<String, String> {
     reason.into_iter().chain([in_order]).collect()
 }
 
-impl Witness for Keeper {
-    fn saw(&mut self, operator: usize, entry: &Entry, outputs: &[(usize, Parcel)]) -> Result<(), String> {
+impl Observer for SessionRecorder {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        entry: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
         self.write(operator, entry, outputs).map_err(|e| {
             let said = no_room(&self.path, &e);
             self.refused.get_or_insert(said).clone()

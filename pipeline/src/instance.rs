@@ -1,24 +1,24 @@
-//! A cell: one incarnation of an operator with its counters. Every placement runs activations through it.
+//! A instance: one incarnation of an operator with its counters. Every placement runs activations through it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use stillpoint_samples::{
-    Cause, Entry, HEAD_SIZE, Head, JournalBody, JournalRef, Outcome, Pieces, RefKind, SampleKind, fnv1a,
+    Cause, Entry, HEADER_SIZE, Header, JournalBody, JournalRef, Outcome, Pieces, RefKind, SampleKind, fnv1a,
     fnv1a_start,
 };
 use zerocopy::IntoBytes;
 
 use crate::activation::{Activation, Brought, Consumed, RandomKey};
 use crate::graph::{Graph, OperatorNode};
-use crate::operator::{SetupError, Step};
+use crate::operator::{ErasedOperator, SetupError};
 use crate::outputs::{Draft, Lender, Outputs};
 use crate::outside::Outside;
 use crate::record::Record;
 use crate::setup::{Files, Setup};
 
 /// One incarnation of an operator.
-pub struct Cell {
-    step: Box<dyn Step>,
+pub struct OperatorInstance {
+    step: Box<dyn ErasedOperator>,
     kinds: Vec<(&'static SampleKind, usize)>,
     laps: &'static [&'static str],
     key: RandomKey,
@@ -46,7 +46,7 @@ struct Sent {
     lost: u64,
 }
 
-impl Cell {
+impl OperatorInstance {
     /// Makes an incarnation of operator number `operator`.
     pub fn build(
         graph: &Graph,
@@ -140,7 +140,7 @@ impl Cell {
             };
             *seen = Seen { incarnation: Some(r.incarnation), lost: r.lost };
             if let Some(pieces) = pieces {
-                let o = pieces.head().origin;
+                let o = pieces.header().origin;
                 origin = Some(origin.map_or(o, |a: u64| a.min(o)));
             }
         }
@@ -198,12 +198,17 @@ impl Cell {
             for draft in self.drafts.iter_mut().filter(|d| d.port == port) {
                 let (meta, _) = draft.buffer.parts_mut();
                 // The writer has put the element count in place.
-                let n = [meta[HEAD_SIZE - 4], meta[HEAD_SIZE - 3], meta[HEAD_SIZE - 2], meta[HEAD_SIZE - 1]];
-                let head =
-                    Head { stamp, origin, sequence: sent.next, incarnation, count: u32::from_le_bytes(n) };
-                meta[..HEAD_SIZE].copy_from_slice(head.as_bytes());
+                let n = [
+                    meta[HEADER_SIZE - 4],
+                    meta[HEADER_SIZE - 3],
+                    meta[HEADER_SIZE - 2],
+                    meta[HEADER_SIZE - 1],
+                ];
+                let header =
+                    Header { stamp, origin, sequence: sent.next, incarnation, count: u32::from_le_bytes(n) };
+                meta[..HEADER_SIZE].copy_from_slice(header.as_bytes());
                 sent.next += 1;
-                sent.lost += u64::from(draft.homeless);
+                sent.lost += u64::from(draft.pool_exhausted);
                 count += 1;
             }
             if count > 0 {
@@ -215,7 +220,7 @@ impl Cell {
     fn entry(&mut self, record: &Record, origin: u64, outcome: Outcome, refs: Vec<JournalRef>) -> Entry {
         let count = refs.len() as u32;
         let entry = Entry {
-            head: Head {
+            header: Header {
                 stamp: record.time,
                 origin,
                 sequence: self.entries,
@@ -264,7 +269,7 @@ fn build_step(
     node: &OperatorNode,
     files: &dyn Files,
     outside: Outside,
-) -> Result<Box<dyn Step>, SetupError> {
+) -> Result<Box<dyn ErasedOperator>, SetupError> {
     let connected: Vec<_> = node.inputs.iter().map(|i| i.edge.is_some()).collect();
     let input_frames: Vec<_> = node.inputs.iter().map(|i| i.frame.clone()).collect();
     let output_frames: Vec<_> = node.outputs.iter().map(|o| o.frame.clone()).collect();

@@ -11,19 +11,19 @@ use std::sync::Mutex;
 /// The first reason for which standard output could not be written, a reader who went away excepted.
 static UNWRITTEN: Mutex<Option<io::Error>> = Mutex::new(None);
 
-macro_rules! print {
-    ($($words:tt)*) => { _ = $crate::say::out(format_args!($($words)*)) };
+macro_rules! out {
+    ($($words:tt)*) => { _ = $crate::output::out(format_args!($($words)*)) };
 }
-macro_rules! println {
-    () => { print!("\n") };
-    ($($words:tt)*) => { print!("{}\n", format_args!($($words)*)) };
+macro_rules! outln {
+    () => { out!("\n") };
+    ($($words:tt)*) => { out!("{}\n", format_args!($($words)*)) };
 }
-macro_rules! eprint {
-    ($($words:tt)*) => { $crate::say::err(format_args!($($words)*)) };
+macro_rules! err {
+    ($($words:tt)*) => { $crate::output::err(format_args!($($words)*)) };
 }
-macro_rules! eprintln {
-    () => { eprint!("\n") };
-    ($($words:tt)*) => { eprint!("{}\n", format_args!($($words)*)) };
+macro_rules! errln {
+    () => { err!("\n") };
+    ($($words:tt)*) => { err!("{}\n", format_args!($($words)*)) };
 }
 
 /// Says something on standard output; whether it could be written.

@@ -1,4 +1,4 @@
-//! One operator in a worker: its cell, its ports, and the commit of its activations.
+//! One operator in a worker: its instance, its ports, and the commit of its activations.
 
 use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
 use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
@@ -6,10 +6,10 @@ use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, 
 use super::contracts;
 use super::directed::publish_entry;
 use super::stopwatch::Stopwatch;
-use super::wire::{Ear, Mouth};
-use crate::cell::Cell;
+use super::wire::{LinkReceiver, LinkSender};
 use crate::clock::SessionClock;
 use crate::graph::Graph;
+use crate::instance::OperatorInstance;
 use crate::intake::Intake;
 use crate::outputs::{Buffer, Lender};
 use crate::outside::{Inbox, Outside};
@@ -18,17 +18,17 @@ use crate::schedule::depth_of;
 use crate::setup::Files;
 
 /// One operator in a worker.
-pub struct Member {
+pub struct OperatorRunner {
     /// Number of the operator.
     pub operator: usize,
     /// Its present incarnation.
-    pub cell: Cell,
+    pub instance: OperatorInstance,
     intake: Intake<Received>,
     inlets: Vec<Option<Subscriber>>,
     outlets: Outlets,
     journal: Publisher,
     inbox: Option<(Subscriber, Inbox)>,
-    ear: Option<Ear>,
+    link_receiver: Option<LinkReceiver>,
     every: Option<u64>,
     /// This incarnation has no more of its own: its timer stands still.
     finished: bool,
@@ -61,7 +61,7 @@ struct Outlet {
     /// Something was sent that nobody was woken for yet.
     sent: bool,
     /// The links of this output.
-    mouth: Option<Mouth>,
+    link_sender: Option<LinkSender>,
 }
 
 struct Outlets {
@@ -89,15 +89,15 @@ impl Lender for Outlets {
     }
 }
 
-/// What a look at a member came to.
-pub enum Looked {
+/// What a look at a runner came to.
+pub enum PollOutcome {
     /// An activation was done and committed.
     Activated(Outcome),
     /// Nothing to do before this time, ns; `None`: before something arrives.
     Idle(Option<u64>),
 }
 
-impl Member {
+impl OperatorRunner {
     /// Makes the ports of an operator. `listeners` gets those that its process is woken by.
     pub fn open(
         graph: &Graph,
@@ -131,8 +131,13 @@ impl Member {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
-            let mouth = Mouth::open(node, port)?;
-            ports.push(Outlet { publisher: topic.publisher().map_err(text)?, notifier, sent: false, mouth });
+            let link_sender = LinkSender::open(node, port)?;
+            ports.push(Outlet {
+                publisher: topic.publisher().map_err(text)?,
+                notifier,
+                sent: false,
+                link_sender,
+            });
             topics.push(topic);
         }
         let stopwatch = Stopwatch::open(graph, operator, domain).map_err(text)?;
@@ -145,19 +150,19 @@ impl Member {
             people = Some((topic.subscriber(16).map_err(text)?, inbox.clone()));
             topics.push(topic);
         }
-        let ear = Ear::open(node)?;
-        let outside = Outside { inbox, arrivals: ear.as_ref().map(Ear::arrivals) };
-        let cell = Cell::build(graph, operator, incarnation, files, outside)
+        let link_receiver = LinkReceiver::open(node)?;
+        let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
+        let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
             .map_err(|e| format!("{}: {}", node.name, e.0))?;
         Ok(Self {
             operator,
-            cell,
+            instance,
             intake: Intake::new(node),
             inlets,
             outlets: Outlets { ports, stopwatch, fault: None },
             journal: journal_port,
             inbox: people,
-            ear,
+            link_receiver,
             every: node.every,
             finished: false,
             tick: 0,
@@ -192,7 +197,7 @@ impl Member {
             self.tick = now.saturating_sub(epoch).div_ceil(every);
         }
         self.last = now;
-        let entry = self.cell.mark(Cause::Start, now, &[]);
+        let entry = self.instance.mark(Cause::Start, now, &[]);
         self.publish_entry(&entry)
     }
 
@@ -204,25 +209,28 @@ impl Member {
         clock: &SessionClock,
     ) -> Result<(), String> {
         let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
-        let outside = Outside { inbox, arrivals: self.ear.as_ref().map(Ear::arrivals) };
-        self.cell = Cell::build(graph, self.operator, self.cell.incarnation() + 1, files, outside)
-            .map_err(|e| format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0))?;
+        let outside = Outside { inbox, arrivals: self.link_receiver.as_ref().map(LinkReceiver::arrivals) };
+        self.instance =
+            OperatorInstance::build(graph, self.operator, self.instance.incarnation() + 1, files, outside)
+                .map_err(|e| {
+                    format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0)
+                })?;
         self.intake.renew();
         self.down = None;
         self.finished = false;
         let now = clock.now().max(self.last + 1);
         self.last = now;
-        let entry = self.cell.mark(Cause::Start, now, &[]);
+        let entry = self.instance.mark(Cause::Start, now, &[]);
         self.publish_entry(&entry)
     }
 
     /// Does one activation if there is cause for one. `timers`: whether ticks count.
-    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<Looked, String> {
+    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<PollOutcome, String> {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
-        if let Some(ear) = &self.ear
-            && let Some(reason) = ear.listen()?
+        if let Some(link_receiver) = &self.link_receiver
+            && let Some(reason) = link_receiver.listen()?
         {
             self.unlinked = Some(reason);
         }
@@ -254,7 +262,7 @@ impl Member {
             }
             _ => {
                 let visible = self.intake.next_visible();
-                return Ok(Looked::Idle([due, visible].into_iter().flatten().min()));
+                return Ok(PollOutcome::Idle([due, visible].into_iter().flatten().min()));
             }
         };
         let record = Record { time: now, nominal, tick, cause, port, inputs: self.intake.begin(cause, port) };
@@ -263,18 +271,18 @@ impl Member {
         if let Some(stopwatch) = &mut self.outlets.stopwatch {
             stopwatch.begin();
         }
-        let entry = self.cell.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
+        let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.finished |= outcome == Outcome::Finished;
         self.commit(entry, clock)?;
         self.intake.end();
-        Ok(Looked::Activated(outcome))
+        Ok(PollOutcome::Activated(outcome))
     }
 
     /// Marks the end of the incarnation with the account of its inputs.
     pub fn finish(&mut self, clock: &SessionClock) -> Result<(), String> {
         let now = clock.now().max(self.last + 1);
-        let entry = self.cell.mark(Cause::End, now, &self.intake.account());
+        let entry = self.instance.mark(Cause::End, now, &self.intake.account());
         self.publish_entry(&entry)
     }
 
@@ -285,11 +293,11 @@ impl Member {
         }
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
-        for draft in self.cell.take_drafts() {
+        for draft in self.instance.take_drafts() {
             if let Buffer::Shared(loan) = draft.buffer {
                 let outlet = &mut self.outlets.ports[draft.port];
-                if let Some(mouth) = &mut outlet.mouth
-                    && let Some(reason) = mouth.send(loan.pieces())
+                if let Some(link_sender) = &mut outlet.link_sender
+                    && let Some(reason) = link_sender.send(loan.pieces())
                 {
                     self.unlinked = Some(reason);
                 }

@@ -1,22 +1,22 @@
-//! A shelf: the samples that wait for an operator whose activations are decided elsewhere.
+//! A store: the samples that wait for an operator whose activations are decided elsewhere.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use stillpoint_samples::{AlignedBytes, Head, Pieces, SampleKind};
+use stillpoint_samples::{AlignedBytes, Header, Pieces, SampleKind};
 
 use crate::outputs::Buffer;
 
-/// A sample on the heap, shared by its consumers: head, body and exactly `count` elements.
+/// A sample on the heap, shared by its consumers: header, body and exactly `count` elements.
 #[derive(Clone, Debug)]
-pub struct Parcel {
+pub struct OwnedSample {
     /// Its type.
     pub kind: &'static SampleKind,
     /// Its bytes.
     pub bytes: Arc<AlignedBytes>,
 }
 
-impl Parcel {
+impl OwnedSample {
     /// A copy of a sample's bytes; what lies beyond its count is left behind.
     pub fn copy_of(kind: &'static SampleKind, pieces: Pieces<'_>) -> Self {
         let cut = pieces.check(kind).unwrap_or(pieces);
@@ -42,27 +42,27 @@ impl Parcel {
         Pieces { meta, payload }
     }
 
-    /// Its head.
-    pub fn head(&self) -> Head {
-        self.pieces().head()
+    /// Its header.
+    pub fn header(&self) -> Header {
+        self.pieces().header()
     }
 }
 
 /// The samples that wait for one operator, by input, producer's incarnation and sequence.
 #[derive(Default)]
-pub struct Shelf {
-    waiting: BTreeMap<(usize, u32, u64), Parcel>,
+pub struct SampleStore {
+    waiting: BTreeMap<(usize, u32, u64), OwnedSample>,
 }
 
-impl Shelf {
-    /// Puts a sample on the shelf.
-    pub fn put(&mut self, port: usize, parcel: Parcel) {
-        let head = parcel.head();
-        self.waiting.insert((port, head.incarnation, head.sequence), parcel);
+impl SampleStore {
+    /// Adds a sample.
+    pub fn put(&mut self, port: usize, owned: OwnedSample) {
+        let header = owned.header();
+        self.waiting.insert((port, header.incarnation, header.sequence), owned);
     }
 
     /// The sample of this name.
-    pub fn get(&self, port: usize, incarnation: u32, sequence: u64) -> Option<&Parcel> {
+    pub fn get(&self, port: usize, incarnation: u32, sequence: u64) -> Option<&OwnedSample> {
         self.waiting.get(&(port, incarnation, sequence))
     }
 

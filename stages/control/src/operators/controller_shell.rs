@@ -79,7 +79,7 @@ pub enum Look {
 }
 
 /// Between samples and a law.
-pub struct Seat {
+pub struct ControllerShell {
     plant: CheckedPlant,
     squeeze: Squeeze,
     /// Of the samples that duties are made from; the pressures, which are made from duties, do not count.
@@ -99,8 +99,8 @@ pub struct Seat {
 /// Numbers of the diagnostics that every controller sends first.
 const OWN: usize = 2;
 
-impl Seat {
-    /// A controller's seat, with these names of numbers behind those that every controller sends.
+impl ControllerShell {
+    /// A controller's shell, with these names of numbers behind those that every controller sends.
     ///
     /// # Errors
     /// There is no timer, its period is not below `stale`, or nobody says the pressures that have to be held.
@@ -171,8 +171,8 @@ impl Seat {
         self.squeeze.rest();
         self.origin = None;
         let Some(actuation) = activation.input::<Actuation>(ACTUATION) else { return };
-        let state = activation.input::<Track>(STATE).map(|s| s.head.origin);
-        let target = activation.input::<Target>(TARGET).map(|t| t.head.origin);
+        let state = activation.input::<Track>(STATE).map(|s| s.header.origin);
+        let target = activation.input::<Target>(TARGET).map(|t| t.header.origin);
         self.origin = Some(state.into_iter().chain(target).min().unwrap_or(activation.time));
         if let Some(element) = actuation.first().filter(|a| a.state() == ActuationState::Armed) {
             self.squeeze.see(&element.pressure);
@@ -184,7 +184,7 @@ impl Seat {
         self.age = f64::NAN;
         let Some(state) = activation.input::<Track>(STATE) else { return idle(DutyReason::NoEstimate) };
         let Some(track) = state.first() else { return idle(DutyReason::NoEstimate) };
-        self.freshness.see(track, state.head.origin);
+        self.freshness.see(track, state.header.origin);
         let age = self.freshness.age(activation.time);
         self.age = age.map_or(f64::NAN, |age| age as f64 * 1e-9);
         if track.standing() == Standing::None {
