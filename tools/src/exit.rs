@@ -14,7 +14,7 @@ pub enum Exit {
     Wrong = 2,
     /// A replay differs from its recording.
     Differs = 3,
-    /// A session cannot be replayed as a whole; what can be is the same.
+    /// A session cannot be replayed as a whole; the parts that can be replayed match.
     Open = 4,
     /// A replay compared nothing.
     Nothing = 5,
