@@ -4,8 +4,8 @@
 //! u(k) = -L [x^(k) - x_r; s(k)],   x^(k+1) = A x^ + B u + K (y - C x^),   s(k+1) = s(k) + r - y(k+1)
 //! ```
 //!
-//! L minimises the cost of the plant with its integrator, `[[A, 0], [-C A, I]]` and `[B; -C B]`. The source has no
-//! integrator and no set-point: its law regulates to zero. With x_r, the state in which the plant would rest at the
+//! L minimises the cost of the plant with its integrator, `[[A, 0], [-C A, I]]` and `[B; -C B]`. The dissertation has
+//! no integrator and no set-point: its law regulates to zero. With x_r, the state in which the plant would rest at the
 //! set-point, the law answers to a new set-point at once, and not only through its integrator; x_r = 0 is D7.
 
 use nalgebra::{DMatrix, DVector, DVectorView};
@@ -152,8 +152,8 @@ impl Lqi {
         self.aim.copy_from_slice(x_r);
     }
 
-    /// Uses the output `y` of this moment and the set-point `r`, and leaves the input in `u`, within its limits. It takes
-    /// nothing from the heap.
+    /// Uses the output `y` of this moment and the set-point `r`, and leaves the input in `u`, within its limits. It
+    /// takes nothing from the heap.
     ///
     /// The integrators take of `r - y` no more than brings the first input to its limit.
     pub fn step(&mut self, y: &[f64], r: &[f64], u: &mut [f64]) {

@@ -1,6 +1,6 @@
 //! The discrete algebraic Riccati equation, and the gains that follow from it (4.15), SCIENCE D5.
 //!
-//! The source prints the gain of continuous time. In discrete time
+//! The dissertation prints the gain of continuous time. In discrete time
 //!
 //! ```text
 //! P = A^T P A - (A^T P B + N)(R + B^T P B)^-1 (B^T P A + N^T) + Q,   K = (R + B^T P B)^-1 (B^T P A + N^T)

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value};
 
-/// Greatest file that is read: a network of a thousand times as many numbers as the source's.
+/// Greatest file that is read: a network of a thousand times as many numbers as the dissertation's.
 const GREATEST_FILE: usize = 16 << 20;
 
 /// Why a file is refused.

@@ -1,4 +1,4 @@
-//! Finds faces in grey images: the optional 2-D stage of the source (4.2.2), which used Haar cascades.
+//! Finds faces in grey images: the optional 2-D stage of the dissertation (4.2.2), which used Haar cascades.
 //!
 //! - [`view`]: an image turned upright, made smaller, and back.
 //! - [`detector`]: where a view shows faces.

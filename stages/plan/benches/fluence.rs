@@ -1,4 +1,4 @@
-//! Fluence solvers side by side on complete problems: ours, the source's ADMM, and Clarabel.
+//! Fluence solvers side by side on complete problems: ours, the dissertation's ADMM, and Clarabel.
 //!
 //! `cargo bench -p stillpoint-plan --bench fluence -- [WINDOWS]`. Each window runs every solver once; times are CPU
 //! seconds of this process, medians over the windows. The problems are looked for where the tests look.

@@ -1,8 +1,8 @@
 //! The head among what it touches: cut out of a cluster where that is cheapest.
 //!
-//! The source takes the largest cluster. That fails where the head touches a pad, a pillow or a shoulder, since these
-//! are then one cluster with it. Here a ball of a head's size is sought first (see [`ball`](crate::ball)). Its upper
-//! side belongs to the head. What meets the couch beside it, and what is farther from its centre than a head
+//! The dissertation takes the largest cluster. That fails where the head touches a pad, a pillow or a shoulder, since
+//! these are then one cluster with it. Here a ball of a head's size is sought first (see [`ball`](crate::ball)). Its
+//! upper side belongs to the head. What meets the couch beside it, and what is farther from its centre than a head
 //! reaches, does not. In between, a minimum cut (Golovinskiy and Funkhouser, 2009) parts the surface where it is
 //! creased: heads, pads and shoulders are convex each, and where two convex things touch there is a concave crease
 //! (Stein et al., 2014). So the rule knows the size of a head, and no height of pads.
@@ -41,7 +41,8 @@ const SIZES: [f64; 2] = [0.6, 1.35];
 const PATCH: f64 = 2.0;
 /// A head, and a neck, shows at least this part of the half of its ball that faces the camera.
 const SHOWN: f64 = 0.35;
-/// In radii of its ball, how high over the plane a head's middle is: of a pillow or a shoulder, less than half would be seen.
+/// In radii of its ball, how high over the plane a head's middle is: of a pillow or a shoulder, less than half would be
+/// seen.
 const LYING: f64 = 0.9;
 // Lengths from here on are in radii of the adult head: that of the ball depends on which side is seen.
 
@@ -158,7 +159,8 @@ impl HeadFinder {
     fn find_neck(&mut self, cranium: Ball, face: Ball, plane: &Plane, params: &HeadParams) -> Ball {
         let (patches, radius) = (self.surface.patches(), params.radius);
         self.hills.measure(patches, plane);
-        // Where one thing hides a part of another, a pixel's step leads over the valley between them: no such steps yet.
+        // Where one thing hides a part of another, a pixel's step leads over the valley between them: no such steps
+        // yet.
         self.hills.find(self.surface.borders());
         self.hills.part(radius);
         let (balls, hills) = (self.search.balls(), &mut self.hills);

@@ -1,8 +1,8 @@
 //! Statistical outlier removal: points that stand apart.
 //!
 //! The mean distance of a point to its k nearest neighbours has, over the cloud, a mean and a standard deviation. A
-//! point whose mean distance exceeds mean + multiple * deviation is an outlier: the alpha of (4.18), which the source
-//! took from Rusu (2009).
+//! point whose mean distance exceeds mean + multiple * deviation is an outlier: the alpha of (4.18), which the
+//! dissertation took from Rusu (2009).
 
 use crate::neighbours::Neighbours;
 

@@ -8,7 +8,8 @@
 //! R = Rz(yaw) Ry(roll) Rx(pitch)
 //! ```
 //!
-//! That is the order of `frames:`, too. (The source's frame is left-handed and its order is not stated, SCIENCE E1.)
+//! That is the order of `frames:`, too. (The dissertation's frame is left-handed and its order is not stated, SCIENCE
+//! E1.)
 
 use core::f64::consts::FRAC_PI_2;
 

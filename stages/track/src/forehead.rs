@@ -1,5 +1,5 @@
-//! The distance to a forehead: the source's measurement with one degree of freedom (4.2.2), from a face found in an image
-//! and the points that the pixels of its forehead show.
+//! The distance to a forehead: the dissertation's measurement with one degree of freedom (4.2.2), from a face found in
+//! an image and the points that the pixels of its forehead show.
 
 /// A face found in an image, in pixels; it may reach beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,7 +66,8 @@ impl FaceArea {
         }
     }
 
-    /// The whole pixels of an image of `columns` x `rows` that it holds: first and last but one column, the same of rows.
+    /// The whole pixels of an image of `columns` x `rows` that it holds: first and last but one column, the same of
+    /// rows.
     fn pixels(&self, columns: usize, rows: usize) -> [usize; 4] {
         // A cast takes what is below 0 to 0.
         let within = |at: f64, most: usize| (at.round() as usize).min(most);
@@ -86,8 +87,8 @@ pub struct ForeheadFinder {
 }
 
 impl ForeheadFinder {
-    /// What the points of a camera's grid of rows of `width` (m, in the camera's frame) say of the forehead of a face in
-    /// its image. `None` where fewer than 12 of its pixels, or fewer than a quarter, were measured.
+    /// What the points of a camera's grid of rows of `width` (m, in the camera's frame) say of the forehead of a face
+    /// in its image. `None` where fewer than 12 of its pixels, or fewer than a quarter, were measured.
     pub fn find(
         &mut self,
         points: &[[f32; 3]],

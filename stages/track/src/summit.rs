@@ -1,10 +1,10 @@
-//! How high the highest place of a cloud is: one coordinate, as the source's distance to the forehead (4.2.2).
+//! How high the highest place of a cloud is: one coordinate, as the dissertation's distance to the forehead (4.2.2).
 //!
-//! The highest points alone would be those whose noise is highest. So they only say where to begin; from there it goes to
-//! the top of the quadric that fits the points within a radius, and the height is the mean of that quadric over the disc of
-//! this radius. At the top the surface is level: that noise moves the place, or which points it takes into the disc, moves
-//! the height by little. The mean of the points themselves would change with both, and their spread has the shape of the
-//! surface in it, which is the same in every frame.
+//! The highest points alone would be those whose noise is highest. So they only say where to begin; from there it goes
+//! to the top of the quadric that fits the points within a radius, and the height is the mean of that quadric over the
+//! disc of this radius. At the top the surface is level: that noise moves the place, or which points it takes into the
+//! disc, moves the height by little. The mean of the points themselves would change with both, and their spread has the
+//! shape of the surface in it, which is the same in every frame.
 
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
@@ -21,8 +21,8 @@ const STEP: f64 = 0.5;
 pub struct Summit {
     /// Its middle, across and across, and its mean height along the axis that is looked at, m.
     pub position: [f64; 3],
-    /// Variance of the height, m2: what the points scatter about the quadric, by the law of least squares. An error that
-    /// all points share is not in it.
+    /// Variance of the height, m2: what the points scatter about the quadric, by the law of least squares. An error
+    /// that all points share is not in it.
     pub variance: f64,
     /// Points of the patch.
     pub count: usize,
@@ -35,8 +35,8 @@ pub struct SummitFinder {
 }
 
 impl SummitFinder {
-    /// The summit of points whose third coordinate is the height, m: sought from the mean place of the highest `share` of
-    /// them, averaged within `radius` (m, across). `None` where fewer than two points are there.
+    /// The summit of points whose third coordinate is the height, m: sought from the mean place of the highest `share`
+    /// of them, averaged within `radius` (m, across). `None` where fewer than two points are there.
     pub fn find(&mut self, points: &[[f32; 3]], share: f64, radius: f64) -> Option<Summit> {
         let points = points.iter().copied().filter(|p| p.iter().all(|c| c.is_finite()));
         self.heights.clear();
@@ -105,7 +105,8 @@ impl Quadric {
         let coefficients = inverse * right;
         let squares: f64 = rows.map(|(row, height)| (height - row.dot(&coefficients)).powi(2)).sum();
         let variance = squares / (count - 6) as f64 * inverse[(0, 0)];
-        // Of points spread over the disc this product is hardly above 1; of points in a row there is no inverse but rounding.
+        // Of points spread over the disc this product is hardly above 1; of points in a row there is no inverse but
+        // rounding.
         let spread = inverse[(0, 0)] * count as f64;
         let sound = (0.0..MOST_SPREAD).contains(&spread) && coefficients.iter().all(|c| c.is_finite());
         sound.then_some(Self { coefficients, variance, count })
@@ -129,8 +130,8 @@ fn within(
     points.filter(move |p| (Vector2::new(p[0], p[1]) - middle).norm_squared() <= radius * radius)
 }
 
-/// The mean of the points about a place, and its variance as that of the points over their number: with the shape of the
-/// surface in it, more than there is.
+/// The mean of the points about a place, and its variance as that of the points over their number: with the shape of
+/// the surface in it, more than there is.
 fn mean_about(
     points: impl Iterator<Item = [f64; 3]> + Clone,
     middle: &Vector2<f64>,
@@ -159,8 +160,8 @@ mod tests {
     use chacha20::ChaCha8Rng;
     use chacha20::rand_core::{Rng, SeedableRng};
 
-    /// What a camera with this many mm between its pixels sees of a dome whose top is at (10, -20, 150) mm, with noise of
-    /// this standard deviation, mm.
+    /// What a camera with this many mm between its pixels sees of a dome whose top is at (10, -20, 150) mm, with noise
+    /// of this standard deviation, mm.
     fn dome(radius: f64, spacing: f64, noise: f64, seed: u64) -> Vec<[f32; 3]> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut unit = || f64::from(random.next_u32()) / f64::from(u32::MAX);

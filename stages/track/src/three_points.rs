@@ -1,10 +1,10 @@
 //! Three points on a head that move with it.
 //!
-//! The source says only that it defines three points on the head (4.3.3). These are ours: the cloud is cut into three
-//! sectors of 120 degrees about its centroid, in the plane of its two larger principal axes, and each sector's centroid
-//! is a point. Nobody has to mark them, they turn with the cloud, and thousands of points stand behind each. They shift
-//! where another part of the head comes into view, and a head's two larger axes are not very different: those are the
-//! way's limits.
+//! The dissertation says only that it defines three points on the head (4.3.3). These are ours: the cloud is cut into
+//! three sectors of 120 degrees about its centroid, in the plane of its two larger principal axes, and each sector's
+//! centroid is a point. Nobody has to mark them, they turn with the cloud, and thousands of points stand behind each.
+//! They shift where another part of the head comes into view, and a head's two larger axes are not very different:
+//! those are the way's limits.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -28,8 +28,8 @@ pub fn three_points(cloud: &[Vector3<f64>]) -> Option<ThreePoints> {
     cut(cloud, &mean, u, w)
 }
 
-/// The three points of a later cloud. Principal axes have no sign, and two of like length no order: each axis is the one
-/// that is closest to that of `axes`. `None` where a sector is empty.
+/// The three points of a later cloud. Principal axes have no sign, and two of like length no order: each axis is the
+/// one that is closest to that of `axes`. `None` where a sector is empty.
 #[must_use]
 pub fn same_three_points(cloud: &[Vector3<f64>], axes: &Rotation3<f64>) -> Option<ThreePoints> {
     let (mean, _, vectors) = principal_axes(cloud)?;

@@ -9,15 +9,15 @@ use crate::search::{best_start, onto_centroid, search};
 use crate::surface::{Surface, SurfaceError, SurfaceParams};
 use crate::three_points::{ThreePoints, same_three_points, three_points};
 
-/// The first iterations use few points, the next ones more, and the last ones, of which mostly one is needed, all that are
-/// asked for.
+/// The first iterations use few points, the next ones more, and the last ones, of which mostly one is needed, all that
+/// are asked for.
 const ROUGH: Effort = Effort { points: 1000, iterations: 30, step: 0.05, scale: 5e-3, robust: Robust::Huber };
 const NEARER: Effort = Effort { points: 2000, iterations: 15, step: 0.02, scale: 0.0, robust: Robust::Tukey };
 const FINE_ITERATIONS: u32 = 15;
 /// The error that a step leaves is far smaller than the step.
 const FINE_STEP: f64 = 0.03;
-/// A fit whose distances scatter this many times more than the last one's, or whose overlap is this much smaller, may be
-/// the wrong one: another is looked for.
+/// A fit whose distances scatter this many times more than the last one's, or whose overlap is this much smaller, may
+/// be the wrong one: another is looked for.
 const WORSE_SCATTER: f64 = 1.3;
 const WORSE_OVERLAP: f64 = 0.04;
 /// Points by which two fits are compared.
@@ -168,7 +168,7 @@ impl HeadTracker {
         }
     }
 
-    /// The source's three points of the reference, m.
+    /// The dissertation's three points of the reference, m.
     #[must_use]
     pub fn three_points_of_reference(&self) -> Option<[Vector3<f64>; 3]> {
         self.reference.as_ref()?.three.map(|three| three.points)
@@ -231,8 +231,8 @@ impl HeadTracker {
         Err(Loss::NoFit { alignment: Box::new(best), needed: params.min_overlap })
     }
 
-    /// The motion since the capture by the source's three points, in the camera's frame. `None` without a reference, or
-    /// where the points are not found or determine no rotation.
+    /// The motion since the capture by the dissertation's three points, in the camera's frame. `None` without a
+    /// reference, or where the points are not found or determine no rotation.
     pub fn three_points(&self, cloud: &[Vector3<f64>]) -> Option<PairedPose> {
         let model = self.reference.as_ref()?.three?;
         let measured = same_three_points(cloud, &model.axes)?;

@@ -1,6 +1,7 @@
 //! Data of a head on three bladders: held and moved by a PI loop, with a bounded multi-sine on its valves.
 //!
-//! An excitation must last to be persistent (SCIENCE E10: a signal in L2 is not), and it is for a rig, never for a person.
+//! An excitation must last to be persistent (SCIENCE E10: a signal in L2 is not), and it is for a rig, never for a
+//! person.
 
 use nalgebra::{DMatrix, Vector3};
 use stillpoint_control::effect::Effect;
@@ -46,7 +47,7 @@ impl Default for Excitation {
     }
 }
 
-/// What counts as one in height, pitch and roll, m and rad: the source's step.
+/// What counts as one in height, pitch and roll, m and rad: the dissertation's step.
 pub const SCALE: [f64; 3] = [0.0115, 0.023_561_944_901_923_45, 0.174_532_925_199_432_95];
 
 /// Sines on each bladder, and between which frequencies, Hz.

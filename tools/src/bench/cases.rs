@@ -1,4 +1,4 @@
-//! What may not be as it should be while the source's step is made: masses, valves, leaks, supply, poses, frames.
+//! What may not be as it should be while the dissertation's step is made: masses, valves, leaks, supply, poses, frames.
 
 /// Something that is not as it should be.
 #[derive(Clone, Debug)]

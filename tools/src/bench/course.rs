@@ -24,7 +24,7 @@ use crate::pipeline_file::{EMBEDDED, EMBEDDED_FILES};
 
 /// What seeing takes: nothing is seen before it could be.
 const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.latency=5 ms"];
-/// The source's step: height in mm, pitch and roll in degrees.
+/// The dissertation's step: height in mm, pitch and roll in degrees.
 pub const STEP: [f64; 3] = [11.5, 1.35, 10.0];
 /// A point is kept at most so often, ns.
 const KEPT_EVERY: u64 = 20_000_000;

@@ -5,7 +5,7 @@
 //! - `killed`: what a session keeps of a recorder that was killed
 //! - `ledger`: whether every sample is accounted for
 //! - `replay`: whether sessions replay bit for bit, and how fast
-//! - `step`: the source's step, with many seeds
+//! - `step`: the dissertation's step, with many seeds
 //! - `robust`, `cases`: the same while something is broken
 //! - `tune`, `search`, `trials`: the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies

@@ -1,4 +1,4 @@
-//! `stillpoint bench robust`: the source's step while something is not as it should be.
+//! `stillpoint bench robust`: the dissertation's step while something is not as it should be.
 
 use clap::Args;
 use serde::Serialize;
@@ -15,8 +15,8 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 const PRESSURE: f64 = 40e3;
 /// Nor a duty.
 const DUTY: f64 = 1.0;
-/// What the gate tolerates, and what it lets an estimate be uncertain by: mm, degrees, degrees. With the beam on the truth
-/// is never farther off than both together.
+/// What the gate tolerates, and what it lets an estimate be uncertain by: mm, degrees, degrees. With the beam on the
+/// truth is never farther off than both together.
 const ASTRAY: [f64; 3] = [1.0 + 0.5, 0.5 + 0.3, 0.5 + 0.3];
 /// The step comes at the latest so long after the start, s.
 pub const LEAD: f64 = 4.0;
@@ -25,9 +25,9 @@ pub const FROM: f64 = 20.0;
 /// The last part of the run, in which the beam is on or not, s.
 const LAST: f64 = 10.0;
 
-/// Take the simulated head along the source's step, from camera to valve, while something is broken or not as the law was
-/// told, and say of each whether the head was tracked, degraded but safe, or gated and safe. What breaks does so while
-/// the head is on its way. Errors and pressures are the rig's own, not estimates.
+/// Take the simulated head along the dissertation's step, from camera to valve, while something is broken or not as the
+/// law was told, and say of each whether the head was tracked, degraded but safe, or gated and safe. What breaks does
+/// so while the head is on its way. Errors and pressures are the rig's own, not estimates.
 #[derive(Args)]
 pub struct Robust {
     /// Seeds, from 1: the camera's noise, what the person does, and the moment at which things break.

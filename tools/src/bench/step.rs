@@ -1,4 +1,5 @@
-//! `stillpoint bench step`: the source's step (figure 4.11), through the camera and the dense tracker, with many seeds.
+//! `stillpoint bench step`: the dissertation's step (figure 4.11), through the camera and the dense tracker, with many
+//! seeds.
 
 use clap::Args;
 use serde::Serialize;
@@ -26,10 +27,10 @@ const SETTLES: f64 = 5.0;
 /// The step in the pipeline, which holds the head where it is for a while first.
 pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
 
-/// Take the simulated head along the source's step, 11.5 mm, 1.35 degrees and 10 degrees, from camera to valve, and say
-/// for each reference model how many seeds rose as it says, or settled in 5 s where it rises in less than 5 s, and stayed
-/// where they should. A seed draws the camera's noise and what the person does. Times count from the step, errors are the
-/// truth's.
+/// Take the simulated head along the dissertation's step, 11.5 mm, 1.35 degrees and 10 degrees, from camera to valve,
+/// and say for each reference model how many seeds rose as it says, or settled in 5 s where it rises in less than 5 s,
+/// and stayed where they should. A seed draws the camera's noise and what the person does. Times count from the step,
+/// errors are the truth's.
 #[derive(Args)]
 pub struct StepBench {
     /// Seeds, from 1.

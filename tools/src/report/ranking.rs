@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::numbers::fixed;
 
-/// What counts as one, in mm and in degrees: what the source's system is held to.
+/// What counts as one, in mm and in degrees: what the dissertation's system is held to.
 const PARTS: [f64; 2] = [0.5, 0.2];
 
 /// A controller that held something.

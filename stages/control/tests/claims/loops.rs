@@ -5,7 +5,7 @@ use stillpoint_testing::Run;
 
 use super::plants::{closed_loop, duties, truth};
 
-/// The source's step, 2 s after the start is known.
+/// The dissertation's step, 2 s after the start is known.
 pub const STEP: &str = "moves: [{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
 const LAWS: [&str; 3] =
     ["control.pi, every: 10 ms", "control.lqg, every: 10 ms", "control.mrac, every: 10 ms"];
@@ -14,7 +14,7 @@ fn degrees(rad: f64) -> f64 {
     rad.to_degrees()
 }
 
-/// The greatest distance from where it began, mm and degrees, less the source's step, from `from` seconds on.
+/// The greatest distance from where it began, mm and degrees, less the dissertation's step, from `from` seconds on.
 pub fn worst_after(run: &Run, from: f64) -> [f64; 3] {
     let truth = truth(run);
     let start = truth[0].1;

@@ -1,7 +1,7 @@
 //! - `vectors`: vector files
 //! - `comparison`: the controllers side by side
 //! - `gains`: Riccati and Lyapunov equations, linear-quadratic control
-//! - `printed_gains`: the gains that the source prints do nothing
+//! - `printed_gains`: the gains that the dissertation prints do nothing
 //! - `adaptive`: adaptive laws along the reference trajectories
 //! - `rig_loop`: the adaptive loop on the rig of three bladders
 //! - `allocation`: steps that take nothing from the heap

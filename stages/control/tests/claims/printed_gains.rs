@@ -1,5 +1,5 @@
-//! The gains that the source prints for its linear-quadratic law (4.15), with its identified model (4.11) and its weights
-//! (4.14): an example of a law that does nothing.
+//! The gains that the dissertation prints for its linear-quadratic law (4.15), with its identified model (4.11) and its
+//! weights (4.14): an example of a law that does nothing.
 
 use nalgebra::{DMatrix, dmatrix};
 use stillpoint_control::riccati::{Regulator, dlqr, spectral_radius};

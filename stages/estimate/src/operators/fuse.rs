@@ -21,7 +21,7 @@ const DIAGNOSTICS: usize = 2;
 pub enum Method {
     /// By the covariances of both and of both together, which comes of the motion that they share.
     CrossCovariance,
-    /// By the inverse of the covariances, as the source prints it; the covariance that it claims is too small.
+    /// By the inverse of the covariances, as the dissertation prints it; the covariance that it claims is too small.
     InverseVariance,
     /// By covariance intersection: safe where nothing is known of what the tracks have in common.
     Intersection,
@@ -36,8 +36,8 @@ pub struct FuseParams {
     /// How the tracks are weighed.
     #[param(default = "cross_covariance")]
     pub method: Method,
-    /// Sensors disagree where the difference of a channel, beyond the tolerance and squared, is more than this many times
-    /// its variance.
+    /// Sensors disagree where the difference of a channel, beyond the tolerance and squared, is more than this many
+    /// times its variance.
     #[param(default = 25, above = 0, max = 1000000000)]
     pub gate: f64,
     /// What the sensors may differ by for good: the residual of their extrinsics, and what each makes of a surface.
@@ -69,13 +69,14 @@ pub struct FuseParams {
 /// Track-to-track fusion (4.2.3, SCIENCE D3) of sensors of any rates.
 ///
 /// Origins are taken to be on one clock, the session's, which sources map their own to; a constant error of one is
-/// estimated from the motion (`clock_offset_s`, not corrected), a jump, or one that is farther ahead than `clock_ahead`,
-/// leaves the sensor out. The tracks are those of `estimate.kalman` without `every:`, which carry the gains that the
-/// cross covariance needs.
+/// estimated from the motion (`clock_offset_s`, not corrected), a jump, or one that is farther ahead than
+/// `clock_ahead`, leaves the sensor out. The tracks are those of `estimate.kalman` without `every:`, which carry the
+/// gains that the cross covariance needs.
 ///
-/// A track sends the fused state at its origin, and a tick the state predicted to the tick, unless a newer one was sent.
-/// A sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate was is
-/// left out, and `health` says why; with neither left there is no estimate, and what is sent says so and has no numbers.
+/// A track sends the fused state at its origin, and a tick the state predicted to the tick, unless a newer one was
+/// sent. A sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate
+/// was is left out, and `health` says why; with neither left there is no estimate, and what is sent says so and has no
+/// numbers.
 pub struct EstimateFuse {
     fusion: Box<dyn Fusion>,
 }

@@ -1,5 +1,5 @@
-//! Which poses a rig can hold: before a set-point is accepted, it must be one that pushing bladders can hold within their
-//! limits. (With careless lever arms the source's own step is none: SCIENCE C6.)
+//! Which poses a rig can hold: before a set-point is accepted, it must be one that pushing bladders can hold within
+//! their limits. (With careless lever arms the dissertation's own step is none: SCIENCE C6.)
 
 use nalgebra::{SMatrix, SVector};
 

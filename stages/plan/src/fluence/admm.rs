@@ -1,4 +1,4 @@
-//! The source's solver: the alternating direction method of multipliers, corrected (SCIENCE F2, F3).
+//! The dissertation's solver: the alternating direction method of multipliers, corrected (SCIENCE F2, F3).
 //!
 //! [`least_squares`] is (D.1)-(D.5); [`solve`] splits the doses off too and so takes over- and under-dose. Both factor
 //! one matrix once. They stand beside the fast solver as a reference that shares nothing with it.
@@ -26,7 +26,7 @@ pub struct Admm {
 }
 
 impl Default for Admm {
-    /// The source's alpha, rho and absolute tolerance; the relative one is that for comparing plans.
+    /// The dissertation's alpha, rho and absolute tolerance; the relative one is that for comparing plans.
     fn default() -> Self {
         Self { rho: 1.5, alpha: 1.5, eps_abs: 1e-4, eps_rel: 1e-4, max_iterations: 10_000 }
     }

@@ -1,12 +1,13 @@
 //! Fluence: the weights of the bixels that come nearest to what is wanted (ch. 5.1.4, app. D; SCIENCE F).
 //!
-//! - `objective`: what can be wanted of a structure; `goals`: what is wanted of all, and the problem it makes of dose matrices
+//! - `objective`: what can be wanted of a structure; `goals`: what is wanted of all, and the problem it makes of dose
+//!   matrices
 //! - `plan`: its solution, DVH points included
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid
 //! - `rows`: the dose matrix of a plan by rows
 //! - `newton`: the solver; `bounded`, `curvature`, `gram`, `blocks`, `cholesky`, `line` are its parts
-//! - `admm`: the source's solver, corrected
+//! - `admm`: the dissertation's solver, corrected
 //! - `certificate`: how far from the optimum a point is
 
 pub mod admm;

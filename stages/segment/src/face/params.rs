@@ -36,7 +36,7 @@ pub struct FaceParams {
 /// Which voxels over the plane are the face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
-    /// Those of the largest cluster, as the source has it.
+    /// Those of the largest cluster, as the dissertation has it.
     Largest,
     /// Those of a head, cut from what it touches.
     Head,

@@ -109,7 +109,7 @@ fn tracked_point_moved(run: &Run) -> Vec<[f64; 6]> {
         .collect()
 }
 
-/// Figure 4.11, by the truth: a step of 11.5 mm, 1.35 and 10 degrees with the source's reference model of 20 s.
+/// Figure 4.11, by the truth: a step of 11.5 mm, 1.35 and 10 degrees with the dissertation's reference model of 20 s.
 #[test]
 fn a_breathing_head_goes_along_the_sources_step_as_the_reference_model_says() {
     let small = "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }";

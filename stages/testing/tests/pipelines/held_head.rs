@@ -121,7 +121,8 @@ fn eight_bladders_hold_a_head_that_breathes_and_nods() {
     stays_armed(&run);
 }
 
-/// Mean force of each of the eight over 30 s, which have nods and breaths in them, N, one behind the other from 10 s on.
+/// Mean force of each of the eight over 30 s, which have nods and breaths in them, N, one behind the other from 10 s
+/// on.
 fn forces(run: &Run) -> Vec<[f64; 8]> {
     let states = run.samples::<RigState>("rig.state");
     let mean = |part: &[stillpoint_samples::View<'_, RigState>]| {
@@ -173,14 +174,15 @@ fn a_head_that_is_pushed_by_5_mm_and_3_degrees_is_back_in_5_s() {
     assert!(back[0] < 0.5 && back[1] < 0.3, "{back:?}");
     hold_bladders(&run);
     hold_without_slipping(&run);
-    // The filter takes no such jump for a measurement until it has seen it a few times: for that long the pose is stale.
+    // The filter takes no such jump for a measurement until it has seen it a few times: for that long the pose is
+    // stale.
     let last = *run.samples::<Actuation>("valves.state").last().unwrap().first().unwrap();
     assert_eq!((last.state().word(), last.faults), ("armed", 0));
 }
 
-/// Section 4.2, figure 4.7: the source's standard deviation is 1.5 mm, its overshoot 5 mm, it settles in 24 s. By the
-/// measure of the reports, a band of 5 % of the step. The truth answers both steps; the estimate is judged with it, but for
-/// when it settles: its noise alone leaves the quarter of a millimetre that the step down has for a band.
+/// Section 4.2, figure 4.7: the dissertation's standard deviation is 1.5 mm, its overshoot 5 mm, it settles in 24 s. By
+/// the measure of the reports, a band of 5 % of the step. The truth answers both steps; the estimate is judged with it,
+/// but for when it settles: its noise alone leaves the quarter of a millimetre that the step down has for a band.
 #[test]
 fn one_bladder_and_two_cameras_hold_a_height() {
     for seed in ["3", "1", "2"] {
