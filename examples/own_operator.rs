@@ -1,7 +1,6 @@
 //! An operator from nothing: how fast a position moves.
 
-use stillpoint_pipeline::operator::*;
-use stillpoint_pipeline::{Activation, Outputs, Params, Setup};
+use stillpoint_operator::*;
 use stillpoint_samples::{Diagnostics, Metric, Pose, Sample};
 
 /// What the config may say. Defaults, units, ranges, editor help and the reference page come from here.

@@ -3,11 +3,11 @@
 use stillpoint_samples::{Command, ConsoleCommand, Sample, Verb};
 
 use crate::activation::Activation;
+use crate::operator::Setup;
 use crate::operator::{FrameRule, Kind, Operator, Output, Role, SetupError, Stage, StepError, Timer};
 use crate::outputs::Outputs;
 use crate::outside::Inbox;
 use crate::params::{Choice, Params};
-use crate::setup::Setup;
 
 /// Name of the kind.
 pub const KIND_NAME: &str = "console";

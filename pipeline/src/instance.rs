@@ -9,9 +9,10 @@ use stillpoint_samples::{
 use zerocopy::IntoBytes;
 
 use crate::activation::{Activation, Brought, Consumed, RandomKey};
+use crate::drafts::{Draft, DraftBuffers, Lender};
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::{ErasedOperator, SetupError};
-use crate::outputs::{Draft, Lender, Outputs};
+use crate::outputs::Outputs;
 use crate::outside::Outside;
 use crate::record::Record;
 use crate::setup::{Files, Setup};
@@ -155,12 +156,15 @@ impl OperatorInstance {
             inputs: brought,
             key: self.key,
         };
-        let mut outputs = Outputs::new(&self.kinds, self.laps.len(), lender, &mut self.drafts);
+        let mut buffers = DraftBuffers::new(&self.kinds, lender, &mut self.drafts);
+        let mut outputs = Outputs::new(&self.kinds, self.laps.len(), &mut buffers);
         let step = &mut self.step;
         let result = contained(|| step.step(&activation, &mut outputs));
-        let origin = outputs.origin.unwrap_or(activation.origin);
-        let outcome = match (result, outputs.unknown_lap) {
-            (Ok(Ok(())), None) if outputs.finished => Outcome::Finished,
+        let report = outputs.report();
+        drop(buffers);
+        let origin = report.origin.unwrap_or(activation.origin);
+        let outcome = match (result, report.unknown_lap) {
+            (Ok(Ok(())), None) if report.finished => Outcome::Finished,
             (Ok(Ok(())), None) => Outcome::Done,
             (Ok(Ok(())), Some(lap)) => {
                 self.fault = Some(format!("there is no lap {lap}: LAPS names {}", self.laps.len()));

@@ -3,12 +3,12 @@
 use stillpoint_samples::{Datagram, Diagnostics, Metric, Sample};
 
 use crate::activation::Activation;
+use crate::operator::Setup;
 use crate::operator::{
     FrameRule, Input, Kind, Operator, Output, Policy, Role, SetupError, Stage, StepError, Timer,
 };
 use crate::outputs::Outputs;
 use crate::outside::Arrivals;
-use crate::setup::Setup;
 
 /// Name of the kind.
 pub const KIND_NAME: &str = "link.udp";

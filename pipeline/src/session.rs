@@ -10,8 +10,8 @@ use crate::clock::realtime;
 use crate::graph::Graph;
 use crate::live::contracts::{journal_topic, timing_topic};
 use crate::live::control::Hello;
+use crate::operator::Files;
 use crate::operator::Role;
-use crate::setup::Files;
 
 /// Name of the attachment that is the pipeline's text.
 pub const PIPELINE: &str = "pipeline.yaml";

@@ -8,12 +8,12 @@ use stillpoint_samples::{
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::activation::Activation;
+use crate::operator::Setup;
 use crate::operator::{
     FrameRule, Input, Kind, Operator, Output, Policy, Role, SetupError, Stage, StepError, Timer,
 };
 use crate::outputs::Outputs;
 use crate::outside::Arrivals;
-use crate::setup::Setup;
 
 /// Name of input and output.
 pub const PORT: &str = "sample";

@@ -12,9 +12,9 @@ use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
 use super::pipe::{PipeReader, tell};
 use super::worker::wait_for;
 use crate::graph::{Graph, ProcessNode};
+use crate::operator::Files;
 use crate::placement::Directed;
 use crate::sample_store::OwnedSample;
-use crate::setup::Files;
 
 /// The operators of a directed process.
 pub struct DirectedWorker<'f> {

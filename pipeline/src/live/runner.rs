@@ -8,14 +8,14 @@ use super::directed::publish_entry;
 use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender};
 use crate::clock::SessionClock;
+use crate::drafts::{Buffer, Lender};
 use crate::graph::Graph;
 use crate::instance::OperatorInstance;
 use crate::intake::Intake;
-use crate::outputs::{Buffer, Lender};
+use crate::operator::Files;
 use crate::outside::{Inbox, Outside};
 use crate::record::Record;
 use crate::schedule::depth_of;
-use crate::setup::Files;
 
 /// One operator in a worker.
 pub struct OperatorRunner {

@@ -6,14 +6,14 @@ use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
 
 use super::{Committed, PlacementError};
 use crate::clock::float_state_is_standard;
+use crate::drafts::{Buffer, Lender};
 use crate::graph::Graph;
 use crate::instance::OperatorInstance;
+use crate::operator::Files;
 use crate::operator::Policy;
-use crate::outputs::{Buffer, Lender};
 use crate::outside::Outside;
 use crate::record::Record;
 use crate::sample_store::{OwnedSample, SampleStore};
-use crate::setup::Files;
 
 /// One operator: its present incarnation, and the samples that wait for it.
 pub struct Directed {

@@ -6,9 +6,9 @@ use stillpoint_samples::{Entry, JournalRef};
 
 use super::{Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
+use crate::operator::Files;
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
-use crate::setup::Files;
 
 /// All operators in this thread.
 pub struct Local<'f> {

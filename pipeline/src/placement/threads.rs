@@ -8,9 +8,9 @@ use stillpoint_samples::{Entry, JournalRef};
 
 use super::{Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
+use crate::operator::Files;
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
-use crate::setup::Files;
 
 enum Ask {
     Start { incarnation: u32, time: u64 },

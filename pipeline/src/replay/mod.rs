@@ -29,8 +29,8 @@ pub use selection::Selection;
 use selection::{needed, selected};
 
 use crate::graph::Graph;
+use crate::operator::Files;
 use crate::schedule::Observer;
-use crate::setup::Files;
 
 /// Replays a session of this graph. `observer` sees every entry with the outputs as they were made again.
 pub fn replay(

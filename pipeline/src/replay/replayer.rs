@@ -9,11 +9,11 @@ use stillpoint_samples::{Cause, Entry, Outcome, RefKind};
 use super::difference::{self, Difference};
 use super::{Open, ReplayError, ReplayReport};
 use crate::graph::{Graph, OperatorNode};
+use crate::operator::Files;
 use crate::placement::{Local, Placement, PlacementError};
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
 use crate::schedule::Observer;
-use crate::setup::Files;
 
 struct Life {
     incarnation: u32,

@@ -11,9 +11,9 @@ use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
 use super::{assemble, hosts, links, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
+use crate::operator::Files;
 use crate::operator::{Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
-use crate::setup::Files;
 
 /// Where a file begins.
 const BEGINNING: Span = Span { source: 0, start: 0, end: 0, line: 1, column: 1 };

@@ -1,8 +1,7 @@
 //! From YAML to a checked graph, with every fault of the file in one pass.
 //!
 //! ```
-//! use stillpoint_pipeline::operator::Registry;
-//! use stillpoint_pipeline::setup::Files;
+//! use stillpoint_operator::{Files, Registry};
 //! use stillpoint_pipeline::spec::check;
 //! # struct Disk;
 //! # impl Files for Disk {
@@ -14,12 +13,7 @@
 //! assert!(faults.to_string().contains("head.yaml:1:13: `2` is no version that this build reads"));
 //! ```
 //!
-//! Text to tree:
-//! - `text`, `source`: texts and places in them
-//! - `yaml`, `tree`: YAML as it was written, each key and value with its place
-//! - `syntax`: what is said of a text that is no YAML
-//! - `sets`: `--set operator.param=value`, applied to the tree
-//! - `units`, `decimal`, `quantity`: numbers with units, read as SI
+//! Text to tree: `config` of the crate `stillpoint_operator`; `sets`: `--set operator.param=value`, applied to the tree
 //!
 //! Tree to parsed pipeline:
 //! - `document`: the file; `operators`, `inputs`, `frames`, `processes`, `record`: its sections
@@ -29,40 +23,28 @@
 //!   each port; `hosts`: what crosses from one host to another; `order`: upstream before downstream, cycles; `assemble`: the graph
 //!
 //! What is said about it:
-//! - `faults`, `render`, `near`: faults for people and programs, nearest names
 //! - `schema`, `reference`: JSON Schema for editors, the reference page
 
 mod assemble;
 mod check;
-mod decimal;
 mod document;
-pub mod faults;
 mod frames;
 mod hosts;
 mod inputs;
 mod links;
 pub mod machine;
-pub mod near;
 mod operators;
 mod order;
 mod port_frames;
 mod processes;
-pub mod quantity;
 mod record;
 pub mod reference;
-mod render;
 pub mod schema;
 mod sets;
-pub mod source;
 mod sync;
-mod syntax;
-mod text;
-pub mod tree;
-pub mod units;
 mod wiring;
-pub mod yaml;
 
 pub use check::{check, check_for};
-pub use faults::{Code, Fault, Faults};
 pub use machine::Machine;
-pub use text::text;
+pub use stillpoint_operator::config::faults::{self, Code, Fault, Faults};
+pub use stillpoint_operator::config::{near, quantity, source, text, tree, units, yaml};

@@ -1,7 +1,7 @@
 //! Whether the place of the cameras can be trusted: date and residual of the frames that join them to the pose.
 
-use stillpoint_pipeline::frames::{Frame, Frames};
-use stillpoint_pipeline::{Choice, Params};
+use stillpoint_operator::frames::{Frame, Frames};
+use stillpoint_operator::{Choice, Params};
 
 /// Whether something is needed to move at all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -126,7 +126,7 @@ fn day(date: &str) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_pipeline::frames::Rigid;
+    use stillpoint_operator::frames::Rigid;
 
     fn params() -> ExtrinsicParams {
         ExtrinsicParams { need: Need::Required, max_residual: 1e-3, max_age: None, frames: None }

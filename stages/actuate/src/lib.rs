@@ -43,7 +43,7 @@ pub use message::{Message, Order, Receiving, Safe, Session, VALVES};
 pub use receiver::{Act, Clock, Receiver, Receives};
 pub use refusal::{Counts, Refusal};
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[

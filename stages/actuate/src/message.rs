@@ -1,7 +1,7 @@
 //! What a datagram says: an order to valves or to the beam, for a time, in a session.
 
-use stillpoint_pipeline::Choice;
-use stillpoint_pipeline::activation::RandomKey;
+use stillpoint_operator::Choice;
+use stillpoint_operator::activation::RandomKey;
 
 use crate::key::Key;
 

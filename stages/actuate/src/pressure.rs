@@ -9,7 +9,7 @@
 
 use stillpoint_mechanics::plant::valve::{Orifice, Valves};
 use stillpoint_mechanics::shell::air::Air;
-use stillpoint_pipeline::Params;
+use stillpoint_operator::Params;
 
 /// Bladders that there is room for.
 pub const BLADDERS: usize = 8;

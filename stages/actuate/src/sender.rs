@@ -1,7 +1,7 @@
 //! The sending end of datagrams: one session, numbers that grow, a code on each.
 
-use stillpoint_pipeline::Activation;
-use stillpoint_pipeline::operator::StepError;
+use stillpoint_operator::Activation;
+use stillpoint_operator::StepError;
 
 use crate::datagram::{LONGEST, encode};
 use crate::key::Key;

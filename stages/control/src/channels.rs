@@ -1,7 +1,7 @@
 //! Which channels of a pose are controlled, and how they stand in samples.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use stillpoint_pipeline::Choice;
+use stillpoint_operator::Choice;
 use stillpoint_samples::{Standing, TargetElement, TargetStatus, TrackElement};
 use stillpoint_track::angles::PoseNumbers;
 

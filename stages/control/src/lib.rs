@@ -40,7 +40,7 @@ pub mod squeeze;
 pub mod tensor_file;
 pub mod valves;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[

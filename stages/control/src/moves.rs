@@ -1,6 +1,6 @@
 //! A target that moves from place to place: steps, ramps and trajectories of them.
 
-use stillpoint_pipeline::Choice;
+use stillpoint_operator::Choice;
 
 /// How a move goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Choice)]

@@ -3,7 +3,7 @@
 use nalgebra::SVector;
 use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
 use stillpoint_mechanics::plant::{OneDof, Plant, SixDof, ThreeDof};
-use stillpoint_pipeline::Choice;
+use stillpoint_operator::Choice;
 
 use crate::channels::Channel;
 

@@ -13,7 +13,7 @@ pub mod view;
 pub use detector::{DetectParams, Face, FaceDetector};
 pub use view::Top;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[Stage::of::<operator::DetectFace>()];

@@ -1,9 +1,9 @@
 //! `detect.face`: where grey images show faces.
 
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{FaceBox, FaceBoxes, FaceBoxesShape, GreyImage, Sample};
 
 use crate::detector::{DetectParams, FaceDetector};

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use stillpoint_pipeline::files::{DiskFiles, MemoryFiles};
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::{DiskFiles, MemoryFiles};
 use stillpoint_samples::{FaceBoxes, GreyImage, GreyShape, PointCloud, Pose, Rejection};
 use stillpoint_testing::reference;
 use stillpoint_testing::{Bench, Run, feed, run};

@@ -1,7 +1,7 @@
 //! Which channels of a pose a filter follows, and how they stand in samples.
 
 use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, Translation3, Unit};
-use stillpoint_pipeline::Choice;
+use stillpoint_operator::Choice;
 use stillpoint_samples::{PoseElement, Standing, TrackElement};
 
 use crate::cross::Update;

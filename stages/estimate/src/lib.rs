@@ -32,7 +32,7 @@ pub use measurement::Measurement;
 pub use process::{Hold, ProcessNoise};
 pub use state::{Innovation, State};
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] =

@@ -15,7 +15,7 @@ pub mod operators;
 pub mod pcd;
 pub mod point_cloud2;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The one invalid point: a quiet NaN of one bit pattern in every coordinate, so that clouds compare by bytes.
 pub const INVALID_POINT: [f32; 3] = [f32::from_bits(0x7fc0_0000); 3];

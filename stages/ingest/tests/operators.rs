@@ -7,8 +7,8 @@ use std::io::Cursor;
 
 use proptest::prelude::*;
 use stillpoint_ingest::pcd::{write_ascii, write_binary};
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Intrinsics, PointCloud};
 use stillpoint_testing::{Bench, feed, run};
 

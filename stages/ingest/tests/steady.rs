@@ -7,7 +7,7 @@ use std::io::Cursor;
 
 use allocation_counter::{AllocationInfo, measure};
 use stillpoint_ingest::pcd::{write_ascii, write_binary};
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, GreyImage, Header, Intrinsics, Pieces, PointCloud, Sample};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;

@@ -44,7 +44,7 @@ pub mod view;
 pub mod view_operator;
 
 use bladders::operator::{BladderRig, Eight, One, Three};
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[

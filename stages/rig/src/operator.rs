@@ -1,7 +1,7 @@
 //! `rig.camera`: the virtual rig as an operator. A depth image of the head at each tick, and where the head truly is.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, Sample};
 
 use crate::setting;

@@ -1,9 +1,9 @@
 //! What a rig's camera gives at a moment: renderer, sensor and intrinsics as one.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
-use stillpoint_pipeline::frames::Rigid;
-use stillpoint_pipeline::operator::{SetupError, StepError};
-use stillpoint_pipeline::{Activation, Choice, Outputs, Params, Setup};
+use stillpoint_operator::frames::Rigid;
+use stillpoint_operator::{Activation, Choice, Outputs, Params, Setup};
+use stillpoint_operator::{SetupError, StepError};
 use stillpoint_samples::{DepthImage, Intrinsics, PoseElement};
 
 use crate::camera::Pinhole;

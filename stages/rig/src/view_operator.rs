@@ -1,10 +1,8 @@
 //! `rig.view`: another camera over a rig's head, at its own place, rate and noise.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{DepthImage, Pose, PoseElement, Sample};
 
 use crate::sight::{ImageParams, Noise, Setting, Sight};

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Pose};
 use stillpoint_testing::{Bench, Run, run};
 

@@ -52,7 +52,7 @@ pub use cloud::Cloud;
 pub use face::{FaceParams, FaceSegmenter, Rejection, Rule, Seen, SegmentationStep};
 pub use plane::Plane;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[Stage::of::<operator::SegmentFace>()];

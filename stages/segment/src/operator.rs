@@ -1,9 +1,9 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
     CloudShape, ClusterTable, ClusterTableShape, Corner, Diagnostics, Hull, HullShape, Plane, Point,
     PointCloud, Rejection, Sample,

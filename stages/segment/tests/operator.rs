@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use proptest::prelude::*;
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     CloudShape, Cluster, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample, View,
 };

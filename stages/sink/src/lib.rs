@@ -4,7 +4,7 @@
 
 pub mod null;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[Stage::of::<null::SinkNull>()];

@@ -1,9 +1,7 @@
 //! `sink.null`: takes samples of the common types and only counts them. It ends a chain that is measured or tried out.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     ConsoleCommand, DepthImage, Diagnostics, Health, Metric, PointCloud, Pose, Sample, SampleKind, Track,
 };

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{CloudShape, Diagnostics, Point, PointCloud, Pose, PoseElement};
 use stillpoint_testing::Bench;
 

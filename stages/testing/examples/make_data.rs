@@ -6,8 +6,8 @@ use std::error::Error;
 use std::path::Path;
 
 use stillpoint_ingest::pcd::write_binary;
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, Role, TopicInfo};
 use stillpoint_samples::{DepthImage, PointCloud, Sample};
 use stillpoint_testing::run;

@@ -1,7 +1,7 @@
 //! Kinds without effect, one per type of sample: they stand upstream of an operator on a bench, which feeds it by hand.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{DepthImage, PointCloud, Pose, PoseReport, Rejection, Sample, Track};
 
 macro_rules! feed {

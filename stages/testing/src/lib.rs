@@ -19,3 +19,5 @@ pub mod sample;
 pub use bench::Bench;
 pub use quiet::Quiet;
 pub use run::{Run, run, run_keeping};
+/// The pipeline, for tests of crates that do not depend on it.
+pub use stillpoint_pipeline as pipeline;

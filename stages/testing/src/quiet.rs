@@ -1,9 +1,10 @@
 //! One operator with its buffers made beforehand, so that a step can be watched alone: what it takes from the heap, say.
 
-use stillpoint_pipeline::activation::{Activation, Brought, Consumed, RandomKey};
-use stillpoint_pipeline::operator::{ErasedOperator, Registry, Stage};
-use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
-use stillpoint_pipeline::setup::{Files, Setup};
+use stillpoint_operator::Outputs;
+use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
+use stillpoint_operator::{ErasedOperator, Registry, Stage};
+use stillpoint_operator::{Files, Setup};
+use stillpoint_pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Cause, Pieces, Sample, SampleKind, View};
 
@@ -122,7 +123,8 @@ impl Quiet {
         let Self { operator, laps, kinds, stock, drafts, .. } = self;
         let mut done = None;
         let seen = watch(&mut || {
-            let mut outputs = Outputs::new(kinds, *laps, stock, drafts);
+            let mut buffers = DraftBuffers::new(kinds, stock, drafts);
+            let mut outputs = Outputs::new(kinds, *laps, &mut buffers);
             done = Some(operator.step(&activation, &mut outputs));
         });
         match done {

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use stillpoint_operator::Files;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Events, Observer};
-use stillpoint_pipeline::setup::Files;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Entry, Outcome, Sample, View};
 

@@ -1,9 +1,7 @@
 //! `track.forehead`: the distance to the forehead of a face that an image shows.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{FaceBoxes, PointCloud, Pose, PoseElement, Rejection, RejectionElement, Sample};
 use zerocopy::{FromBytes, IntoBytes};
 

@@ -44,7 +44,7 @@ pub use angles::PoseNumbers;
 pub use centroid::{Centroid, centroid};
 pub use tracker::HeadTracker;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[

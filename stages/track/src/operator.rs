@@ -1,10 +1,8 @@
 //! `track.centroid`: where the face is, as the mean of its points.
 
 use nalgebra::{Matrix3, Vector3};
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Pose, PoseElement, Sample};
 
 use crate::centroid::centroid;

@@ -1,8 +1,8 @@
 //! The frame in which a pose is given, from that of the face it is found in.
 
-use stillpoint_pipeline::Setup;
-use stillpoint_pipeline::frames::Rigid;
-use stillpoint_pipeline::operator::SetupError;
+use stillpoint_operator::Setup;
+use stillpoint_operator::SetupError;
+use stillpoint_operator::frames::Rigid;
 
 /// What brings points of the first input's frame into the frame of the first output. Nothing to do where neither, or
 /// only the input, is in a frame.

@@ -1,10 +1,8 @@
 //! `track.summit`: one coordinate of a face, that of its highest place.
 
-use stillpoint_pipeline::frames::Rigid;
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::frames::Rigid;
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Pose, PoseElement, Sample};
 
 use crate::output_frame::output_from_face;

@@ -1,7 +1,7 @@
 //! Parameters that the operators of this family share, and what is made of them.
 
-use stillpoint_pipeline::operator::SetupError;
-use stillpoint_pipeline::{Params, Setup};
+use stillpoint_operator::SetupError;
+use stillpoint_operator::{Params, Setup};
 
 use crate::extrinsic::{Extrinsic, ExtrinsicParams};
 use crate::key::Key;

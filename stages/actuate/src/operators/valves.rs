@@ -1,9 +1,9 @@
 //! `actuate.valves`: duties to datagrams.
 
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason as Reason, ConsoleCommand, Datagram, Diagnostics, Duties,
     Metric, PoseReport, RigState, Sample, Track,

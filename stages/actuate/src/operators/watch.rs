@@ -1,6 +1,6 @@
 //! What `actuate.valves` sees on its inputs: commands, pose and reference, and what is wrong or missing with them.
 
-use stillpoint_pipeline::Activation;
+use stillpoint_operator::Activation;
 use stillpoint_samples::{
     ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, Track, Verb,
 };

@@ -1,6 +1,6 @@
 //! `actuate.far_end` behind valves and gate, in the simulated executor.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{Actuation, Diagnostics, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement};
 use stillpoint_testing::run::{Run, START};
 

@@ -1,7 +1,7 @@
 //! Keys and their files.
 
 use stillpoint_actuate::{Key, KeyError};
-use stillpoint_pipeline::activation::RandomKey;
+use stillpoint_operator::activation::RandomKey;
 
 use super::sent::key;
 

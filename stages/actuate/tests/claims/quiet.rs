@@ -1,16 +1,17 @@
 //! A step of valves or gate takes no memory from the heap.
 
 use stillpoint_actuate::operators::{ActuateValves, GateBeam};
-use stillpoint_pipeline::activation::{Activation, Brought, Consumed, RandomKey};
-use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::Operator;
-use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
-use stillpoint_pipeline::setup::Setup;
-use stillpoint_pipeline::spec::check;
+use stillpoint_operator::Operator;
+use stillpoint_operator::Outputs;
+use stillpoint_operator::Setup;
+use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
 use stillpoint_samples::{
     Actuation, ActuationElement, AlignedBytes, Cause, ConsoleCommand, Duties, Gate, Header, Pieces,
     PoseReport, Sample, SampleKind, Target, Track, Verb,
 };
+use stillpoint_testing::pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
+use stillpoint_testing::pipeline::graph::Graph;
+use stillpoint_testing::pipeline::spec::check;
 use zerocopy::IntoBytes;
 
 use super::script::{command, duties, report, target, track};
@@ -83,7 +84,8 @@ impl<T: Operator> Quiet<T> {
         let (operator, stock, drafts, kinds) =
             (&mut self.operator, &mut self.stock, &mut self.drafts, &self.kinds);
         let counted = allocation_counter::measure(|| {
-            let mut outputs = Outputs::new(kinds, 0, stock, drafts);
+            let mut buffers = DraftBuffers::new(kinds, stock, drafts);
+            let mut outputs = Outputs::new(kinds, 0, &mut buffers);
             operator.step(&activation, &mut outputs).unwrap();
         });
         self.allocations += counted.count_total;

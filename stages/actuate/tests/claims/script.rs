@@ -1,7 +1,7 @@
 //! Sources that send what a script says, with a fault from one time to another.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{
     Command, ConsoleCommand, Duties, DutiesElement, PoseReport, PoseReportElement, PoseStatus, Sample,
     Standing, Target, TargetElement, TargetStatus, Track, TrackElement, Verb,

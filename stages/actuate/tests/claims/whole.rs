@@ -1,8 +1,8 @@
 //! Valves and gate in the simulated executor, with a far end behind them.
 
 use stillpoint_actuate::{Act, FarEnd, Receives, decode};
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationReason, ActuationState as State, Datagram, Gate, GateElement,
     GateReason,

@@ -1,8 +1,8 @@
 //! What every controller does around its law: it looks at estimate and target, is idle where there is nothing to act on,
 //! and sends duties.
 
-use stillpoint_pipeline::operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
-use stillpoint_pipeline::{Activation, Outputs, Setup};
+use stillpoint_operator::{Activation, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
 use stillpoint_samples::{
     Actuation, ActuationState, Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing,
     Target, TargetStatus, Track,

@@ -1,8 +1,8 @@
 //! Parameters that controllers share.
 
 use nalgebra::DMatrix;
-use stillpoint_pipeline::Params;
-use stillpoint_pipeline::operator::SetupError;
+use stillpoint_operator::Params;
+use stillpoint_operator::SetupError;
 
 use crate::channels::{Channel, Channels};
 use crate::effect::Effect;

@@ -1,7 +1,7 @@
 //! `control.pi`: the baseline.
 
-use stillpoint_pipeline::operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 
 use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::PlantParams;

@@ -1,6 +1,6 @@
 //! What a config says of targets, checked before the run.
 
-use stillpoint_pipeline::operator::SetupError;
+use stillpoint_operator::SetupError;
 
 use crate::channels::{ALL, Channel, Channels};
 use crate::goal::PlannedMove;

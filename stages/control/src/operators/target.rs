@@ -1,9 +1,9 @@
 //! `control.target`: where the head is to be.
 
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Track};
 
 use crate::channels::{Channel, Channels};

@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 
 use stillpoint_control::features::{Features, Learned};
 use stillpoint_control::operators::{ControlLqg, ControlMrac, ControlPi, ControlTarget};
-use stillpoint_pipeline::activation::{Activation, Brought, Consumed, RandomKey};
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::{Operator, Registry};
-use stillpoint_pipeline::outputs::{Buffer, Draft, Lender, Outputs};
-use stillpoint_pipeline::setup::Setup;
-use stillpoint_pipeline::spec::check;
+use stillpoint_operator::Outputs;
+use stillpoint_operator::Setup;
+use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
+use stillpoint_operator::files::MemoryFiles;
+use stillpoint_operator::{Operator, Registry};
 use stillpoint_samples::{
     Actuation, ActuationElement, ActuationState, AlignedBytes, Cause, Header, Pieces, Sample, SampleKind,
     Standing, Target, TargetElement, TargetStatus, Track, TrackElement,
 };
+use stillpoint_testing::pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
+use stillpoint_testing::pipeline::graph::Graph;
+use stillpoint_testing::pipeline::spec::check;
 use zerocopy::IntoBytes;
 
 use super::network::predictor;
@@ -120,7 +121,8 @@ fn allocations<T: Operator>(graph: &Graph, files: &MemoryFiles, name: &str, step
         drafts.clear();
         let mut stock = Stock(kinds.iter().map(|(kind, n)| Some(Buffer::heap(kind, *n))).collect());
         let counted = allocation_counter::measure(|| {
-            let mut outputs = Outputs::new(&kinds, 0, &mut stock, &mut drafts);
+            let mut buffers = DraftBuffers::new(&kinds, &mut stock, &mut drafts);
+            let mut outputs = Outputs::new(&kinds, 0, &mut buffers);
             operator.step(&activation, &mut outputs).unwrap();
         });
         assert_eq!(drafts.len(), 2, "{name} at {k}");

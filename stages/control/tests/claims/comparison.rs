@@ -1,6 +1,6 @@
 //! The controllers side by side on the rig: heads of other masses, and a noisy pose.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 
 use super::loops::{STEP, rise, worst_after};
 use super::plants::{closed_loop_with, truth};

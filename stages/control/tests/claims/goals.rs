@@ -1,8 +1,8 @@
 //! `control.target` on a bench: commands, refusals, and what a config may not say.
 
 use proptest::prelude::*;
-use stillpoint_pipeline::Stage;
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::Stage;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     Command, ConsoleCommand, Diagnostics, Refusal, Standing, Target, TargetElement, TargetStatus, Track,
     TrackElement, Verb,
@@ -26,7 +26,7 @@ operators:
 
 fn bench(params: &str) -> Result<Bench, String> {
     let text = TEXT.replace("settle: 0 s", &format!("settle: 0 s, {params}"));
-    let stages: Vec<Stage> = [stillpoint_pipeline::STAGES, stillpoint_control::STAGES].concat();
+    let stages: Vec<Stage> = [stillpoint_testing::pipeline::STAGES, stillpoint_control::STAGES].concat();
     Bench::new(&text, "target", &stages, &MemoryFiles::default())
 }
 
@@ -71,7 +71,7 @@ fn the_head_is_held_where_it_is_found() {
 #[test]
 fn the_start_is_the_mean_of_the_first_estimates() {
     let text = TEXT.replace("settle: 0 s", "settle: 30 ms");
-    let stages: Vec<Stage> = [stillpoint_pipeline::STAGES, stillpoint_control::STAGES].concat();
+    let stages: Vec<Stage> = [stillpoint_testing::pipeline::STAGES, stillpoint_control::STAGES].concat();
     let mut bench = Bench::new(&text, "target", &stages, &MemoryFiles::default()).unwrap();
     for z in [0.10, 0.12, 0.14] {
         assert_eq!(see(&mut bench, z, 0.0).status(), TargetStatus::None);

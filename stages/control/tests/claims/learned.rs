@@ -6,7 +6,7 @@ use nalgebra::Vector1;
 use stillpoint_control::features::{Features, Learned};
 use stillpoint_identify::{InnovationModel, Provenance, Record, Signal, fit};
 use stillpoint_mechanics::plant::{OneDof, State};
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::Diagnostics;
 
 use super::loops::{STEP, worst_after};
@@ -130,7 +130,7 @@ fn the_network_is_fed_as_it_was_trained() {
 #[test]
 fn parameters_are_declared_rightly() {
     for stage in stillpoint_control::STAGES {
-        stillpoint_pipeline::params::verify(stage).unwrap();
+        stillpoint_operator::params::verify(stage).unwrap();
     }
 }
 

@@ -2,10 +2,10 @@
 
 use nalgebra::{Isometry3, Matrix3, Vector1, Vector3};
 use stillpoint_mechanics::plant::{OneDof, State, ThreeDof};
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, Policy, Registry, Role, SetupError, StepError, Timer,
 };
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_samples::{Duties, DutiesElement, Sample, Standing, Track, TrackElement};
 use stillpoint_testing::{Run, run};
 use stillpoint_track::angles::PoseNumbers;
@@ -230,17 +230,21 @@ impl Body {
 
 /// The controllers and the test head.
 pub fn registry() -> Registry {
-    Registry::new(&[stillpoint_pipeline::STAGES, stillpoint_control::STAGES, &[Stage::of::<TestHead>()]])
+    Registry::new(&[
+        stillpoint_testing::pipeline::STAGES,
+        stillpoint_control::STAGES,
+        &[Stage::of::<TestHead>()],
+    ])
 }
 
 /// A pipeline of head, target and controller, run for so many seconds.
 pub fn closed_loop(head: &str, target: &str, controller: &str, seconds: u64) -> Run {
-    closed_loop_with(&stillpoint_pipeline::files::MemoryFiles::default(), head, target, controller, seconds)
+    closed_loop_with(&stillpoint_operator::files::MemoryFiles::default(), head, target, controller, seconds)
 }
 
 /// [`closed_loop`] with files that the controller names.
 pub fn closed_loop_with(
-    files: &dyn stillpoint_pipeline::setup::Files,
+    files: &dyn stillpoint_operator::Files,
     head: &str,
     target: &str,
     controller: &str,
@@ -253,7 +257,7 @@ pub fn closed_loop_with(
 
 /// [`closed_loop_with`], or why it cannot be.
 pub fn try_loop(
-    files: &dyn stillpoint_pipeline::setup::Files,
+    files: &dyn stillpoint_operator::Files,
     head: &str,
     target: &str,
     controller: &str,

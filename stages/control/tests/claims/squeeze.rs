@@ -1,6 +1,6 @@
 //! Bladders that are more than the channels they hold.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_testing::Bench;
 
 /// What a law says to two channels on three bladders whose pressures nobody tells.

@@ -1,10 +1,8 @@
 //! `estimate.kalman`: where what is measured is, and how fast it moves.
 
 use nalgebra::{Isometry3, SVector};
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Cause, Diagnostics, Pose, PoseReport, Sample, Track};
 
 use crate::channels::{Channels, Follow, InSamples};

@@ -1,6 +1,6 @@
 //! A step of the filter or of the fusion takes no memory from the heap.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{Header, Pieces, Pose, PoseElement, Sample, Track, TrackElement};
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;

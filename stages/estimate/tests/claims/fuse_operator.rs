@@ -1,6 +1,6 @@
 //! Two `estimate.kalman` and `estimate.fuse` on benches: sensors that fail, and what is then said.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     Diagnostics, Health, Pose, PoseElement, SensorHealth, Standing, Track, TrackElement,
 };

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
     Diagnostics, Pose, PoseElement, PoseReport, PoseReportElement, Standing, Track, TrackElement,
 };

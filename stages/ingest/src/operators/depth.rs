@@ -1,9 +1,7 @@
 //! `ingest.depth`: depth images, from another operator or from PNG files, to organised clouds.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{self as samples, DepthImage, PointCloud, Sample};
 
 use super::files::{self, RecordedFile};

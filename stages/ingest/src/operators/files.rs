@@ -1,7 +1,7 @@
 //! The files of a recording that a parameter names.
 
-use stillpoint_pipeline::Setup;
-use stillpoint_pipeline::operator::SetupError;
+use stillpoint_operator::Setup;
+use stillpoint_operator::SetupError;
 
 /// A file of a recording, as it is on disk.
 pub struct RecordedFile {

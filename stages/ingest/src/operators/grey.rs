@@ -1,7 +1,7 @@
 //! `ingest.grey`: grey images out of PNG files, one per tick.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{GreyImage, GreyShape, Sample};
 
 use super::files::{self, RecordedFile};

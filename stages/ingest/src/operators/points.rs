@@ -1,7 +1,7 @@
 //! The points of a sample as plain arrays, in place, and clouds as samples.
 
-use stillpoint_pipeline::Outputs;
-use stillpoint_pipeline::operator::StepError;
+use stillpoint_operator::Outputs;
+use stillpoint_operator::StepError;
 use stillpoint_samples::{CloudShape, Point, PointCloud};
 use zerocopy::{FromBytes, IntoBytes};
 

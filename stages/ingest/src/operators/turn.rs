@@ -1,6 +1,6 @@
 //! Whose turn it is: one frame of a recording per tick.
 
-use stillpoint_pipeline::Choice;
+use stillpoint_operator::Choice;
 
 /// What comes after the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]

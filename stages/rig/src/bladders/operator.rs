@@ -4,10 +4,8 @@ use std::marker::PhantomData;
 
 use nalgebra::Isometry3;
 use rand::Rng;
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Cause, ConsoleCommand, DepthImage, Duties, Pose, RigState, Sample};
 
 use super::fault::{Fault, Said};

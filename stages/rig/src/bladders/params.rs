@@ -1,7 +1,7 @@
 //! What a config may say of a rig with bladders.
 
-use stillpoint_pipeline::operator::SetupError;
-use stillpoint_pipeline::{Choice, Params};
+use stillpoint_operator::SetupError;
+use stillpoint_operator::{Choice, Params};
 
 use super::fault::{Fault, Scheduled};
 use super::rigs;

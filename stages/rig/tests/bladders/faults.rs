@@ -1,7 +1,7 @@
 //! What happens when something is missing or breaks.
 
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, RigMode, RigState};
 use stillpoint_testing::run;
 
@@ -124,7 +124,7 @@ fn with_console(params: &str, script: &str, lines: &str) -> String {
 }
 
 fn simulate_with_console(text: &str, ms: u64) -> stillpoint_testing::Run {
-    let registry = Registry::new(&[stillpoint_pipeline::STAGES, stillpoint_rig::STAGES, STAGES]);
+    let registry = Registry::new(&[stillpoint_testing::pipeline::STAGES, stillpoint_rig::STAGES, STAGES]);
     run(text, &registry, &MemoryFiles::default(), ms).unwrap()
 }
 

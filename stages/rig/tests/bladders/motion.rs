@@ -1,6 +1,6 @@
 //! What the head does, and what the camera sees of it.
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Pose, RigMode};
 use stillpoint_testing::Bench;
 

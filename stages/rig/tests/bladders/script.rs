@@ -1,10 +1,8 @@
 //! Duties that a test writes down, and a rig that they drive.
 
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::{
-    FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::files::MemoryFiles;
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{Duties, DutiesElement, Pose, RigState, Sample};
 use stillpoint_testing::{Run, run};
 

@@ -1,6 +1,6 @@
 //! What live runs may take of shared memory.
 
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_pipeline::spec::check;
 

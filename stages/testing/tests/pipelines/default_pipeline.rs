@@ -1,6 +1,6 @@
 //! `pipeline.yaml` at the root: from camera to valve and beam.
 
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{
     Actuation, ActuationState, FarEnd, FarEndDoing, Gate, Pose, PoseReport, PoseStatus, RigState, Target,

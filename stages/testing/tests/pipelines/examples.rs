@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{PointCloud, Pose, Rejection, Standing, Track, View};
 use stillpoint_testing::{Run, run};

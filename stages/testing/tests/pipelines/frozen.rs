@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{DepthImage, Health, Pose, Standing, Track};
 use stillpoint_testing::{Run, run};
 

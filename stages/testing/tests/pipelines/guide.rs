@@ -1,7 +1,7 @@
 //! `docs/operators.md`: the operator that the page shows, in a running pipeline.
 
-use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::Diagnostics;
 use stillpoint_testing::run;
 

@@ -1,7 +1,7 @@
 //! Seeing alone, without valves: `examples/head-tracking.yaml`.
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{Diagnostics, Pose, PoseReport, Track};
 use stillpoint_testing::{Run, run};
 

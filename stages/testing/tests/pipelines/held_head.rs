@@ -4,7 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use stillpoint_control::response::{response, steps};
 use stillpoint_mechanics::contact::friction::{FingerForce, Friction};
 use stillpoint_mechanics::plant::layouts;
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{Actuation, Duties, Pose, RigMode, RigState, Target, Track};
 use stillpoint_testing::{Run, run_keeping};
 

@@ -18,7 +18,7 @@ mod script;
 
 use std::path::PathBuf;
 
-use stillpoint_pipeline::operator::{Registry, Stage};
+use stillpoint_operator::{Registry, Stage};
 
 /// Every kind that the project has.
 pub const FAMILIES: &[&[Stage]] = &[

@@ -1,7 +1,7 @@
 //! Misspelled names of kinds, parameters, ports and keys, all that the project has: the first suggestion is the right one.
 
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::{Registry, Stage};
+use stillpoint_operator::files::MemoryFiles;
+use stillpoint_operator::{Registry, Stage};
 use stillpoint_pipeline::spec::{check, schema};
 
 use crate::registry;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix1, Vector1};
 use stillpoint_estimate::{Hold, Kalman, KalmanParams, Measurement, ProcessNoise};
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{Health, Pose, Standing, Track};
 use stillpoint_testing::{Run, run_keeping};
 

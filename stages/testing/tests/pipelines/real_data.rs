@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use serde_json::Value;
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{Diagnostics, PointCloud, View};
 use stillpoint_segment::Plane;
 use stillpoint_testing::perception::{HEAD, MEASURED, json, labels, pcl_plane};

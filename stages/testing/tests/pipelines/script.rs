@@ -8,7 +8,7 @@ use crate::registry;
 
 struct NoFiles;
 
-impl stillpoint_pipeline::setup::Files for NoFiles {
+impl stillpoint_operator::Files for NoFiles {
     fn read(&self, name: &str) -> Result<Vec<u8>, String> {
         Err(format!("there is no {name}"))
     }

@@ -1,11 +1,9 @@
 //! `track.head` as an operator.
 
 use nalgebra::{Isometry3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use stillpoint_pipeline::frames::Rigid;
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::frames::Rigid;
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
     PoseStatus, Rejection, Sample, Verb,

@@ -1,6 +1,6 @@
 //! Parameters of `track.head`.
 
-use stillpoint_pipeline::{Choice, Params};
+use stillpoint_operator::{Choice, Params};
 
 use crate::align::AlignParams;
 use crate::surface::SurfaceParams;

@@ -1,7 +1,7 @@
 //! `track.centroid` on a bench.
 
 use proptest::prelude::*;
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{CloudShape, Point, PointCloud, Pose, PoseElement};
 use stillpoint_testing::Bench;
 

@@ -1,15 +1,15 @@
 //! `track.head` on a bench.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::{Registry, Stage};
-use stillpoint_pipeline::spec::check;
+use stillpoint_operator::files::MemoryFiles;
+use stillpoint_operator::{Registry, Stage};
 use stillpoint_samples::{
     CloudShape, Command, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
     PoseStatus, Rejection, RejectionElement, Verb,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
+use stillpoint_testing::pipeline::spec::check;
 use stillpoint_track::head::HeadParams;
 use stillpoint_track::tracker::TrackParams;
 use zerocopy::IntoBytes;
@@ -28,7 +28,7 @@ operators:
 ";
 
 fn stages() -> Vec<Stage> {
-    [stillpoint_track::STAGES, stillpoint_pipeline::STAGES].concat()
+    [stillpoint_track::STAGES, stillpoint_testing::pipeline::STAGES].concat()
 }
 
 fn bench_with(text: &str, files: &MemoryFiles) -> Result<Bench, String> {

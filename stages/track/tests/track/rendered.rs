@@ -4,8 +4,8 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
-use stillpoint_pipeline::files::DiskFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_samples::{Pose, PoseElement, PoseReport};
 use stillpoint_testing::{Run, reference, run};
 use stillpoint_track::PoseNumbers;

@@ -1,11 +1,9 @@
 //! The rig's head followed in the simulated executor, captured by a command.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::{
-    FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::files::MemoryFiles;
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Registry, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{Command, ConsoleCommand, PointCloud, Pose, PoseReport, PoseStatus, Sample, Verb};
 use stillpoint_testing::{Run, run};
 

@@ -1,7 +1,7 @@
 //! What `track.summit` claims of itself, beside how far the heights of a rig's head scatter about the truth.
 
-use stillpoint_pipeline::files::MemoryFiles;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::Pose;
 use stillpoint_testing::run;
 

@@ -1,7 +1,7 @@
 //! Parameters: one typed struct per operator, from which parsing, defaults, ranges, schema and reference come.
 //!
 //! ```
-//! use stillpoint_pipeline::{Choice, Params};
+//! use stillpoint_operator::{Choice, Params};
 //!
 //! #[derive(Clone, Params)]
 //! struct FaceParams {
@@ -49,7 +49,7 @@ use std::any::Any;
 use std::sync::Arc;
 
 #[doc(hidden)]
-pub use crate::spec::tree::Node;
+pub use crate::config::tree::Node;
 pub use reader::ParamReader;
 #[doc(hidden)]
 pub use serde_json as json;

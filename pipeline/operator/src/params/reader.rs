@@ -6,13 +6,13 @@ use serde_json::Value as Json;
 
 use super::value::choices_help;
 use super::{Names, ParamField, ParamType, ParamValue};
+use crate::config::faults::{Code, Complaint, Findings};
+use crate::config::near::{nearest, shown};
+use crate::config::source::Span;
+use crate::config::tree::{Entry, Keys, Node, TEXT, Value};
+use crate::config::yaml;
+use crate::files::Files;
 use crate::pattern;
-use crate::setup::Files;
-use crate::spec::faults::{Code, Complaint, Findings};
-use crate::spec::near::{nearest, shown};
-use crate::spec::source::Span;
-use crate::spec::tree::{Entry, Keys, Node, TEXT, Value};
-use crate::spec::yaml;
 
 /// Source number of a default: it stands in no text that people see.
 const DEFAULT: usize = usize::MAX;
@@ -182,7 +182,7 @@ pub(crate) fn example(field: &ParamField) -> String {
 }
 
 fn example_of(field: &ParamField, ty: ParamType) -> String {
-    let quantity = |plain: &str| match (field.min.or(field.max), crate::spec::units::find(field.unit)) {
+    let quantity = |plain: &str| match (field.min.or(field.max), crate::config::units::find(field.unit)) {
         // A bound is no value that anyone means.
         (Some(_), Some(_)) => format!("<{}>", field.unit),
         (Some(_), None) => "<number>".into(),

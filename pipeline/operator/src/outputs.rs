@@ -1,95 +1,63 @@
-//! What an activation sends: drafts in loaned buffers, sent only when the activation is committed.
+//! What an activation sends: samples written into buffers of the executor, which sends them when it commits the
+//! activation.
 
 use std::marker::PhantomData;
 
-use stillpoint_samples::{AlignedBytes, HEADER_SIZE, Pieces, Sample, SampleKind};
+use stillpoint_samples::{HEADER_SIZE, Sample, SampleKind};
 use zerocopy::FromBytes;
 
-use crate::operator::StepError;
+use crate::error::StepError;
 
-/// A buffer for one sample.
-pub enum Buffer {
-    /// In shared memory: written where the consumers will read it.
-    Shared(stillpoint_shm::Loan),
-    /// On the heap: meta bytes and elements one behind the other.
-    Heap {
-        /// Header, body and elements.
-        bytes: AlignedBytes,
-        /// Bytes of header and body.
-        meta: usize,
-    },
-}
+/// The buffers behind the outputs of an activation. An executor implements it: over shared memory, or on the heap.
+///
+/// At most one buffer is open at a time.
+pub trait OutputBuffers {
+    /// Opens a buffer for a sample of `elements` elements on an output. Header and body are zero; the elements may hold
+    /// bytes of an earlier sample. A buffer that is open and was not kept goes back.
+    fn open(&mut self, port: usize, elements: usize);
 
-impl Buffer {
-    /// A heap buffer for `elements` elements.
-    pub fn heap(kind: &SampleKind, elements: usize) -> Self {
-        let meta = kind.meta_size();
-        Self::Heap { bytes: AlignedBytes::zeroed(meta + elements * kind.element_size), meta }
-    }
+    /// Header and body of the open buffer, and room for at least the elements that it was opened for.
+    fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]);
 
-    /// Header and body, and room for the elements.
-    pub fn parts_mut(&mut self) -> (&mut [u8], &mut [u8]) {
-        match self {
-            Self::Shared(loan) => loan.parts_mut(),
-            Self::Heap { bytes, meta } => bytes.split_at_mut(*meta),
-        }
-    }
+    /// Keeps the open buffer: its sample is sent when the activation is committed.
+    fn keep(&mut self);
 
-    /// The bytes as they stand; the payload may reach beyond the header's count.
-    pub fn pieces(&self) -> Pieces<'_> {
-        match self {
-            Self::Shared(loan) => loan.pieces(),
-            Self::Heap { bytes, meta } => {
-                let (meta, payload) = bytes.split_at(*meta);
-                Pieces { meta, payload }
-            }
-        }
-    }
-}
-
-/// Where buffers come from: the placement.
-pub trait Lender {
-    /// A buffer for `elements` elements on an output, or `None` where its memory is used up.
-    fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer>;
-
-    /// Stage number `lap` of the step has ended. Only a placement that measures takes notice.
+    /// Stage number `lap` of the step has ended. Only an executor that measures uses it.
     fn lap(&mut self, _lap: usize) {}
 }
 
-/// A sample that is sent when the activation is committed.
-pub struct Draft {
-    /// Number of the output.
-    pub port: usize,
-    /// Its bytes.
-    pub buffer: Buffer,
-    /// The port's memory was used up: the sample is made and counted, but cannot be sent.
-    pub pool_exhausted: bool,
+/// What a step reported beside its samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StepReport {
+    /// A lap that the kind does not name.
+    pub unknown_lap: Option<usize>,
+    /// Acquisition time that a source states for what it sends, ns since the epoch.
+    pub origin: Option<u64>,
+    /// The operator has no more samples of its own.
+    pub finished: bool,
 }
 
 /// The outputs of one activation.
 pub struct Outputs<'a> {
     kinds: &'a [(&'static SampleKind, usize)],
     laps: usize,
-    lender: &'a mut dyn Lender,
-    drafts: &'a mut Vec<Draft>,
-    /// A lap that the kind does not name.
-    pub(crate) unknown_lap: Option<usize>,
-    /// Acquisition time that a source states for what it sends.
-    pub(crate) origin: Option<u64>,
-    /// The operator has no more of its own.
-    pub(crate) finished: bool,
+    buffers: &'a mut dyn OutputBuffers,
+    report: StepReport,
 }
 
 impl<'a> Outputs<'a> {
-    /// Outputs of these kinds and capacities (elements), which leave their samples in `drafts`, of a kind with so many
-    /// laps.
+    /// Outputs of these kinds and capacities (elements) over `buffers`, for a kind of operator with so many laps.
     pub fn new(
         kinds: &'a [(&'static SampleKind, usize)],
         laps: usize,
-        lender: &'a mut dyn Lender,
-        drafts: &'a mut Vec<Draft>,
+        buffers: &'a mut dyn OutputBuffers,
     ) -> Self {
-        Self { kinds, laps, lender, drafts, unknown_lap: None, origin: None, finished: false }
+        Self { kinds, laps, buffers, report: StepReport::default() }
+    }
+
+    /// What the step reported beside its samples.
+    pub fn report(&self) -> StepReport {
+        self.report
     }
 
     /// The most elements that a sample on this output can have.
@@ -133,28 +101,19 @@ impl<'a> Outputs<'a> {
                 "a sample of {elements} elements exceeds the {capacity} that output {port} was laid out for"
             )));
         }
-        let (mut buffer, pool_exhausted) = match self.lender.loan(port, elements) {
-            Some(buffer) => (buffer, false),
-            None => (Buffer::heap(kind, elements), true),
-        };
-        buffer.parts_mut().0.fill(0);
-        Ok(Writer {
-            outputs: self,
-            draft: Draft { port, buffer, pool_exhausted },
-            elements,
-            sample: PhantomData,
-        })
+        self.buffers.open(port, elements);
+        Ok(Writer { outputs: self, elements, sample: PhantomData })
     }
 
     /// States the acquisition time of what a source sends, ns since the epoch. Without it, it is the activation's time.
     pub fn acquired_at(&mut self, origin: u64) {
-        self.origin = Some(origin);
+        self.report.origin = Some(origin);
     }
 
     /// Says that the operator has no more of its own, as after the last file of a recording: its timer stops. A run ends
     /// in order when all that feeds it has finished.
     pub fn finish(&mut self) {
-        self.finished = true;
+        self.report.finished = true;
     }
 
     /// Says that the stage `LAPS[lap]` of the step has just ended. A live run measures it from the lap before, or from
@@ -162,9 +121,9 @@ impl<'a> Outputs<'a> {
     /// `LAPS` does not name fails the activation.
     pub fn lap(&mut self, lap: usize) {
         if lap < self.laps {
-            self.lender.lap(lap);
+            self.buffers.lap(lap);
         } else {
-            self.unknown_lap.get_or_insert(lap);
+            self.report.unknown_lap.get_or_insert(lap);
         }
     }
 }
@@ -172,7 +131,6 @@ impl<'a> Outputs<'a> {
 /// A sample that is being written in place.
 pub struct Writer<'o, 'a, S: Sample> {
     outputs: &'o mut Outputs<'a>,
-    draft: Draft,
     elements: usize,
     sample: PhantomData<S>,
 }
@@ -181,34 +139,33 @@ impl<S: Sample> Writer<'_, '_, S> {
     /// What is said once; zero at first. A trailing `length` is filled in by [`finish`](Self::finish).
     #[allow(clippy::expect_used)]
     pub fn body(&mut self) -> &mut S::Body {
-        let (meta, _) = self.draft.buffer.parts_mut();
-        // The lender's meta piece has the size and alignment that the kind states.
-        S::Body::mut_from_bytes(&mut meta[HEADER_SIZE..]).expect("the lender's buffer fits the sample kind")
+        let (meta, _) = self.outputs.buffers.parts_mut();
+        // The meta piece of a buffer has the size and alignment that the kind states.
+        S::Body::mut_from_bytes(&mut meta[HEADER_SIZE..]).expect("the buffer fits the sample kind")
     }
 
     /// Room for the elements. It may hold bytes of an earlier sample: write each element that you count in.
     #[allow(clippy::expect_used)]
     pub fn elements(&mut self) -> &mut [S::Element] {
         let bytes = self.elements * size_of::<S::Element>();
-        let (_, payload) = self.draft.buffer.parts_mut();
-        <[S::Element]>::mut_from_bytes(&mut payload[..bytes])
-            .expect("the lender's buffer fits the sample kind")
+        let (_, payload) = self.outputs.buffers.parts_mut();
+        <[S::Element]>::mut_from_bytes(&mut payload[..bytes]).expect("the buffer fits the sample kind")
     }
 
     /// Sends the first `count` elements when the activation is committed.
-    pub fn finish(mut self, count: usize) -> Result<(), StepError> {
+    pub fn finish(self, count: usize) -> Result<(), StepError> {
         let fits = count <= self.elements && u32::try_from(count).is_ok();
         if !fits {
             return Err(StepError(format!("{count} elements were finished, but {} opened", self.elements)));
         }
-        let (meta, _) = self.draft.buffer.parts_mut();
+        let (meta, _) = self.outputs.buffers.parts_mut();
         let count = (count as u32).to_le_bytes();
         meta[HEADER_SIZE - 4..HEADER_SIZE].copy_from_slice(&count);
         if !S::KIND.body.is_empty() {
             let end = meta.len();
             meta[end - 4..].copy_from_slice(&count);
         }
-        self.outputs.drafts.push(self.draft);
+        self.outputs.buffers.keep();
         Ok(())
     }
 }

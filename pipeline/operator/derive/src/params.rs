@@ -36,7 +36,7 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream, Error> {
         idents.push(ident);
         keys.push(key);
     }
-    let path = quote!(::stillpoint_pipeline::params);
+    let path = quote!(::stillpoint_operator::params);
     let json = quote!(#path::json);
     Ok(quote! {
         const _: () = {
@@ -82,7 +82,7 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream, Error> {
 }
 
 fn row(key: &str, ty: &syn::Type, attributes: &Attributes) -> TokenStream {
-    let path = quote!(::stillpoint_pipeline::params);
+    let path = quote!(::stillpoint_operator::params);
     let option = |text: &Option<String>| match text {
         Some(text) => quote!(::core::option::Option::Some(#text)),
         None => quote!(::core::option::Option::None),

@@ -3,11 +3,11 @@
 use std::cell::RefCell;
 
 use super::{ParamField, ParamReader, ParamType};
-use crate::operator::Stage;
-use crate::setup::Files;
-use crate::spec::faults::{Code, Findings};
-use crate::spec::source::Span;
-use crate::spec::{quantity, units};
+use crate::config::faults::{Code, Findings};
+use crate::config::source::Span;
+use crate::config::{quantity, units};
+use crate::files::Files;
+use crate::stage::Stage;
 
 /// Whether descriptions, units, defaults and ranges of a kind's parameters can be read and agree with each other.
 pub fn verify(stage: &Stage) -> Result<(), String> {

@@ -1,7 +1,8 @@
 //! What an operator is told once, when it is made.
 
+use crate::error::SetupError;
+use crate::files::Files;
 use crate::frames::{Frames, Rigid};
-use crate::operator::SetupError;
 use crate::outside::Outside;
 
 /// What an operator is told once, when it is made.
@@ -39,13 +40,4 @@ impl Setup<'_> {
     pub fn transform(&self, to: &str, from: &str) -> Option<Rigid> {
         self.frames.transform(to, from)
     }
-}
-
-/// Where the files that parameters name are read: the disk in a live run, the session in a replay.
-pub trait Files {
-    /// Bytes of the file.
-    fn read(&self, name: &str) -> Result<Vec<u8>, String>;
-    /// The files that a path means, sorted: a file itself, those of a folder, or those whose names fit a last part with
-    /// `*`.
-    fn list(&self, name: &str) -> Result<Vec<String>, String>;
 }

@@ -1,6 +1,6 @@
 //! `#[derive(Params)]` and `#[derive(Choice)]`: typed parameters of operators.
 //!
-//! The generated code names `::stillpoint_pipeline`, which re-exports both derives with the traits behind them.
+//! The generated code names `::stillpoint_operator`, which re-exports both derives with the traits behind them.
 
 mod attributes;
 mod choice;
@@ -9,7 +9,7 @@ mod params;
 use proc_macro::TokenStream;
 use syn::{DeriveInput, Error, parse_macro_input};
 
-/// Derives `stillpoint_pipeline::Params` for a struct with named fields.
+/// Derives `stillpoint_operator::Params` for a struct with named fields.
 ///
 /// The doc comment of a field is its description. `#[param(...)]` takes `unit`, `default`, `min`, `above`, `max` (as a
 /// config would write them), `choices("a", "b")`, `file` and `files`.

@@ -21,7 +21,7 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream, Error> {
     if idents.is_empty() {
         return Err(Error::new_spanned(name, "a choice needs a variant"));
     }
-    let path = quote!(::stillpoint_pipeline::params);
+    let path = quote!(::stillpoint_operator::params);
     Ok(quote! {
         #[automatically_derived]
         impl #path::ParamValue for #name {

@@ -3,10 +3,10 @@
 use serde_json::{Value as Json, json};
 
 use super::{Names, ParamField, ParamReader};
-use crate::spec::faults::{Code, Complaint};
-use crate::spec::near::{listed, shown};
-use crate::spec::quantity;
-use crate::spec::tree::{Node, TEXT, Value};
+use crate::config::faults::{Code, Complaint};
+use crate::config::near::{listed, shown};
+use crate::config::quantity;
+use crate::config::tree::{Node, TEXT, Value};
 
 /// Type of a parameter, for schema and reference.
 #[derive(Clone, Copy, Debug)]
@@ -78,7 +78,7 @@ fn scalar<T>(
 }
 
 fn due(field: &ParamField, plain: &'static str) -> String {
-    match crate::spec::units::find(field.unit) {
+    match crate::config::units::find(field.unit) {
         Some((dimension, _)) => dimension.name.to_owned(),
         None => plain.to_owned(),
     }

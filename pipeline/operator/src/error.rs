@@ -1,0 +1,30 @@
+//! Why an operator cannot be made, and why a step failed.
+
+/// Why an operator cannot be set up, in a sentence that names what to change.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct SetupError(pub String);
+
+/// Parameters that are each in their range and do not go together.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{reason}")]
+pub struct ParamConflict {
+    /// The parameters of it: the fault stands at the first that the config gives, one of the command line before others.
+    pub params: &'static [&'static str],
+    /// What does not fit, with units.
+    pub reason: String,
+    /// What to write instead.
+    pub help: &'static str,
+}
+
+impl ParamConflict {
+    /// A conflict inside one parameter, of which a set-up would say this.
+    pub fn inside(params: &'static [&'static str], reason: SetupError) -> Self {
+        Self { params, reason: reason.0, help: "change one of them" }
+    }
+}
+
+/// Why a step failed, in a sentence. None of the outputs of the activation is sent.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct StepError(pub String);

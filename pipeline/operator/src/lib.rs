@@ -1,0 +1,40 @@
+//! The operator: a deterministic step machine, and all that its author sees.
+//!
+//! What enters an operator is an [`Activation`]; what leaves it are samples on its [`Outputs`]. An executor decides when
+//! activations happen and where the bytes of samples stand: this crate knows neither shared memory nor recordings.
+//!
+//! - `operator`: the trait; `kind`: name, ports and timer of a kind; `stage`: the list of kinds that a build knows
+//! - `activation`, `outputs`: what enters a step and what leaves it
+//! - `setup`: what an operator gets when it is made; `files`, `outside`: parts of it
+//! - `params`: typed parameters and their derives
+//! - `frames`: coordinate systems and rigid transforms
+//! - `error`: why an operator cannot be made, and why a step failed
+//! - `config`: the text of a config, from which parameters are read
+//! - `pattern`: paths with a star
+
+// The derives name this crate by its path, here too.
+extern crate self as stillpoint_operator;
+
+pub mod activation;
+pub mod config;
+mod error;
+pub mod files;
+pub mod frames;
+mod kind;
+mod operator;
+pub mod outputs;
+pub mod outside;
+pub mod params;
+pub mod pattern;
+mod setup;
+mod stage;
+
+pub use activation::Activation;
+pub use error::{ParamConflict, SetupError, StepError};
+pub use files::Files;
+pub use kind::{FrameRule, Input, Kind, Output, Policy, Role, TIMING, Timer};
+pub use operator::{ErasedOperator, Operator};
+pub use outputs::Outputs;
+pub use params::{Choice, Params};
+pub use setup::Setup;
+pub use stage::{Build, Registry, Stage};

@@ -1,0 +1,52 @@
+//! The operator: a deterministic step machine.
+
+use crate::activation::Activation;
+use crate::error::{ParamConflict, SetupError, StepError};
+use crate::kind::Kind;
+use crate::outputs::Outputs;
+use crate::params::Params;
+use crate::setup::Setup;
+
+/// A deterministic step machine.
+///
+/// What [`step`](Operator::step) sends may depend on the parameters, the seed, the state that earlier activations left,
+/// and the activation; on nothing else. No clock, file, environment or global random source is read in it.
+pub trait Operator: Sized + Send + 'static {
+    /// Parameters as the config gives them.
+    type Params: Params;
+    /// Name, ports and purpose.
+    const KIND: Kind;
+    /// Stages of a step whose times are worth knowing, in the order of their work. The live executor measures them and
+    /// sends them as `<operator>.timing`; the step says when one has ended with [`Outputs::lap`].
+    const LAPS: &'static [&'static str] = &[];
+
+    /// Refuses parameters that are each in their range and do not go together. The checker says it with the place, and
+    /// [`new`](Operator::new) sees no others.
+    fn validate(_params: &Self::Params) -> Result<(), ParamConflict> {
+        Ok(())
+    }
+
+    /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.
+    fn new(params: Self::Params, setup: &Setup<'_>) -> Result<Self, SetupError>;
+
+    /// The most elements that a sample of each output can have, in the order of the ports. Shared memory is laid out
+    /// by it. Fixed samples have one.
+    fn capacities(_params: &Self::Params) -> Vec<usize> {
+        vec![1; Self::KIND.outputs.len()]
+    }
+
+    /// Does one activation.
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError>;
+}
+
+/// An operator behind its trait.
+pub trait ErasedOperator: Send {
+    /// Does one activation.
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError>;
+}
+
+impl<T: Operator> ErasedOperator for T {
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        Operator::step(self, activation, outputs)
+    }
+}

@@ -1,0 +1,87 @@
+//! The list of the kinds of operators that a build knows: what checker and executors need, without the types.
+
+use std::any::Any;
+use std::sync::Arc;
+
+use crate::error::{ParamConflict, SetupError};
+use crate::kind::{Kind, check_names};
+use crate::operator::{ErasedOperator, Operator};
+use crate::params::{CheckedParams, ParamField, ParamReader, Params};
+use crate::setup::Setup;
+
+/// Makes an operator from its checked parameters.
+pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn ErasedOperator>, SetupError>;
+
+/// A kind of operator in a family's list: what checker and executors need, without its type.
+#[derive(Clone, Copy)]
+pub struct Stage {
+    /// Name, ports and purpose.
+    pub kind: Kind,
+    /// Stages of a step that the live executor measures.
+    pub laps: &'static [&'static str],
+    /// Parameters with defaults, units and ranges.
+    pub fields: &'static [ParamField],
+    /// Reads the parameters of a config; faults go into the reader.
+    pub read: fn(&mut ParamReader<'_>) -> Option<CheckedParams>,
+    /// Refuses parameters that do not go together.
+    pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
+    /// The most elements per sample of each output.
+    pub capacities: fn(&CheckedParams) -> Vec<usize>,
+    /// Makes the operator.
+    pub build: Build,
+}
+
+impl Stage {
+    /// The entry of `T`.
+    pub const fn of<T: Operator>() -> Self {
+        const { check_names(&T::KIND, T::LAPS) };
+        Self {
+            kind: T::KIND,
+            laps: T::LAPS,
+            fields: <T::Params as Params>::FIELDS,
+            read: |reader| {
+                let params = <T::Params as Params>::read(reader)?;
+                Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved() })
+            },
+            validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
+            capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
+            build: |checked, setup| {
+                let params = typed::<T>(&checked.value).ok_or_else(|| {
+                    SetupError(format!(
+                        "the parameters are not those of {}: check the pipeline again",
+                        T::KIND.name
+                    ))
+                })?;
+                T::validate(&params).map_err(|conflict| SetupError(conflict.to_string()))?;
+                Ok(Box::new(T::new(params, setup)?))
+            },
+        }
+    }
+}
+
+fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T::Params> {
+    value.downcast_ref::<T::Params>().cloned()
+}
+
+/// All kinds of operators that a build knows, by name.
+#[derive(Clone, Default)]
+pub struct Registry {
+    stages: std::collections::BTreeMap<&'static str, Stage>,
+}
+
+impl Registry {
+    /// The kinds of these lists. A later entry of the same name replaces an earlier one.
+    pub fn new(lists: &[&[Stage]]) -> Self {
+        Self { stages: lists.iter().flat_map(|l| l.iter()).map(|s| (s.kind.name, *s)).collect() }
+    }
+
+    /// The kind of this name.
+    pub fn get(&self, name: &str) -> Option<&Stage> {
+        self.stages.get(name)
+    }
+
+    /// All kinds, by name.
+    pub fn iter(&self) -> impl Iterator<Item = &Stage> {
+        self.stages.values()
+    }
+}
