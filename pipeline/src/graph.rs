@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use crate::frames::Frames;
-use crate::operator::{Policy, Stage};
+use crate::operator::{Policy, Stage, TIMING};
 use crate::params::CheckedParams;
 
 /// A checked pipeline.
@@ -209,4 +209,14 @@ impl Graph {
                 Record::Topics(list) => list.contains(&node.outputs[output].topic),
             }
     }
+}
+
+/// Name of an operator's journal topic.
+pub fn journal_topic(operator: &str) -> String {
+    format!("{operator}.journal")
+}
+
+/// Name of the topic of an operator's laps.
+pub fn timing_topic(operator: &str) -> String {
+    format!("{operator}.{TIMING}")
 }

@@ -12,10 +12,10 @@ use crate::activation::{Activation, Brought, Consumed, RandomKey};
 use crate::drafts::{Draft, DraftBuffers, Lender};
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::{ErasedOperator, SetupError};
+use crate::operator::{Files, Setup};
 use crate::outputs::Outputs;
 use crate::outside::Outside;
 use crate::record::Record;
-use crate::setup::{Files, Setup};
 
 /// One incarnation of an operator.
 pub struct OperatorInstance {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use stillpoint_samples::{AlignedBytes, Header, Pieces, SampleKind};
 
-use crate::outputs::Buffer;
+use crate::drafts::Buffer;
 
 /// A sample on the heap, shared by its consumers: header, body and exactly `count` elements.
 #[derive(Clone, Debug)]

@@ -6,12 +6,11 @@ use sha2::{Digest, Sha256};
 use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, StaticTransform, TopicInfo};
 use stillpoint_samples::{Diagnostics, Journal, Sample};
 
-use crate::clock::realtime;
-use crate::graph::Graph;
-use crate::live::contracts::{journal_topic, timing_topic};
-use crate::live::control::Hello;
+use crate::clock::{SessionClock, realtime};
+use crate::graph::{Graph, journal_topic, timing_topic};
 use crate::operator::Files;
 use crate::operator::Role;
+use crate::run_source::RunSource;
 
 /// Name of the attachment that is the pipeline's text.
 pub const PIPELINE: &str = "pipeline.yaml";
@@ -85,7 +84,15 @@ pub fn timing_infos(graph: &Graph) -> Vec<(TopicInfo, usize)> {
 }
 
 /// The start of a part.
-pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>) -> Result<Opening, String> {
+///
+/// Params name files that `source` holds; a run whose activations are `directed` by a schedule starts at session time 0.
+pub fn opening(
+    graph: &Graph,
+    source: &RunSource,
+    clock: SessionClock,
+    directed: bool,
+    identity: &BTreeMap<String, String>,
+) -> Result<Opening, String> {
     let json = |value: &serde_json::Value| serde_json::to_vec_pretty(value).map_err(|e| e.to_string());
     let keep = |name: &str, media: &str, bytes: Vec<u8>| Attachment {
         name: name.to_string(),
@@ -95,11 +102,11 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
     let params: serde_json::Map<String, serde_json::Value> =
         graph.operators.iter().map(|o| (o.name.clone(), o.params.resolved.clone())).collect();
     let mut attachments = vec![
-        keep(PIPELINE, "application/yaml", hello.source.clone().into_bytes()),
-        keep(SETS, "application/json", json(&serde_json::json!(hello.sets))?),
+        keep(PIPELINE, "application/yaml", source.text.clone().into_bytes()),
+        keep(SETS, "application/json", json(&serde_json::json!(source.sets))?),
         keep(PARAMS, "application/json", json(&serde_json::Value::Object(params))?),
     ];
-    let files = &hello.files;
+    let files = &source.files;
     let mut hashes = BTreeMap::new();
     let mut names = BTreeSet::new();
     for name in graph.operators.iter().flat_map(|o| &o.files) {
@@ -112,9 +119,9 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
     }
     let run = BTreeMap::from([
         ("pipeline".to_string(), graph.name.clone()),
-        ("file".to_string(), hello.file.clone()),
+        ("file".to_string(), source.file.clone()),
         ("seed".to_string(), graph.seed.to_string()),
-        ("directed".to_string(), hello.directed.to_string()),
+        ("directed".to_string(), directed.to_string()),
     ]);
     let metadata = BTreeMap::from([
         (RUN.to_string(), run),
@@ -134,7 +141,7 @@ pub fn opening(graph: &Graph, hello: &Hello, identity: &BTreeMap<String, String>
         })
         .collect();
     // A simulated session knows no realtime: two equal runs give equal files.
-    let started = hello.clock.started();
+    let started = clock.started();
     let clock =
         Some(ClockSample { logical_ns: started, realtime_ns: if started == 0 { 0 } else { realtime() } });
     Ok(Opening { attachments, metadata, frames, clock })

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::session::{IDENTITY, RUN};
+use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_recorder::{Completeness, LEDGER_ATTACHMENT, Session, Topic, TopicKind};
 
 use crate::exit::{Ended, Exit, Failure, print_json};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use stillpoint_pipeline::files::DiskFiles;
+use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::yaml::MOST_BYTES;

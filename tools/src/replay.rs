@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
-use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::graph::{Graph, Record};
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::session::{HASHES, IDENTITY, PIPELINE, RUN, SETS, identity};
+use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::spec;
 use stillpoint_pipeline::stdout::Aside;

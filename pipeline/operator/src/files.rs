@@ -14,6 +14,15 @@ pub trait Files {
     fn list(&self, name: &str) -> Result<Vec<String>, String>;
 }
 
+/// Where the bytes of a file are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FilePlace {
+    /// In a file on disk.
+    Disk(PathBuf),
+    /// In memory: the file comes with the program.
+    Memory(Vec<u8>),
+}
+
 /// Files on disk, beside the pipeline's file, and those that come with the program.
 #[derive(Clone, Debug, Default)]
 pub struct DiskFiles {
@@ -38,6 +47,14 @@ impl DiskFiles {
     /// Where a file is on disk.
     fn path(&self, name: &str) -> PathBuf {
         self.base.join(name)
+    }
+
+    /// Where the bytes of a file are.
+    pub fn place(&self, name: &str) -> FilePlace {
+        match self.carried.get(name) {
+            Some(bytes) => FilePlace::Memory(bytes.clone()),
+            None => FilePlace::Disk(self.path(name)),
+        }
     }
 }
 

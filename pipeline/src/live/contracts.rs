@@ -4,7 +4,7 @@ use stillpoint_samples::{ConsoleCommand, Diagnostics, Journal, Sample, SampleKin
 use stillpoint_shm::Contract;
 
 use crate::graph::Graph;
-use crate::operator::TIMING;
+pub use crate::graph::{journal_topic, timing_topic};
 use crate::schedule::depth_of;
 
 /// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
@@ -18,11 +18,6 @@ const BORROWED: usize = 3;
 pub const JOURNAL_DEPTH: usize = 1024;
 /// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
 const RECORDER_BYTES: usize = 8 << 20;
-
-/// Name of an operator's journal topic.
-pub fn journal_topic(operator: &str) -> String {
-    format!("{operator}.journal")
-}
 
 /// How many samples of a topic wait for the recorder.
 pub fn recorder_depth(kind: &SampleKind, capacity: usize) -> usize {
@@ -68,11 +63,6 @@ pub fn journal(graph: &Graph, operator: usize) -> Contract {
         pool: JOURNAL_DEPTH + 8,
         ..Contract::new(&journal_topic(&node.name), Journal::KIND, None, capacity)
     }
-}
-
-/// Name of the topic of an operator's laps.
-pub fn timing_topic(operator: &str) -> String {
-    format!("{operator}.{TIMING}")
 }
 
 /// The contract of an operator's laps; `None` where its kind has none.

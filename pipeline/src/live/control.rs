@@ -6,22 +6,16 @@ use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::clock::SessionClock;
-use crate::files::Snapshot;
 use crate::record::Record;
+use crate::run_source::RunSource;
 
 /// What a child is told first: all that it needs to make the same graph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Hello {
     /// Name of the process.
     pub process: String,
-    /// Text of the pipeline.
-    pub source: String,
-    /// Name of its file, for messages.
-    pub file: String,
-    /// `--set` overrides.
-    pub sets: Vec<String>,
-    /// The files that params name, as they were when the run began.
-    pub files: Snapshot,
+    /// What the graph is made from.
+    pub source: RunSource,
     /// Root folder of the domain.
     pub root: std::path::PathBuf,
     /// Prefix of the domain.

@@ -3,14 +3,13 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use stillpoint_samples::{Entry, Journal, Sample};
+use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Publisher, ShmError, Subscriber, Topic};
-use zerocopy::IntoBytes;
 
 use super::contracts;
 use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
-use super::pipe::{PipeReader, tell};
-use super::worker::wait_for;
+use super::journal::publish_entry;
+use super::pipe::{PipeReader, tell, wait_for};
 use crate::graph::{Graph, ProcessNode};
 use crate::operator::Files;
 use crate::placement::Directed;
@@ -195,18 +194,4 @@ impl DirectedOperator {
     fn publish_entry(&mut self, entry: &Entry) -> Result<(), String> {
         publish_entry(&self.journal, entry)
     }
-}
-
-/// Publishes a journal entry. Without it an activation must not be seen.
-pub fn publish_entry(journal: &Publisher, entry: &Entry) -> Result<(), String> {
-    let loan = journal.loan(entry.refs.len()).map_err(|e| e.to_string())?;
-    let mut loan = loan.ok_or("the journal's memory is used up: somebody holds its samples")?;
-    let (meta, payload) = loan.parts_mut();
-    debug_assert_eq!(meta.len(), Journal::KIND.meta_size());
-    let (header, body) = meta.split_at_mut(stillpoint_samples::HEADER_SIZE);
-    header.copy_from_slice(entry.header.as_bytes());
-    body.copy_from_slice(entry.body.as_bytes());
-    let refs = entry.refs.as_bytes();
-    payload[..refs.len()].copy_from_slice(refs);
-    journal.send(loan).map(drop).map_err(|e| e.to_string())
 }

@@ -10,14 +10,14 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 use super::children::{Child, Launch, Told};
 use super::contracts;
 use super::control::{Connect, FromWorker, Hello, ToWorker, WireRecord, wire_refs};
-use super::entry_of;
+use super::journal::entry_of;
 use super::room::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
-use crate::files::{DiskFiles, Snapshot};
 use crate::graph::Graph;
 use crate::placement::{Committed, Placement, PlacementError};
 use crate::record::Record;
+use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -36,19 +36,12 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Starts every process of the graph. `source`, `file`, `sets` and `disk` are what the graph was checked from.
-    pub fn start(
-        graph: Arc<Graph>,
-        launch: &Launch,
-        source: &str,
-        file: &str,
-        sets: &[String],
-        disk: &DiskFiles,
-    ) -> Result<Self, String> {
+    /// Starts every process of the graph, which was checked from `source`.
+    pub fn start(graph: Arc<Graph>, launch: &Launch, source: &RunSource) -> Result<Self, String> {
         sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let files = Snapshot::of(&graph, disk)?.copied_to(&folder.files())?;
+        let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
@@ -71,13 +64,10 @@ impl Processes {
         for process in &graph.processes {
             let hello = Hello {
                 process: process.name.clone(),
-                source: source.to_string(),
-                file: file.to_string(),
-                sets: sets.to_vec(),
-                files: files.clone(),
+                source: source.clone(),
                 root: folder.root(),
                 prefix: folder.prefix().to_string(),
-                clock: SessionClock::start(),
+                clock: SessionClock::zero(),
                 incarnations: vec![0; process.operators.len()],
                 directed: true,
             };

@@ -3,6 +3,7 @@
 //! - `children`: starting child processes, telling and hearing them
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
+//! - `journal`: journal entries as samples in shared memory
 //! - `missed`: what was sent while no recorder was there
 //! - `pipe`: lines over the children's pipes, unbuffered
 //! - `report`: what a run is asked for, and how it went
@@ -15,7 +16,7 @@
 //! - `lockstep`: processes that do what a schedule tells them
 //! - `runner`: one operator in a worker
 //! - `recorder`: the process that records
-//! - `seat`: core and scheduling class of a process
+//! - `affinity`: core and scheduling class of a process
 //! - `serving`: samples of any size from one program to another
 //! - `status`: what a run looks like from its journals
 //! - `stopwatch`: how long the stages of a step took
@@ -26,6 +27,7 @@ mod children;
 pub mod contracts;
 pub mod control;
 mod directed;
+mod journal;
 mod lockstep;
 mod missed;
 mod pipe;
@@ -43,16 +45,9 @@ mod wire;
 mod worker;
 
 pub use children::Launch;
+pub use journal::entry_of;
 pub use lockstep::Processes;
 pub use recorder::recorder_main;
 pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
 pub use supervisor::Supervisor;
 pub use worker::worker_main;
-
-use stillpoint_samples::{Entry, Journal, Pieces};
-
-/// An entry out of the bytes of a journal sample.
-pub fn entry_of(pieces: Pieces<'_>) -> Option<Entry> {
-    let view = pieces.view::<Journal>().ok()?;
-    Some(Entry { header: view.header, body: *view.body, refs: view.elements.to_vec() })
-}

@@ -100,3 +100,26 @@ pub fn say<T: Serialize>(to: &mut impl Write, message: &T) -> std::io::Result<()
     to.write_all(&line)?;
     to.flush()
 }
+
+/// Standard input as lines.
+pub fn orders() -> Result<PipeReader, String> {
+    let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(|e| e.to_string())?;
+    Ok(PipeReader::new(stdin))
+}
+
+/// The next order, waiting for it. `None`: the supervisor is gone.
+pub fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Result<Option<T>, String> {
+    loop {
+        match orders.next()? {
+            PipeRead::Message(message) => return Ok(Some(message)),
+            PipeRead::Ended => return Ok(None),
+            PipeRead::Nothing => {
+                let mut fd = [PollFd::from_borrowed_fd(orders.fd(), PollFlags::IN)];
+                match poll(&mut fd, None) {
+                    Ok(_) | Err(rustix::io::Errno::INTR) => {}
+                    Err(e) => return Err(e.to_string()),
+                }
+            }
+        }
+    }
+}

@@ -16,9 +16,9 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 use super::contracts;
 use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::missed::missed;
-use super::pipe::{PipeRead, take_control, tell};
+use super::pipe::{PipeRead, orders, take_control, tell, wait_for};
 use super::run_folder::hold;
-use super::worker::{graph_of, ignore_interrupts, orders, wait_for};
+use super::worker::{graph_of, ignore_interrupts};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
 use crate::operator::Registry;
@@ -155,7 +155,7 @@ impl Recorder {
     fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, String> {
         let clock = hello.hello.clock;
         let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, &e))?;
-        let start = opening(graph, &hello.hello, &hello.identity)?;
+        let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)?;
         let mut part = PartWriter::new(file, hello.compression, &start).map_err(|e| no_room(&path, &e))?;
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {

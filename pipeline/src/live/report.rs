@@ -8,8 +8,8 @@ use stillpoint_recorder::Compression;
 
 use super::children::Launch;
 use super::status::OperatorFigures;
-use crate::files::DiskFiles;
 use crate::ledger::LedgerLine;
+use stillpoint_operator::files::DiskFiles;
 
 /// What is to be run, and how.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
 use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
 
 use super::contracts;
-use super::directed::publish_entry;
+use super::journal::publish_entry;
 use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender};
 use crate::clock::SessionClock;

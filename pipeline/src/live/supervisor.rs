@@ -18,7 +18,7 @@ use stillpoint_shm::{Domain, Subscriber, Topic};
 use super::children::{Child, Told, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
-use super::entry_of;
+use super::journal::entry_of;
 use super::report::{Fault, Run, RunOptions, RunReport};
 use super::room::reserve;
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
@@ -29,6 +29,7 @@ use crate::finished::Finished;
 use crate::graph::Graph;
 use crate::ledger::Ledger;
 use crate::restarts::Restarts;
+use crate::run_source::RunSource;
 
 /// How long a child may take to make its ports before the run begins.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -59,7 +60,7 @@ pub struct Supervisor {
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
-    files: Snapshot,
+    source: RunSource,
     // Dropped in this order: ports, then topics, then the node, then the folder.
     _topics: Vec<Topic>,
     domain: Domain,
@@ -92,7 +93,12 @@ impl Supervisor {
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let files = Snapshot::of(&graph, &options.files)?.copied_to(&folder.files())?;
+        let source = RunSource {
+            text: options.source.clone(),
+            file: options.file.clone(),
+            sets: options.sets.clone(),
+            files: Snapshot::of(&graph, &options.files)?.copied_to(&folder.files())?,
+        };
         let domain =
             Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
         let mut topics = Vec::new();
@@ -135,7 +141,7 @@ impl Supervisor {
             faults: Vec::new(),
             swept,
             epoch: 0,
-            files,
+            source,
             _topics: topics,
             domain,
             folder,
@@ -183,10 +189,10 @@ impl Supervisor {
         self.folder.publish(&RunCard {
             pipeline: self.graph.name.clone(),
             pid: std::process::id(),
-            source: self.options.source.clone(),
-            file: self.options.file.clone(),
-            sets: self.options.sets.clone(),
-            files: self.files.clone(),
+            source: self.source.text.clone(),
+            file: self.source.file.clone(),
+            sets: self.source.sets.clone(),
+            files: self.source.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
         })?;
@@ -211,10 +217,7 @@ impl Supervisor {
         let node = self.graph.processes.get(process);
         Hello {
             process: node.map_or_else(|| "recorder".to_string(), |p| p.name.clone()),
-            source: self.options.source.clone(),
-            file: self.options.file.clone(),
-            sets: self.options.sets.clone(),
-            files: self.files.clone(),
+            source: self.source.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
             clock: self.clock,

@@ -1,6 +1,5 @@
 //! A process of operators: one thread, upstream before downstream.
 
-use std::os::fd::{AsFd, OwnedFd};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -10,7 +9,7 @@ use stillpoint_shm::{Domain, Wake};
 use super::affinity::place;
 use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
-use super::pipe::{PipeRead, PipeReader, take_control, tell};
+use super::pipe::{PipeRead, PipeReader, orders, take_control, tell, wait_for};
 use super::run_folder::hold;
 use super::runner::{Down, OperatorRunner, PollOutcome};
 use super::watch::Watch;
@@ -18,7 +17,6 @@ use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
 use crate::graph::Graph;
 use crate::operator::Registry;
-use crate::spec;
 
 /// How long a worker that always finds work does not look at its control pipe, ns.
 const HEAR_EVERY: u64 = 5_000_000;
@@ -70,33 +68,11 @@ fn end_with_supervisor(outlives: u64) {
     std::process::exit(71);
 }
 
-/// Standard input as lines.
-pub(super) fn orders() -> Result<PipeReader, String> {
-    let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(|e| e.to_string())?;
-    Ok(PipeReader::new(stdin))
-}
-
-/// The next order, waiting for it. `None`: the supervisor is gone.
-pub(super) fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Result<Option<T>, String> {
-    loop {
-        match orders.next()? {
-            PipeRead::Message(message) => return Ok(Some(message)),
-            PipeRead::Ended => return Ok(None),
-            PipeRead::Nothing => {
-                let mut fd =
-                    [rustix::event::PollFd::from_borrowed_fd(orders.fd(), rustix::event::PollFlags::IN)];
-                match rustix::event::poll(&mut fd, None) {
-                    Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                    Err(e) => return Err(e.to_string()),
-                }
-            }
-        }
-    }
-}
-
 /// The graph that a hello describes.
 pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
-    let graph = spec::check(&hello.source, &hello.file, &hello.sets, registry, &hello.files)
+    let graph = hello
+        .source
+        .check(registry)
         .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
     Ok(Arc::new(if hello.directed { graph } else { graph.live() }))
 }
@@ -117,7 +93,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
     let outlives = process.outlives;
     std::thread::spawn(move || end_with_supervisor(outlives));
     place(process.core, process.priority)?;
-    let files = hello.files.clone();
+    let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
     if hello.directed {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
-use stillpoint_pipeline::files::MemoryFiles;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;

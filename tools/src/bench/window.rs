@@ -59,7 +59,7 @@ impl Window<'_> {
     /// Runs it under the eyes of `run`, until `stop` is set or its time is over.
     pub fn run_watched(&self, stop: &AtomicBool, run: &mut dyn Run) -> Result<Outcome, Failure> {
         let file = "bench.yaml".to_string();
-        let files = stillpoint_pipeline::files::DiskFiles::beside(Path::new(&file));
+        let files = stillpoint_operator::files::DiskFiles::beside(Path::new(&file));
         let graph = spec::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
         if let Some((session, _)) = self.session {
             stillpoint_recorder::create_session(session)

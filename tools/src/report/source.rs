@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use stillpoint_pipeline::files::SessionFiles;
 use stillpoint_pipeline::frames::{Frame, Frames, Rigid};
 use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::session_files::SessionFiles;
 
 use super::recording::Recording;
 

@@ -33,7 +33,7 @@ pub struct ParamReader<'a> {
 
 impl<'a> ParamReader<'a> {
     /// A reader of the entries of `params:`. Files that parameters name are added to `named`.
-    pub(crate) fn new(
+    pub fn new(
         entries: &'a [Entry],
         owner: &'a str,
         place: Span,
