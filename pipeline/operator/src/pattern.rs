@@ -3,7 +3,7 @@
 /// Whether `name` is what `pattern` describes: `*` stands for any characters, also none; everything else for itself.
 ///
 /// ```
-/// use stillpoint_pipeline::pattern::matches;
+/// use stillpoint_operator::pattern::matches;
 /// assert!(matches("n35_*_depth.png", "n35_004_depth.png"));
 /// assert!(!matches("n35_*_depth.png", "n35_004_label.png"));
 /// ```

@@ -3,8 +3,8 @@
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 
-use stillpoint_pipeline::files::{DiskFiles, MemoryFiles};
-use stillpoint_pipeline::setup::Files;
+use stillpoint_operator::Files;
+use stillpoint_operator::files::{DiskFiles, MemoryFiles};
 use stillpoint_pipeline::spec::check;
 
 use crate::good::FILES;

@@ -2,8 +2,8 @@
 
 use cap::Cap;
 use proptest::prelude::*;
-use stillpoint_pipeline::spec::faults::{Findings, MOST_FAULTS};
-use stillpoint_pipeline::spec::yaml::{MOST_BYTES, parse};
+use stillpoint_operator::config::faults::{Findings, MOST_FAULTS};
+use stillpoint_operator::config::yaml::{MOST_BYTES, parse};
 use stillpoint_pipeline::spec::{Code, check, text};
 
 use crate::disk::Disk;

@@ -1,7 +1,7 @@
 //! Good files become graphs.
 
+use stillpoint_operator::Policy;
 use stillpoint_pipeline::graph::{Graph, Priority, Record, Restart};
-use stillpoint_pipeline::operator::Policy;
 use stillpoint_pipeline::spec::check;
 
 use crate::disk::Disk;

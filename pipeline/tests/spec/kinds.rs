@@ -1,10 +1,10 @@
 //! Kinds of operators with the ports and parameters of a small pipeline. They do nothing: only their description counts.
 
-use stillpoint_pipeline::operator::{
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Registry, Role, SetupError, Stage, StepError,
     Timer,
 };
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_samples::{
     ConsoleCommand, DepthImage, Diagnostics, PointCloud, Pose, Sample, SampleKind, Track,
 };

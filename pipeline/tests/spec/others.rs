@@ -1,7 +1,7 @@
 //! The other kinds of the tests: control, fusion, images and console.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Operator, Policy, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Operator, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{ConsoleCommand, Datagram, DepthImage, Diagnostics, Pose, Sample, Track};
 
 use crate::kinds::{kind, needs, sends, takes};

@@ -1,7 +1,7 @@
 //! Parameters: typed, in SI, with defaults and every fault.
 
-use stillpoint_pipeline::Params;
-use stillpoint_pipeline::params::verify;
+use stillpoint_operator::Params;
+use stillpoint_operator::params::verify;
 use stillpoint_pipeline::spec::check;
 
 use crate::disk::Disk;

@@ -2,11 +2,11 @@
 
 use regex_lite::Regex;
 use serde_json::{Value as Json, json};
-use stillpoint_pipeline::spec::faults::Findings;
+use stillpoint_operator::config::faults::Findings;
+use stillpoint_operator::config::tree::{Node, Value};
+use stillpoint_operator::config::yaml::parse;
 use stillpoint_pipeline::spec::reference::reference;
 use stillpoint_pipeline::spec::schema::schema;
-use stillpoint_pipeline::spec::tree::{Node, Value};
-use stillpoint_pipeline::spec::yaml::parse;
 
 use crate::good::FILES;
 use crate::kinds::registry;

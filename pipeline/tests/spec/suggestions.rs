@@ -1,7 +1,7 @@
 //! What is suggested for a word that is no name. Names that are misspelled: `misspelled.rs` of `stillpoint-testing`.
 
-use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_pipeline::spec::units::DIMENSIONS;
+use stillpoint_operator::config::near::nearest;
+use stillpoint_operator::config::units::DIMENSIONS;
 
 #[test]
 fn case_dashes_endings_and_last_parts_are_understood() {
