@@ -47,7 +47,6 @@ fn distinct(mut samples: Vec<AlignedBytes>) -> Vec<AlignedBytes> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
 
     #[test]
     fn any_bytes_of_any_kind_come_back(heads in vec(heads(), 1..5), noise in vec(any::<u8>(), 1..200)) {

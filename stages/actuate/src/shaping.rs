@@ -85,7 +85,6 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(2_000))]
         #[test]
         fn duties_stay_within_every_bound_whatever_is_asked(
             asked in prop::collection::vec(prop::array::uniform6(-3.0..3.0f64), 1..30),

@@ -113,7 +113,7 @@ static SETS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
 });
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn broken_images_are_refused_or_read_whole(which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4)) {

@@ -158,7 +158,6 @@ fn another_encapsulation_is_refused_with_its_bytes() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
 
     #[test]
     fn broken_bytes_are_read_or_refused_and_never_more(

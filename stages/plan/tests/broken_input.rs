@@ -143,7 +143,7 @@ fn a_case_file_made_by_the_description_alone_is_the_one_that_is_written() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn broken_case_files_are_refused(harms in prop::collection::vec(harm(), 1..4)) {
@@ -213,7 +213,7 @@ fn broken_descriptions_are_refused_or_make_a_whole_case() {
     let folder = tempfile::tempdir().unwrap();
     small::describe(folder.path(), small::JSON);
     let (json, names) = (folder.path().join("small.json"), NameTable::shipped().unwrap());
-    let config = ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() };
+    let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
     proptest!(config, |(harms in prop::collection::vec(harm(), 1..4))| {
         std::fs::write(&json, harmed(small::JSON.as_bytes().to_vec(), &harms)).unwrap();
         if let Ok(imported) = import_described(&json, &names) {

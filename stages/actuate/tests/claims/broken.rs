@@ -59,7 +59,6 @@ fn breaks() -> impl Strategy<Value = Break> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
     #[test]
     fn no_broken_datagram_is_accepted_or_changes_anything(how in breaks(), sequence in 2..1_000u64) {
         let mut receiver = Receiver::new(key(), Receives::valves(6));

@@ -47,7 +47,6 @@ prop_compose! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2_000))]
     #[test]
     fn every_message_comes_back_as_it_was(message in messages()) {
         let bytes = bytes(&message);

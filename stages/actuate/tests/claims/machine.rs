@@ -225,7 +225,6 @@ fn happening() -> impl Strategy<Value = (Option<Asked>, u32, u32, u32, bool, u64
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
     #[test]
     fn it_follows_only_what_is_whole_and_holds_before_it_vents(
         happenings in prop::collection::vec(happening(), 1..300),

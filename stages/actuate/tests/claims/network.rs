@@ -33,7 +33,6 @@ fn sent() -> impl Strategy<Value = Sent> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2_000))]
     #[test]
     fn what_is_accepted_is_of_one_session_at_a_time_in_order_and_alive(
         all in prop::collection::vec(sent(), 1..200),

@@ -79,7 +79,6 @@ fn the_estimate_errs_upwards_of_the_bladder_under_a_head() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
     #[test]
     fn inlets_within_their_ceilings_never_bring_a_pressure_above_the_limit(
         duties in prop::collection::vec(prop::array::uniform4(0.0..=1.0f64), 1..400),

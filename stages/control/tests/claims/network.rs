@@ -152,7 +152,6 @@ fn a_file_of_something_else_is_refused_with_what_is_wrong() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(10_000))]
     #[test]
     fn no_broken_file_is_more_than_refused(
         cut in 0..8000usize, changes in prop::collection::vec((0..8000usize, any::<u8>()), 0..8),

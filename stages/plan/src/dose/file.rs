@@ -242,7 +242,7 @@ mod tests {
 
         let harm = (0..5, any::<Index>(), any::<u64>(), any::<bool>());
         let (refused, used) = (Cell::new(0), Cell::new(0));
-        let config = ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() };
+        let config = ProptestConfig { failure_persistence: None, ..ProptestConfig::default() };
         let outcome = TestRunner::new(config).run(&prop::collection::vec(harm, 1..3), |harms| {
             let mut broken = whole.clone();
             for (kind, at, word, sign) in harms {

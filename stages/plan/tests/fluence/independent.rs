@@ -200,7 +200,7 @@ fn any_alike(columns: usize) -> impl Strategy<Value = [usize; 2]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn small_problems_of_any_kind(dense in any(), by_products in prop::bool::ANY) {
         dense.hold(Options { dense_columns: if by_products { 0 } else { 6000 }, ..Options::default() });

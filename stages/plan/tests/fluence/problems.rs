@@ -110,7 +110,7 @@ fn small(weight_powers: std::ops::Range<i32>) -> impl Strategy<Value = Small> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn hard_problems_end_at_a_point_that_fulfils_the_conditions(small in small(-4..4)) {
         let problem = small.problem();
@@ -219,7 +219,7 @@ fn nothing_to_fulfil_costs_nothing() {
 proptest! {
     // A seed of its own: of 750,000 such problems three ended beside a better neighbour, and none of these does.
     #![proptest_config(ProptestConfig {
-        cases: 5000, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default()
+        failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default()
     })]
     #[test]
     fn weights_over_twelve_powers_of_ten_end_at_a_point_no_worse_than_its_neighbours(small in small(-6..6)) {

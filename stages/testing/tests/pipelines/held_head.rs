@@ -132,10 +132,22 @@ fn forces(run: &Run) -> Vec<[f64; 8]> {
     states[1000..].chunks_exact(3000).map(mean).collect()
 }
 
-/// Pose feedback alone lets the eight press against each other ever harder: each of them pushed with 116 to 138 N then.
+/// Pose feedback alone lets the eight press against each other ever harder: each of them pushed with 116 to 138 N after
+/// five minutes.
 #[test]
+fn eight_bladders_squeeze_a_head_no_harder_after_a_hundred_seconds() {
+    squeezes_no_harder(100);
+}
+
+#[test]
+#[ignore = "a long hold: .ci/soak holds"]
 fn eight_bladders_squeeze_a_head_no_harder_after_five_minutes() {
-    let run = held("head-6dof.yaml", &[TINY], 310_000);
+    squeezes_no_harder(310);
+}
+
+/// Over `seconds` no bladder pushes much harder or softer than over the first 30 s, and together they push no harder.
+fn squeezes_no_harder(seconds: u64) {
+    let run = held("head-6dof.yaml", &[TINY], 1000 * seconds);
     let held = rms(&moved(&run)[1000..]);
     let forces = forces(&run);
     let first = forces[0];
@@ -148,14 +160,20 @@ fn eight_bladders_squeeze_a_head_no_harder_after_five_minutes() {
     let harder = forces.iter().map(mean).fold(0.0, f64::max) / mean(&first) - 1.0;
     eprintln!("farthest from the first: {:.1} %; mean of all eight: +{:.1} %", 100.0 * most, 100.0 * harder);
     // Loads of the person come and go, on one side or the other; the squeeze is what all have together.
-    assert!(forces.len() == 10 && harder < 0.05 && most < 0.4, "{harder} {most}: {forces:.1?}");
+    assert!(
+        forces.len() as u64 == (seconds - 10) / 30 && harder < 0.05 && most < 0.4,
+        "{harder} {most}: {forces:.1?}"
+    );
     assert!(held[..3].iter().all(|mm| *mm < 0.5) && held[3..].iter().all(|deg| *deg < 0.3), "{held:?}");
     hold_bladders(&run);
     hold_without_slipping(&run);
     stays_armed(&run);
     // The pressures come from duties: these are as old as the image behind them all the same.
     let duties = run.samples::<Duties>("law.duties");
-    assert!(duties.len() > 6_000 && duties.iter().all(|d| d.header.stamp - d.header.origin < 300_000_000));
+    assert!(
+        duties.len() as u64 > 20 * (seconds - 10)
+            && duties.iter().all(|d| d.header.stamp - d.header.origin < 300_000_000)
+    );
 }
 
 #[test]
