@@ -38,6 +38,9 @@ impl GateReason {
     /// All is well, but not for long enough.
     pub const DWELLING: u32 = 1 << 12;
 
+    /// The tracker's last report has no pose, is too old, or none has come.
+    pub const TRACKER: u32 = 1 << 13;
+
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
         ("no pose", Self::NO_POSE),
@@ -53,6 +56,7 @@ impl GateReason {
         ("actuation", Self::ACTUATION),
         ("actuation silent", Self::ACTUATION_SILENT),
         ("dwelling", Self::DWELLING),
+        ("tracker", Self::TRACKER),
     ];
 
     /// The words of the bits that are set, in their order.

@@ -48,6 +48,12 @@ impl PoseWatch {
         !self.finite
     }
 
+    /// Whether the newest track repeats one measurement too often.
+    #[must_use]
+    pub fn is_frozen(&self) -> bool {
+        self.last.is_some_and(|track| track.repeated >= self.frozen_after)
+    }
+
     /// Age of the newest measurement at `now`, ns; `None` before the first.
     #[must_use]
     pub fn age(&self, now: u64) -> Option<u64> {

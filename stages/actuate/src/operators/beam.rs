@@ -4,13 +4,13 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
-    Sample, Target, TargetElement, Track,
+    PoseReport, PoseStatus, Sample, Target, TargetElement, Track,
 };
 
-use super::params::{FreshnessParams, check_life, extrinsic, key};
+use super::params::{check_life, extrinsic, key, stale};
 use crate::aim::{Aim, Tolerances};
 use crate::datagram::LONGEST;
-use crate::extrinsic::{Extrinsic, ExtrinsicParams};
+use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 use crate::lease::{Lease, LeaseRules};
 use crate::message::{Order, Receiving, Safe};
 use crate::pose_watch::PoseWatch;
@@ -19,6 +19,7 @@ use crate::sender::Sender;
 const STATE: usize = 0;
 const TARGET: usize = 1;
 const ACTUATION: usize = 2;
+const REPORT: usize = 3;
 const DATAGRAM: usize = 0;
 const GATE: usize = 1;
 const DIAGNOSTICS: usize = 2;
@@ -51,7 +52,10 @@ pub struct BeamParams {
     #[param(unit = "rad", default = "0.3 deg", above = "0 deg", max = "90 deg")]
     pub angle_sd: f64,
     /// When the pose is fresh.
-    pub pose: FreshnessParams,
+    pub pose: BeamFreshnessParams,
+    /// Whether the beam needs a tracker that reports a pose in every frame: `report`.
+    #[param(default = "required")]
+    pub tracker: Need,
     /// Age at which the target's last word is too old.
     #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
     pub target_timeout: u64,
@@ -62,11 +66,23 @@ pub struct BeamParams {
     pub extrinsic: ExtrinsicParams,
 }
 
-/// Sends at each tick, and at each word of actuation, whether the beam may be on for the length of a lease.
+/// When the beam takes a pose for fresh.
+#[derive(Clone, Debug, Params)]
+pub struct BeamFreshnessParams {
+    /// Period of the camera's frames. A pose whose newest measurement is older than three of them is stale.
+    #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
+    pub frame_period: u64,
+    /// So many repetitions of the very same measurement make the pose stale at once: the camera is frozen.
+    #[param(default = 1, min = 1, max = 1000000)]
+    pub frozen_after: u64,
+}
+
+/// Sends at each tick, at each word of actuation and at each report of the tracker whether the beam may be on for the
+/// length of a lease.
 ///
 /// The lease is renewed only while nothing speaks against it: a fresh, well-known pose within tolerance of a target that
-/// does not move, a valid extrinsic, and actuation that is armed. The first word against it ends it at once, and it
-/// begins again after a dwell, within narrower tolerances.
+/// does not move, a tracker that found a pose in the newest frame, a valid extrinsic, and actuation that is armed. The
+/// first word against it ends it at once, and it begins again after a dwell, within narrower tolerances.
 pub struct GateBeam {
     tolerances: Tolerances,
     stale: u64,
@@ -78,6 +94,9 @@ pub struct GateBeam {
     target: Option<(TargetElement, u64)>,
     /// Whether actuation was armed when it last spoke, and when that was, ns.
     actuation: Option<(bool, u64)>,
+    tracker: Need,
+    /// Whether the tracker's newest report has a pose, and when that frame was acquired, ns.
+    report: Option<(bool, u64)>,
     lease: Lease,
     sender: Sender,
     metrics: [Metric; METRICS],
@@ -113,6 +132,13 @@ impl Operator for GateBeam {
                 required: true,
                 about: "What actuation is at: each word of it is heard at once.",
             },
+            Input {
+                name: "report",
+                sample: PoseReport::KIND,
+                policy: Policy::Queue(4),
+                required: false,
+                about: "What the tracker says of each frame: one without a pose ends the lease at once. Needed unless `tracker` is `waived`.",
+            },
         ],
         outputs: &[
             Output {
@@ -139,6 +165,13 @@ impl Operator for GateBeam {
 
     fn new(params: BeamParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         check_life("lease", params.lease, setup)?;
+        if params.tracker == Need::Required && !setup.is_connected(REPORT) {
+            return Err(SetupError(
+                "the beam is to be on only while a tracker sees the head: connect `report: head.report`, or say \
+                 `tracker: waived`"
+                    .into(),
+            ));
+        }
         Ok(Self {
             tolerances: Tolerances {
                 position: params.position_tolerance,
@@ -147,13 +180,15 @@ impl Operator for GateBeam {
                 position_sd: params.position_sd,
                 angle_sd: params.angle_sd,
             },
-            stale: params.pose.stale(),
+            stale: stale(params.pose.frame_period),
             target_timeout: params.target_timeout,
             actuation_timeout: params.actuation_timeout,
             extrinsic: extrinsic(&params.extrinsic, STATE, setup)?,
-            pose: params.pose.watch(),
+            pose: PoseWatch::new(params.pose.frozen_after),
             target: None,
             actuation: None,
+            tracker: params.tracker,
+            report: None,
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
             metrics: [
@@ -213,6 +248,15 @@ impl GateBeam {
             let is_armed = element.state() == ActuationState::Armed && element.order == Order::Follow as u32;
             self.actuation = Some((is_armed, sample.header.stamp.min(now)));
         }
+        if let Some(sample) = activation.fresh::<PoseReport>(REPORT)
+            && let Some(report) = sample.first()
+        {
+            let has_pose = matches!(
+                PoseStatus::from_number(report.status),
+                Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found)
+            );
+            self.report = Some((has_pose, sample.header.origin.min(now)));
+        }
     }
 
     /// What pose and target say.
@@ -223,7 +267,7 @@ impl GateBeam {
         let Some((target, _)) = &self.target else { return Aim::blind(Reason::NO_TARGET) };
         let Some(track) = self.pose.track() else { return Aim::blind(Reason::NO_POSE) };
         let mut aim = Aim::at(track, target, &self.tolerances, self.lease.ends().is_some_and(|e| now < e));
-        if self.pose.age(now).is_none_or(|age| age > self.stale) {
+        if self.pose.is_frozen() || self.pose.age(now).is_none_or(|age| age > self.stale) {
             aim.against |= Reason::POSE_STALE;
         }
         aim
@@ -234,10 +278,12 @@ impl GateBeam {
         let is_old = |stamp: u64, timeout: u64| now.saturating_sub(stamp) > timeout;
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         let (armed, spoke) = self.actuation.map_or((false, None), |(armed, stamp)| (armed, Some(stamp)));
+        let is_seen = self.report.is_some_and(|(has_pose, origin)| has_pose && !is_old(origin, self.stale));
         bit(self.target.is_some_and(|(_, stamp)| is_old(stamp, self.target_timeout)), Reason::TARGET_STALE)
             | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC)
             | bit(!armed, Reason::ACTUATION)
             | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
+            | bit(self.tracker == Need::Required && !is_seen, Reason::TRACKER)
     }
 
     fn element(&self, now: u64, is_on: bool, reasons: u32, aim: &Aim) -> GateElement {

@@ -25,7 +25,7 @@ pub struct FreshnessParams {
 impl FreshnessParams {
     /// Age at which a pose is stale, ns.
     pub fn stale(&self) -> u64 {
-        PERIODS * self.frame_period
+        stale(self.frame_period)
     }
 
     /// A watch for poses.
@@ -34,9 +34,23 @@ impl FreshnessParams {
     }
 }
 
-/// The key in a file that a parameter names.
+/// Age at which a pose is stale, ns, where frames come with this period.
+pub fn stale(frame_period: u64) -> u64 {
+    PERIODS * frame_period
+}
+
+/// The key in a file that a parameter names. One that others may read is refused, unless it is the published example.
 pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
-    Key::parse(&setup.file(name)?).map_err(|e| SetupError(format!("{name}: {e}")))
+    let text = setup.file(name)?;
+    if !Key::is_example(&text)
+        && let Some(mode) = setup.files.shared_mode(name)
+    {
+        return Err(SetupError(format!(
+            "{name}: others may read this key file (mode {mode:04o}), so others may command the rig: draw another key \
+             and say `chmod 600 {name}`"
+        )));
+    }
+    Key::parse(&text).map_err(|e| SetupError(format!("{name}: {e}")))
 }
 
 /// What is known of the frames behind the pose on an input. What no day would make valid is refused here: nobody is to find

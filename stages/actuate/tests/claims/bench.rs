@@ -69,6 +69,8 @@ fn what_cannot_work_is_refused_when_it_is_made() {
     assert!(slow.contains("`lease` is 100 ms and the timer ticks every 60 ms"), "{slow}");
     let lone = fault("reference: head.report, ", "", "valves");
     assert!(lone.contains("say `reference: waived`"), "{lone}");
+    let blind = fault("actuation: valves.state, report: head.report", "actuation: valves.state", "gate");
+    assert!(blind.contains("connect `report: head.report`, or say `tracker: waived`"), "{blind}");
     for name in ["valves", "gate"] {
         let unmeasured = fault("measured: 2026-11-21, ", "", name);
         assert!(
@@ -96,6 +98,27 @@ fn a_key_file_without_a_key_is_refused_by_its_name() {
         fault,
         "rig.key: line 1 of the key file has a character at 1 that is no hexadecimal digit: a key is 64 of 0-9 and a-f"
     );
+}
+
+#[test]
+fn a_key_file_that_others_may_read_is_refused_unless_it_is_the_example() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = std::env::temp_dir().join(format!("stillpoint-key-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("rig.key");
+    let own = b"00112233445566778899aabbccddeeff0123456789abcdef0123456789abcdef".as_slice();
+    let example = include_bytes!("../../../../examples/data/rig.key").as_slice();
+    let stages = [STAGES, stillpoint_actuate::STAGES].concat();
+    let said = |key: &[u8], mode: u32| {
+        std::fs::write(&file, key).unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).unwrap();
+        let files = stillpoint_pipeline::files::DiskFiles::beside(&folder.join("whole.yaml"));
+        Bench::new(&text(&Said::default()), "valves", &stages, &files).err()
+    };
+    let refused = said(own, 0o640).unwrap();
+    assert!(refused.contains("others may read this key file (mode 0640)") && refused.contains("chmod 600"));
+    assert_eq!([said(own, 0o600), said(example, 0o644)], [None, None]);
+    std::fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
@@ -227,6 +250,7 @@ fn silence_of_actuation_and_its_word_that_nothing_is_followed_each_end_the_lease
         let mut bench = bench(&text(&Said::default()), "gate").unwrap();
         let mut ms = 10;
         loop {
+            bench.at((ms - 1) * MS).feed::<PoseReport>(3, &(), &[report(1)], 0);
             bench.at(ms * MS).feed::<Track>(0, &(), &[track(ms)], 0);
             bench.at((ms + 1) * MS).feed::<Target>(1, &(), &[super::script::target()], 0);
             if gate(&bench.at((ms + 2) * MS).feed::<Actuation>(2, &(), &[armed], 0)).beam == 1 {

@@ -157,6 +157,7 @@ fn a_step_of_valves_and_gate_allocates_nothing() {
                 (0, pieces::<Track>(&state)),
                 (1, pieces::<Target>(&aim)),
                 (2, pieces::<Actuation>(&actuation)),
+                (3, pieces::<PoseReport>(&about)),
             ],
         );
         beams += u64::from(gate.sent::<Gate>(1).beam);

@@ -185,11 +185,18 @@ script!(Aim, "test.target", "reference", Target, FrameRule::Key, |fault, _, _| {
 });
 
 script!(Head, "test.head", "report", PoseReport, FrameRule::Key, |fault, _, _| {
-    report(match fault {
+    let status = match fault {
+        Fault::Off => PoseStatus::Lost,
+        Fault::Vague => PoseStatus::NoFace,
+        Fault::NotFinite => PoseStatus::TooFewPoints,
+        _ => PoseStatus::Tracked,
+    };
+    let reference = match fault {
         Fault::Nothing => 0,
         Fault::Moves => 2,
         _ => 1,
-    })
+    };
+    PoseReportElement { status: status as u32, ..report(reference) }
 });
 
 /// When a person says what, since the start.

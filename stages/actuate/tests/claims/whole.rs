@@ -56,7 +56,7 @@ operators:
   gate:
     use: gate.beam
     every: 10 ms
-    inputs: {{ state: filter.state, target: target.reference, actuation: valves.state }}
+    inputs: {{ state: filter.state, target: target.reference, actuation: valves.state, report: head.report }}
     params: {{ key: rig.key, dwell: 200 ms, {gate} }}
 "
     )
@@ -253,6 +253,38 @@ fn what_speaks_against_the_beam_alone_ends_it_and_leaves_the_valves() {
         let well = first(&gates, ms + 1, |g| g.reasons == Reason::DWELLING).unwrap();
         assert_eq!(again - well, 200, "{reason}");
     }
+}
+
+#[test]
+fn the_first_frame_without_a_pose_ends_the_lease_while_the_filter_still_predicts() {
+    for fault in ["off", "vague", "not_finite"] {
+        let head = format!("fault: {fault}, from: 1490 ms, to: 1590 ms");
+        let run = run(&Said { head: &head, ..Said::default() }, 3_000);
+        let gates = gate(&run);
+        assert_eq!(first(&gates, 1_480, |g| g.beam == 0), Some(1_500), "{fault}");
+        let (_, off) = gates.iter().find(|(ms, g)| *ms == 1_500 && g.beam == 0).unwrap();
+        assert_eq!((off.reasons, off.ended_by), (GateReason::TRACKER, GateReason::TRACKER), "{fault}");
+        // One frame with a pose, and the dwell.
+        assert_eq!(first(&gates, 1_510, |g| g.beam == 1), Some(1_800), "{fault}");
+    }
+    let silent = run(&Said { head: "fault: silent, from: 1490 ms", ..Said::default() }, 3_000);
+    assert!(first(&gate(&silent), 1_480, |g| g.beam == 0).is_some_and(|ms| (1_700..=1_710).contains(&ms)));
+    let waived = Said { head: "fault: off, from: 1490 ms", gate: "tracker: waived", ..Said::default() };
+    assert_eq!(first(&gate(&run(&waived, 3_000)), 1_480, |g| g.beam == 0), None);
+}
+
+#[test]
+fn a_repeated_measurement_ends_the_lease_at_once() {
+    let frozen = "fault: frozen, from: 1490 ms";
+    let run_of = |gate| run(&Said { filter: frozen, gate, ..Said::default() }, 2_500);
+    let run = run_of("");
+    assert_eq!(first(&gate(&run), 1_480, |g| g.beam == 0), Some(1_500));
+    let (_, off) = *gate(&run).iter().find(|(ms, g)| *ms == 1_500 && g.beam == 0).unwrap();
+    assert_eq!(off.reasons, GateReason::POSE_STALE);
+    // The valves wait for more: a single image that comes twice is no reason to vent.
+    assert_eq!(first(&actuation(&run), 1_480, |a| a.order != 2), Some(1_710));
+    let patient = run_of("pose: { frozen_after: 1000000 }, tracker: waived");
+    assert!(first(&gate(&patient), 1_480, |g| g.beam == 0).unwrap() > 1_700);
 }
 
 #[test]

@@ -32,11 +32,11 @@ frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 
 operators:
   first_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: first, camera: LENS } }
   first_face: { use: segment.face, inputs: { cloud: first_cloud.cloud } }
-  first_head: { use: track.header, inputs: { face: first_face.face, rejection: first_face.rejection }, frame: couch }
+  first_head: { use: track.head, inputs: { face: first_face.face, rejection: first_face.rejection }, frame: couch }
   first: { use: estimate.kalman, inputs: { measurement: first_head.pose }, params: { follow: pose } }
   second_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: second, camera: LENS } }
   second_face: { use: segment.face, inputs: { cloud: second_cloud.cloud } }
-  second_head: { use: track.header, inputs: { face: second_face.face, rejection: second_face.rejection }, frame: couch }
+  second_head: { use: track.head, inputs: { face: second_face.face, rejection: second_face.rejection }, frame: couch }
   second: { use: estimate.kalman, inputs: { measurement: second_head.pose }, params: { follow: pose } }
   fused: { use: estimate.fuse, every: 50 ms, inputs: { first: first.state, second: second.state }, params: { follow: pose } }
 ";
