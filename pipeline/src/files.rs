@@ -62,6 +62,13 @@ impl Files for Snapshot {
         }
     }
 
+    fn shared_mode(&self, name: &str) -> Option<u32> {
+        match self.files.get(name)? {
+            Place::Disk(path) => FilePlace::Disk(path.clone()).shared_mode(),
+            Place::Here(_) => None,
+        }
+    }
+
     fn list(&self, name: &str) -> Result<Vec<String>, String> {
         listed(&self.files, name).ok_or_else(|| "it is not among the files of this run".to_string())
     }

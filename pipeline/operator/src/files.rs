@@ -1,6 +1,7 @@
 //! Where the files that parameters name are read from.
 
 use std::collections::BTreeMap;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use crate::pattern;
@@ -9,6 +10,10 @@ use crate::pattern;
 pub trait Files {
     /// Bytes of the file.
     fn read(&self, name: &str) -> Result<Vec<u8>, String>;
+    /// Permission bits of the file, where the group or others may read it on the disk; else `None`.
+    fn shared_mode(&self, _name: &str) -> Option<u32> {
+        None
+    }
     /// The files that a path means, sorted: a file itself, those of a folder, or those whose names fit a last part with
     /// `*`.
     fn list(&self, name: &str) -> Result<Vec<String>, String>;
@@ -21,6 +26,15 @@ pub enum FilePlace {
     Disk(PathBuf),
     /// In memory: the file comes with the program.
     Memory(Vec<u8>),
+}
+
+impl FilePlace {
+    /// Permission bits of a file on disk that the group or others may read; else `None`.
+    pub fn shared_mode(&self) -> Option<u32> {
+        let Self::Disk(path) = self else { return None };
+        let mode = std::fs::metadata(path).ok()?.permissions().mode() & 0o777;
+        (mode & 0o044 != 0).then_some(mode)
+    }
 }
 
 /// Files on disk, beside the pipeline's file, and those that come with the program.
@@ -64,6 +78,10 @@ impl Files for DiskFiles {
             Some(bytes) => Ok(bytes.clone()),
             None => std::fs::read(self.path(name)).map_err(|e| e.to_string()),
         }
+    }
+
+    fn shared_mode(&self, name: &str) -> Option<u32> {
+        self.place(name).shared_mode()
     }
 
     fn list(&self, name: &str) -> Result<Vec<String>, String> {

@@ -26,6 +26,11 @@ pub trait Operator: Sized + Send + 'static {
         Ok(())
     }
 
+    /// Refuses parameters that do not go together with the period of the operator's timer, ns.
+    fn validate_period(_params: &Self::Params, _every: u64) -> Result<(), ParamConflict> {
+        Ok(())
+    }
+
     /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.
     fn new(params: Self::Params, setup: &Setup<'_>) -> Result<Self, SetupError>;
 

@@ -25,6 +25,8 @@ pub struct Stage {
     pub read: fn(&mut ParamReader<'_>) -> Option<CheckedParams>,
     /// Refuses parameters that do not go together.
     pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
+    /// Refuses parameters that do not go together with the period of the timer, ns.
+    pub validate_period: fn(&CheckedParams, u64) -> Result<(), ParamConflict>,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// Makes the operator.
@@ -44,6 +46,9 @@ impl Stage {
                 Some(CheckedParams { value: Arc::new(params), resolved: reader.resolved() })
             },
             validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
+            validate_period: |checked, every| {
+                typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate_period(&params, every))
+            },
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {

@@ -18,6 +18,9 @@ use crate::operator::TIMING;
 use crate::params::CheckedParams;
 use crate::stream;
 
+/// Names of processes that every run has.
+const RESERVED: [&str; 2] = ["recorder", "supervisor"];
+
 /// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
 /// each.
 pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings) -> Vec<ProcessNode> {
@@ -60,6 +63,19 @@ pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings
             outlives: parsed.outlives,
             host: parsed.host.value.clone(),
         });
+    }
+    // Every operator that no process names has one of its own.
+    let alone =
+        document.operators.iter().enumerate().filter(|(n, _)| !home.contains_key(n)).map(|(_, o)| &o.name);
+    for name in document.processes.iter().map(|p| &p.name).chain(alone) {
+        if RESERVED.contains(&name.value.as_str()) {
+            findings.say(
+                name.span,
+                Code::BadName,
+                format!("a run has a process named {} of its own", shown(&name.value)),
+                "give the process another name",
+            );
+        }
     }
     for parsed in &document.processes {
         let name = parsed.name.value.as_str();

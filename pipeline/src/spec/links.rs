@@ -24,11 +24,33 @@ pub const KEYS: &[&str] = &["udp", "tcp", "delay"];
 /// Reads the section, adds the far ends to the operators and connects those who take the topics to them.
 pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, findings: &Findings) {
     let due = "a mapping from topics to { udp: address:port }, or { tcp: address:port }";
+    let mut taken: Vec<Wire> = Vec::new();
     for entry in node.map("`links`", due, findings).unwrap_or_default() {
         if let Some(far) = far_end(entry, operators, findings) {
+            if let Some(wire) = far.link {
+                if taken.iter().any(|other| clash(other, &wire)) {
+                    findings.say(
+                        entry.value.span,
+                        Code::DuplicateName,
+                        "another link has this address and port: only one of them could be opened",
+                        "give each link a port of its own",
+                    );
+                }
+                taken.push(wire);
+            }
             operators.push(far);
         }
     }
+}
+
+/// Whether two links cannot be opened at the same time: one protocol, one port, and addresses of which one is the other
+/// or stands for all.
+fn clash(one: &Wire, other: &Wire) -> bool {
+    let (a, b) = match (one, other) {
+        (Wire::Udp(a), Wire::Udp(b)) | (Wire::Tcp(a), Wire::Tcp(b)) => (a, b),
+        _ => return false,
+    };
+    a.port() == b.port() && (a.ip() == b.ip() || a.ip().is_unspecified() || b.ip().is_unspecified())
 }
 
 fn far_end<'t>(

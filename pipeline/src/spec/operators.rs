@@ -115,5 +115,19 @@ fn operator<'t>(entry: &'t Entry, findings: &Findings) -> ParsedOperator<'t> {
     });
     parsed.latency = keys.get("latency").and_then(|e| time(e, findings)).map_or(0, |t| t.value);
     parsed.deadline = keys.get("deadline").and_then(|e| period(e, findings)).map(|t| t.value);
+    if let Some(deadline) = parsed.deadline.filter(|deadline| parsed.latency > *deadline)
+        && let Some(e) = keys.get("latency")
+    {
+        findings.say(
+            e.value.span,
+            Code::OutOfRange,
+            format!(
+                "each step would last {} ms and miss its deadline of {} ms",
+                parsed.latency as f64 * 1e-6,
+                deadline as f64 * 1e-6
+            ),
+            "make `latency` at most as long as `deadline`",
+        );
+    }
     parsed
 }

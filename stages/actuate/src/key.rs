@@ -19,6 +19,9 @@ pub const MAC_SIZE: usize = 32;
 #[derive(Clone)]
 pub struct Key(Hmac<Sha256>);
 
+/// The key of the simulated rigs, which everybody knows: its file may be read by others.
+const EXAMPLE: &str = "6f1d2c9be0a4738455c81e37fa0260b9d3974ae1185f6c20be7390cc42a8d5f7";
+
 /// Why there is no key.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum KeyError {
@@ -75,6 +78,14 @@ impl Key {
             return Err(KeyError::Uniform);
         }
         Self::from_bytes(&bytes)
+    }
+
+    /// Whether the text of a key file is the published example.
+    #[must_use]
+    pub fn is_example(text: &[u8]) -> bool {
+        let lines = text.split(|b| *b == b'\n').filter(|line| line.first() != Some(&b'#'));
+        let digits = lines.flatten().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_lowercase);
+        digits.eq(EXAMPLE.bytes())
     }
 
     /// The key of these bytes.

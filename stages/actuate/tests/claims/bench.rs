@@ -112,7 +112,7 @@ fn a_key_file_that_others_may_read_is_refused_unless_it_is_the_example() {
     let said = |key: &[u8], mode: u32| {
         std::fs::write(&file, key).unwrap();
         std::fs::set_permissions(&file, std::fs::Permissions::from_mode(mode)).unwrap();
-        let files = stillpoint_pipeline::files::DiskFiles::beside(&folder.join("whole.yaml"));
+        let files = stillpoint_operator::files::DiskFiles::beside(&folder.join("whole.yaml"));
         Bench::new(&text(&Said::default()), "valves", &stages, &files).err()
     };
     let refused = said(own, 0o640).unwrap();

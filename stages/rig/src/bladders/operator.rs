@@ -5,7 +5,9 @@ use std::marker::PhantomData;
 use nalgebra::Isometry3;
 use rand::Rng;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
-use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
+use stillpoint_operator::{
+    FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
+};
 use stillpoint_samples::{Cause, ConsoleCommand, DepthImage, Duties, Pose, RigState, Sample};
 
 use super::fault::{Fault, Said};
@@ -136,6 +138,10 @@ impl<K: Bladders> Operator for BladderRig<K> {
         timer: Timer::Required,
     };
     const LAPS: &'static [&'static str] = &["plant", "camera"];
+
+    fn validate_period(params: &BladderParams, every: u64) -> Result<(), ParamConflict> {
+        params.check_period(every).map_err(|reason| ParamConflict::inside(&["camera"], reason))
+    }
 
     fn new(params: BladderParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let every = setup.every.unwrap_or(0);

@@ -158,18 +158,27 @@ impl RigCameraParams {
 }
 
 impl BladderParams {
+    /// Whether images fall on ticks of the rig's timer, `every` ns apart.
+    ///
+    /// # Errors
+    /// The two periods.
+    pub fn check_period(&self, every: u64) -> Result<(), SetupError> {
+        if every > 0 && self.camera.every.is_multiple_of(every) {
+            return Ok(());
+        }
+        Err(refusal(format!(
+            "camera.every is {} ms, and the rig's own `every` is {} ms: make the one a multiple of the other",
+            self.camera.every as f64 * 1e-6,
+            every as f64 * 1e-6
+        )))
+    }
+
     /// What the rig is built of.
     ///
     /// # Errors
     /// A camera whose images do not fall on ticks of the rig's timer, `every` ns apart.
     pub fn setup(&self, every: u64) -> Result<rigs::Setup, SetupError> {
-        if every == 0 || !self.camera.every.is_multiple_of(every) {
-            return Err(refusal(format!(
-                "camera.every is {} ms, and the rig's own `every` is {} ms: make the one a multiple of the other",
-                self.camera.every as f64 * 1e-6,
-                every as f64 * 1e-6
-            )));
-        }
+        self.check_period(every)?;
         let habit = match self.motion {
             Motion::Still => Habit::Still,
             Motion::Breathes => Habit::Breathes,
