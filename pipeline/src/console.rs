@@ -21,13 +21,13 @@ pub enum Said {
     Arm,
     /// Forbid actuation.
     Disarm,
-    /// Take a reference of what the camera sees.
+    /// Capture a reference of the head.
     Capture,
     /// Move to a target.
     Target,
     /// Go on after a fault.
     Resume,
-    /// Let all pressure out.
+    /// Vent all bladders.
     Vent,
     /// Break something on a simulated rig.
     Fault,
@@ -63,7 +63,7 @@ pub struct ScriptedCommand {
 /// Parameters of `console`.
 #[derive(Clone, Debug, Params)]
 pub struct ConsoleParams {
-    /// What is said without a person, for runs that nobody attends: simulations, demonstrations, tests.
+    /// Commands that are sent without a person, for simulations, demonstrations and tests.
     #[param(default = "[]")]
     pub script: Vec<ScriptedCommand>,
 }
@@ -92,11 +92,11 @@ impl Operator for Console {
         outputs: &[
             verb("arm", "Allow actuation."),
             verb("disarm", "Forbid actuation."),
-            verb("capture", "Take a reference of what the camera sees."),
+            verb("capture", "Capture a reference of the head."),
             verb("target", "Move to a target: up to six values, SI units."),
             verb("resume", "Go on after a fault."),
-            verb("vent", "Let all pressure out."),
-            verb("fault", "Break something on a simulated rig, or mend it."),
+            verb("vent", "Vent all bladders."),
+            verb("fault", "Cause a fault on a simulated rig, or remove it."),
         ],
         timer: Timer::Required,
     };

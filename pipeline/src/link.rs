@@ -35,27 +35,27 @@ impl Operator for Link {
     type Params = ();
     const KIND: Kind = Kind {
         name: KIND_NAME,
-        about: "The far end of a link: datagrams as they arrive. The section `links` makes it.",
+        about: "The far end of a link: datagrams as they arrive. The section `links` creates it.",
         role: Role::Source,
         inputs: &[Input {
             name: "datagram",
             sample: Datagram::KIND,
             policy: Policy::Queue(WAITING),
             required: true,
-            about: "What is sent over the link.",
+            about: "The samples to send over the link.",
         }],
         outputs: &[
             Output {
                 name: "datagram",
                 sample: Datagram::KIND,
                 frame: FrameRule::None,
-                about: "What arrived, whoever sent it.",
+                about: "The datagrams that arrived, from any sender.",
             },
             Output {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "Datagrams that were not sent on, when there are new ones: too long, and too many at once.",
+                about: "Counts of datagrams that were dropped, when there are new ones: too long, and too many at once.",
             },
         ],
         timer: Timer::Required,

@@ -36,13 +36,13 @@ pub trait Carried: Sample {
 impl Carried for DepthImage {
     const FAR_END: &'static str = "link.depth";
     const ABOUT_FAR_END: &'static str =
-        "The far end of a stream of depth images. The section `links` makes it.";
+        "The far end of a stream of depth images. The section `links` creates it.";
 }
 
 impl Carried for GreyImage {
     const FAR_END: &'static str = "link.grey";
     const ABOUT_FAR_END: &'static str =
-        "The far end of a stream of grey images. The section `links` makes it.";
+        "The far end of a stream of grey images. The section `links` creates it.";
 }
 
 /// Sends on what came over a stream in a live run, with the time at which it was acquired; in any other run, what its
@@ -70,15 +70,20 @@ impl<S: Carried> Operator for Stream<S> {
             sample: S::KIND,
             policy: Policy::Queue(MOST_WAITING as u32),
             required: true,
-            about: "What is sent over the link.",
+            about: "The samples to send over the link.",
         }],
         outputs: &[
-            Output { name: PORT, sample: S::KIND, frame: FrameRule::SameAs(PORT), about: "What arrived." },
+            Output {
+                name: PORT,
+                sample: S::KIND,
+                frame: FrameRule::SameAs(PORT),
+                about: "The samples that arrived.",
+            },
             Output {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "Samples that did not arrive, that are none, and that too many came after, when there are new ones.",
+                about: "Counts of samples that did not arrive, that were invalid, and that newer samples replaced, when there are new ones.",
             },
         ],
         timer: Timer::Required,

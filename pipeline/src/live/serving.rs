@@ -163,7 +163,7 @@ impl Client {
         client
     }
 
-    /// What arrived.
+    /// The samples that arrived.
     pub fn arrivals(&self) -> Arrivals {
         self.arrivals.clone()
     }

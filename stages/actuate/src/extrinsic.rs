@@ -15,16 +15,17 @@ pub enum Need {
 /// When the place of a camera can be trusted.
 #[derive(Clone, Debug, Params)]
 pub struct ExtrinsicParams {
-    /// Whether a valid extrinsic is needed.
+    /// Whether a valid extrinsic is required.
     #[param(default = "required")]
     pub need: Need,
-    /// Greatest residual of the measurement of a frame.
+    /// Largest residual of the measurement of a frame.
     #[param(unit = "m", default = "1 mm", above = "0 mm", max = "100 mm")]
     pub max_residual: f64,
-    /// Greatest age of that measurement, by the day of its date. Without it, any; a simulated session has no date.
+    /// Largest age of that measurement, in whole days of its date. Without this parameter, any age; a simulated session
+    /// has no date.
     #[param(unit = "ns", min = "24 h")]
     pub max_age: Option<u64>,
-    /// The frames that count. Without it, all that hang together with the frame of the pose.
+    /// The frames that are checked. Without this parameter, all frames that are connected to the frame of the pose.
     pub frames: Option<Vec<String>>,
 }
 

@@ -21,26 +21,26 @@ const STEPS: f64 = 200.0;
 /// Pressures that are allowed, and what they are estimated from.
 #[derive(Clone, Debug, Params)]
 pub struct PressureParams {
-    /// Greatest pressure over that of the room. Inlets are shut on the way to it; above it is a fault.
+    /// Largest pressure above that of the room. Inlets close on the way to the limit; a pressure above it is a fault.
     #[param(unit = "Pa", default = "40 kPa", above = "0 Pa", max = "200 kPa")]
     pub limit: f64,
-    /// Inlets open the less, the nearer the estimate is to the limit, from so far below it.
+    /// Distance below the limit from which an inlet opens less the nearer the estimate is to the limit.
     #[param(unit = "Pa", default = "4 kPa", above = "0 Pa", max = "100 kPa")]
     pub taper: f64,
-    /// Pressure over that of the room in the bladders at the start, one for all or one for each: rather too high than too
-    /// low.
+    /// Pressure in the bladders at the start, above that of the room, one for all or one for each: rather too high than
+    /// too low.
     #[param(unit = "Pa", default = "[15 kPa]", min = "0 Pa", max = "200 kPa")]
     pub start: Vec<f64>,
     /// Volume of a bladder at the room's pressure.
     #[param(unit = "m3", default = "0.52 l", above = "0 l", max = "20 l")]
     pub volume: f64,
-    /// Pressure over that of the room at which a bladder has twice that volume.
+    /// Pressure above that of the room at which a bladder has twice that volume.
     #[param(unit = "Pa", default = "50 kPa", above = "0 Pa", max = "10 MPa")]
     pub doubles_at: f64,
-    /// Pressure of the supply over that of the room.
+    /// Pressure of the supply above that of the room.
     #[param(unit = "Pa", default = "15 psi", min = "0 Pa", max = "10 bar")]
     pub supply: f64,
-    /// How far the exhaust's pressure lies below that of the room.
+    /// Pressure of the vacuum below that of the room.
     #[param(unit = "Pa", default = "12 psi", min = "0 Pa", max = "1 bar")]
     pub vacuum: f64,
     /// Diameter of a valve's orifice.

@@ -46,13 +46,14 @@ pub struct DetectFaceParams {
     /// found.
     #[param(default = "up")]
     pub top: Top,
-    /// Side of the smallest face in pixels. Images are made smaller by whole numbers as far as it allows, which is faster.
+    /// Side of the smallest face in pixels. Images are reduced by a whole factor as far as this size allows, which is
+    /// faster.
     #[param(default = 40, min = 40, max = 4000)]
     pub smallest: u32,
     /// Side of the largest face in pixels.
     #[param(default = 320, min = 40, max = 4000)]
     pub largest: u32,
-    /// Faces with a lower score are left out. More false faces are found below 2, more true ones are missed above 4.
+    /// Smallest score of a face. Below 2 more false faces are found; above 4 more true faces are missed.
     #[param(default = 2, above = 0, max = 1000)]
     pub min_score: f64,
 }
@@ -67,7 +68,7 @@ impl Operator for DetectFace {
     type Params = DetectFaceParams;
     const KIND: Kind = Kind {
         name: "detect.face",
-        about: "Frontal faces in grey images, as boxes with scores.",
+        about: "Finds frontal faces in grey images, as boxes with scores.",
         role: Role::Operator,
         inputs: &[Input {
             name: "image",
@@ -80,7 +81,7 @@ impl Operator for DetectFace {
             name: "faces",
             sample: FaceBoxes::KIND,
             frame: FrameRule::SameAs("image"),
-            about: "The faces, the most certain first; of each image, also of one without any.",
+            about: "The faces of each image, the most certain first; empty if there is no face.",
         }],
         timer: Timer::No,
     };

@@ -11,7 +11,7 @@ use crate::trajectory::{self, Trajectory};
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
 
-/// What the head does.
+/// The script of the head's motion.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Motion {
     /// Nothing moves.
@@ -29,13 +29,13 @@ pub enum Motion {
 /// Parameters of `rig.camera`.
 #[derive(Clone, Debug, Params)]
 pub struct CameraParams {
-    /// What the head does.
+    /// The script of the head's motion.
     #[param(default = "nods")]
     pub motion: Motion,
-    /// Number that the head's script is drawn from. The camera's noise comes from the pipeline's seed.
+    /// Seed of the head's script. The camera's noise comes from the pipeline's seed.
     #[param(default = 7)]
     pub seed: u64,
-    /// Whose errors the camera has.
+    /// The camera whose noise is simulated.
     #[param(default = "structured_light")]
     pub noise: Noise,
     /// Pixels in a row.
@@ -47,10 +47,10 @@ pub struct CameraParams {
     /// Focal length.
     #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
     pub focal_length: f64,
-    /// What the head rests on and touches.
+    /// The objects that the head rests on and touches.
     #[param(default = "pads")]
     pub setting: Setting,
-    /// Size of the head; 1 is an adult's.
+    /// Size of the head; 1 is an adult's head.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
 }
@@ -74,7 +74,7 @@ impl Operator for Camera {
     type Params = CameraParams;
     const KIND: Kind = Kind {
         name: "rig.camera",
-        about: "A head on a couch, moving by a script, as a depth camera sees it.",
+        about: "Simulates a head on a couch that moves by a script, seen by a depth camera.",
         role: Role::Operator,
         inputs: &[],
         outputs: &[
@@ -82,7 +82,7 @@ impl Operator for Camera {
                 name: "depth",
                 sample: DepthImage::KIND,
                 frame: FrameRule::Key,
-                about: "What the camera measures, in counts of 0.1 mm.",
+                about: "The depth image, in counts of 0.1 mm.",
             },
             Output {
                 name: "truth",

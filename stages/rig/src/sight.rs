@@ -16,7 +16,7 @@ use crate::setting;
 /// The frame in which the head's true pose is given.
 pub(crate) const COUCH: &str = "couch";
 
-/// What the head rests on and touches.
+/// The objects that the head rests on and touches.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Setting {
     /// A flat pad under the head and one at each side, which do not touch it.
@@ -31,7 +31,7 @@ pub enum Setting {
     Patient,
 }
 
-/// Whose errors the camera has.
+/// The camera whose noise is simulated.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Noise {
     /// None but the 0.1 mm of a count.
@@ -47,7 +47,7 @@ pub enum Noise {
 /// The image that a camera makes.
 #[derive(Clone, Copy, Debug, Params)]
 pub struct ImageParams {
-    /// Whose errors the camera has.
+    /// The camera whose noise is simulated.
     #[param(default = "structured_light")]
     pub noise: Noise,
     /// Pixels in a row.

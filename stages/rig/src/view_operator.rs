@@ -13,7 +13,7 @@ const DEPTH: usize = 0;
 /// Parameters of `rig.view`.
 #[derive(Clone, Debug, Params)]
 pub struct ViewParams {
-    /// Whose errors the camera has.
+    /// The camera whose noise is simulated.
     #[param(default = "structured_light")]
     pub noise: Noise,
     /// Pixels in a row.
@@ -25,10 +25,10 @@ pub struct ViewParams {
     /// Focal length.
     #[param(unit = "px", default = "566 px", min = "8 px", max = "10000 px")]
     pub focal_length: f64,
-    /// What the head is seen to rest on: as the rig has it.
+    /// The object that the head rests on in the image: the same as in the rig.
     #[param(default = "pads")]
     pub setting: Setting,
-    /// Size of the head: as the rig has it.
+    /// Size of the head: the same as in the rig.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
 }
@@ -51,20 +51,20 @@ impl Operator for View {
     type Params = ViewParams;
     const KIND: Kind = Kind {
         name: "rig.view",
-        about: "Another depth camera over a rig's head, at its own place, rate and noise.",
+        about: "Simulates a further depth camera over the head of a rig, at its own place, rate and noise.",
         role: Role::Operator,
         inputs: &[Input {
             name: "truth",
             sample: Pose::KIND,
             policy: Policy::Latest,
             required: true,
-            about: "Where the head is: the truth of a rig, in the couch's frame.",
+            about: "The true pose of the head, from a rig, in the frame of the couch.",
         }],
         outputs: &[Output {
             name: "depth",
             sample: DepthImage::KIND,
             frame: FrameRule::Key,
-            about: "What the camera measures, in counts of 0.1 mm.",
+            about: "The depth image, in counts of 0.1 mm.",
         }],
         timer: Timer::Required,
     };

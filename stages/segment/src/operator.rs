@@ -32,7 +32,7 @@ const MAX_CORNERS: usize = 256;
 /// Clusters that are sent at most, the largest ones.
 const MAX_CLUSTERS: usize = 64;
 
-/// What is done with voxels that stand apart.
+/// Treatment of isolated voxels.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Outliers {
     /// They are kept.
@@ -50,7 +50,7 @@ pub enum Smoothing {
     MovingLeastSquares,
 }
 
-/// Which voxels over the plane are the face.
+/// Rule by which voxels above the plane are the face.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Rule {
     /// Those of the largest cluster.
@@ -68,47 +68,48 @@ pub struct SegmentParams {
     /// Points farther from the camera are ignored.
     #[param(unit = "m", default = "1.6 m", min = "100 mm", max = "10 m")]
     pub range_max: f64,
-    /// What is done with voxels that stand apart.
+    /// Treatment of isolated voxels.
     #[param(default = "keep")]
     pub outliers: Outliers,
-    /// Neighbours whose mean distance tells an outlier, for `outliers: remove`.
+    /// Number of neighbours whose mean distance decides on an outlier, for `outliers: remove`.
     #[param(default = 30, min = 3, max = 200)]
     pub outlier_neighbours: u32,
-    /// Standard deviations over the mean of these distances at which an outlier begins.
+    /// Standard deviations above the mean of these distances beyond which a voxel is an outlier.
     #[param(default = 2, min = 0.1, max = 10)]
     pub outlier_deviations: f64,
-    /// Whether voxels are moved onto the smooth surface that they lie on.
+    /// Whether voxels are moved onto a fitted smooth surface.
     #[param(default = "off")]
     pub smoothing: Smoothing,
-    /// Neighbours that the surface is fitted to, for `smoothing: moving_least_squares`.
+    /// Number of neighbours of the surface fit, for `smoothing: moving_least_squares`.
     #[param(default = 30, min = 9, max = 200)]
     pub smoothing_neighbours: u32,
     /// Distance within which a voxel belongs to the supporting plane.
     #[param(unit = "m", default = "10 mm", min = "0.1 mm", max = "100 mm")]
     pub plane_tolerance: f64,
-    /// Plane hypotheses at most; eight times as many where no frame before had a plane.
+    /// Largest number of plane hypotheses; eight times as many until a frame has had a plane.
     #[param(default = 500, min = 1, max = 100000)]
     pub iterations: u32,
-    /// Height over the plane at which the face starts.
+    /// Smallest height of the face above the plane.
     #[param(unit = "m", default = "15 mm", above = "0 mm", max = "1 m")]
     pub height_min: f64,
-    /// Height over the plane at which the face ends.
+    /// Largest height of the face above the plane.
     #[param(unit = "m", default = "360 mm", above = "0 mm", max = "2 m")]
     pub height_max: f64,
-    /// Which voxels over the plane are the face.
+    /// Rule by which voxels above the plane are the face.
     #[param(default = "head")]
     pub rule: Rule,
-    /// Mean distance of an adult head's surface from its middle, for `rule: head`. Heads of 0.6 to 1.35 times this size
-    /// are found.
+    /// Mean distance of the surface of an adult head from its centre, for `rule: head`. Heads of 0.6 to 1.35 times this
+    /// size are found.
     #[param(unit = "m", default = "90 mm", min = "20 mm", max = "300 mm")]
     pub head_radius: f64,
     /// Distance within which two voxels belong to one cluster.
     #[param(unit = "m", default = "20 mm", min = "0.5 mm", max = "200 mm")]
     pub cluster_tolerance: f64,
-    /// Voxels that a face or a plane has at least.
+    /// Smallest number of voxels of a face or a plane.
     #[param(default = 100, min = 3, max = 1000000)]
     pub min_voxels: u32,
-    /// Points of a face at most; of a larger one, points evenly spread over the order of the cloud are kept.
+    /// Largest number of points of a face. Of a larger face, points that are evenly spread over the order of the cloud
+    /// are kept.
     #[param(default = 100000, min = 100, max = 4194304)]
     pub max_points: u32,
 }
@@ -124,7 +125,7 @@ impl Operator for SegmentFace {
     type Params = SegmentParams;
     const KIND: Kind = Kind {
         name: "segment.face",
-        about: "The face among what stands over the supporting plane: a head cut from what it touches, or the largest cluster.",
+        about: "Finds the face above the supporting plane: the head, separated from the objects that it touches, or the largest cluster.",
         role: Role::Operator,
         inputs: &[Input {
             name: "cloud",
@@ -144,7 +145,7 @@ impl Operator for SegmentFace {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "Numbers about each frame: points, voxels and hypotheses looked at, plane, clusters and points found.",
+                about: "Counts of each frame: points, voxels, tested hypotheses, plane, clusters and found points.",
             },
             Output {
                 name: "plane",
@@ -162,13 +163,13 @@ impl Operator for SegmentFace {
                 name: "clusters",
                 sample: ClusterTable::KIND,
                 frame: FrameRule::SameAs("cloud"),
-                about: "The clusters that stand over the plane, and which one is the face.",
+                about: "The clusters above the plane, and which of them is the face.",
             },
             Output {
                 name: "rejection",
                 sample: Rejection::KIND,
                 frame: FrameRule::None,
-                about: "Why a frame has no face, in place of the face: 1 too few voxels in range, 2 no plane, 3 no cluster, 4 no head.",
+                about: "Sent if a frame has no face, with the reason: 1 too few voxels in range, 2 no plane, 3 no cluster, 4 no head.",
             },
         ],
         timer: Timer::No,

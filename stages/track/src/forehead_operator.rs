@@ -33,7 +33,7 @@ impl Operator for TrackForehead {
     type Params = ForeheadParams;
     const KIND: Kind = Kind {
         name: "track.forehead",
-        about: "The distance from a camera to the forehead of a face in its image: one degree of freedom.",
+        about: "Measures the distance from a camera to the forehead of a face in its image: one degree of freedom.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -62,7 +62,7 @@ impl Operator for TrackForehead {
                 name: "rejection",
                 sample: Rejection::KIND,
                 frame: FrameRule::None,
-                about: "Why a frame has no forehead, in place of it: 1 no face, 2 too few points.",
+                about: "Sent if a frame has no forehead, with the reason: 1 no face, 2 too few points.",
             },
         ],
         timer: Timer::No,

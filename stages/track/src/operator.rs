@@ -14,8 +14,8 @@ const POSITION: usize = 0;
 /// Parameters of `track.centroid`.
 #[derive(Clone, Debug, Params)]
 pub struct CentroidParams {
-    /// Standard deviation of the error that all points of a frame share, on each axis. It is added to what the spread
-    /// of the points says.
+    /// Standard deviation of the error that all points of a frame share, on each axis. It is added to the deviation
+    /// from the spread of the points.
     #[param(unit = "m", default = "0.3 mm", above = "0 mm", max = "100 mm")]
     pub shared_sd: f64,
 }
@@ -33,7 +33,7 @@ impl Operator for TrackCentroid {
     type Params = CentroidParams;
     const KIND: Kind = Kind {
         name: "track.centroid",
-        about: "Position of a face: the mean of its points, with covariance.",
+        about: "Measures the position of a face: the mean of its points, with covariance.",
         role: Role::Operator,
         inputs: &[Input {
             name: "face",

@@ -27,42 +27,42 @@ const DIAGNOSTICS: usize = 2;
 /// Parameters of `gate.beam`.
 #[derive(Clone, Debug, Params)]
 pub struct BeamParams {
-    /// The key file, a path from the pipeline's file: 64 hexadecimal digits. The session keeps it.
+    /// The key file, a path relative to the pipeline file: 64 hexadecimal digits. The session keeps it.
     #[param(file)]
     pub key: String,
-    /// How long a lease lasts unless it is renewed.
+    /// Length of a lease that is not renewed.
     #[param(unit = "ns", default = "100 ms", min = "4 ms", max = "200 ms")]
     pub lease: u64,
-    /// How long all must be well before a lease begins.
+    /// Time without a reason against the beam before a lease begins.
     #[param(unit = "ns", default = "500 ms", min = "0 ms", max = "1 min")]
     pub dwell: u64,
-    /// Greatest error of a coordinate that the target holds.
+    /// Largest error of a coordinate that the target holds.
     #[param(unit = "m", default = "1 mm", above = "0 mm", max = "100 mm")]
     pub position_tolerance: f64,
-    /// Greatest error of an angle that the target holds.
+    /// Largest error of an angle that the target holds.
     #[param(unit = "rad", default = "0.5 deg", above = "0 deg", max = "90 deg")]
     pub angle_tolerance: f64,
-    /// Part by which errors must lie below the tolerances for a lease to begin.
+    /// Fraction by which errors must lie below the tolerances for a lease to begin.
     #[param(default = 0.2, min = 0, max = 0.9)]
     pub hysteresis: f64,
-    /// Greatest standard deviation of a coordinate that the target holds.
+    /// Largest standard deviation of a coordinate that the target holds.
     #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "100 mm")]
     pub position_sd: f64,
-    /// Greatest standard deviation of an angle that the target holds.
+    /// Largest standard deviation of an angle that the target holds.
     #[param(unit = "rad", default = "0.3 deg", above = "0 deg", max = "90 deg")]
     pub angle_sd: f64,
-    /// When the pose is fresh.
+    /// Conditions under which the pose is fresh.
     pub pose: BeamFreshnessParams,
-    /// Whether the beam needs a tracker that reports a pose in every frame: `report`.
+    /// Whether the lease requires a tracker that reports a pose in every frame (`report`).
     #[param(default = "required")]
     pub tracker: Need,
-    /// Age at which the target's last word is too old.
+    /// Age at which the newest target sample is too old.
     #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
     pub target_timeout: u64,
-    /// Age at which actuation's last word is too old.
+    /// Age at which the newest sample of actuation is too old.
     #[param(unit = "ns", default = "30 ms", min = "1 ms", max = "100 ms")]
     pub actuation_timeout: u64,
-    /// When the place of the cameras can be trusted.
+    /// Conditions under which the extrinsics of the cameras are valid.
     pub extrinsic: ExtrinsicParams,
 }
 
@@ -72,7 +72,7 @@ pub struct BeamFreshnessParams {
     /// Period of the camera's frames. A pose whose newest measurement is older than three of them is stale.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
     pub frame_period: u64,
-    /// So many repetitions of the very same measurement make the pose stale at once: the camera is frozen.
+    /// Number of repetitions of the same measurement after which the pose is stale at once: the camera is frozen.
     #[param(default = 1, min = 1, max = 1000000)]
     pub frozen_after: u64,
 }
@@ -108,7 +108,7 @@ impl Operator for GateBeam {
     type Params = BeamParams;
     const KIND: Kind = Kind {
         name: "gate.beam",
-        about: "The lease of the beam: renewed only while the head is held where it is to be.",
+        about: "Gives the lease of the beam, and renews it only while the head is within the tolerances of its target.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -116,28 +116,28 @@ impl Operator for GateBeam {
                 sample: Track::KIND,
                 policy: Policy::Latest,
                 required: true,
-                about: "Where the head is.",
+                about: "The estimated pose of the head.",
             },
             Input {
                 name: "target",
                 sample: Target::KIND,
                 policy: Policy::Latest,
                 required: true,
-                about: "Where it is to be, in the frame of the state.",
+                about: "The target of the head, in the frame of the state.",
             },
             Input {
                 name: "actuation",
                 sample: Actuation::KIND,
                 policy: Policy::Queue(4),
                 required: true,
-                about: "What actuation is at: each word of it is heard at once.",
+                about: "The state of actuation: the gate reacts to each sample at once.",
             },
             Input {
                 name: "report",
                 sample: PoseReport::KIND,
                 policy: Policy::Queue(4),
                 required: false,
-                about: "What the tracker says of each frame: one without a pose ends the lease at once. Needed unless `tracker` is `waived`.",
+                about: "The tracker's report on each frame: a frame without a pose ends the lease at once. Required unless `tracker` is `waived`.",
             },
         ],
         outputs: &[
@@ -145,13 +145,13 @@ impl Operator for GateBeam {
                 name: "datagram",
                 sample: Datagram::KIND,
                 frame: FrameRule::None,
-                about: "The order to the beam, as the far end receives it.",
+                about: "The order to the beam, as a signed datagram.",
             },
             Output {
                 name: "state",
                 sample: Gate::KIND,
                 frame: FrameRule::None,
-                about: "Whether the beam may be on, the errors that were judged, and why not.",
+                about: "Whether the beam may be on, the judged errors, and the reasons against it.",
             },
             Output {
                 name: "diagnostics",

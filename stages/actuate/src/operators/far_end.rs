@@ -23,7 +23,7 @@ const METRICS: usize = Refusal::ALL.len();
 /// Parameters of `actuate.far_end`.
 #[derive(Clone, Debug, Params)]
 pub struct FarEndParams {
-    /// The key file, a path from the pipeline's file: that of the sender. The session keeps it.
+    /// The key file of the sender, a path relative to the pipeline file. The session keeps it.
     #[param(file)]
     pub key: String,
     /// Bladders, each with an inlet and an outlet.
@@ -32,10 +32,10 @@ pub struct FarEndParams {
     /// What the valves do before the first datagram.
     #[param(default = "vent")]
     pub idle: Safe,
-    /// Greatest difference of the clocks of both ends.
+    /// Largest difference between the clocks of both ends.
     #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
     pub clocks_within: u64,
-    /// How long duties grow from zero after silence.
+    /// Time in which duties grow from zero after silence.
     #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]
     pub ramp: u64,
 }
@@ -56,7 +56,7 @@ impl Operator for ActuateFarEnd {
     type Params = FarEndParams;
     const KIND: Kind = Kind {
         name: "actuate.far_end",
-        about: "The far end of valves and beam: duties of the datagram that lives, or the safe state.",
+        about: "Obeys the datagrams for valves and beam while they are valid, and else takes the safe state.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -64,7 +64,7 @@ impl Operator for ActuateFarEnd {
                 sample: Datagram::KIND,
                 policy: Policy::Queue(64),
                 required: true,
-                about: "Datagrams of `actuate.valves`, and whatever else arrives.",
+                about: "Datagrams of `actuate.valves`, and any other datagram that arrives.",
             },
             Input {
                 name: "beam",
@@ -79,13 +79,13 @@ impl Operator for ActuateFarEnd {
                 name: "duties",
                 sample: Duties::KIND,
                 frame: FrameRule::None,
-                about: "What the valves are to do, at each tick.",
+                about: "The duties of the valves, at each tick.",
             },
             Output {
                 name: "state",
                 sample: FarEndSample::KIND,
                 frame: FrameRule::None,
-                about: "What is done, since when, and what became of the datagrams, at each tick.",
+                about: "The present order or safe state, since when it holds, and the counts of datagrams, at each tick.",
             },
             Output {
                 name: "diagnostics",

@@ -17,7 +17,7 @@ pub struct FreshnessParams {
     /// Period of the camera's frames. A pose whose newest measurement is older than three of them is stale.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
     pub frame_period: u64,
-    /// So many repetitions of the very same measurement are no news: the camera is frozen.
+    /// Number of identical measurements in a row after which the camera counts as frozen.
     #[param(default = 3, min = 1, max = 1000000)]
     pub frozen_after: u64,
 }

@@ -27,45 +27,46 @@ const DIAGNOSTICS: usize = 2;
 /// Parameters of `actuate.valves`.
 #[derive(Clone, Debug, Params)]
 pub struct ValvesParams {
-    /// The key file, a path from the pipeline's file: 64 hexadecimal digits. The session keeps it.
+    /// The key file, a path relative to the pipeline file: 64 hexadecimal digits. The session keeps it.
     #[param(file)]
     pub key: String,
     /// Bladders, each with an inlet and an outlet.
     #[param(default = 3, min = 1, max = 8)]
     pub bladders: u32,
-    /// What is done where something is missing or went wrong, and what the far end does when datagrams stop.
+    /// The safe state: used when a condition is missing or a fault occurs, and by the far end when datagrams stop.
     #[param(default = "vent")]
     pub safe: Safe,
-    /// How long a datagram lives.
+    /// Time for which a datagram is valid.
     #[param(unit = "ns", default = "60 ms", min = "4 ms", max = "1 s")]
     pub life: u64,
     /// Age at which a command is stale: more than twice the period of the controller.
     #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
     pub watchdog: u64,
-    /// When the pose is fresh.
+    /// Conditions under which the pose is fresh.
     pub pose: FreshnessParams,
-    /// Whether a captured reference is needed to be armed.
+    /// Whether arming needs a captured reference.
     #[param(default = "required")]
     pub reference: Need,
-    /// When the place of the cameras can be trusted.
+    /// Conditions under which the extrinsics of the cameras are valid.
     pub extrinsic: ExtrinsicParams,
-    /// How long valves are shut before they vent: the beam's lease ends within it, and a late frame may still come.
+    /// Time for which the valves hold before they vent: the beam's lease ends within it, and a late frame may still
+    /// arrive.
     #[param(unit = "ns", default = "40 ms", min = "1 ms", max = "80 ms")]
     pub lead: u64,
-    /// How long all must be there again, once it vented, before commands are followed.
+    /// Time for which every condition must hold after a vent before commands are followed.
     #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]
     pub settle: u64,
-    /// How long something may be missing before it is a fault, which waits for a person: at once, or by and by, where it is
-    /// for more than a fifth of the time.
+    /// Time for which a condition may be missing before this is a fault, which waits for a person. Short gaps add up if
+    /// a condition is missing for more than a fifth of the time.
     #[param(unit = "ns", default = "5 s", min = "10 ms", max = "10 min")]
     pub patience: u64,
-    /// Greatest duty.
+    /// Largest duty.
     #[param(default = 1, above = 0, max = 1)]
     pub max_duty: f64,
-    /// How fast a duty may grow. A valve may shut at once.
+    /// Largest growth of a duty per second. A valve may shut at once.
     #[param(unit = "1/s", default = "10 1/s", above = "0 1/s", max = "1000 1/s")]
     pub slew: f64,
-    /// Pressures that are allowed.
+    /// Limits and estimate of the pressures.
     pub pressure: PressureParams,
 }
 
@@ -91,7 +92,7 @@ impl Operator for ActuateValves {
     type Params = ValvesParams;
     const KIND: Kind = Kind {
         name: "actuate.valves",
-        about: "Duties to valves as datagrams, within limits and only while armed; else the safe state.",
+        about: "Sends duties to the valves as datagrams, within limits and only while armed, and else the safe state.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -99,26 +100,26 @@ impl Operator for ActuateValves {
                 sample: Duties::KIND,
                 policy: Policy::Latest,
                 required: true,
-                about: "The duties that a controller asks for.",
+                about: "The duties of the controller.",
             },
             Input {
                 name: "state",
                 sample: Track::KIND,
                 policy: Policy::Latest,
                 required: true,
-                about: "The pose that the controller acts on: how old it is, and whether it has numbers.",
+                about: "The estimate that the controller uses: its age and its values are checked.",
             },
             Input {
                 name: "reference",
                 sample: PoseReport::KIND,
                 policy: Policy::Latest,
                 required: false,
-                about: "Which reference the pose is against.",
+                about: "The reports of the tracker: they name the reference of the poses.",
             },
-            person("arm", true, "A person allows actuation."),
-            person("disarm", false, "A person forbids it: the valves shut."),
-            person("resume", false, "A person has it go on after a fault or a vent."),
-            person("vent", false, "A person lets the air out."),
+            person("arm", true, "A person arms actuation."),
+            person("disarm", false, "A person disarms actuation: the valves shut."),
+            person("resume", false, "A person lets actuation continue after a fault or a vent."),
+            person("vent", false, "A person vents the bladders."),
             Input {
                 name: "measured",
                 sample: RigState::KIND,
@@ -132,13 +133,13 @@ impl Operator for ActuateValves {
                 name: "datagram",
                 sample: Datagram::KIND,
                 frame: FrameRule::None,
-                about: "The order to the valves, as the far end receives it.",
+                about: "The order to the valves, as a signed datagram.",
             },
             Output {
                 name: "state",
                 sample: Actuation::KIND,
                 frame: FrameRule::None,
-                about: "What actuation is at, what was sent, and why.",
+                about: "State of actuation, the order that was sent, and the reasons.",
             },
             Output {
                 name: "diagnostics",

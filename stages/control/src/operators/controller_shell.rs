@@ -27,21 +27,21 @@ pub const INPUTS: &[Input] = &[
         sample: Track::KIND,
         policy: Policy::Latest,
         required: true,
-        about: "Where the head is.",
+        about: "The estimated pose of the head.",
     },
     Input {
         name: "target",
         sample: Target::KIND,
         policy: Policy::Latest,
         required: true,
-        about: "Where it is to be, in the frame of the state.",
+        about: "The target of the head, in the frame of the state.",
     },
     Input {
         name: "actuation",
         sample: Actuation::KIND,
         policy: Policy::Latest,
         required: false,
-        about: "Pressures of the bladders, `valves.state`: needed where there are more bladders than channels.",
+        about: "Pressures of the bladders, `valves.state`: required if there are more bladders than channels.",
     },
 ];
 
@@ -51,13 +51,13 @@ pub const OUTPUTS: &[Output] = &[
         name: "duties",
         sample: Duties::KIND,
         frame: FrameRule::None,
-        about: "How far the valves are to be open; all shut, with the reason, where there is nothing to act on.",
+        about: "Duties of the valves. If the controller cannot act, all valves are shut and the reason is given.",
     },
     Output {
         name: "diagnostics",
         sample: Diagnostics::KIND,
         frame: FrameRule::None,
-        about: "Age of the estimate, errors, and what the law holds.",
+        about: "Age of the estimate, errors, and the state of the law.",
     },
 ];
 

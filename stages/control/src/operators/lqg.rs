@@ -15,29 +15,31 @@ use crate::riccati::observer_gain;
 /// Parameters of `control.lqg`.
 #[derive(Clone, Debug, Params)]
 pub struct LqgParams {
-    /// What is controlled, and by what.
+    /// The controlled channels and the bladders that move them.
     pub plant: PlantParams,
     /// A model of `stillpoint identify`, from the net duty of one bladder (`lqg.duties:net.0`) to one channel of the
-    /// state; its sample time must be the timer's period. Without it the channels integrate what the bladders do.
+    /// state; its sample time must be the timer's period. Without a model the channels integrate the effect of the
+    /// bladders.
     #[param(file)]
     pub model: Option<String>,
-    /// What an error of one scale costs, for a second.
+    /// Cost of an error of one scale, per second.
     #[param(default = 1, above = 0, max = 1000000)]
     pub error_weight: f64,
-    /// What an integrated error of one scale times one second costs, for a second.
+    /// Cost of an integrated error of one scale times one second, per second.
     #[param(default = 0.1, above = 0, max = 1000000)]
     pub integral_weight: f64,
-    /// What a valve that is wide open costs, for a second.
+    /// Cost of a fully open valve, per second.
     #[param(default = 10, above = 0, max = 1000000000)]
     pub effort_weight: f64,
-    /// Without `model`: variance of the drift of a channel from tick to tick, over that of its estimate. Large: the
-    /// observer believes the estimate.
+    /// Without `model`: variance of the drift of a channel from tick to tick, divided by the variance of its estimate.
+    /// With a large value the observer trusts the estimate.
     #[param(default = 1, above = 0, max = 1000000)]
     pub drift: f64,
-    /// Time in which a step of the target is approached, from 10 % to 90 % of its way; 0 s for the step itself.
+    /// Rise time of the reference model from 10 % to 90 % of a step of the target; with 0 s the model is the step
+    /// itself.
     #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
     pub rise: f64,
-    /// An estimate is used for so long after the measurement behind it.
+    /// Time for which an estimate is used after its newest measurement.
     #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
     pub stale: u64,
 }
@@ -64,7 +66,7 @@ impl Operator for ControlLqg {
     type Params = LqgParams;
     const KIND: Kind = Kind {
         name: "control.lqg",
-        about: "Linear-quadratic control with an integrator and an observer, of an identified model or of the bladders' effect.",
+        about: "Linear-quadratic control with an integrator and an observer, for an identified model or for the bladders' effect.",
         role: Role::Operator,
         inputs: INPUTS,
         outputs: OUTPUTS,

@@ -25,44 +25,44 @@ pub enum FeatureMap {
 /// Parameters of `control.mrac`.
 #[derive(Clone, Debug, Params)]
 pub struct MracParams {
-    /// What is controlled, and by what.
+    /// The controlled channels and the bladders that move them.
     pub plant: PlantParams,
-    /// Time in which a step of the target is approached, from 10 % to 90 % of its way.
+    /// Rise time of the reference model from 10 % to 90 % of a step of the target.
     #[param(unit = "s", default = "20 s", min = "0.1 s", max = "10 min")]
     pub rise: f64,
-    /// How many times faster than the reference model an error from it is to die out.
+    /// Factor by which an error from the reference model decays faster than the model itself.
     #[param(default = 3, min = 0, max = 1000)]
     pub feedback: f64,
-    /// Q of the Lyapunov equation, this times the identity.
+    /// Factor of the identity in Q of the Lyapunov equation.
     #[param(default = 100, above = 0, max = 1000000)]
     pub weight: f64,
-    /// Learning rate of the gains over the pose, K_y.
+    /// Learning rate of the gains on the pose, K_y.
     #[param(default = 0.0001, min = 0, max = 1000)]
     pub learning_pose: f64,
-    /// Learning rate of the gains over the target, K_r.
+    /// Learning rate of the gains on the target, K_r.
     #[param(default = 0.0001, min = 0, max = 1000)]
     pub learning_target: f64,
     /// Learning rate of the weights of the features, Theta.
     #[param(default = 0.0001, min = 0, max = 1000)]
     pub learning_features: f64,
-    /// Rate at which gains decay without a reason to stay (sigma-modification).
+    /// Decay rate of the gains (sigma-modification).
     #[param(unit = "Hz", default = "0.02 1/s", min = "0 1/s", max = "100 1/s")]
     pub leak: f64,
-    /// Norm that the gains of a bladder over one regressor never exceed (projection), in full duties per scale.
+    /// Largest norm of the gains of a bladder on one regressor (projection), in full duties per scale.
     #[param(default = 1, above = 0, max = 1000)]
     pub greatest_gain: f64,
-    /// Errors below which nothing is learned.
+    /// Error below which the gains do not change.
     #[param(
         default = "{ x: 0.05 mm, y: 0.05 mm, z: 0.05 mm, pitch: 0.02 deg, roll: 0.02 deg, yaw: 0.02 deg }"
     )]
     pub dead_zone: PerChannel,
-    /// What the weights Theta are over.
+    /// The features that the weights Theta multiply.
     #[param(default = "tanh")]
     pub features: FeatureMap,
     /// The network of `features: lstm`, a file of `stillpoint train controller`.
     #[param(file)]
     pub model: Option<String>,
-    /// An estimate is used for so long after the measurement behind it.
+    /// Time for which an estimate is used after its newest measurement.
     #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
     pub stale: u64,
 }
@@ -88,7 +88,7 @@ impl Operator for ControlMrac {
     type Params = MracParams;
     const KIND: Kind = Kind {
         name: "control.mrac",
-        about: "Model-reference adaptive control of the bladders, over features of the pose or of a trained network.",
+        about: "Model-reference adaptive control of the bladders, with features of the pose or of a trained network.",
         role: Role::Operator,
         inputs: INPUTS,
         outputs: OUTPUTS,

@@ -79,25 +79,25 @@ pub struct BladderRates {
     pub yaw: f64,
 }
 
-/// What is controlled, and by what.
+/// The controlled channels and the bladders that move them.
 #[derive(Clone, Debug, PartialEq, Params)]
 pub struct PlantParams {
-    /// The channels that are held.
+    /// The channels that the controller holds.
     #[param(default = "[z, pitch, roll]")]
     pub channels: Vec<Channel>,
-    /// How fast each channel moves when the inlet of a bladder is wide open: an entry for each bladder, in the order of
-    /// the valves. The default is the simulated rig of three bladders.
+    /// Speed of each channel when the inlet of a bladder is fully open: one entry for each bladder, in the order of the
+    /// valves. The default is the simulated rig of three bladders.
     #[param(
         default = "[{ z: 13.23 mm/s, pitch: 6.225 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: 11.1 deg/s }, { z: 9.05 mm/s, pitch: -9.272 deg/s, roll: -11.1 deg/s }]"
     )]
     pub bladders: Vec<BladderRates>,
-    /// The rig, if its mechanics are known: what the bladders do follows from them, and `bladders` does not count.
+    /// The rig, if its mechanics are known: the effect of the bladders follows from them, and `bladders` is not used.
     #[param(default = "unknown")]
     pub rig: RigKind,
     /// Mass of the head on the rig.
     #[param(unit = "kg", default = "5 kg", min = "1 kg", max = "10 kg")]
     pub head_mass: f64,
-    /// What counts as one in each channel: errors of these sizes weigh the same.
+    /// Unit of each channel: errors of these sizes have equal weight.
     #[param(default = "{ x: 10 mm, y: 10 mm, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg, yaw: 5 deg }")]
     pub scale: PerChannel,
 }

@@ -11,18 +11,19 @@ use crate::reference::{ReferenceModel, pole_of_rise};
 /// Parameters of `control.pi`.
 #[derive(Clone, Debug, Params)]
 pub struct PiParams {
-    /// What is controlled, and by what.
+    /// The controlled channels and the bladders that move them.
     pub plant: PlantParams,
-    /// Rate of a channel for an error of it.
+    /// Commanded speed of a channel per error of that channel.
     #[param(unit = "Hz", default = "1 1/s", min = "0 1/s", max = "100 1/s")]
     pub proportional: f64,
-    /// Growth of that rate, each second, for an error that stays; in 1/s2.
+    /// Growth of that speed per second for a lasting error, in 1/s2.
     #[param(default = 0.15, min = 0, max = 1000)]
     pub integral: f64,
-    /// Time in which a step of the target is approached, from 10 % to 90 % of its way; 0 s for the step itself.
+    /// Rise time of the reference model from 10 % to 90 % of a step of the target; with 0 s the model is the step
+    /// itself.
     #[param(unit = "s", default = "20 s", min = "0 s", max = "10 min")]
     pub rise: f64,
-    /// An estimate is used for so long after the measurement behind it.
+    /// Time for which an estimate is used after its newest measurement.
     #[param(unit = "ns", default = "300 ms", min = "1 ms", max = "10 s")]
     pub stale: u64,
 }

@@ -85,31 +85,31 @@ pub struct ReachParams {
 /// Parameters of `control.target`.
 #[derive(Clone, Debug, Params)]
 pub struct TargetParams {
-    /// The channels that are to be held.
+    /// The channels that the target holds.
     #[param(default = "[z, pitch, roll]")]
     pub channels: Vec<Channel>,
-    /// What moves and commanded targets are counted from.
+    /// Origin of moves and of commanded targets.
     #[param(default = "start")]
     pub counted_from: CountedFrom,
-    /// Moves of the target, in the order of their times: steps, ramps, or the places of a trajectory.
+    /// Moves of the target, in the order of their times: steps, ramps, or points of a trajectory.
     #[param(default = "[]")]
     pub moves: Vec<MoveParams>,
-    /// How far from the start the bladders can take the head. A target beyond is refused.
+    /// Largest distances from the start. A target outside them is refused.
     #[param(
         default = "{ x: [-20 mm, 20 mm], y: [-20 mm, 20 mm], z: [-15 mm, 25 mm], pitch: [-10 deg, 10 deg], roll: [-20 deg, 20 deg], yaw: [-10 deg, 10 deg] }"
     )]
     pub reach: ReachParams,
-    /// The rig, if its mechanics are known: a target that its bladders cannot hold is refused, too. It is taken to start
-    /// with the air that the simulated rig starts with.
+    /// The rig, if its mechanics are known: a target that its bladders cannot hold is refused, too. The rig is assumed
+    /// to start with the air of the simulated rig.
     #[param(default = "unknown")]
     pub rig: RigKind,
     /// Mass of the head on the rig.
     #[param(unit = "kg", default = "5 kg", min = "1 kg", max = "10 kg")]
     pub head_mass: f64,
-    /// How long estimates are averaged to find the start. Until then there is no target.
+    /// Time over which estimates are averaged to find the start. Until then there is no target.
     #[param(unit = "ns", default = "500 ms", max = "1 min")]
     pub settle: u64,
-    /// How long the way to a commanded target takes; 0 s for a step.
+    /// Duration of the way to a commanded target; 0 s for a step.
     #[param(unit = "ns", default = "0 s", max = "1 h")]
     pub command_over: u64,
 }
@@ -129,7 +129,7 @@ impl Operator for ControlTarget {
     type Params = TargetParams;
     const KIND: Kind = Kind {
         name: "control.target",
-        about: "Where the head is to be: steps, ramps, trajectories and commands of people; what is out of reach is refused.",
+        about: "Sends the target of the head: steps, ramps, trajectories and commands of people. Refuses targets out of reach.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -137,7 +137,7 @@ impl Operator for ControlTarget {
                 sample: Track::KIND,
                 policy: Policy::Latest,
                 required: true,
-                about: "Where the head is.",
+                about: "The estimated pose of the head.",
             },
             Input {
                 name: "command",
@@ -159,13 +159,13 @@ impl Operator for ControlTarget {
                 name: "reference",
                 sample: Target::KIND,
                 frame: FrameRule::SameAs("state"),
-                about: "The pose that is to be reached, and its rates.",
+                about: "The target pose and its rates.",
             },
             Output {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "What was asked for last, counted as it was asked, and what the reach is.",
+                about: "The last requested target, counted as it was requested, and the reach.",
             },
         ],
         timer: Timer::Required,

@@ -28,38 +28,40 @@ pub enum Method {
 /// Parameters of `estimate.fuse`.
 #[derive(Clone, Debug, Params)]
 pub struct FuseParams {
-    /// What the tracks follow: the same as both filters.
+    /// The state of the tracks: the same as in both filters.
     #[param(default = "position")]
     pub follow: Follow,
-    /// How the tracks are weighed.
+    /// How the tracks are weighted.
     #[param(default = "cross_covariance")]
     pub method: Method,
-    /// Sensors disagree where the difference of a channel, beyond the tolerance and squared, is more than this many
+    /// Sensors disagree if the squared difference of a channel, after subtracting the tolerance, is more than this many
     /// times its variance.
     #[param(default = 25, above = 0, max = 1000000000)]
     pub gate: f64,
-    /// What the sensors may differ by for good: the residual of their extrinsics, and what each makes of a surface.
+    /// Allowed constant difference between the sensors: the residual of their extrinsics, and their different
+    /// measurements of one surface.
     #[param(unit = "m", default = "1 mm", min = "0 mm", max = "1 m")]
     pub tolerance: f64,
-    /// The same for rotations.
+    /// Allowed constant difference between the sensors in rotation.
     #[param(unit = "rad", default = "0.5 deg", min = "0 deg", max = "180 deg")]
     pub angle_tolerance: f64,
-    /// A sensor that sent nothing for this long is silent, and a track that is older is not used.
+    /// A sensor that sent nothing for this time is silent, and an older track is not used.
     #[param(unit = "ns", default = "200 ms", min = "1 ms", max = "1 min")]
     pub timeout: u64,
-    /// A delay from acquisition to arrival that differs by more than this from the one before is a jump of a clock.
+    /// A delay from acquisition to arrival that differs by more than this from the delay before counts as a jump of a
+    /// clock.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 min")]
     pub clock_jump: u64,
-    /// A sensor's clock may be ahead of this machine's by so much. One that is farther ahead is left out.
+    /// Largest lead of a sensor's clock over the clock of this machine. A sensor that is farther ahead is excluded.
     #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
     pub clock_ahead: u64,
-    /// So many repetitions of the same measurement make a sensor frozen.
+    /// Number of identical measurements in a row after which a sensor counts as frozen.
     #[param(default = 3, min = 1)]
     pub frozen_after: u64,
-    /// So many measurements in a row that its filter does not use leave a sensor out.
+    /// Number of measurements in a row that its filter does not use after which a sensor is excluded.
     #[param(default = 3, min = 1)]
     pub unused_after: u64,
-    /// So many good samples in a row bring a sensor back.
+    /// Number of good samples in a row after which a sensor is used again.
     #[param(default = 5, min = 1)]
     pub readmit_after: u64,
 }
@@ -83,7 +85,7 @@ impl Operator for EstimateFuse {
     type Params = FuseParams;
     const KIND: Kind = Kind {
         name: "estimate.fuse",
-        about: "One track of two: fuses the tracks of two sensors, and leaves out one that fails.",
+        about: "Fuses the tracks of two sensors into one, and excludes a sensor that fails.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -112,7 +114,7 @@ impl Operator for EstimateFuse {
                 name: "health",
                 sample: Health::KIND,
                 frame: FrameRule::None,
-                about: "Whether each sensor is used, and why not.",
+                about: "Whether each sensor is used, and if not, why.",
             },
             Output {
                 name: "diagnostics",

@@ -25,7 +25,7 @@ const MADE_UP: u64 = 8;
 /// What a fusion needs to know.
 #[derive(Clone, Copy, Debug)]
 pub struct FusionParams {
-    /// How the tracks are weighed.
+    /// How the tracks are weighted.
     pub method: Method,
     /// Tracks are apart where a channel's difference, beyond the tolerance and squared, is more than this many times its
     /// variance.

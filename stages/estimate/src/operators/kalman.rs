@@ -20,18 +20,18 @@ const DIAGNOSTICS: usize = 1;
 /// Parameters of `estimate.kalman`.
 #[derive(Clone, Debug, Params)]
 pub struct FilterParams {
-    /// What is followed: one coordinate of the position, all three, or the whole pose.
+    /// The estimated state: one coordinate of the position, all three, or the whole pose.
     #[param(default = "position")]
     pub follow: Follow,
-    /// Standard deviation of the acceleration, on each axis. A cough that moves a head by 2 mm in 0.4 s has 250 mm/s2: with
-    /// far less it is refused where poses are exact.
+    /// Standard deviation of the acceleration, on each axis. A cough that moves a head by 2 mm in 0.4 s has 250 mm/s2.
+    /// With far less, the filter refuses exact poses during a cough.
     #[param(unit = "m/s2", default = "300 mm/s2", above = "0 mm/s2", max = "100 m/s2")]
     pub acceleration_sd: f64,
     /// Standard deviation of the angular acceleration, about each axis.
     #[param(unit = "rad/s2", default = "300 deg/s2", above = "0 deg/s2", max = "1000 rad/s2")]
     pub angular_acceleration_sd: f64,
-    /// How long an acceleration lasts. Without it, from one measurement to the next; give it where tracks of other rates
-    /// are fused with this one.
+    /// Duration of an acceleration. Without this parameter it lasts from one measurement to the next. Set it if this
+    /// track is fused with tracks of other rates.
     #[param(unit = "s", above = "0 s", max = "1 s")]
     pub acceleration_hold: Option<f64>,
     /// Standard deviation of the velocity before the first measurement, on each axis.
@@ -40,26 +40,26 @@ pub struct FilterParams {
     /// Standard deviation of the angular velocity before the first measurement, about each axis.
     #[param(unit = "rad/s", default = "30 deg/s", above = "0 deg/s", max = "100 rad/s")]
     pub initial_angular_velocity_sd: f64,
-    /// Standard deviation of a coordinate that the first measurement leaves open.
+    /// Standard deviation of a coordinate that the first measurement does not measure.
     #[param(unit = "m", default = "1 m", above = "0 m", max = "100 m")]
     pub open_sd: f64,
-    /// Standard deviation of a rotation that the first measurement leaves open.
+    /// Standard deviation of a rotation that the first measurement does not measure.
     #[param(unit = "rad", default = "60 deg", above = "0 deg", max = "180 deg")]
     pub open_angle_sd: f64,
-    /// Standard deviation of a measured coordinate, in place of what the measurement says of itself.
+    /// Standard deviation of a measured coordinate, in place of the covariance of the measurement.
     #[param(unit = "m", above = "0 m", max = "1 m")]
     pub measurement_sd: Option<f64>,
-    /// Standard deviation of a measured rotation, in place of what the measurement says of itself.
+    /// Standard deviation of a measured rotation, in place of the covariance of the measurement.
     #[param(unit = "rad", above = "0 rad", max = "180 deg")]
     pub measurement_angle_sd: Option<f64>,
-    /// A measurement is refused where the innovation of a channel, squared, is more than this many times its variance.
+    /// A measurement is refused if the squared innovation of a channel is more than this many times its variance.
     #[param(default = 9, above = 0, max = 1000000000)]
     pub gate: f64,
-    /// How long it predicts without a measurement that it uses. After that there is no estimate.
+    /// Time for which the filter predicts without a measurement that it uses. After that there is no estimate.
     #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
     pub horizon: u64,
-    /// A sensor's clock may be ahead of this machine's by so much. What was measured later than it arrives by more than
-    /// this is not used.
+    /// Largest lead of a sensor's clock over the clock of this machine. A measurement whose acquisition time is later
+    /// than its arrival by more than this is not used.
     #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "1 s")]
     pub clock_ahead: u64,
 }
@@ -87,7 +87,7 @@ impl Operator for EstimateKalman {
     type Params = FilterParams;
     const KIND: Kind = Kind {
         name: "estimate.kalman",
-        about: "Position, or pose, and its rates from measurements: a Kalman filter of constant velocity.",
+        about: "Estimates a position or a pose and its rates from measurements: a Kalman filter of constant velocity.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -102,14 +102,14 @@ impl Operator for EstimateKalman {
                 sample: Pose::KIND,
                 policy: Policy::Queue(8),
                 required: false,
-                about: "True pose of the same thing, for the NEES alone.",
+                about: "True pose of the same point, only for the NEES.",
             },
             Input {
                 name: "report",
                 sample: PoseReport::KIND,
                 policy: Policy::Queue(4),
                 required: false,
-                about: "How the measurement was found: with another reference the track begins anew.",
+                about: "The report on each measurement: with another reference the track starts again.",
             },
         ],
         outputs: &[
@@ -123,7 +123,7 @@ impl Operator for EstimateKalman {
                 name: "diagnostics",
                 sample: Diagnostics::KIND,
                 frame: FrameRule::None,
-                about: "NIS, NEES, and what became of the measurements so far.",
+                about: "NIS, NEES, and the counts of used and refused measurements.",
             },
         ],
         timer: Timer::Optional,

@@ -15,16 +15,16 @@ const CLOUD: usize = 0;
 /// Parameters of `ingest.depth`.
 #[derive(Clone, Debug, Params)]
 pub struct DepthParams {
-    /// 16-bit PNGs, in the order of their names: one, a folder of them, or those that fit a pattern, such as
-    /// `scans/left_*.png`; in place of the input `image`.
+    /// 16-bit PNGs, in the order of their names, in place of the input `image`: one file, a folder, or a pattern such
+    /// as `scans/left_*.png`.
     #[param(files = "*.png")]
     pub files: Option<String>,
-    /// The camera that took the files; an image from the input brings its own.
+    /// The camera of the files; an image from the input has its own intrinsics.
     pub camera: Option<CameraParams>,
-    /// What comes after the last file.
+    /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
-    /// Pixels of an image at most: shared memory is laid out by it.
+    /// Largest number of pixels of an image: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_pixels: u32,
 }
@@ -68,7 +68,7 @@ impl Operator for IngestDepth {
     type Params = DepthParams;
     const KIND: Kind = Kind {
         name: "ingest.depth",
-        about: "Depth images, from an operator or from PNG files, to organised clouds.",
+        about: "Converts depth images, from an operator or from PNG files, to organised clouds.",
         role: Role::Operator,
         inputs: &[Input {
             name: "image",

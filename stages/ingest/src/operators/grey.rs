@@ -13,14 +13,13 @@ const IMAGE: usize = 0;
 /// Parameters of `ingest.grey`.
 #[derive(Clone, Debug, Params)]
 pub struct GreyParams {
-    /// 8-bit greyscale PNGs, in the order of their names: one, a folder of them, or those that fit a pattern, such as
-    /// `scans/left_*.png`.
+    /// 8-bit greyscale PNGs, in the order of their names: one file, a folder, or a pattern such as `scans/left_*.png`.
     #[param(files = "*.png")]
     pub files: String,
-    /// What comes after the last file.
+    /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
-    /// Pixels of an image at most: shared memory is laid out by it.
+    /// Largest number of pixels of an image: sets the size of shared memory.
     #[param(default = 1310720, min = 1, max = 16777216)]
     pub max_pixels: u32,
 }
@@ -36,7 +35,7 @@ impl Operator for IngestGrey {
     type Params = GreyParams;
     const KIND: Kind = Kind {
         name: "ingest.grey",
-        about: "Grey images out of PNG files, one per tick.",
+        about: "Reads grey images from PNG files, one per tick.",
         role: Role::Operator,
         inputs: &[],
         outputs: &[Output {

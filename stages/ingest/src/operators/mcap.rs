@@ -25,16 +25,16 @@ pub struct McapParams {
     pub file: String,
     /// Topic of `sensor_msgs/msg/PointCloud2` messages in it.
     pub topic: String,
-    /// Clouds passed over at the beginning, in the order of their log times.
+    /// Number of clouds to skip at the beginning, in the order of their log times.
     #[param(default = 0)]
     pub skip: u32,
-    /// Clouds read at most; without it, all. They are held in memory.
+    /// Largest number of clouds to read; without this parameter, all. They are held in memory.
     #[param(min = 1)]
     pub frames: Option<u32>,
-    /// What comes after the last cloud.
+    /// What follows the last cloud.
     #[param(default = "stop")]
     pub at_end: AtEnd,
-    /// Points of a cloud at most: shared memory is laid out by it.
+    /// Largest number of points of a cloud: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_points: u32,
 }
@@ -55,14 +55,14 @@ impl Operator for IngestMcap {
     type Params = McapParams;
     const KIND: Kind = Kind {
         name: "ingest.mcap",
-        about: "Clouds (sensor_msgs/msg/PointCloud2) of an MCAP recording, one per tick.",
+        about: "Reads the clouds (sensor_msgs/msg/PointCloud2) of an MCAP recording, one per tick.",
         role: Role::Operator,
         inputs: &[],
         outputs: &[Output {
             name: "cloud",
             sample: PointCloud::KIND,
             frame: FrameRule::Key,
-            about: "The cloud as its message has it; organised where the message is.",
+            about: "The cloud of the message; organised if the message is.",
         }],
         timer: Timer::Required,
     };

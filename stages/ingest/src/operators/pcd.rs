@@ -14,14 +14,14 @@ const CLOUD: usize = 0;
 /// Parameters of `ingest.pcd`.
 #[derive(Clone, Debug, Params)]
 pub struct PcdParams {
-    /// PCD files (ascii, binary or compressed; coordinates in metres), in the order of their names: one, a folder of
-    /// them, or those that fit a pattern, such as `scans/left_*.pcd`.
+    /// PCD files (ascii, binary or compressed; coordinates in metres), in the order of their names: one file, a folder,
+    /// or a pattern such as `scans/left_*.pcd`.
     #[param(files = "*.pcd")]
     pub files: String,
-    /// What comes after the last file.
+    /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
-    /// Points of a cloud at most: shared memory is laid out by it.
+    /// Largest number of points of a cloud: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_points: u32,
 }
@@ -37,14 +37,14 @@ impl Operator for IngestPcd {
     type Params = PcdParams;
     const KIND: Kind = Kind {
         name: "ingest.pcd",
-        about: "Point cloud files (PCD), one per tick.",
+        about: "Reads point cloud files (PCD), one per tick.",
         role: Role::Operator,
         inputs: &[],
         outputs: &[Output {
             name: "cloud",
             sample: PointCloud::KIND,
             frame: FrameRule::Key,
-            about: "The cloud as its file has it; organised where the file is.",
+            about: "The cloud of the file; organised if the file is.",
         }],
         timer: Timer::Required,
     };

@@ -44,7 +44,8 @@ pub struct One;
 
 impl Bladders for One {
     const NAME: &'static str = "rig.one_bladder";
-    const ABOUT: &'static str = "A head on one bladder, which moves in height, as a depth camera sees it.";
+    const ABOUT: &'static str =
+        "Simulates a head on one bladder, which moves in height, seen by a depth camera.";
     fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
         rigs::one_bladder(setup)
     }
@@ -56,7 +57,7 @@ pub struct Three;
 impl Bladders for Three {
     const NAME: &'static str = "rig.three_bladders";
     const ABOUT: &'static str =
-        "A head on three bladders, which moves in height, pitch and roll, as a depth camera sees it.";
+        "Simulates a head on three bladders, which moves in height, pitch and roll, seen by a depth camera.";
     fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
         rigs::three_bladders(setup)
     }
@@ -68,7 +69,7 @@ pub struct Eight;
 impl Bladders for Eight {
     const NAME: &'static str = "rig.eight_bladders";
     const ABOUT: &'static str =
-        "A head between eight bladders, which moves in all six directions, as a depth camera sees it.";
+        "Simulates a head between eight bladders, which moves in all six directions, seen by a depth camera.";
     fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
         rigs::eight_bladders(setup)
     }
@@ -105,14 +106,14 @@ impl<K: Bladders> Operator for BladderRig<K> {
                 sample: Duties::KIND,
                 policy: Policy::Latest,
                 required: false,
-                about: "How far the valves are to be open. Without it they stay shut.",
+                about: "Duties of the valves. If it is not connected, the valves stay shut.",
             },
             Input {
                 name: "fault",
                 sample: ConsoleCommand::KIND,
                 policy: Policy::Queue(16),
                 required: false,
-                about: "What people break while it runs: `console.fault`.",
+                about: "Faults that people cause during the run: `console.fault`.",
             },
         ],
         outputs: &[
@@ -120,7 +121,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
                 name: "depth",
                 sample: DepthImage::KIND,
                 frame: FrameRule::Key,
-                about: "What the camera measures, in counts of 0.1 mm.",
+                about: "The depth image, in counts of 0.1 mm.",
             },
             Output {
                 name: "truth",

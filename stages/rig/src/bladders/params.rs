@@ -21,7 +21,7 @@ pub enum Motion {
     Nods,
 }
 
-/// What the valves do when duties stop.
+/// Safe state of the valves when duties stop.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Safe {
     /// Inlets shut, outlets open to the room.
@@ -91,13 +91,13 @@ pub struct PushParams {
 /// The camera of a rig.
 #[derive(Clone, Copy, Debug, Params)]
 pub struct RigCameraParams {
-    /// Time from one image to the next: a multiple of the rig's own `every`.
+    /// Time from one image to the next: a multiple of the rig's `every`.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "10 s")]
     pub every: u64,
-    /// Part of the images that get lost.
+    /// Fraction of the images that is lost.
     #[param(default = 0, min = 0, max = 1)]
     pub lost: f64,
-    /// Whose errors the camera has.
+    /// The camera whose noise is simulated.
     #[param(default = "structured_light")]
     pub noise: Noise,
     /// Pixels in a row.
@@ -114,38 +114,38 @@ pub struct RigCameraParams {
 /// Parameters of `rig.one_bladder` and its kin.
 #[derive(Clone, Debug, Params)]
 pub struct BladderParams {
-    /// What the person does without wanting to: how far a head would move that nothing holds.
+    /// The involuntary motion of the person: how far the head would move without control.
     #[param(default = "nods")]
     pub motion: Motion,
-    /// Number that drift and coughs are drawn from. The camera's noise comes from the pipeline's seed.
+    /// Seed of drift and coughs. The camera's noise comes from the pipeline's seed.
     #[param(default = 7)]
     pub seed: u64,
-    /// The motion is multiplied by it.
+    /// Factor of the motion.
     #[param(default = 1, min = 0, max = 10)]
     pub strength: f64,
     /// Mass of the head.
     #[param(unit = "kg", default = "5 kg", min = "2 kg", max = "8 kg")]
     pub head_mass: f64,
-    /// What the head is seen to rest on.
+    /// The object that the head rests on in the image.
     #[param(default = "pads")]
     pub setting: Setting,
-    /// Size of the head that is seen; 1 is an adult's.
+    /// Size of the head in the image; 1 is an adult's head.
     #[param(default = 1, min = 0.5, max = 1.5)]
     pub head_scale: f64,
     /// The camera.
     pub camera: RigCameraParams,
-    /// How long duties are good for.
+    /// Time for which duties are valid.
     #[param(unit = "ns", default = "60 ms", min = "1 ms", max = "10 s")]
     pub time_to_live: u64,
-    /// What the valves do when duties stop.
+    /// Safe state of the valves when duties stop.
     #[param(default = "vent")]
     pub safe: Safe,
     /// Longest step of the plant.
     #[param(unit = "ns", default = "1 ms", min = "10 us", max = "1 ms")]
     pub plant_step: u64,
-    /// What others do to the head.
+    /// Pushes by the hand of another person.
     pub pushes: Option<Vec<PushParams>>,
-    /// What breaks, and when.
+    /// Faults and their times.
     pub faults: Option<Vec<FaultParams>>,
 }
 

@@ -5,7 +5,7 @@ use stillpoint_samples::{DutiesElement, RigMode};
 /// Inlet and outlet of a bladder whose air goes out.
 const VENTED: [f64; 2] = [0.0, 1.0];
 
-/// What the valves do when duties stop.
+/// Safe state of the valves when duties stop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Safe {
     /// Inlets shut, outlets open to the room.

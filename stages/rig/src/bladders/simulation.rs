@@ -54,7 +54,7 @@ pub struct Push {
 pub struct Surroundings {
     /// What the person does.
     pub involuntary: Involuntary,
-    /// What others do to the head.
+    /// Pushes by the hand of another person.
     pub pushes: Vec<Push>,
     /// What breaks.
     pub faults: Vec<Scheduled>,

@@ -17,23 +17,23 @@ pub struct FaceParams {
     pub smoothing: Option<MlsParams>,
     /// Distance within which a voxel belongs to the plane.
     pub plane_tolerance: f64,
-    /// Plane hypotheses at most; eight times as many where no frame before had a plane.
+    /// Largest number of plane hypotheses; eight times as many until a frame has had a plane.
     pub iterations: u32,
-    /// Height over the plane at which the face starts.
+    /// Smallest height of the face above the plane.
     pub height_min: f64,
-    /// Height over the plane at which the face ends.
+    /// Largest height of the face above the plane.
     pub height_max: f64,
     /// Distance within which two voxels belong to one cluster.
     pub cluster_tolerance: f64,
-    /// Voxels that a face or a plane has at least.
+    /// Smallest number of voxels of a face or a plane.
     pub min_points: usize,
-    /// Which voxels over the plane are the face.
+    /// Rule by which voxels above the plane are the face.
     pub rule: Rule,
     /// Mean distance of an adult head's surface from its middle, for [`Rule::Head`].
     pub head_radius: f64,
 }
 
-/// Which voxels over the plane are the face.
+/// Rule by which voxels above the plane are the face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Rule {
     /// Those of the largest cluster, as the dissertation has it.

@@ -60,7 +60,7 @@ impl Operator for TrackHead {
     type Params = HeadParams;
     const KIND: Kind = Kind {
         name: "track.head",
-        about: "Pose of a head against a reference capture, with what the surface constrains of it.",
+        about: "Measures the pose of a head against a captured reference, with the directions that the surface constrains.",
         role: Role::Operator,
         inputs: &[
             Input {
@@ -75,14 +75,14 @@ impl Operator for TrackHead {
                 sample: ConsoleCommand::KIND,
                 policy: Policy::Queue(8),
                 required: false,
-                about: "`capture` makes the next face the reference; other commands are not for it.",
+                about: "`capture` makes the next face the reference; other commands are ignored.",
             },
             Input {
                 name: "rejection",
                 sample: Rejection::KIND,
                 policy: Policy::Queue(1),
                 required: false,
-                about: "Frames without a face: each has a report that says so. Without it, there is silence.",
+                about: "Frames without a face: each causes a report. If it is not connected, such frames cause no report.",
             },
         ],
         outputs: &[
@@ -90,25 +90,25 @@ impl Operator for TrackHead {
                 name: "pose",
                 sample: Pose::KIND,
                 frame: FrameRule::KeyOr("face"),
-                about: "The head's pose, couch_from_head; none where the head is lost.",
+                about: "The pose of the head, couch_from_head; no sample if the head is lost.",
             },
             Output {
                 name: "three_points",
                 sample: Pose::KIND,
                 frame: FrameRule::KeyOr("face"),
-                about: "The same by three points and the quaternion of their cross-covariance.",
+                about: "The pose by three points and the quaternion of their cross-covariance.",
             },
             Output {
                 name: "reference",
                 sample: PointCloud::KIND,
                 frame: FrameRule::SameAs("face"),
-                about: "The reference, once when it is complete.",
+                about: "The reference, sent once when it is complete.",
             },
             Output {
                 name: "report",
                 sample: PoseReport::KIND,
                 frame: FrameRule::KeyOr("face"),
-                about: "How each frame's pose was found, or why there is none, its fit, and which directions the surface constrains.",
+                about: "For each frame: how the pose was found or why there is none, its fit, and the directions that the surface constrains.",
             },
         ],
         timer: Timer::No,

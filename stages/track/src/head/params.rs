@@ -15,7 +15,7 @@ pub enum Method {
     ThreePoints,
 }
 
-/// What makes a face the reference.
+/// Event that makes a face the reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum CaptureBy {
     /// It is the first one. A command makes another one it.
@@ -36,25 +36,25 @@ pub enum Origin {
 /// Parameters of `track.head`.
 #[derive(Clone, Debug, Params)]
 pub struct HeadParams {
-    /// What makes the pose that is sent as `pose`. The three points' is always sent beside it.
+    /// Method of the pose that is sent as `pose`. The pose by three points is always sent beside it.
     #[param(default = "dense")]
     pub method: Method,
-    /// What makes a face the reference.
+    /// Event that makes a face the reference.
     #[param(default = "first")]
     pub capture: CaptureBy,
-    /// A PCD file with a reference to start with: a face, in the frame of `face`. A command replaces it.
+    /// A PCD file with the reference at the start: a face, in the frame of `face`. A `capture` replaces it.
     #[param(file)]
     pub reference: Option<String>,
-    /// Frames that a reference is made of. The head may move: each is brought onto the first.
+    /// Number of frames of a reference. The head may move: each frame is aligned with the first.
     #[param(default = 1, min = 1, max = 16)]
     pub capture_frames: u32,
-    /// Which point of the head its pose is given for. Its axes are those of the pose's frame at the capture.
+    /// Origin of the pose in the head. The axes of the head are those of the pose's frame at the capture.
     #[param(default = "centroid")]
     pub origin: Origin,
     /// Distance between the patches of the reference's surface.
     #[param(unit = "m", default = "4 mm", min = "1 mm", max = "20 mm")]
     pub spacing: f64,
-    /// Radius of the points that a patch is fitted to; it grows where the reference has too few points for it.
+    /// Radius of the points that a patch is fitted to; it grows where the reference has too few points.
     #[param(unit = "m", default = "8 mm", min = "2 mm", max = "40 mm")]
     pub smoothing: f64,
     /// A point within this distance lies on the reference.
