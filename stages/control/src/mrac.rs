@@ -51,7 +51,7 @@ pub enum MracError {
         channels: usize,
     },
     /// More features, or channels, than gains are kept for.
-    #[error("{0} numbers are more than a regressor has room for: {ROOM}")]
+    #[error("{0} numbers are too many for a regressor: it has room for {ROOM}")]
     TooMany(usize),
 }
 

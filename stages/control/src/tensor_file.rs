@@ -9,7 +9,7 @@ const GREATEST_FILE: usize = 16 << 20;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TensorFileError {
     /// It is no file of this format.
-    #[error("it is no safetensors file: {0}")]
+    #[error("it is not a safetensors file: {0}")]
     Form(String),
     /// A tensor is not there, or of another form.
     #[error("the tensor `{name}` {reason}")]
@@ -50,7 +50,7 @@ impl<'a> TensorFile<'a> {
         let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
         let (header, numbers) = rest.split_at_checked(length).ok_or_else(|| form("its header is cut off"))?;
         let header = serde_json::from_slice(header).map_err(|e| form(&e.to_string()))?;
-        let Value::Object(header) = header else { return Err(form("its header is no JSON object")) };
+        let Value::Object(header) = header else { return Err(form("its header is not a JSON object")) };
         Ok(Self { header, numbers })
     }
 
@@ -84,7 +84,7 @@ impl<'a> TensorFile<'a> {
         };
         let due = shape.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
         if due != Some(values.len()) {
-            return Err(wrong("has another number of numbers than its shape says"));
+            return Err(wrong("does not have as many numbers as its shape says"));
         }
         Ok((values, shape))
     }
@@ -113,7 +113,8 @@ impl<'a> TensorFile<'a> {
     /// It is not there, or no such list.
     pub fn numbers(&self, name: &'static str) -> Result<Vec<f64>, TensorFileError> {
         let text = self.text(name)?;
-        let wrong = |_| TensorFileError::Metadata { name, reason: format!("is no list of numbers: {text}") };
+        let wrong =
+            |_| TensorFileError::Metadata { name, reason: format!("is not a list of numbers: {text}") };
         text.split(',').map(|v| v.parse().map_err(wrong)).collect()
     }
 }

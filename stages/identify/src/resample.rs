@@ -43,7 +43,7 @@ pub struct Resampled {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ResampleError {
     /// Too few samples to have a sample time.
-    #[error("the {what} has {found} samples with numbers: a record needs more")]
+    #[error("the {what} has {found} finite samples: a record needs more")]
     TooFew {
         /// Input or output.
         what: &'static str,

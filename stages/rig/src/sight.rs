@@ -91,7 +91,7 @@ impl Sight {
     ) -> Result<Self, SetupError> {
         let frame = setup.output_frames.first().and_then(Option::as_deref).unwrap_or_default();
         let couch_from_camera = setup.transform(COUCH, frame).ok_or_else(|| {
-            SetupError(format!("place the frame `{frame}` in `frames` so that it hangs on `{COUCH}`"))
+            SetupError(format!("place the frame `{frame}` in `frames` so that it is connected to `{COUCH}`"))
         })?;
         let (width, height) = (params.width, params.height);
         let (cx, cy) = ((f64::from(width) - 1.0) / 2.0, (f64::from(height) - 1.0) / 2.0);

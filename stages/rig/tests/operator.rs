@@ -74,5 +74,8 @@ fn a_camera_that_hangs_on_no_couch_is_refused_with_what_to_do() {
     let text = TEXT.replace("parent: couch", "parent: ceiling");
     let registry = Registry::new(&[stillpoint_rig::STAGES]);
     let error = run(&text, &registry, &MemoryFiles::default(), 100).err().unwrap();
-    assert!(error.contains("place the frame `camera` in `frames` so that it hangs on `couch`"), "{error}");
+    assert!(
+        error.contains("place the frame `camera` in `frames` so that it is connected to `couch`"),
+        "{error}"
+    );
 }

@@ -199,7 +199,7 @@ fn identified(name: &str, bytes: &[u8], plant: &CheckedPlant, period: f64) -> Re
     else {
         let (n, m) = (plant.channels.count(), plant.effect.bladders());
         return Err(said(format!(
-            "a model has one input and one output, and `plant` has {m} bladders and {n} channels: hold one channel with one bladder, or take `model` out"
+            "a model has one input and one output, and `plant` has {m} bladders and {n} channels: hold one channel with one bladder, or remove `model`"
         )));
     };
     Identified::new(&model, channel.unit(), plant.scale[0], period).map_err(|e| said(e.to_string()))

@@ -172,7 +172,7 @@ fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Res
         (FeatureMap::Lstm, Some(name)) => name,
         (FeatureMap::Tanh, Some(name)) => {
             return Err(SetupError(format!(
-                "`model` is {name}, and `features: tanh` needs none: say `features: lstm`, or take it out"
+                "`model` is {name}, and `features: tanh` needs no model: set `features: lstm`, or remove `model`"
             )));
         }
         (FeatureMap::Lstm, None) => {

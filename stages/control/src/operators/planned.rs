@@ -43,7 +43,7 @@ pub fn planned(params: &[MoveParams], channels: &Channels) -> Result<Vec<Planned
         if let Some(stray) = ALL.iter().find(|c| named(c)) {
             let name = stray.name();
             return Err(SetupError(format!(
-                "`moves[{place}]` moves {name}, which is not held: add {name} to `channels`, or take it out"
+                "`moves[{place}]` moves {name}, which is not held: add {name} to `channels`, or remove it"
             )));
         }
         if to.iter().all(Option::is_none) {
@@ -88,7 +88,7 @@ pub fn refuse_unmoved(rig: &Rig, channels: &Channels) -> Result<(), SetupError> 
     match channels.iter().find(|channel| !rig.moves(*channel)) {
         None => Ok(()),
         Some(stuck) => Err(SetupError(format!(
-            "`channels` has {}, and the bladders of `rig` move {}: take it out, or name another rig",
+            "`channels` has {}, and the bladders of `rig` move {}: remove it, or name another rig",
             stuck.name(),
             moved()
         ))),

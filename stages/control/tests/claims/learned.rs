@@ -144,7 +144,7 @@ fn controllers_refuse_what_does_not_fit_with_the_place() {
         ("control.mrac, every: 10 ms, params: { model: net }", "`features: tanh` needs none"),
         (
             "control.mrac, every: 10 ms, params: { features: lstm, model: junk }",
-            "`model`: junk: it is no safetensors",
+            "`model`: junk: it is not a safetensors",
         ),
         ("control.mrac, every: 200 ms, params: { features: lstm, model: net }", "its sample time is 100 ms"),
         (

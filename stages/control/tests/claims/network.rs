@@ -131,7 +131,7 @@ fn a_file_of_something_else_is_refused_with_what_is_wrong() {
         ),
         ("output.weight", "output.weighs", "`output.weight` is missing"),
         ("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", "is neither F32 nor F64"),
-        ("\"shape\":[36,9]", "\"shape\":[36,8]", "another number of numbers"),
+        ("\"shape\":[36,9]", "\"shape\":[36,8]", "not have as many numbers"),
         ("z,pitch,roll", "z,pitch,rool", "names a channel that does not exist"),
         ("\"bladders\":\"3\"", "\"bladders\":\"2\"", "has 9 numbers where 7 are due"),
         ("\"window\":\"6\"", "\"window\":\"x\"", "is no number"),

@@ -228,7 +228,7 @@ impl<const N: usize, const M: usize, X: InSamples<N>> Fusion for FusionOf<N, M, 
         let own = side as usize;
         let Some(local) = self.channels.read::<X>(track) else {
             return Err(format!(
-                "`{}` has other channels than this fusion, or numbers that are none: give both filters and this the same `follow`",
+                "`{}` has other channels than this fusion, or values that are not finite: give both filters and this operator the same `follow`",
                 NAMES[own]
             ));
         };

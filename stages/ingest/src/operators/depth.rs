@@ -90,13 +90,13 @@ impl Operator for IngestDepth {
         let refuse = |reason: &str| Err(SetupError(reason.to_string()));
         match (setup.is_connected(IMAGE), &params.files, &params.camera) {
             (true, Some(_), _) => refuse("it has both `image` and `files`: remove one of them"),
-            (true, None, Some(_)) => refuse("an image brings its own intrinsics: remove `camera`"),
+            (true, None, Some(_)) => refuse("an image has its own intrinsics: remove `camera`"),
             (true, None, None) if setup.every.is_some() => {
-                refuse("it runs when an image comes: remove `every`")
+                refuse("it runs when an image arrives: remove `every`")
             }
             (true, None, None) => from_port(setup),
             (false, None, _) => refuse("it has neither `image` nor `files`: connect or name one of them"),
-            (false, Some(_), None) => refuse("its files bring no intrinsics: add `camera` to its `params`"),
+            (false, Some(_), None) => refuse("its files have no intrinsics: add `camera` to its `params`"),
             (false, Some(place), Some(camera)) => from_files(&params, place, camera, setup),
         }
         .map(Self)
@@ -168,7 +168,9 @@ fn send(counts: &[u16], camera: &samples::Intrinsics, outputs: &mut Outputs<'_>)
     let numbers = [pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy, pinhole.metres_per_count];
     let usable = numbers.iter().all(|n| n.is_finite()) && pinhole.fx > 0.0 && pinhole.fy > 0.0;
     if !usable {
-        return Err(StepError(format!("an image came with intrinsics that no camera has: {numbers:?}")));
+        return Err(StepError(format!(
+            "the intrinsics of an image are impossible for a camera: {numbers:?}"
+        )));
     }
     deproject_into(counts, camera.width as usize, camera.height as usize, &pinhole, outputs)
 }

@@ -153,7 +153,7 @@ fn messages(bytes: &[u8]) -> Result<impl Iterator<Item = Result<Message<'_>, Str
     let unread = |e: McapError| match e {
         McapError::BadMagic => "it is no MCAP file".to_string(),
         McapError::UnexpectedEof => {
-            "it ends in the middle of a record: mend a copy of it with `stillpoint recover`".to_string()
+            "it ends in the middle of a record: repair a copy of it with `stillpoint recover`".to_string()
         }
         other => other.to_string(),
     };

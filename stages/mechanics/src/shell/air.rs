@@ -40,7 +40,7 @@ impl Air {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum AirError {
     /// No air, less than none, or no number.
-    #[error("{mass} kg of air is no amount; give a finite one above 0")]
+    #[error("{mass} kg is not an amount of air; give a finite amount above 0")]
     Mass {
         /// The mass given, kg.
         mass: f64,

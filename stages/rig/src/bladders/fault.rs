@@ -69,16 +69,16 @@ impl Said {
         let given = (command.given as usize).min(command.values.len());
         let value = |i: usize| command.values[..given].get(i).copied();
         let Some(kind) = value(0) else {
-            return Err("a fault has no name: give one, or 0 to mend all".into());
+            return Err("the fault has no name: give one, or 0 to remove all faults".into());
         };
         if kind == 0.0 {
             return Ok(Self::Mend);
         }
-        let which =
-            whole(value(1).unwrap_or(0.0)).ok_or("which part it is must be a whole number, from 0")?;
+        let which = whole(value(1).unwrap_or(0.0))
+            .ok_or("the number of the valve or bladder must be a whole number from 0")?;
         let left = || {
             let left = value(2).unwrap_or(0.0);
-            (0.0..=1.0).contains(&left).then_some(left).ok_or("what is left must be from 0 to 1")
+            (0.0..=1.0).contains(&left).then_some(left).ok_or("the fraction that is left must be from 0 to 1")
         };
         let known =
             RigFault::ALL.iter().map(|(_, fault)| *fault).find(|fault| f64::from(*fault as u32) == kind);

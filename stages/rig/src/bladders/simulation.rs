@@ -31,7 +31,7 @@ pub enum StartError {
         count: usize,
     },
     /// A person broke too much.
-    #[error("people broke {MOST_BROKEN} things already: mend them first")]
+    #[error("{MOST_BROKEN} faults by people are active already: send `mend` first")]
     TooMuchBroken,
 }
 
