@@ -11,7 +11,7 @@ pub const SMALLEST: u32 = 40;
 /// The model that the crate ships.
 static MODEL: &[u8] = include_bytes!("../data/seeta_fd_frontal_v1.0.bin");
 
-/// How faces are looked for.
+/// How faces are searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectParams {
     /// Which way the tops of the heads point in the image.
@@ -20,7 +20,7 @@ pub struct DetectParams {
     pub smallest: u32,
     /// Side of the largest face, in pixels.
     pub largest: u32,
-    /// Faces that the detector is less certain of are left out.
+    /// Smallest certainty of a face.
     pub least_score: f64,
 }
 
@@ -33,7 +33,7 @@ pub struct Face {
     pub score: f64,
 }
 
-/// Finds faces. It remembers nothing from image to image.
+/// Finds faces. It keeps no state from image to image.
 pub struct FaceDetector {
     model: Model,
     view: View,
@@ -48,8 +48,8 @@ impl FaceDetector {
         Ok(Self { model: rustface::read_model(MODEL)?, view: View::default() })
     }
 
-    /// The faces in an image of rows of `width` pixels, the most certain first; of equals the one that is farther to the
-    /// left, then farther up.
+    /// The faces in an image of rows of `width` pixels, the most certain first. Of equally certain faces the one
+    /// farther left comes first, then the one farther up.
     pub fn find(&mut self, image: &[u8], width: usize, params: &DetectParams) -> Vec<Face> {
         let reduce = (params.smallest / SMALLEST).max(1);
         let largest = (params.largest / reduce).max(SMALLEST);

@@ -18,7 +18,7 @@ const MAX_FACES: usize = 16;
 /// Which way the top of the head points in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Top {
-    /// Up: a person who stands before the camera.
+    /// Up: a person in front of the camera.
     Up,
     /// To the right.
     Right,
@@ -58,7 +58,7 @@ pub struct DetectFaceParams {
     pub min_score: f64,
 }
 
-/// Sends the faces of each image; none where it shows none.
+/// Sends the faces of each image; an empty list if there is no face.
 pub struct DetectFace {
     detector: FaceDetector,
     params: DetectParams,

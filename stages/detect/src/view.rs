@@ -1,10 +1,10 @@
-//! An image as the detector wants it: heads upright, no larger than needed, with a margin.
+//! An image prepared for the detector: heads upright, no larger than needed, with a margin.
 
 /// Which way the top of the head points in an image. The number is that of a sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Top {
-    /// Up: a person who stands before the camera.
+    /// Up: a person in front of the camera.
     Up = 0,
     /// To the right.
     Right = 1,
@@ -50,8 +50,8 @@ pub struct View {
 }
 
 impl View {
-    /// Shows an image of rows of `width` pixels. What does not fill a whole pixel of the view at its right and lower edge
-    /// is left out.
+    /// Takes an image of rows of `width` pixels. Columns and rows at the right and lower edge that do not fill a whole
+    /// pixel of the view are left out.
     pub fn show(&mut self, image: &[u8], width: usize, viewing: &Viewing) {
         let height = image.len().checked_div(width).unwrap_or(0);
         self.reduce(image, width, height, viewing.reduce.max(1));

@@ -1,4 +1,4 @@
-//! Which channels of a pose a filter follows, and how they stand in samples.
+//! The channels of a pose that a filter estimates, and their layout in samples.
 
 use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, Translation3, Unit};
 use stillpoint_operator::Choice;
@@ -10,7 +10,7 @@ use crate::measurement::Measurement;
 use crate::process::{Hold, ProcessNoise};
 use crate::state::State;
 
-/// What of a pose is followed.
+/// The part of a pose that is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Follow {
     /// The position along x alone.
@@ -31,7 +31,7 @@ pub struct Channels<const N: usize> {
     places: [usize; N],
 }
 
-/// A mean that stands in samples.
+/// A mean that can be written into samples.
 pub trait InSamples<const N: usize>: Manifold<N> + Send + 'static {
     /// The mean of a pose; `None` where it has none.
     fn read(position: [f64; 3], orientation: [f64; 4], channels: &Channels<N>) -> Option<Self>;
@@ -67,7 +67,7 @@ impl<const N: usize> Channels<N> {
         SVector::from_fn(|i, _| if self.places[i] < 3 { length } else { angle })
     }
 
-    /// The measurement in a pose. A pose without a usable mean gives one that every filter refuses.
+    /// The measurement in a pose. A pose without a usable mean gives a measurement that every filter refuses.
     pub fn measurement<X: InSamples<N>>(&self, pose: &PoseElement) -> Measurement<N, X> {
         let place = |i: usize, j: usize| pose.covariance[6 * self.places[i] + self.places[j]];
         match X::read(pose.position, pose.orientation, self) {
@@ -76,7 +76,7 @@ impl<const N: usize> Channels<N> {
         }
     }
 
-    /// A track with the numbers of a state, and nothing yet about what they stand on.
+    /// A track with the numbers of a state, without the account of the measurement behind it.
     pub fn track<X: InSamples<N>>(&self, state: &State<N, X>, process: &ProcessNoise<N>) -> TrackElement {
         let mut track = TrackElement { channels: self.bits(), ..TrackElement::NONE };
         state.position.write(self, &mut track);
@@ -100,7 +100,7 @@ impl<const N: usize> Channels<N> {
         track
     }
 
-    /// Writes what a measurement did: its innovation and the gain, N rows for the position and N for the velocity.
+    /// Writes the effect of a measurement: its innovation and the gain, N rows for the position and N for the velocity.
     pub fn write_innovation(
         &self,
         residual: &SVector<f64, N>,
@@ -123,14 +123,14 @@ impl<const N: usize> Channels<N> {
 pub struct LocalTrack<const N: usize, X> {
     /// The state at the sample's origin; `None` where the filter has no estimate.
     pub state: Option<State<N, X>>,
-    /// The accelerations that the filter takes for possible.
+    /// The process noise of the filter.
     pub process: ProcessNoise<N>,
-    /// What it did with the measurement behind the sample; `None` where it used none.
+    /// How the filter used the measurement behind the sample; `None` if it used none.
     pub update: Option<Update<N>>,
 }
 
 impl<const N: usize> Channels<N> {
-    /// Reads a track of these channels; `None` where it has others, or numbers that no filter sends.
+    /// Reads a track of these channels; `None` if it has other channels, or numbers that no filter sends.
     pub fn read<X: InSamples<N>>(&self, track: &TrackElement) -> Option<LocalTrack<N, X>> {
         if track.channels != self.bits() {
             return None;
@@ -186,7 +186,7 @@ impl<const N: usize> InSamples<N> for SVector<f64, N> {
     }
 }
 
-/// Squared norms of quaternions that pass for a rotation.
+/// Squared norms of quaternions that are accepted as a rotation.
 const UNIT: std::ops::Range<f64> = 0.99..1.01;
 
 impl InSamples<6> for Isometry3<f64> {

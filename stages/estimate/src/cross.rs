@@ -1,15 +1,15 @@
-//! The covariance of the errors of two tracks of one motion with each other (SCIENCE D3).
+//! The cross covariance of the errors of two tracks of one motion (SCIENCE D3).
 //!
-//! Both filters are surprised by the same accelerations, so their errors go together:
-//! P12 = (I - K1 H)(F P12 F^T + Q)(I - K2 H)^T. The two need not be updated at the same times: an update of the first
-//! multiplies from the left, one of the second from the right, and between updates P12 is predicted. A filter's own
-//! measurement noise is nobody else's, so P12 is 0 when either track begins.
+//! The same accelerations act on both filters, so their errors are correlated: P12 = (I - K1 H)(F P12 F^T + Q)(I - K2
+//! H)^T. The two filters need not be updated at the same times: an update of the first multiplies from the left, an
+//! update of the second from the right, and between updates P12 is predicted. The measurement noises of the filters are
+//! independent, so P12 is 0 when either track begins.
 
 use nalgebra::{SMatrix, SVector};
 
 use crate::process::{Hold, ProcessNoise};
 
-/// Updates that can wait for the other track to get as far.
+/// Largest number of updates that wait until the other track is as far.
 const WAITING: usize = 16;
 
 /// Which of the two tracks.
@@ -21,7 +21,7 @@ pub enum Side {
     Second,
 }
 
-/// What a filter did with a measurement.
+/// How a filter used a measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Update<const N: usize> {
     /// It began a track.
@@ -37,7 +37,7 @@ struct PendingUpdate<const N: usize> {
     update: Update<N>,
 }
 
-/// P12, from update to update of either track. It allocates nothing.
+/// P12 over the updates of both tracks. It does not allocate.
 #[derive(Debug, Clone)]
 pub struct CrossCovariance<const N: usize, const M: usize> {
     p12: SMatrix<f64, M, M>,
@@ -51,14 +51,14 @@ pub struct CrossCovariance<const N: usize, const M: usize> {
 }
 
 impl<const N: usize, const M: usize> CrossCovariance<N, M> {
-    /// Tracks that have nothing in common yet. `process` is the noise that they share.
+    /// Tracks without correlation. `process` is the noise that they share.
     #[must_use]
     pub fn new(process: ProcessNoise<N>) -> Self {
         const { assert!(M == 2 * N, "M is twice N: positions, then velocities") };
         Self { p12: SMatrix::zeros(), at: 0, process, known: [0; 2], waiting: [None; WAITING] }
     }
 
-    /// The noise that two filters share which take different accelerations for possible: the geometric mean.
+    /// The process noise that two filters with different process noises share: the geometric mean.
     #[must_use]
     pub fn shared(first: &ProcessNoise<N>, second: &ProcessNoise<N>) -> ProcessNoise<N> {
         let mean = |a: f64, b: f64| (a * b).sqrt();
@@ -70,13 +70,13 @@ impl<const N: usize, const M: usize> CrossCovariance<N, M> {
         ProcessNoise { acceleration_sd: SVector::from_fn(|i, _| mean(a[i], b[i])), hold }
     }
 
-    /// States the noise that the tracks share from here on.
+    /// Sets the process noise that the tracks share from here on.
     pub fn share(&mut self, process: ProcessNoise<N>) {
         self.process = process;
     }
 
-    /// Takes notice of an update of one track at `time`, ns. Updates of one track come in the order of time; those of
-    /// both together need not.
+    /// Takes an update of one track at `time`, ns. Updates of one track come in the order of time; updates of both
+    /// together need not.
     pub fn record(&mut self, side: Side, time: u64, update: Update<N>) {
         let step = PendingUpdate { time: time.max(self.at), side, update };
         if self.waiting[WAITING - 1].is_some() {
@@ -107,7 +107,7 @@ impl<const N: usize, const M: usize> CrossCovariance<N, M> {
         self.predicted(&p12, at, time)
     }
 
-    /// Forgets what the tracks have in common, and the times of both.
+    /// Resets the correlation of the tracks and the times of both.
     pub fn restart(&mut self) {
         *self = Self::new(self.process);
     }

@@ -1,4 +1,4 @@
-//! Fusing two tracks of one thing (4.2.3, SCIENCE D3): how much the second one weighs, and what is then known.
+//! Fusion of two tracks of one motion (4.2.3, SCIENCE D3): the weight of the second track, and the fused state.
 //!
 //! Each rule gives a weight W; the fused state is x = x1 + W (x2 - x1). M is twice the number of channels N: positions,
 //! then velocities.
@@ -36,8 +36,8 @@ pub fn cross_covariance<const M: usize>(
     Some(Weighted { weight, covariance: symmetric(p1 - weight * (p1 - p12.transpose())) })
 }
 
-/// The weights as printed, P = (P1^-1 + P2^-1)^-1: right for independent errors, so the covariance that it claims for
-/// tracks of one motion is too small.
+/// The weights as printed, P = (P1^-1 + P2^-1)^-1. They are right for independent errors, so the claimed covariance is
+/// too small for tracks of one motion.
 #[must_use]
 pub fn inverse_variance<const M: usize>(
     p1: &SMatrix<f64, M, M>,
@@ -47,7 +47,7 @@ pub fn inverse_variance<const M: usize>(
 }
 
 /// Covariance intersection, for tracks whose correlation is unknown: P^-1 = (1 - w) P1^-1 + w P2^-1 with the w that
-/// makes the determinant of P least. The result is never too sure, whatever the correlation.
+/// minimises the determinant of P. For any correlation the claimed covariance is not too small.
 #[must_use]
 pub fn intersection<const M: usize>(p1: &SMatrix<f64, M, M>, p2: &SMatrix<f64, M, M>) -> Option<Weighted<M>> {
     let (i1, i2) = (p1.cholesky()?.inverse(), p2.cholesky()?.inverse());

@@ -7,21 +7,21 @@ use crate::state::{Innovation, State};
 use nalgebra::SVector;
 use thiserror::Error;
 
-/// What a filter needs to know. Units are the measurement's (m for SI).
+/// Parameters of a filter. Units are those of the measurement (m for SI).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KalmanParams<const N: usize> {
-    /// How much the motion may change by itself.
+    /// The process noise.
     pub process: ProcessNoise<N>,
-    /// Standard deviation of a channel that the first measurement leaves open.
+    /// Standard deviation of a channel that the first measurement does not measure.
     pub open_sd: SVector<f64, N>,
     /// Standard deviation of the velocity before the first measurement, per second.
     pub initial_velocity_sd: SVector<f64, N>,
-    /// A measurement is refused where nu_i^2 / S_ii of any channel exceeds this; 9 is three standard deviations,
-    /// infinity refuses none. Where the next one fits the refused one better than the track, the track was wrong: it
-    /// begins anew with the two.
+    /// A measurement is refused if nu_i^2 / S_ii of any channel exceeds this; 9 is three standard deviations, infinity
+    /// refuses none. If the next measurement agrees better with the refused one than with the track, the track was
+    /// wrong, and the filter starts again from these two.
     pub gate: f64,
-    /// How long the filter predicts without a measurement that it uses, in nanoseconds. After that it has no state, and
-    /// starts anew.
+    /// Time for which the filter predicts without a measurement that it uses, in nanoseconds. After that it has no
+    /// state, and starts again.
     pub horizon: u64,
 }
 
@@ -33,7 +33,7 @@ pub struct ParamError {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// Its range, in words.
+    /// Its range, as text.
     pub must: &'static str,
 }
 
@@ -43,16 +43,16 @@ pub struct ParamError {
 pub struct StampError {
     /// The filter's stamp, in nanoseconds.
     pub last: u64,
-    /// The stamp refused, in nanoseconds.
+    /// The refused stamp, in nanoseconds.
     pub found: u64,
 }
 
-/// What a step did.
+/// The outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Outcome<const N: usize> {
-    /// Nothing was measured before, or not for the whole horizon: there is no state.
+    /// No measurement came before, or none for the whole horizon: there is no state.
     Waiting,
-    /// The measurement became the state, alone or with the one before, which the track before had refused.
+    /// The measurement became the state, alone or with the measurement before it that the former track had refused.
     Started,
     /// The measurement was used.
     Updated(Innovation<N>),
@@ -64,7 +64,7 @@ pub enum Outcome<const N: usize> {
     Refused,
 }
 
-/// How often each thing happened since the filter was made.
+/// Counts of outcomes since the filter was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Measurements used, those that started a track included.
@@ -77,8 +77,8 @@ pub struct Counts {
     pub refused: u64,
     /// Steps refused for their stamp.
     pub stale: u64,
-    /// Tracks given up: nothing was used for the whole horizon, two measurements in a row agreed that the track was wrong,
-    /// or the numbers had left the range of `f64`.
+    /// Tracks that ended: no measurement was used for the whole horizon, two measurements in a row agreed against the
+    /// track, or the numbers left the range of `f64`.
     pub given_up: u64,
 }
 
@@ -90,7 +90,7 @@ impl Counts {
     }
 }
 
-/// A filter for the position and velocity of N channels, joint in their covariance. It allocates nothing.
+/// A filter for the position and velocity of N channels with a joint covariance. It does not allocate.
 ///
 /// ```
 /// use nalgebra::{Matrix1, Vector1};
@@ -159,7 +159,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         })
     }
 
-    /// A filter whose state at `stamp` is known.
+    /// A filter with a known state at `stamp`.
     ///
     /// # Errors
     /// A parameter outside its range.
@@ -245,7 +245,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         State::at_rest(z, &self.params.open_sd, &self.params.initial_velocity_sd)
     }
 
-    /// The state `stamp` stands for, predicted from the last one, which stays as it is. `None` where there is none, or
+    /// The state at `stamp`, predicted from the last state, which does not change. `None` if there is no state, or if
     /// `stamp` lies before it or beyond the horizon.
     #[must_use]
     pub fn predicted_to(&self, stamp: u64) -> Option<State<N, X>> {
@@ -255,7 +255,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         state.is_finite().then_some(state)
     }
 
-    /// Ends the track, so that the next measurement starts another at whatever stamp.
+    /// Ends the track, so that the next measurement starts another track at any stamp.
     pub fn restart(&mut self) {
         self.give_up();
         self.stamp = None;
@@ -270,7 +270,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         stamp.saturating_sub(self.used_at) > self.params.horizon
     }
 
-    /// What it was made with.
+    /// The parameters of the filter.
     #[must_use]
     pub fn params(&self) -> &KalmanParams<N> {
         &self.params
@@ -294,7 +294,7 @@ impl<const N: usize, X: Manifold<N>> Kalman<N, X> {
         self.run
     }
 
-    /// What happened so far.
+    /// The counts so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts

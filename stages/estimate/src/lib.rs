@@ -1,14 +1,14 @@
 //! Estimates the state behind noisy measurements.
 //!
 //! - [`state`]: the state of a constant-velocity filter and its two equations.
-//! - [`manifold`]: where its mean lives: channels that add, or a pose.
-//! - [`process`]: how much the motion may change by itself.
-//! - [`measurement`]: what is measured, and which channels are open.
+//! - [`manifold`]: the space of the mean: channels that add, or a pose.
+//! - [`process`]: the process noise.
+//! - [`measurement`]: a measurement, and the channels that it does not measure.
 //! - [`kalman`]: the filter, from stamp to stamp.
 //! - [`consistency`]: NIS and NEES.
-//! - [`fusion`], [`cross`]: two tracks of one motion as one, and what their errors have in common.
-//! - [`watch`], [`offset`]: whether a sensor can be used, and how far two clocks are apart.
-//! - [`channels`]: which channels of a pose are followed, and how they stand in samples.
+//! - [`fusion`], [`cross`]: fusion of two tracks of one motion, and the cross covariance of their errors.
+//! - [`watch`], [`offset`]: whether a sensor can be used, and the offset between two clocks.
+//! - [`channels`]: the channels of a pose that are estimated, and their layout in samples.
 //! - [`mod@operators`], `estimate.kalman` and `estimate.fuse`.
 
 #![forbid(unsafe_code)]

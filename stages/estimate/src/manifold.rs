@@ -1,4 +1,4 @@
-//! Where a mean lives: a vector of channels, or a pose, whose rotations do not add.
+//! The space of a mean: a vector of channels, or a pose, whose rotations do not add.
 
 use nalgebra::{Isometry3, SVector, Translation3, Unit, UnitQuaternion, Vector3};
 

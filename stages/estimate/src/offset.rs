@@ -1,11 +1,11 @@
-//! How far the clocks of two sensors are apart, from their tracks of one motion.
+//! The offset between the clocks of two sensors, from their tracks of one motion.
 //!
-//! Stamps that are late by d show where the thing was d earlier: x2 - x1 = b - d v, with b what the sensors differ by at
-//! rest. So d is the slope of the difference over the velocity; without motion there is nothing to tell it by.
+//! Stamps that are late by d show the position of d earlier: x2 - x1 = b - d v, with b the difference of the sensors at
+//! rest. So d is the slope of the difference over the velocity; without motion it cannot be estimated.
 
 use nalgebra::SVector;
 
-/// A running regression that forgets.
+/// A running regression with exponential weights.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClockOffset<const N: usize> {
     /// Share of the past that each new pair leaves.
@@ -59,7 +59,7 @@ impl<const N: usize> ClockOffset<N> {
         self.noise = self.noise * k + variance;
     }
 
-    /// The offset; `None` before anything moved.
+    /// The offset; `None` before any motion.
     #[must_use]
     pub fn estimate(&self) -> Option<Offset> {
         let n = self.weight;

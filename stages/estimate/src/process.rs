@@ -1,4 +1,4 @@
-//! How much the motion may change by itself: the process noise Q of a constant-velocity model, (4.6) and SCIENCE D1.
+//! The process noise Q of a constant-velocity model, (4.6) and SCIENCE D1.
 
 use nalgebra::SVector;
 
@@ -17,8 +17,8 @@ pub enum Hold {
     /// From one stamp to the next, as (4.6) has it. How fast the variance grows then depends on the rate of stamps: at
     /// half the rate it grows twice as fast.
     Step,
-    /// This many seconds whatever the stamps, short against what is looked at: white noise of density
-    /// sigma_a^2 hold. One step of 2 dt then is two of dt, so filters of different rates mean the same motion.
+    /// A fixed time in seconds, independent of the stamps and short compared with the motion: white noise of density
+    /// sigma_a^2 hold. One step of 2 dt then equals two steps of dt, so filters of different rates have the same model.
     Seconds(f64),
 }
 

@@ -5,7 +5,7 @@
 pub enum Verdict {
     /// It is.
     Used,
-    /// Nothing of it was seen yet.
+    /// No sample was seen yet.
     Waiting,
     /// It has sent nothing for too long.
     Silent,
@@ -47,7 +47,7 @@ impl Verdict {
 /// When a sensor is left out, and when it comes back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WatchParams {
-    /// A sensor that sent nothing for this long is silent, ns. A sample that is older than this when it arrives has a
+    /// Time without a sample after which a sensor is silent, ns. A sample that is older than this when it arrives has a
     /// wrong time.
     pub timeout: u64,
     /// A delay from acquisition to arrival that differs by more than this from the one before is a jump of a clock, ns.
@@ -72,11 +72,11 @@ pub struct Report {
     pub arrival: u64,
     /// Repetitions of the measurement.
     pub repeated: u64,
-    /// What the filter made of it.
+    /// How the filter used it.
     pub fate: Fate,
 }
 
-/// What a filter made of a measurement.
+/// How a filter used a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
     /// It was used.
@@ -102,14 +102,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// A watch over a sensor that has sent nothing.
+    /// A watch over a sensor without samples.
     #[must_use]
     pub fn new(params: WatchParams) -> Self {
         Self { params, verdict: Verdict::Waiting, since: 0, last: None, unused: 0, good: 0 }
     }
 
-    /// Whether the time, the content and the track of a sample can be what they say. Only then is there something to
-    /// compare with another sensor.
+    /// Whether time, content and track of a sample are plausible. Only such a sample is compared with the other sensor.
     #[must_use]
     pub fn is_sound(&self, report: &Report) -> bool {
         !self.has_bad_clock(report)
@@ -138,7 +137,7 @@ impl Watch {
         self.give(verdict, report.arrival);
     }
 
-    /// Looks at the time, ns: a sensor that sends nothing is silent.
+    /// Checks the time, ns: a sensor that sends no samples is silent.
     pub fn look(&mut self, time: u64) {
         if self.last.is_some_and(|last| time.saturating_sub(last.arrival) > self.params.timeout) {
             self.good = 0;
@@ -194,7 +193,7 @@ impl Watch {
             || self.last.as_ref().is_some_and(jumped)
     }
 
-    /// What is thought of the sensor.
+    /// The verdict on the sensor.
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         self.verdict
@@ -222,6 +221,6 @@ pub enum Agreement {
     Apart,
     /// Either of the two is wrong, and it cannot be told which.
     Disputed,
-    /// There is nothing to compare with.
+    /// There is no other sensor to compare with.
     Unknown,
 }

@@ -1,4 +1,4 @@
-//! Turns what a sensor or a file gives into organised point clouds.
+//! Converts the output of a sensor or a file into organised point clouds.
 //!
 //! A cloud here is row-major, in metres, in the camera's frame (x right, y down, z forward).
 //! A pixel without a point holds [`INVALID_POINT`].
@@ -7,7 +7,8 @@
 //! - [`depth`]: 16-bit depth images and their deprojection.
 //! - [`grey`]: 8-bit grey images.
 //! - [`point_cloud2`]: clouds as ROS 2 records them.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.grey` and `ingest.mcap`; all else knows nothing of pipelines.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.grey` and `ingest.mcap`. The other modules know nothing of
+//!   pipelines.
 
 pub mod depth;
 pub mod grey;

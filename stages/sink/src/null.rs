@@ -1,4 +1,4 @@
-//! `sink.null`: takes samples of the common types and only counts them. It ends a chain that is measured or tried out.
+//! `sink.null`: takes samples of the common types and only counts them. It ends a chain for measurements and trials.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};

@@ -12,7 +12,7 @@ use crate::watch::{Agreement, Verdict};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dispute {
     None,
-    /// With so many samples in a row that were close again.
+    /// Number of samples in a row that must agree again.
     Open(u64),
 }
 
@@ -64,8 +64,9 @@ impl<const N: usize, const M: usize, X: InSamples<N>> FusionOf<N, M, X> {
         }
     }
 
-    /// Two sensors that are used are apart: the one that left where both were is wrong. One that crept away took the
-    /// estimate along until they were no longer close; by now that is too long ago to tell, and neither is used.
+    /// Two sensors in use disagree: the sensor that left the place where both were is wrong. If one sensor drifted away
+    /// slowly, the estimate followed until they disagreed. Then the last agreement is too long ago to decide, and
+    /// neither is used.
     fn blame(&mut self, mine: &State<N, X>, theirs: &State<N, X>, other: usize, time: u64) -> Agreement {
         let process = self.sensors[other].track.as_ref().map(|(_, track)| track.process);
         let before = self

@@ -23,16 +23,16 @@ pub struct Given {
 
 /// What a measurement brought about.
 pub struct FilterOutput {
-    /// What is sent on the state's topic, where something is.
+    /// The sample for the topic of the state, if there is one.
     pub track: Option<TrackElement>,
-    /// What is sent on the diagnostics' topic.
+    /// The sample for the topic of the diagnostics.
     pub metrics: [Metric; METRICS],
 }
 
 /// A filter of any number of channels.
 pub trait Filter: Send {
-    /// Uses a pose that was measured at `origin` and arrived at `time`, both ns. One that was measured later than it
-    /// arrived, by more than clocks may differ, is not used.
+    /// Uses a pose that was measured at `origin` and arrived at `time`, both ns. A pose that was measured later than it
+    /// arrived, by more than the clocks may differ, is not used.
     fn measure(&mut self, pose: &PoseElement, origin: u64, time: u64, truths: &Truths) -> FilterOutput;
     /// Whether a measurement acquired at `origin`, ns, or later has come.
     fn has_seen(&self, origin: u64) -> bool;
@@ -60,7 +60,7 @@ pub struct FilterOf<const N: usize, X> {
 }
 
 impl<const N: usize, X: InSamples<N>> FilterOf<N, X> {
-    /// A filter that has seen nothing.
+    /// A filter without measurements.
     pub fn new(kalman: Kalman<N, X>, channels: Channels<N>, given: Given, clock_ahead: u64) -> Self {
         Self { kalman, channels, given, clock_ahead, early: 0, last: None, repeated: 0, used_at: 0 }
     }

@@ -21,7 +21,7 @@ pub enum Method {
     CrossCovariance,
     /// By the inverse of the covariances, as the dissertation prints it; the covariance that it claims is too small.
     InverseVariance,
-    /// By covariance intersection: safe where nothing is known of what the tracks have in common.
+    /// By covariance intersection: safe if the correlation of the tracks is unknown.
     Intersection,
 }
 
@@ -68,15 +68,15 @@ pub struct FuseParams {
 
 /// Track-to-track fusion (4.2.3, SCIENCE D3) of sensors of any rates.
 ///
-/// Origins are taken to be on one clock, the session's, which sources map their own to; a constant error of one is
-/// estimated from the motion (`clock_offset_s`, not corrected), a jump, or one that is farther ahead than
-/// `clock_ahead`, leaves the sensor out. The tracks are those of `estimate.kalman` without `every:`, which carry the
+/// All origins are assumed to be on the session's clock, to which sources map their own clocks. A constant offset of
+/// one clock is estimated from the motion (`clock_offset_s`, not corrected). A sensor whose clock jumps, or is farther
+/// ahead than `clock_ahead`, is excluded. The tracks are those of `estimate.kalman` without `every:`, which carry the
 /// gains that the cross covariance needs.
 ///
-/// A track sends the fused state at its origin, and a tick the state predicted to the tick, unless a newer one was
-/// sent. A sensor that is silent, frozen, jumps, has no estimate, or is elsewhere than the other and than the estimate
-/// was is left out, and `health` says why; with neither left there is no estimate, and what is sent says so and has no
-/// numbers.
+/// A track causes the fused state at its origin, and a tick causes the state predicted to the tick, unless a newer one
+/// was sent. A sensor is excluded if it is silent or frozen, if its clock jumps, if it has no estimate, or if it
+/// disagrees with the other sensor and with the last estimate; `health` gives the reason. Without a usable sensor there
+/// is no estimate: the sample says so and has no numbers.
 pub struct EstimateFuse {
     fusion: Box<dyn Fusion>,
 }

@@ -15,7 +15,7 @@ use crate::watch::{Agreement, Fate, Report, Verdict, Watch, WatchParams};
 
 /// Numbers of a diagnostics sample.
 pub const METRICS: usize = 6;
-/// Names of the sensors: those of the inputs.
+/// Names of the sensors: the names of the inputs.
 pub const NAMES: [&str; 2] = ["first", "second"];
 /// Pairs that the offset of the clocks is estimated from: about two minutes of frames.
 const OFFSET_PAIRS: u32 = 4000;
@@ -40,8 +40,8 @@ pub struct FusionParams {
 
 /// A fusion of tracks of any channels.
 pub trait Fusion: Send {
-    /// Takes a track acquired at `origin` that arrived at `time`, both ns. What is then known at `origin`, where that is
-    /// the newest time.
+    /// Takes a track acquired at `origin` that arrived at `time`, both ns. Returns the fused state at `origin`, if that
+    /// is the newest time.
     ///
     /// # Errors
     /// A track of other channels.
@@ -52,7 +52,7 @@ pub trait Fusion: Send {
         origin: u64,
         time: u64,
     ) -> Result<Option<TrackElement>, String>;
-    /// What is known at `time`, ns; `None` where something newer was sent.
+    /// The fused state at `time`, ns; `None` if a newer state was sent.
     fn predict(&mut self, time: u64) -> Option<TrackElement>;
     /// The health of both sensors at `time`, ns.
     fn health(&self, time: u64) -> [SensorHealth; 2];
@@ -87,7 +87,7 @@ pub struct FusionOf<const N: usize, const M: usize, X> {
 }
 
 impl<const N: usize, const M: usize, X: InSamples<N>> FusionOf<N, M, X> {
-    /// A fusion that has seen nothing.
+    /// A fusion without tracks.
     pub fn new(params: FusionParams, channels: Channels<N>) -> Self {
         let sensor = || Sensor { watch: Watch::new(params.watch), track: None, run: 0, used: 0, left_out: 0 };
         Self {

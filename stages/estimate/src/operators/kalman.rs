@@ -1,4 +1,4 @@
-//! `estimate.kalman`: where what is measured is, and how fast it moves.
+//! `estimate.kalman`: position and velocity of a measured pose.
 
 use nalgebra::{Isometry3, SVector};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
@@ -66,14 +66,14 @@ pub struct FilterParams {
 
 /// Constant-velocity filter (SCIENCE D1-D2), from acquisition time to acquisition time.
 ///
-/// Each measurement sends the state at its acquisition time; one that is refused sends the prediction. A direction of
-/// infinite variance is not used. A measurement acquired no later than the last one is counted as late and sends no
-/// state; where all are late for the horizon, the sensor's clock went back, and the track begins anew. One whose
-/// acquisition lies ahead is counted as early, and sends a sample without numbers: there is no estimate of that time.
-/// With a timer, each tick sends the state predicted to the tick, unless a newer one was sent; that changes nothing in
-/// the filter. Where nothing was used for the horizon there is no estimate: what is sent then says so and has no numbers.
-/// Two measurements in a row that the gate refuses, and that agree, begin the track anew; so does the first one against
-/// another reference, where `report` tells.
+/// Each measurement causes a sample with the state at its acquisition time; a refused measurement causes a sample with
+/// the prediction. A direction of infinite variance is not used. A measurement acquired no later than the last one is
+/// counted as late and causes no sample. If all measurements of a horizon are late, the clock of the sensor went back,
+/// and the track starts again. A measurement whose acquisition time lies ahead is counted as early and causes a sample
+/// without numbers, because there is no estimate of that time. With a timer, each tick sends the state predicted to the
+/// tick, unless a newer one was sent; the filter does not change. If no measurement was used for the horizon, there is
+/// no estimate: the sample says so and has no numbers. The track starts again with two measurements in a row that the
+/// gate refuses and that agree, and with the first measurement against another reference, if `report` is connected.
 pub struct EstimateKalman {
     filter: Box<dyn Filter>,
     truths: Truths,
@@ -174,8 +174,8 @@ impl Operator for EstimateKalman {
 }
 
 impl EstimateKalman {
-    /// Hears which reference the pose acquired at `origin`, ns, is relative to. Pose and report are of one activation, and
-    /// either may come first: what was made of the pose meanwhile is made anew.
+    /// Takes the reference of the pose that was acquired at `origin`, ns. Pose and report belong to one activation, and
+    /// either may come first: a pose that was already used is processed again.
     fn hear(&mut self, reference: u32, origin: u64, time: u64) -> Option<FilterOutput> {
         let before = std::mem::replace(&mut self.reference, reference);
         if before == 0 || before == reference {

@@ -11,7 +11,7 @@ pub struct RecordedFile {
     pub bytes: Vec<u8>,
 }
 
-/// Reads the files that `path` means, in the order of their names. Numbers in names count by their digits, so they need
+/// Reads the files that `path` names, in the order of their names. Names are sorted as text, so numbers in names need
 /// leading zeros.
 ///
 /// # Errors

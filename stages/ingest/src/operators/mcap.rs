@@ -14,7 +14,7 @@ use crate::point_cloud2::PointCloud2;
 const CLOUD: usize = 0;
 /// Name of the schema that is read.
 const SCHEMA: &str = "sensor_msgs/msg/PointCloud2";
-/// Points of all clouds together at most: 1 GiB.
+/// Largest number of points of all clouds together: 1 GiB.
 const MOST_POINTS: usize = (1 << 30) / size_of::<[f32; 3]>();
 
 /// Parameters of `ingest.mcap`.
@@ -90,7 +90,7 @@ impl Operator for IngestMcap {
     }
 }
 
-/// Reads the clouds that the parameters ask for. A recorder may write messages of one topic out of order, so their times
+/// Reads the clouds that the parameters select. A recorder may write messages of one topic out of order, so their times
 /// are read first.
 fn read(bytes: &[u8], params: &McapParams) -> Result<Vec<Cloud>, String> {
     let times = log_times(bytes, params)?;

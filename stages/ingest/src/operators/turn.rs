@@ -1,11 +1,11 @@
-//! Whose turn it is: one frame of a recording per tick.
+//! One frame of a recording per tick.
 
 use stillpoint_operator::Choice;
 
 /// What comes after the last frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum AtEnd {
-    /// Nothing: a tick later the operator has finished, and the run ends where nothing else feeds it.
+    /// No frame: a tick later the operator has finished, and the run ends when all its sources have finished.
     Stop,
     /// The first frame.
     Repeat,

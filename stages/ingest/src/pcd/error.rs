@@ -59,7 +59,7 @@ pub enum PcdError {
         line: usize,
         /// The entry.
         key: &'static str,
-        /// What the entry takes, in words.
+        /// The values that the entry takes, as text.
         expected: &'static str,
         /// The text found.
         found: String,

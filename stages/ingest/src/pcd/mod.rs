@@ -1,6 +1,6 @@
 //! Point cloud files (PCD 0.7): bytes in, organised points out.
 //!
-//! - `header`: the text that says what the records look like.
+//! - `header`: the text that describes the records.
 //! - `body`: records to points, for the three encodings.
 //! - `lzf`: the compression of `binary_compressed`.
 //! - `write`: ascii and binary files from points.
