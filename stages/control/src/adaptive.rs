@@ -14,10 +14,10 @@ use crate::projection::{Ball, projected};
 /// Most numbers of a regressor.
 pub const ROOM: usize = 8;
 
-/// A regressor, or the gains of one input over a regressor; zero beyond what is used.
+/// A regressor, or the gains of one input on a regressor; entries beyond its length are zero.
 pub type Column = SVector<f64, ROOM>;
 
-/// How fast gains learn and forget, and how large they may grow.
+/// Learning rates, decay and bounds of the gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
     /// Gamma: learning rate.
@@ -45,7 +45,7 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Gains of zero, for so many inputs.
+    /// Gains of zero for this many inputs.
     #[must_use]
     pub fn new(law: Law, inputs: usize) -> Self {
         Self { law, columns: vec![Column::zeros(); inputs] }

@@ -5,7 +5,7 @@ use stillpoint_operator::Choice;
 use stillpoint_samples::{Standing, TargetElement, TargetStatus, TrackElement};
 use stillpoint_track::angles::PoseNumbers;
 
-/// A channel of a pose. Angles are those of `R = Rz(yaw) Ry(roll) Rx(pitch)`.
+/// A channel of a pose. Angles follow `R = Rz(yaw) Ry(roll) Rx(pitch)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Choice)]
 pub enum Channel {
     /// Position along x.
@@ -143,7 +143,7 @@ impl Channels {
         all
     }
 
-    /// Of six numbers those of the channels, in their order; zero beyond.
+    /// The entries of six numbers that belong to the channels, in their order; zero beyond.
     fn pick(&self, all: &[f64; 6]) -> [f64; 6] {
         let mut picked = [0.0; 6];
         for (to, channel) in picked.iter_mut().zip(self.iter()) {

@@ -14,7 +14,7 @@ pub enum Features {
 }
 
 impl Features {
-    /// Numbers that it makes of this many channels.
+    /// Number of features for this many channels.
     #[must_use]
     pub fn count(&self, channels: usize) -> usize {
         match self {
@@ -23,7 +23,7 @@ impl Features {
         }
     }
 
-    /// Forgets what it saw.
+    /// Clears its memory.
     pub fn restart(&mut self) {
         if let Self::Learned(learned) = self {
             learned.restart();
@@ -53,8 +53,8 @@ impl Features {
 
 /// The features of a network.
 ///
-/// It is fed as it was trained: samples of its own sample time, each the pose at its beginning and the mean duties
-/// during it, and of those the last few from an empty memory. So it forgets, and one bad sample does not stay.
+/// The network gets samples as in training: at its own sample time, each with the pose at its beginning and the mean
+/// duties during it. It processes the last few samples from an empty memory, so one bad sample has no lasting effect.
 #[derive(Clone, Debug)]
 pub struct Learned {
     predictor: Predictor,

@@ -38,14 +38,14 @@ pub struct GoalParams {
     pub over: u64,
 }
 
-/// What was asked for last, and what stands, both counted as targets are; NaN where there is none.
+/// The last requested target and the present one, both counted like targets; NaN if there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Asked {
-    /// What was asked for last.
+    /// The last requested target.
     pub values: [f64; 6],
     /// What stands at the moment.
     pub standing: [f64; 6],
-    /// The bladder that stands in the way of what was asked for last, by its number.
+    /// Number of the bladder that prevents the last requested target.
     pub bladder: Option<usize>,
 }
 
@@ -109,7 +109,7 @@ impl Goal {
         self.start.as_ref().map(|(start, _)| start)
     }
 
-    /// What was asked for last, and what stood at the last [`at`](Self::at).
+    /// The last requested target, and the target at the last [`at`](Self::at).
     #[must_use]
     pub fn asked(&self) -> Asked {
         Asked { values: self.values, standing: self.standing, bladder: self.bladder }
@@ -120,7 +120,7 @@ impl Goal {
         self.next = self.params.moves.len();
     }
 
-    /// Finds the start anew, and holds the head there.
+    /// Measures the start again, and holds the head there.
     pub fn start_anew(&mut self) {
         (self.start, self.settling) = (None, None);
         self.leg = Leg::resting([0.0; 6]);
@@ -204,7 +204,8 @@ impl Goal {
         }
     }
 
-    /// Has the rig look at the way to a target. What it cannot hold is unreachable in all channels that move.
+    /// Checks the way to a target against the rig. If the rig cannot hold the way, all channels that move are
+    /// unreachable.
     fn ask_rig(&mut self, from: &[f64; 6], to: &[f64; 6]) {
         let channels = &self.params.channels;
         if let Err(wall) = self.params.rig.check(&channels.spread(from), &channels.spread(to)) {

@@ -43,7 +43,7 @@ pub enum IdentifiedError {
     /// The output follows the input at once.
     #[error("its output depends on the input of the same moment (D = {0}): no controller can use that")]
     Feedthrough(f64),
-    /// The input does nothing.
+    /// The input has no effect.
     #[error("its input does nothing: B is zero")]
     NoEffect,
 }

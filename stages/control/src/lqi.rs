@@ -135,14 +135,14 @@ impl Lqi {
         &self.plant
     }
 
-    /// Forgets what was integrated, and takes this state for the plant's. The next step integrates nothing.
+    /// Clears the integrators, and takes this state as the state of the plant. The next step integrates nothing.
     pub fn restart(&mut self, x: &[f64]) {
         self.x.copy_from_slice(x);
         self.s.fill(0.0);
         self.rested = true;
     }
 
-    /// Says between which limits the inputs lie, -1 and 1 if nothing is said.
+    /// Sets the limits of the inputs; without it they are -1 and 1.
     pub fn limit(&mut self, limits: [f64; 2]) {
         self.limits = limits;
     }
@@ -152,8 +152,8 @@ impl Lqi {
         self.aim.copy_from_slice(x_r);
     }
 
-    /// Uses the output `y` of this moment and the set-point `r`, and leaves the input in `u`, within its limits. It
-    /// takes nothing from the heap.
+    /// Uses the output `y` at this time and the set-point `r`, and writes the input into `u`, within its limits. It
+    /// does not allocate.
     ///
     /// The integrators take of `r - y` no more than brings the first input to its limit.
     pub fn step(&mut self, y: &[f64], r: &[f64], u: &mut [f64]) {

@@ -147,7 +147,7 @@ impl Lstm {
         tensors
     }
 
-    /// A memory that remembers nothing.
+    /// An empty memory.
     #[must_use]
     pub fn memory(&self) -> Memory {
         let zeros = |l: &Layer| vec![0.0; l.hidden];
@@ -158,7 +158,7 @@ impl Lstm {
         }
     }
 
-    /// One step from a sample `x` of [`inputs`](Self::inputs) numbers. It takes nothing from the heap.
+    /// One step from a sample `x` of [`inputs`](Self::inputs) numbers. It does not allocate.
     pub fn step(&self, x: &[f64], memory: &mut Memory) {
         let Memory { h, c, gates } = memory;
         for (place, layer) in self.layers.iter().enumerate() {

@@ -22,7 +22,7 @@ use crate::valves::clip;
 pub struct MracDesign {
     /// a, the pole of the reference model, 1/s.
     pub pole: f64,
-    /// k, how many times faster than the model an error from it is to die out.
+    /// k, the factor by which an error from the model decays faster than the model itself.
     pub feedback: f64,
     /// Q = this times I, in P A_m + A_m^T P = -Q.
     pub weight: f64,
@@ -32,7 +32,7 @@ pub struct MracDesign {
     pub leak: f64,
     /// Where the gains of one bladder over one regressor are kept.
     pub ball: Ball,
-    /// Errors, one for each channel in parts of its scale, below which nothing is learned.
+    /// Errors, one for each channel in units of its scale, below which the gains do not change.
     pub dead_zone: Vec<f64>,
 }
 
@@ -88,7 +88,7 @@ pub struct Mrac {
 }
 
 impl Mrac {
-    /// A law that has learned nothing.
+    /// A law with gains of zero.
     ///
     /// # Errors
     /// [`MracError`].
@@ -126,15 +126,14 @@ impl Mrac {
         })
     }
 
-    /// Lets the next step begin with a reference model that is where the plant is. What was learned stays.
+    /// Starts the reference model at the state of the plant in the next step. The learned gains stay.
     pub fn restart(&mut self) {
         self.rested = true;
         self.features.restart();
     }
 
-    /// Uses the pose `m` and the target `wanted`, both counted from where control began, in parts of each channel's
-    /// scale, `dt` seconds after the last step, and leaves net duties in `net`, within -1 to 1. It takes nothing from the
-    /// heap.
+    /// Uses the pose `m` and the target `wanted`, both counted from the start of control, in units of each channel's
+    /// scale, `dt` seconds after the last step. It writes net duties into `net`, within -1 to 1. It does not allocate.
     pub fn step(&mut self, m: &[f64], wanted: &[f64], dt: f64, net: &mut [f64]) -> Learning {
         let n = self.effect.channels();
         self.m.as_mut_slice()[..n].copy_from_slice(m);

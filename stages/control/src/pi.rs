@@ -24,7 +24,7 @@ pub struct Pi {
 }
 
 impl Pi {
-    /// A law that has integrated nothing.
+    /// A law with integrators of zero.
     #[must_use]
     pub fn new(gains: PiGains, effect: Effect) -> Self {
         let zeros = vec![0.0; effect.channels()];
@@ -37,7 +37,7 @@ impl Pi {
         &self.integral
     }
 
-    /// Forgets what was integrated.
+    /// Clears the integrators.
     pub fn restart(&mut self) {
         self.integral.fill(0.0);
     }

@@ -1,4 +1,4 @@
-//! The trained predictor (4.39) as a file: a network, and what its numbers mean.
+//! The trained predictor (4.39) as a file: a network and the meaning of its numbers.
 //!
 //! The file is in the safetensors format, so that Python and other programs read it too: eight bytes with the length of a
 //! JSON header, the header, the numbers. What the numbers mean stands in the header's `__metadata__`.
@@ -58,7 +58,7 @@ pub enum PredictorError {
 }
 
 impl Predictor {
-    /// A network with what its numbers mean.
+    /// A network with the meaning of its numbers.
     ///
     /// # Errors
     /// They do not fit each other, or a scale is not above zero.

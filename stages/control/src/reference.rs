@@ -15,7 +15,7 @@ pub fn pole_of_rise(seconds: f64) -> f64 {
 }
 
 impl ReferenceModel {
-    /// A model of this pole, 1/s, which may be infinite, for so many channels. It stands at zero.
+    /// A model with this pole, 1/s, which may be infinite, for this many channels. It starts at zero.
     #[must_use]
     pub fn new(pole: f64, channels: usize) -> Self {
         Self { pole, at: vec![0.0; channels] }

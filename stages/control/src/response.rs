@@ -1,10 +1,10 @@
-//! Answers to steps of a target: rise, overshoot, settling, and what is left.
+//! Step responses: rise, overshoot, settling, and the remaining error.
 
 use serde::Serialize;
 
 /// A target is a step where it stood this long before, and stands this long after, s.
 const STANDS: f64 = 1.0;
-/// A step is settled where what is left is less than this part of it.
+/// A step is settled if the remaining error is less than this fraction of it.
 const BAND: f64 = 0.05;
 
 /// A step of a target.

@@ -152,7 +152,7 @@ fn symmetric(m: &DMatrix<f64>) -> DMatrix<f64> {
     (m + m.transpose()) * 0.5
 }
 
-/// The largest modulus of the eigenvalues; below 1 where what the matrix drives dies out.
+/// The largest modulus of the eigenvalues; below 1 the system is stable.
 #[must_use]
 pub fn spectral_radius(a: &DMatrix<f64>) -> f64 {
     a.complex_eigenvalues().iter().map(|e: &Complex<f64>| libm::hypot(e.re, e.im)).fold(0.0, f64::max)

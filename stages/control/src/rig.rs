@@ -22,13 +22,13 @@ pub enum RigKind {
 
 /// Gauge pressure at which the flow into a bladder counts, Pa.
 const NOMINAL: f64 = 10e3;
-/// Parts of a way that are looked at.
+/// Number of points of a way that are checked.
 const PARTS: u32 = 8;
 
 /// A rig at rest where control begins.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
-    /// Anything.
+    /// An unknown rig: no target is refused.
     Unknown,
     /// One bladder.
     One(Box<At<1, 1, 5>>),
@@ -113,7 +113,7 @@ impl Rig {
         }
     }
 
-    /// Whether its bladders move this channel. Of a rig that is not known nothing is said against any.
+    /// Whether its bladders move this channel. An unknown rig moves every channel.
     #[must_use]
     pub fn moves(&self, channel: Channel) -> bool {
         match self {

@@ -1,8 +1,8 @@
 //! The squeeze of bladders that are more than the channels they hold.
 //!
-//! Net duties along the null space of B move no channel: they fill or empty bladders that press against each other. Equal
-//! duties do not pass equal air, an inlet about 1.9 times what an outlet does (SCIENCE C3), so that net duties which swing
-//! about zero fill the bladders, and no pose tells. So the pressures are held along it, too:
+//! Net duties along the null space of B move no channel: they fill or empty bladders that press against each other.
+//! Equal duties do not pass equal air (an inlet passes about 1.9 times the air of an outlet, SCIENCE C3), so net duties
+//! that swing about zero fill the bladders, and no pose shows it. So the pressures are held along this space, too:
 //!
 //! ```text
 //! v = v_pose - t k N N^T (p - p_0),   B N = 0,   N^T N = 1
@@ -16,10 +16,10 @@ use stillpoint_mechanics::contact::grasp::null_space;
 
 use crate::effect::Effect;
 
-/// k, net duty per Pa: what is amiss dies out in some seconds, slowly beside the channels.
+/// k, net duty per Pa: a deviation decays in some seconds, slowly compared with the channels.
 const GAIN: f64 = 4e-5;
 
-/// Holds the squeeze of bladders at what it was at the start. It allocates nothing but when it is made.
+/// Holds the squeeze of the bladders at its value at the start. It allocates only when it is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Squeeze {
     /// N N^T, bladders by bladders.
@@ -70,7 +70,7 @@ impl Squeeze {
         }
     }
 
-    /// Corrects nothing until pressures come again. Those to hold stay.
+    /// Corrects nothing until the next pressures. The pressures to hold stay.
     pub fn rest(&mut self) {
         self.correction.fill(0.0);
     }

@@ -19,7 +19,7 @@ pub enum TensorFileError {
         /// What is wrong.
         reason: String,
     },
-    /// An entry of the metadata is not there, or says nothing.
+    /// An entry of the metadata is missing or cannot be read.
     #[error("the metadata's `{name}` {reason}; train the model with `stillpoint train controller`")]
     Metadata {
         /// Which.

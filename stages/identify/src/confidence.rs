@@ -26,7 +26,7 @@ pub struct Pole {
     pub modulus: Estimate,
 }
 
-/// The greatest modulus that passes for an integrator's where the record cannot tell it from 1.
+/// The largest modulus of a pole that is accepted as an integrator's if the record cannot tell it from 1.
 pub const INTEGRATOR: f64 = 1.01;
 
 /// What a record says of a pole, at 95 %.

@@ -68,7 +68,7 @@ fn damped(h: &DMatrix<f64>, g: &DVector<f64>, damping: f64) -> Option<DVector<f6
     step.iter().all(|s| s.is_finite()).then_some(step)
 }
 
-/// What makes the diagonal of a matrix one; one where it is nothing.
+/// The factors that make the diagonal of a matrix one; one where the diagonal is zero.
 pub fn diagonal_scale(h: &DMatrix<f64>) -> DVector<f64> {
     DVector::from_fn(h.nrows(), |i, _| {
         let d = h[(i, i)];
@@ -81,7 +81,7 @@ pub fn is_stable(matrix: &DMatrix<f64>) -> bool {
     matrix.iter().all(|v| v.is_finite()) && matrix.complex_eigenvalues().iter().all(|z| z.norm() < 1.0)
 }
 
-/// The model, with a predictor that forgets: eigenvalues outside the unit circle are mirrored into it.
+/// The model with a stable predictor: eigenvalues outside the unit circle are mirrored into it.
 fn stable(model: &Companion) -> Option<Companion> {
     let predictor = model.predictor();
     if !predictor.iter().all(|v| v.is_finite()) {

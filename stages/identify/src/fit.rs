@@ -48,8 +48,8 @@ pub struct Found {
     pub steps: usize,
 }
 
-/// Fits a model of this order by the prediction-error method: from the ARX model and from a long one that is reduced,
-/// the better of the two feet.
+/// Fits a model of this order by the prediction-error method. It starts from the ARX model and from a long ARX model
+/// that is reduced, and takes the better start.
 ///
 /// # Errors
 /// A record that determines no model.
@@ -92,7 +92,7 @@ pub fn fit(record: &Record<'_>, order: usize) -> Result<Found, FitError> {
     })
 }
 
-/// What a signal is divided by; 1 for one that is 0.
+/// The divisor of a signal; 1 for a signal of zeros.
 fn root_mean_square(values: &[f64]) -> f64 {
     let largest = values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     if largest == 0.0 {

@@ -22,7 +22,7 @@
 //! - `descent`: Levenberg and Marquardt's descent
 //! - `fit`: from a record to a model with all that is to be said of it
 //! - `confidence`: poles and DC gain, and how well they are known
-//! - `residual`: whether what is left is noise
+//! - `residual`: whether the residuals are noise
 //! - `model`: the model as a file, for a controller
 
 #![forbid(unsafe_code)]
@@ -75,10 +75,10 @@ pub enum FitError {
         what: &'static str,
         /// Its place.
         place: usize,
-        /// What it is.
+        /// The value.
         value: f64,
     },
-    /// A signal that says nothing.
+    /// A signal without information.
     #[error("the {0} never changes: excite the system while it is recorded")]
     Constant(&'static str),
     /// No start led to a model that predicts.

@@ -84,9 +84,9 @@ pub enum ModelError {
     Number {
         /// Which.
         what: &'static str,
-        /// What it is.
+        /// The value.
         value: f64,
-        /// What it must be.
+        /// The allowed values.
         must: &'static str,
     },
     /// A pole of A is outside the unit circle.
@@ -95,7 +95,7 @@ pub enum ModelError {
          with another order, or from a record with more or better excitation"
     )]
     UnstablePole(f64),
-    /// Its observer does not forget.
+    /// Its observer is unstable.
     #[error("its observer A - K C is unstable: it would never follow the output")]
     Unstable,
 }
@@ -291,7 +291,7 @@ impl InnovationModel {
         &self.output
     }
 
-    /// What it was made from.
+    /// The record of the fit.
     #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance

@@ -1,12 +1,11 @@
 //! Samples at any times to a record of one sample time.
 //!
-//! The output is interpolated between its two neighbours, the input holds its last value: it is a command, and the
-//! system goes on with the last one. Where the output has a gap, nothing is made up: the longest stretch without one is
-//! the record.
+//! The output is interpolated between its two neighbours. The input holds its last value, because it is a command. No
+//! values are invented in a gap of the output: the record is the longest stretch without a gap.
 
 use serde::Serialize;
 
-/// A gap is so many sample times without a sample of the output.
+/// A gap is this many sample times without a sample of the output.
 const GAP: u64 = 5;
 
 /// The times of a record.
@@ -20,7 +19,7 @@ pub struct Grid {
     pub count: usize,
 }
 
-/// A record, and what was done to make it.
+/// A record, and the account of its resampling.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Resampled {
     /// The input.
@@ -31,7 +30,7 @@ pub struct Resampled {
     pub output: Vec<f64>,
     /// The times.
     pub grid: Grid,
-    /// The largest distance of a time of the record from a sample of the output, ns: 0 where nothing was interpolated.
+    /// The largest distance of a time of the record from a sample of the output, ns: 0 if nothing was interpolated.
     pub farthest: u64,
     /// Gaps of the output that split the recording.
     pub gaps: usize,
@@ -53,7 +52,7 @@ pub enum ResampleError {
     /// Input and output do not overlap.
     #[error("input and output were not recorded at the same time")]
     Apart,
-    /// A sample time of nothing.
+    /// A sample time of zero.
     #[error("the sample time is 0: give one of at least 1 us")]
     NoTime,
 }

@@ -1,21 +1,21 @@
-//! Whether what a model leaves unexplained is noise: its errors are to be white, and to have nothing to do with the input.
+//! Residual tests: the errors of a model should be white and independent of the input.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// Lags that are looked at.
+/// Number of tested lags.
 const LAGS: usize = 25;
 /// Added to the input's correlation with itself: an input of few frequencies leaves directions open.
 const RIDGE: f64 = 1e-6;
 /// Quantile of the normal distribution that 99 % lie below.
 const QUANTILE_99: f64 = 2.326_347_874_040_841;
-/// 99 % of a normal number lie within so many standard deviations.
+/// 99 % of a normal distribution lie within this many standard deviations.
 const WITHIN_99: f64 = 2.575_829_303_548_901;
 
 /// A test of the errors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResidualTest {
-    /// What was tested.
+    /// The test.
     pub name: &'static str,
     /// The sum of squared correlations over their variance.
     pub statistic: f64,
@@ -23,7 +23,7 @@ pub struct ResidualTest {
     pub limit: f64,
     /// Lags whose correlation alone is beyond its 99 % bound, of `lags`.
     pub beyond: usize,
-    /// Lags that were looked at.
+    /// Number of tested lags.
     pub lags: usize,
 }
 
@@ -79,7 +79,7 @@ fn covariance(a: &[f64], b: &[f64], lag: usize) -> f64 {
     a.iter().skip(lag).zip(b).map(|(a, b)| a * b).sum::<f64>() / a.len().max(1) as f64
 }
 
-/// What 99 % of a chi-squared number of so many degrees stay below (Wilson and Hilferty).
+/// The 99 % quantile of a chi-squared distribution with this many degrees of freedom (Wilson and Hilferty).
 fn chi_squared_99(degrees: f64) -> f64 {
     let part = 2.0 / (9.0 * degrees.max(1e-9));
     let root = 1.0 - part + QUANTILE_99 * part.sqrt();

@@ -24,7 +24,7 @@ pub fn arx(input: &[f64], output: &[f64], order: usize) -> Option<(DVector<f64>,
     Some((theta.rows(0, n).into_owned(), theta.rows(n, n).into_owned()))
 }
 
-/// Solves a symmetric system scaled to a unit diagonal; directions that the record says nothing of get nothing.
+/// Solves a symmetric system scaled to a unit diagonal; directions without information in the record get zero.
 fn solve(matrix: &DMatrix<f64>, right: &DVector<f64>) -> Option<DVector<f64>> {
     let scale = DVector::from_fn(right.len(), |i, _| {
         let d = matrix[(i, i)];

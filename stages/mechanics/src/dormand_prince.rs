@@ -86,7 +86,7 @@ pub struct Tolerance {
     pub relative: f64,
     /// In the components' own units.
     pub absolute: f64,
-    /// Steps after which the integration is given up.
+    /// Largest number of steps.
     pub steps: u32,
 }
 
@@ -99,7 +99,7 @@ impl Default for Tolerance {
 /// Why an integration ended early.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum IntegrateError {
-    /// Times or tolerances that say nothing.
+    /// Times or tolerances that are not usable.
     #[error(
         "cannot integrate from {from} to {to} with tolerances {relative} and {absolute}; give finite times and \
              tolerances of which none is negative and one is positive"
@@ -120,7 +120,7 @@ pub enum IntegrateError {
         /// The last time with a finite state.
         at: f64,
     },
-    /// Steps shrank to nothing, or there were too many.
+    /// Steps shrank to zero, or there were too many.
     #[error(
         "no progress at t = {at} after {steps} steps; the equations may be too stiff for an explicit method"
     )]
@@ -179,7 +179,7 @@ pub fn integrate<const N: usize>(
     Err(IntegrateError::Stuck { at: t, steps })
 }
 
-/// Root mean square of the error over what is allowed of it; 1 is just allowed.
+/// Root mean square of the error over the allowed error; 1 is just allowed.
 fn scaled<const N: usize>(
     error: &SVector<f64, N>,
     before: &SVector<f64, N>,
@@ -196,7 +196,7 @@ fn scaled<const N: usize>(
     libm::sqrt(sum / N.max(1) as f64)
 }
 
-/// A hundredth of the time in which the state would change by itself, at most the whole interval.
+/// A hundredth of the time in which the state would change by its own size, at most the whole interval.
 fn first_step<const N: usize>(
     y: &SVector<f64, N>,
     slope: &SVector<f64, N>,

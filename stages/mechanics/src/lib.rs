@@ -5,7 +5,7 @@
 //! - [`dormand_prince`]: ordinary differential equations, without allocation
 //! - [`contact`]: bladders against a head: rolling, friction, grasp (chapter 3)
 //! - [`dynamics`]: equations of motion, constrained and not (section 3.4)
-//! - [`shell`]: a bladder by itself (chapter 2)
+//! - [`shell`]: a single bladder (chapter 2)
 //! - [`plant`]: heads on bladders, as the virtual rigs have them (SCIENCE C3 to C6)
 
 #![forbid(unsafe_code)]

@@ -1,7 +1,7 @@
 //! Roots of functions of one variable inside a bracket.
 
-/// Newton's method that never leaves the bracket: where a step would, or where the derivative says nothing, the
-/// bracket is halved. `f` gives value and derivative; it must not be positive at `low` nor negative at `high`, and
+/// Newton's method that never leaves the bracket: if a step would leave it, or if the derivative is not usable, the
+/// bracket is halved. `f` gives value and derivative. It must not be positive at `low` nor negative at `high`, and must
 /// grow in between. The start is clamped into the bracket.
 pub(crate) fn newton(f: impl Fn(f64) -> (f64, f64), low: f64, high: f64, start: f64) -> f64 {
     let (mut low, mut high) = (low, high);
@@ -26,7 +26,7 @@ pub(crate) fn newton(f: impl Fn(f64) -> (f64, f64), low: f64, high: f64, start: 
     x
 }
 
-/// Halves a bracket over which `f` changes its sign until nothing lies between its ends.
+/// Halves a bracket over which `f` changes its sign until its ends are neighbouring numbers.
 pub(crate) fn bisect(f: impl Fn(f64) -> f64, low: f64, high: f64) -> f64 {
     let (mut low, mut high) = (low, high);
     let rising = f(low) < 0.0;

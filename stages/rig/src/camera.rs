@@ -24,7 +24,7 @@ pub enum PinholeError {
         /// The value given, in pixels.
         value: f64,
     },
-    /// An image size of nothing, or too large to hold.
+    /// An image size of zero, or too large.
     #[error("image {name} is {value} px; give a number from 1 to 8192")]
     Size {
         /// `width` or `height`.

@@ -1,6 +1,6 @@
-//! What a person does without wanting to: breathing, nodding off, drifting, coughing. A pure function of time and seed.
+//! The involuntary motion of a person: breathing, nodding off, drift, coughs. A pure function of time and seed.
 //!
-//! Offsets are how far a head that nothing holds would move: metres in the couch frame, and angles (pitch, roll, yaw).
+//! Offsets are the distances by which a free head would move: metres in the couch frame, and angles (pitch, roll, yaw).
 
 use core::f64::consts::TAU;
 
@@ -24,7 +24,7 @@ pub struct Involuntary {
     pub habit: Habit,
     /// What drift and coughs are drawn from.
     pub seed: u64,
-    /// Everything is multiplied by it.
+    /// Factor of every offset.
     pub strength: f64,
 }
 

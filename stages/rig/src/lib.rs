@@ -1,7 +1,7 @@
 //! The virtual rig: a head on a couch, as a depth camera sees it.
 //!
-//! SI units and radians throughout. All but the operators and `sight` is plain mathematics that knows nothing of
-//! pipelines.
+//! SI units and radians throughout. All modules but the operators and `sight` are plain mathematics that knows nothing
+//! of pipelines.
 //!
 //! - [`shape`]: ellipsoids and cuboids that cannot be built with sizes that make no sense
 //! - [`head`]: the parametric head
@@ -21,7 +21,7 @@
 //! - [`sight`]: all that makes an image, as one
 //! - [`mod@operator`], `rig.camera`
 //! - [`view_operator`], `rig.view`: further cameras over the same head
-//! - [`bladders`]: the head on air bladders, `rig.one_bladder` and its kin
+//! - [`bladders`]: the head on air bladders: `rig.one_bladder`, `rig.three_bladders`, `rig.eight_bladders`
 
 pub mod bladders;
 pub mod camera;

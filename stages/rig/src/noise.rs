@@ -27,7 +27,7 @@ pub enum NoiseError {
         /// The greatest that is allowed.
         greatest: f64,
     },
-    /// A range of depths with nothing in it.
+    /// An empty range of depths.
     #[error("near is {near} m and far is {far} m; near must be less")]
     EmptyRange {
         /// The nearest depth, in metres.
@@ -51,7 +51,7 @@ pub struct NoiseParams {
     pub axial_best: f64,
     /// `g`: growth of the standard deviation with the angle of incidence, in metres to the power 3/2.
     pub axial_angle: f64,
-    /// Angle of incidence in radians from which nothing comes back.
+    /// Angle of incidence in radians from which a surface returns no light.
     pub grazing: f64,
     /// Probability that a pixel fails anywhere, up to 0.99.
     pub dropout: f64,

@@ -12,7 +12,7 @@ use crate::scene::{Label, Scene};
 use crate::shape::first_non_finite;
 use crate::view::{Rect, View};
 
-/// Why nothing is rendered.
+/// The reason why an image cannot be rendered.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// A pose that is not finite.
@@ -44,7 +44,7 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    /// Casts what stands still. `couch_from_camera` places the camera frame (x right, y down, z forward).
+    /// Renders the static objects. `couch_from_camera` places the camera frame (x right, y down, z forward).
     ///
     /// # Errors
     /// [`RenderError::Pose`] when `couch_from_camera` is not finite.
@@ -152,7 +152,7 @@ fn check(transform: &'static str, pose: &Isometry3<f64>) -> Result<(), RenderErr
     }
 }
 
-/// The view of what stands still, one ray per pixel.
+/// The view of the static objects, one ray per pixel.
 fn cast(camera: &Pinhole, couch_from_camera: &Isometry3<f64>, scene: &Scene) -> View {
     let mut view = View::empty(camera);
     let origin = couch_from_camera.translation.vector.into();

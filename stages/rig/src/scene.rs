@@ -13,13 +13,13 @@ use crate::shape::{Cuboid, Ellipsoid, ShapeError};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Label {
-    /// The floor, or nothing at all.
+    /// The floor, or no object.
     Background = 0,
     /// The couch.
     Table = 1,
     /// A pad under or beside the head.
     Pad = 2,
-    /// Anything else that lies on the couch.
+    /// Any other object on the couch.
     Clutter = 3,
     /// The head.
     Head = 4,
@@ -36,7 +36,7 @@ pub enum Form {
     Cuboid(Cuboid),
 }
 
-/// One thing that stands still, placed in the couch frame.
+/// One static object, placed in the couch frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Object {
     /// What its pixels are called.
@@ -45,7 +45,7 @@ pub struct Object {
     pub form: Form,
 }
 
-/// Everything but the head.
+/// All objects but the head.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     objects: Vec<Object>,

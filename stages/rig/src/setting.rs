@@ -1,4 +1,4 @@
-//! Ways in which a head lies on the couch: what it rests on, and what it touches.
+//! The settings of the head on the couch: the objects that it rests on and touches.
 
 use nalgebra::{Isometry3, Translation3};
 

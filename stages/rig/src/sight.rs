@@ -153,7 +153,7 @@ impl Sight {
         image.finish(pixels)
     }
 
-    /// Sends an image in which nothing comes back.
+    /// Sends an empty image.
     ///
     /// # Errors
     /// An output that cannot hold the image.

@@ -13,7 +13,7 @@ use crate::scene::PAD_HEIGHT;
 /// Which script the head follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
-    /// Nothing moves.
+    /// No motion.
     Still,
     /// Every 10 s the head moves within 1.5 s to another pose and stays:
     /// up to 8 mm in height, 3 mm sideways and along, 1.5 deg in each angle, by the seed. The first 10 s are rest.
@@ -50,7 +50,7 @@ pub fn rest_on_pad() -> Isometry3<f64> {
 }
 
 impl Trajectory {
-    /// A script about a pose of rest, `couch_from_head` when nothing has moved.
+    /// A script about a pose of rest, the `couch_from_head` of a head that has not moved.
     pub fn new(motion: Motion, seed: u64, rest: Isometry3<f64>) -> Self {
         Self { motion, seed, rest }
     }

@@ -42,7 +42,7 @@ pub struct View {
 }
 
 impl View {
-    /// A view in which the camera sees nothing.
+    /// An empty view.
     pub fn empty(camera: &Pinhole) -> Self {
         Self {
             width: camera.width(),
@@ -63,7 +63,7 @@ impl View {
         self.height
     }
 
-    /// Depth along the optical axis in metres; infinite where there is nothing.
+    /// Depth along the optical axis in metres; infinite where no surface is seen.
     pub fn depth_m(&self) -> &[f32] {
         &self.depth_m
     }

@@ -54,8 +54,8 @@ impl Bench {
         Ok(Self { instance, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }
 
-    /// Lends buffers that have this many bytes more than needed, of another content each time: what lies beyond a
-    /// sample's count must reach nothing.
+    /// Lends buffers that are this many bytes longer than needed, with different content each time: bytes beyond the
+    /// count of a sample must have no effect.
     pub fn padded(mut self, bytes: usize) -> Self {
         self.padding = bytes;
         self
@@ -94,7 +94,7 @@ impl Bench {
         self.activate(Cause::Input, port, vec![reference], Some(&owned))
     }
 
-    /// Says when the next activation is: so many ns after the first one could have been.
+    /// Sets the time of the next activation: this many ns after the first possible time.
     pub fn at(&mut self, ns: u64) -> &mut Self {
         self.next = Some(START + ns);
         self

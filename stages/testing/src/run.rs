@@ -79,7 +79,7 @@ impl Run {
         self.owned_samples(topic).flat_map(|p| p.bytes.iter().copied()).collect()
     }
 
-    /// The topics on which something was sent, sorted.
+    /// The topics that have samples, sorted.
     pub fn topics(&self) -> Vec<&str> {
         let topics: std::collections::BTreeSet<&str> = self.sent.iter().map(|(t, _)| t.as_str()).collect();
         topics.into_iter().collect()

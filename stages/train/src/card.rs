@@ -13,7 +13,7 @@ use crate::fit::{Epoch, Fitted, Options};
 pub struct Card {
     /// What the model is for.
     pub purpose: &'static str,
-    /// What it is not for.
+    /// The limits of use.
     pub limits: &'static str,
     /// The program that trained it, with its version.
     pub program: String,
@@ -54,7 +54,7 @@ pub struct ChannelCard {
     pub unit: &'static str,
     /// What counts as one.
     pub scale: f64,
-    /// Root mean square of its change from sample to sample, in its unit: the error of a prediction that nothing moves.
+    /// Root mean square of its change from sample to sample, in its unit: the error of predicting no motion.
     pub change: f64,
     /// Root mean square of the error of the network, in its unit, over runs that it was not trained on.
     pub error: f64,

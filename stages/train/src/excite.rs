@@ -70,7 +70,7 @@ struct Sine {
     phase: f64,
 }
 
-/// Records the runs, one list of samples each. `done` hears of each run that has ended.
+/// Records the runs, one list of samples each, and calls `done` after each run.
 ///
 /// # Errors
 /// A head that the bladders do not bear, or an option that cannot be.

@@ -76,8 +76,8 @@ pub struct Fitted {
     pub epochs: Vec<Epoch>,
     /// Number of the best.
     pub best: usize,
-    /// Root mean square of what is left of the change of each channel over the runs that are not trained on, in parts of
-    /// the change's own.
+    /// Root mean square of the prediction error of each channel over the validation runs, as a fraction of the root
+    /// mean square of the change.
     pub left: Vec<f64>,
 }
 
@@ -113,7 +113,7 @@ impl Descent {
     }
 }
 
-/// Trains a network. `done` hears of each epoch.
+/// Trains a network, and calls `done` after each epoch.
 ///
 /// # Errors
 /// Options that cannot be, or a descent that leaves the finite numbers.

@@ -38,9 +38,9 @@ pub enum TrainError {
     Option {
         /// Which.
         what: &'static str,
-        /// What it is.
+        /// The value.
         value: f64,
-        /// What it must be.
+        /// The allowed values.
         must: &'static str,
     },
     /// The descent left the finite numbers.

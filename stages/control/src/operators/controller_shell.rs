@@ -1,5 +1,4 @@
-//! What every controller does around its law: it looks at estimate and target, is idle where there is nothing to act on,
-//! and sends duties.
+//! The part that all controllers share: checks estimate and target, is idle if it cannot act, and sends duties.
 
 use stillpoint_operator::{Activation, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
@@ -67,13 +66,13 @@ const LONGEST: u64 = 4;
 /// What an activation brings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Look {
-    /// Nothing to act on, for these reasons.
+    /// The controller cannot act, for these reasons.
     Idle(u32),
     /// Pose and target are there.
     Ready {
         /// Seconds since the law last acted; the timer's period where it did not.
         dt: f64,
-        /// What is out of order nonetheless.
+        /// Reasons that do not stop the controller.
         reasons: u32,
     },
 }
@@ -145,7 +144,7 @@ impl ControllerShell {
         })
     }
 
-    /// How many numbers its diagnostics have, with so many of the law's own.
+    /// Number of diagnostics, with this many of the law's own.
     pub const fn metrics(own: usize) -> usize {
         OWN + own
     }

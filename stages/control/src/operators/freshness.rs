@@ -4,8 +4,8 @@ use stillpoint_samples::{Standing, TrackElement};
 
 /// Watches a track for measurements.
 ///
-/// A filter with a timer sends what it predicts, with the time of the prediction: the origin of such a sample says
-/// nothing about the age of what it stands on. The count of measurements does.
+/// A filter with a timer sends predictions with the time of the prediction, so the origin of such a sample does not
+/// show the age of the newest measurement. The count of measurements does.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Freshness {
     /// Count of measurements, and the origin of the first track with that count, ns.

@@ -69,10 +69,10 @@ pub struct MracParams {
 
 /// Model-reference adaptive control (4.23)-(4.38) as corrected in SCIENCE E2-E11.
 ///
-/// The nominal effect of the bladders makes the pose follow the reference model; gains over the pose, the target and
-/// features of the motion learn what is missing. Nothing is learned while a valve is wide open, while the estimate is
-/// old, or inside the dead zone. Idle, with all valves shut, where estimate or target are missing, old or not finite;
-/// afterwards the reference model begins from where the head is, and what was learned stays.
+/// The nominal effect of the bladders makes the pose follow the reference model. Gains on the pose, the target and
+/// features of the motion learn the rest. The gains do not change while a valve is fully open, while the estimate is
+/// old, or inside the dead zone. The controller is idle, with all valves shut, if estimate or target are missing, old
+/// or not finite. After that the reference model begins at the present pose, and the learned gains stay.
 pub struct ControlMrac {
     shell: ControllerShell,
     law: Mrac,

@@ -116,11 +116,11 @@ pub struct TargetParams {
 
 /// The pose that a controller is to reach.
 ///
-/// The head is held where it is found until a move or a command (`stillpoint send console.target VALUES`, one value in m
-/// or rad for each of `channels`) says else. A target out of reach is refused: the one before stands, and the sample
-/// names the channels; a move of the config that can never be reached is refused before the run. A new capture takes the
-/// start anew and holds the head there; moves that have begun are not repeated, those to come are counted from then. An
-/// operator that was restarted makes no moves of the config.
+/// The head is held where it is found until a move or a command (`stillpoint send console.target VALUES`, one value in
+/// m or rad for each of `channels`) changes the target. A target out of reach is refused: the previous target stays,
+/// and the sample names the channels. A move of the config that can never be reached is refused before the run. After a
+/// new capture the start is measured again, and the head is held there; moves that have begun are not repeated, and
+/// later moves are counted from the new start. A restarted operator makes no moves of the config.
 pub struct ControlTarget {
     goal: Goal,
 }
@@ -221,7 +221,7 @@ const ASKED: [&str; 6] =
 const TARGET: [&str; 6] =
     ["target_x_m", "target_y_m", "target_z_m", "target_pitch_rad", "target_roll_rad", "target_yaw_rad"];
 
-/// What is to be reached, of parameters that go together.
+/// Builds the goal from the parameters.
 fn goal(params: &TargetParams) -> Result<Goal, SetupError> {
     let channels = Channels::new(&params.channels).map_err(|e| SetupError(format!("`channels`: {e}")))?;
     let reach = reach(&params.reach, &channels)?;

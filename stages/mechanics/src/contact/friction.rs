@@ -20,7 +20,7 @@ pub struct FingerForce {
     pub torque: f64,
 }
 
-/// How far a contact is from what it cannot bear; not negative inside.
+/// Distance of a contact force from the friction cone; zero inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Margin {
     /// `f_z`, N.

@@ -25,7 +25,7 @@ pub enum SqueezeError {
     /// No forces inside the friction cones make the wrench.
     #[error("no pushing forces inside the friction cones make this wrench: {left} (N, N m) is left over")]
     NotHeld {
-        /// Largest component of what is left.
+        /// Largest component of the remaining wrench.
         left: f64,
     },
 }

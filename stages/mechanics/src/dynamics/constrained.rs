@@ -1,7 +1,7 @@
 //! Bodies under constraints `phi(q) = 0`: an index-1 differential-algebraic system (SCIENCE C2).
 //!
-//! `[M A^T; A 0] [q''; lambda] = [Q - C q'; -A' q' - 2 a A q' - b^2 phi]`, the last two being Baumgarte's terms, which
-//! pull a solution that drifts back. Redundant constraints are allowed: of rows that say the same, some carry nothing.
+//! `[M A^T; A 0] [q''; lambda] = [Q - C q'; -A' q' - 2 a A q' - b^2 phi]`, where the last two terms are Baumgarte's,
+//! which correct drift. Redundant constraints are allowed: some of the equivalent rows then carry no force.
 
 use nalgebra::{SMatrix, SVector};
 

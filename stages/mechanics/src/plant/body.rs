@@ -11,8 +11,8 @@ use crate::dormand_prince;
 use crate::shell::Shell;
 use crate::shell::air::Air;
 
-/// A valve that is less open than this is shut. Else an opening that follows a duty of zero would fall forever, to numbers
-/// that mean nothing.
+/// A valve that is less open than this counts as shut. Otherwise an opening that follows a duty of zero would decay
+/// forever, to denormal numbers.
 const SHUT: f64 = 1e-12;
 
 /// What a bladder lies on when it is flat: a pad that pushes back where its gap is below `gap`.
@@ -29,9 +29,9 @@ pub struct Stop {
 /// A head with `D` degrees of freedom on `B` bladders. `N` is the length of its packed state, `2 D + 3 B`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plant<const D: usize, const B: usize, const N: usize> {
-    /// What each bladder is made of.
+    /// The material of each bladder.
     pub shell: Shell,
-    /// What is in it.
+    /// The air in the bladders.
     pub air: Air,
     /// How air gets in and out.
     pub valves: Valves,
@@ -115,7 +115,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         }
     }
 
-    /// The same with something to lie on.
+    /// The same, with foam under the bladders.
     pub fn with_stop(self, stop: Stop) -> Self {
         Self { stop: Some(stop), ..self }
     }

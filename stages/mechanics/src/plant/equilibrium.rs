@@ -14,7 +14,7 @@ pub enum EquilibriumError {
          is there air enough in the bladders to bear the head?"
     )]
     NotFound {
-        /// Largest component of what is left.
+        /// Largest component of the remaining force.
         left: f64,
     },
 }

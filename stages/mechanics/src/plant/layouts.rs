@@ -1,7 +1,7 @@
 //! The head of the rigs: with one degree of freedom (SCIENCE C5), with three (C6) and with all six.
 //!
-//! Masses and moments of inertia are those of adult heads (Beier et al., 1979); stiffness, damping and lever arms are
-//! round numbers of ours (SCIENCE C6).
+//! Masses and moments of inertia come from adult heads (Beier et al., 1979). Stiffness, damping and lever arms are
+//! round numbers of this project (SCIENCE C6).
 
 use nalgebra::{Matrix1, Matrix3, Matrix6, SMatrix, SVector, Vector1, Vector3, Vector6, vector};
 

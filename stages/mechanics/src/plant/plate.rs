@@ -60,8 +60,8 @@ impl Shell {
     /// The bladder that holds `mass` kg of air between plates `gap` m apart: the root of
     /// `(P_atm + P) V = m R_s T` over the stretch, of which the left side grows.
     ///
-    /// Total over the numbers: a mass beyond what stretches from 0.001 to 60 hold is taken as the nearest that they
-    /// do, and a NaN comes out as NaN. [`Pressed::is_modelled`] says whether the answer means something.
+    /// Total over the numbers: a mass beyond the stretches from 0.001 to 60 is replaced by the nearest mass inside, and
+    /// a NaN gives NaN. [`Pressed::is_modelled`] says whether the result is inside the model.
     pub fn pressed_with(&self, mass: f64, air: &Air, gap: f64) -> Pressed {
         if mass.is_nan() || gap.is_nan() {
             return self.pressed(f64::NAN, f64::NAN);
@@ -95,8 +95,9 @@ impl Shell {
         possible.then(|| self.pressed(found(), gap))
     }
 
-    /// The force with which a bladder pushes its plates at a gauge pressure above 0 Pa, and at most that which clips half
-    /// of its radius; `None` where it does not reach them, or no stretch up to 60 has that pressure.
+    /// The force with which a bladder pushes its plates at a gauge pressure above 0 Pa, limited to the force that clips
+    /// half of its radius. `None` if the bladder does not reach the plates, or if no stretch up to 60 has that
+    /// pressure.
     pub fn greatest_push(&self, pressure: f64, gap: f64) -> Option<f64> {
         let excess = |stretch: f64| {
             let (p, s) = self.pressed_with_slopes(stretch, gap);

@@ -1,5 +1,5 @@
-//! Which poses a rig can hold: before a set-point is accepted, it must be one that pushing bladders can hold within
-//! their limits. (With careless lever arms the dissertation's own step is none: SCIENCE C6.)
+//! The poses that a rig can hold. A set-point is accepted only if pushing bladders can hold it within their limits.
+//! (With unsuitable lever arms the dissertation's own step cannot be held: SCIENCE C6.)
 
 use nalgebra::{SMatrix, SVector};
 
@@ -218,7 +218,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     }
 }
 
-/// The bladder that is farthest from what it can do.
+/// The bladder that is farthest beyond its limits.
 fn refused<const B: usize>(made: &SVector<f64, B>, least: f64, greatest: &SVector<f64, B>) -> Unreachable {
     let excess = |j: &usize| (least - made[*j]).max(made[*j] - greatest[*j]);
     let bladder = (0..B).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0);

@@ -45,7 +45,7 @@ pub enum AirError {
         /// The mass given, kg.
         mass: f64,
     },
-    /// More air, or less, than a shell of any stretch that is looked at holds.
+    /// More or less air than a shell holds at the allowed stretches.
     #[error(
         "{mass} kg of air is not between {least} and {greatest} kg, what the shell holds at stretches of {LEAST_STRETCH} and {GREATEST_STRETCH}"
     )]

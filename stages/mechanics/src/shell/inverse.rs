@@ -20,7 +20,7 @@ pub enum InverseError {
         /// Where the limit is.
         inner_stretch: f64,
     },
-    /// Below or above all pressures between the stretches that are looked at, or no number.
+    /// A pressure outside the pressures of the allowed stretches, or a number that is not finite.
     #[error(
         "{pressure} Pa is not between {least} and {greatest} Pa, the pressures at stretches of 0.001 and 60"
     )]

@@ -1,4 +1,4 @@
-//! What a shell is made of: two moduli and two radii that cannot be nonsense.
+//! The material of a shell: two moduli and two radii, checked.
 
 /// Why a shell cannot be built.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]

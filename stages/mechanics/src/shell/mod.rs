@@ -1,4 +1,4 @@
-//! An air bladder by itself: an incompressible spherical shell of Mooney-Rivlin rubber (chapter 2, SCIENCE A).
+//! A single air bladder: an incompressible spherical shell of Mooney-Rivlin rubber (chapter 2, SCIENCE A).
 //!
 //! - [`material`]: moduli and radii, strain energy
 //! - [`kinematics`]: radii, stretches and volumes of an inflated shell; invariants

@@ -78,8 +78,8 @@ impl Shell {
         found
     }
 
-    /// The pressure below which a thin sphere of this wall may buckle, Pa, a negative one:
-    /// `-2 E (t/R)^2 / sqrt(3 (1 - nu^2))` with `nu = 1/2`. The model says nothing about what lies below.
+    /// The pressure below which a thin sphere of this wall may buckle, Pa, negative: `-2 E (t/R)^2 / sqrt(3 (1 -
+    /// nu^2))` with `nu = 1/2`. The model is not valid below it.
     pub fn buckling_pressure(&self) -> f64 {
         let thinness = (self.outer - self.inner) / (0.5 * (self.outer + self.inner));
         -2.0 * self.young() * thinness * thinness / libm::sqrt(3.0 * (1.0 - 0.25))

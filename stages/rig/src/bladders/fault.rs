@@ -1,8 +1,8 @@
-//! What can break on a rig, and when.
+//! The faults of a rig, and their times.
 
 use stillpoint_samples::{Command, RigFault};
 
-/// What breaks.
+/// A fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
     /// A valve keeps the opening that it has. Inlet and outlet of the first bladder are 0 and 1, and so on.
@@ -19,12 +19,12 @@ pub enum Fault {
     },
     /// The supply's gauge pressure falls to a part of what it was.
     WeakSupply {
-        /// What is left of it, 0 to 1.
+        /// The fraction that is left, 0 to 1.
         left: f64,
     },
-    /// Nothing comes back to the camera: its images are empty.
+    /// The camera measures nothing: its images are empty.
     BlindCamera,
-    /// The camera sends nothing.
+    /// The camera sends no images.
     SilentCamera,
     /// The camera sends the first image that it takes while it is broken, again and again, as if it were new.
     FrozenCamera,
@@ -54,9 +54,9 @@ impl Fault {
 /// What a person says to a rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Said {
-    /// Break this, for so many ns, or until it is mended.
+    /// Begin this fault, for this many ns, or until it is removed.
     Break(Fault, Option<u64>),
-    /// Mend all that a person broke.
+    /// Remove all faults that people began.
     Mend,
 }
 
@@ -64,7 +64,7 @@ impl Said {
     /// What a command says: fault, part, amount and seconds, as far as they are given.
     ///
     /// # Errors
-    /// What is wrong with a value.
+    /// The reason why a value is refused.
     pub fn of(command: &Command) -> Result<Self, String> {
         let given = (command.given as usize).min(command.values.len());
         let value = |i: usize| command.values[..given].get(i).copied();
@@ -106,7 +106,7 @@ impl Said {
     }
 }
 
-/// Diameter of a leak where none is given, m.
+/// Diameter of a leak if none is given, m.
 const LEAK: f64 = 0.5e-3;
 const LARGEST_LEAK: f64 = 10e-3;
 /// s.
@@ -119,11 +119,11 @@ fn whole(value: f64) -> Option<usize> {
 /// A fault with its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scheduled {
-    /// What breaks.
+    /// The fault.
     pub fault: Fault,
     /// When, ns after the rig's start.
     pub begin: u64,
-    /// When it is mended, ns after the rig's start.
+    /// Time at which it ends, ns after the rig's start.
     pub end: u64,
 }
 

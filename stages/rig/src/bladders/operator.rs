@@ -26,11 +26,11 @@ const STATE: usize = 2;
 const PLANT_LAP: usize = 0;
 const CAMERA_LAP: usize = 1;
 
-/// A rig with so many bladders.
+/// A rig with this many bladders.
 pub trait Bladders: Send + 'static {
     /// Its kind's name.
     const NAME: &'static str;
-    /// What it is.
+    /// The description of the kind.
     const ABOUT: &'static str;
     /// Builds it.
     ///
@@ -77,8 +77,8 @@ impl Bladders for Eight {
 
 /// A head on bladders. Its `frame:` places the camera over the couch.
 ///
-/// Each tick goes on to its time with the duties that held before, and then takes the newest: they act from this tick on.
-/// When none came for `time_to_live` it goes to its safe state by itself.
+/// Each tick advances the plant to the time of the tick with the duties that held before, and then takes the newest
+/// duties, which act from this tick on. If no duties came for `time_to_live`, the rig goes to its safe state by itself.
 pub struct BladderRig<K: Bladders> {
     rig: Box<dyn Rig>,
     sight: Sight,
@@ -196,7 +196,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
 }
 
 impl<K: Bladders> BladderRig<K> {
-    /// Breaks or mends what a person says.
+    /// Begins or removes the fault of a person's command.
     fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
         let command = activation.fresh::<ConsoleCommand>(FAULT);
         let Some(command) = command.as_ref().and_then(|view| view.first()) else { return Ok(()) };
@@ -236,8 +236,8 @@ impl<K: Bladders> BladderRig<K> {
     }
 }
 
-/// A number from 0 up to 1. The image's own noise takes the beginning of the activation's stream, whether or not
-/// something gets lost.
+/// A number from 0 up to 1. The noise of the image uses the beginning of the activation's random stream, whether or not
+/// an image is lost.
 fn chance(activation: &Activation<'_>, draw: u128) -> f64 {
     let mut random = activation.random();
     random.set_word_pos((1 << 40) + draw);

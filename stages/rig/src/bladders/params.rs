@@ -30,7 +30,7 @@ pub enum Safe {
     Hold,
 }
 
-/// What breaks.
+/// The fault.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Break {
     /// Valve `which` keeps its opening: inlet and outlet of the first bladder are 0 and 1, and so on.
@@ -41,7 +41,7 @@ pub enum Break {
     WeakSupply,
     /// The camera's images are empty.
     BlindCamera,
-    /// The camera sends nothing.
+    /// The camera sends no images.
     SilentCamera,
     /// The camera sends the same image again and again.
     FrozenCamera,
@@ -52,7 +52,7 @@ pub enum Break {
 /// A fault and its time.
 #[derive(Clone, Copy, Debug, Params)]
 pub struct FaultParams {
-    /// What breaks.
+    /// The fault.
     pub kind: Break,
     /// When, after the rig's start.
     #[param(unit = "ns")]
@@ -66,7 +66,7 @@ pub struct FaultParams {
     /// Diameter of a leak.
     #[param(unit = "m", default = "0.5 mm", above = "0 mm", max = "10 mm")]
     pub diameter: f64,
-    /// What is left of a weak supply's pressure over the room's, or of lost duties.
+    /// The fraction that is left of a weak supply's pressure above the room's, or of lost duties.
     #[param(default = 0, min = 0, max = 1)]
     pub left: f64,
 }
@@ -111,7 +111,7 @@ pub struct RigCameraParams {
     pub focal_length: f64,
 }
 
-/// Parameters of `rig.one_bladder` and its kin.
+/// Parameters of the rigs with bladders.
 #[derive(Clone, Debug, Params)]
 pub struct BladderParams {
     /// The involuntary motion of the person: how far the head would move without control.

@@ -17,7 +17,7 @@ const ROLL: usize = 4;
 pub struct Setup {
     /// Mass of the head, kg.
     pub head_mass: f64,
-    /// How long duties are good for, ns.
+    /// Time for which duties are valid, ns.
     pub time_to_live: u64,
     /// What comes then.
     pub safe: Safe,

@@ -14,10 +14,10 @@ pub enum Safe {
     Hold,
 }
 
-/// The duties that hold, how old they are, and what is done without them.
+/// The present duties, their age, and the safe state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Safety<const B: usize> {
-    /// How long duties are good for, ns.
+    /// Time for which duties are valid, ns.
     time_to_live: u64,
     safe: Safe,
     /// The last that were accepted.
@@ -37,7 +37,7 @@ struct Accepted<const B: usize> {
 }
 
 impl<const B: usize> Safety<B> {
-    /// Duties are good for `time_to_live` ns; then comes `safe`.
+    /// Duties are valid for `time_to_live` ns; then the valves take the safe state `safe`.
     pub fn new(time_to_live: u64, safe: Safe) -> Self {
         Self { time_to_live, safe, last: None, refused: 0 }
     }

@@ -25,20 +25,20 @@ pub enum StartError {
         index: usize,
         /// `valve` or `bladder`.
         part: &'static str,
-        /// What it names.
+        /// The part that it names.
         number: usize,
         /// How many there are.
         count: usize,
     },
-    /// A person broke too much.
+    /// Too many faults by people are active.
     #[error("{MOST_BROKEN} faults by people are active already: send `mend` first")]
     TooMuchBroken,
 }
 
-/// Things that people may break at a time.
+/// Largest number of faults by people at a time.
 const MOST_BROKEN: usize = 64;
 
-/// A push at the head: how far it would move a head that nothing else moves, while the valves stay shut.
+/// A push at the head: the distance by which it would move the head without other motion while the valves stay shut.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Push {
     /// x, y, z, pitch, roll, yaw; m and rad.
@@ -56,7 +56,7 @@ pub struct Surroundings {
     pub involuntary: Involuntary,
     /// Pushes by the hand of another person.
     pub pushes: Vec<Push>,
-    /// What breaks.
+    /// The faults.
     pub faults: Vec<Scheduled>,
     /// Longest step of the plant, ns.
     pub step: u64,
@@ -128,8 +128,8 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
         if number < count { Ok(()) } else { Err(StartError::NoSuchPart { index, part, number, count }) }
     }
 
-    /// Force of the person and of others on the head: that which would move it by their offsets if the valves stayed
-    /// shut and the motion were slow.
+    /// Force of the person and of pushes on the head: the force that would move the head by their offsets with shut
+    /// valves and a slow motion.
     fn hands(&self) -> SVector<f64, D> {
         let (translation, angles) = self.surroundings.involuntary.offset(self.now as f64 * 1e-9);
         let mut all = [translation.x, translation.y, translation.z, angles.x, angles.y, angles.z];
@@ -184,12 +184,12 @@ pub trait Rig: Send {
     fn couch_from_head(&self, rest: &Isometry3<f64>) -> Isometry3<f64>;
     /// Pressures, air, valves and faults.
     fn state(&self) -> RigStateElement;
-    /// Breaks something now, for so many ns or until it is mended.
+    /// Begins a fault now, for this many ns or until it is removed.
     ///
     /// # Errors
     /// [`StartError`] where the rig does not have the part, or too much is broken.
     fn break_now(&mut self, fault: Fault, lasts: Option<u64>) -> Result<(), StartError>;
-    /// Mends what [`break_now`](Self::break_now) broke.
+    /// Removes the faults of [`break_now`](Self::break_now).
     fn mend(&mut self);
     /// The faults that act, as the bits of [`RigStateElement::faults`].
     fn faults(&self) -> u32;
