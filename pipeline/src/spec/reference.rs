@@ -25,20 +25,20 @@ pub fn reference_of(stage: &Stage) -> String {
     };
     let timer = match timer {
         Timer::No => "it has no timer",
-        Timer::Optional => "`every` may give it a timer",
-        Timer::Required => "`every` must give its period",
+        Timer::Optional => "`every` is optional and gives it a timer",
+        Timer::Required => "`every` is required and gives the period of its timer",
     };
     let _ = writeln!(page, "\n{role}; {timer}.");
     if !inputs.is_empty() {
         page.push_str(
-            "\n| input | takes | consumed | needed | what for |\n| --- | --- | --- | --- | --- |\n",
+            "\n| input | takes | consumed | required | purpose |\n| --- | --- | --- | --- | --- |\n",
         );
         for i in inputs {
             let policy = policy_of(i.policy);
-            let needed = if i.required { "yes" } else { "no" };
+            let required = if i.required { "yes" } else { "no" };
             let _ = writeln!(
                 page,
-                "| `{}` | {} | {policy} | {needed} | {} |",
+                "| `{}` | {} | {policy} | {required} | {} |",
                 i.name,
                 i.sample.name,
                 cell(i.about)
@@ -46,7 +46,7 @@ pub fn reference_of(stage: &Stage) -> String {
         }
     }
     if !outputs.is_empty() {
-        page.push_str("\n| output | sends | frame | what |\n| --- | --- | --- | --- |\n");
+        page.push_str("\n| output | sends | frame | content |\n| --- | --- | --- | --- |\n");
         for o in outputs {
             let frame = frame_of(o.frame);
             let _ = writeln!(page, "| `{}` | {} | {frame} | {} |", o.name, o.sample.name, cell(o.about));
@@ -54,19 +54,22 @@ pub fn reference_of(stage: &Stage) -> String {
     }
     if !stage.laps.is_empty() {
         let laps: Vec<String> = stage.laps.iter().map(|lap| format!("`{lap}_s`")).collect();
-        let _ =
-            writeln!(page, "\nA live run measures its stages, on the topic `timing`: {}.", laps.join(", "));
+        let _ = writeln!(
+            page,
+            "\nA live run measures its laps and sends them on the topic `timing`: {}.",
+            laps.join(", ")
+        );
     }
     if !stage.fields.is_empty() {
         page.push_str(
-            "\n| parameter | type | default | range | what for |\n| --- | --- | --- | --- | --- |\n",
+            "\n| parameter | type | default | range | purpose |\n| --- | --- | --- | --- | --- |\n",
         );
         rows(&mut page, stage.fields, "");
     }
     page
 }
 
-/// How an input is consumed, in words.
+/// How an input is consumed, as text.
 pub fn policy_of(policy: Policy) -> String {
     match policy {
         Policy::Queue(n) => format!("`queue: {n}`"),
@@ -75,7 +78,7 @@ pub fn policy_of(policy: Policy) -> String {
     }
 }
 
-/// Which frame an output is in, in words.
+/// The frame of an output, as text.
 pub fn frame_of(rule: FrameRule) -> String {
     match rule {
         FrameRule::None => "none".into(),
@@ -92,8 +95,8 @@ fn rows(page: &mut String, fields: &[ParamField], prefix: &str) {
         let default = match (field.default, field.presence) {
             (Some(default), _) => format!("`{default}`"),
             (None, Presence::Optional) => "none".into(),
-            (None, _) if field.is_required() => "must be given".into(),
-            (None, _) => "its parts".into(),
+            (None, _) if field.is_required() => "required".into(),
+            (None, _) => "see its parts".into(),
         };
         let range = match field.choices() {
             [] => field.range().unwrap_or_default(),

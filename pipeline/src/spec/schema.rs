@@ -196,7 +196,7 @@ fn when_kind(stage: &Stage) -> Value {
                 Policy::Latest => "the latest".into(),
                 Policy::Sync { within } => format!("in step within {} ns", within),
             };
-            let about = format!("{} Takes {}; {policy} unless said.", i.about, i.sample.name);
+            let about = format!("{} Takes {}; {policy} by default.", i.about, i.sample.name);
             (i.name.to_owned(), json!({ "$ref": "#/$defs/input", "description": about }))
         })
         .collect();

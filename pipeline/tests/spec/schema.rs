@@ -171,9 +171,7 @@ fn schema_and_reference_know_each_parameter() {
         }
     }
     assert!(
-        page.contains(
-            "| `step.by` | 3 times a length (m) | must be given |  | By how much the target moves. |"
-        )
+        page.contains("| `step.by` | 3 times a length (m) | required |  | By how much the target moves. |")
     );
     assert!(page.contains("| `leaf` | a length (m) | `4 mm` | from 0.5 mm to 50 mm | Edge of a voxel. |"));
 }
