@@ -167,7 +167,7 @@ impl BladderParams {
             return Ok(());
         }
         Err(refusal(format!(
-            "camera.every is {} ms, and the rig's own `every` is {} ms: make the one a multiple of the other",
+            "camera.every is {} ms, and the rig's own `every` is {} ms: make the first a multiple of the second",
             self.camera.every as f64 * 1e-6,
             every as f64 * 1e-6
         )))
