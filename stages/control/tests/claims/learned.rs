@@ -141,7 +141,7 @@ fn controllers_refuse_what_does_not_fit_with_the_place() {
     files.files.insert("degrees.json".into(), identified("rad").files["model.json"].clone());
     for (law, words) in [
         ("control.mrac, every: 10 ms, params: { features: lstm }", "`features: lstm` needs a network"),
-        ("control.mrac, every: 10 ms, params: { model: net }", "`features: tanh` needs none"),
+        ("control.mrac, every: 10 ms, params: { model: net }", "`features: tanh` needs no model"),
         (
             "control.mrac, every: 10 ms, params: { features: lstm, model: junk }",
             "`model`: junk: it is not a safetensors",
