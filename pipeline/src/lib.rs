@@ -9,6 +9,7 @@
 pub mod clock;
 pub mod console;
 pub mod drafts;
+pub mod far_end;
 pub mod files;
 pub mod finished;
 pub mod graph;
@@ -31,7 +32,6 @@ pub mod session_recorder;
 pub mod simulated;
 pub mod spec;
 pub mod stdout;
-pub mod stream;
 
 pub use stillpoint_operator as operator;
 pub use stillpoint_operator::{
@@ -40,4 +40,4 @@ pub use stillpoint_operator::{
 };
 
 /// The kinds of operators that come with every pipeline.
-pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, stream::DEPTH, stream::GREY];
+pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, far_end::DEPTH, far_end::GREY];

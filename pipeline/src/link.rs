@@ -17,7 +17,7 @@ pub const EVERY: u64 = 1_000_000;
 /// Datagrams that wait for the far end in a simulated run.
 pub const WAITING: u32 = 64;
 /// The longest datagram that is taken.
-pub const LONGEST: usize = 1024;
+pub const LONGEST: usize = stillpoint_transport::Datagrams::LONGEST;
 
 const DATAGRAM: usize = 0;
 const DIAGNOSTICS: usize = 1;

@@ -45,6 +45,8 @@ fn finishes(bench: &Bench, file: &str, how: &[&str]) -> (u64, u64, f64) {
         "{}",
         report["ledger"]
     );
+    // To have no more to send is no fault.
+    assert_eq!(report["faults"], json!([]));
     let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
     assert_eq!((&replay["identical_all"], &replay["differences"]), (&json!(true), &json!(0)));
     let info = bench.call(&["info", report["session"].as_str().unwrap(), "--json"]).good();

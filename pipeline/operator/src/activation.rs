@@ -69,6 +69,11 @@ impl<'a> Activation<'a> {
         consumed.pieces.view::<S>().ok()
     }
 
+    /// The bytes of the sample on an input that no earlier activation has seen, whatever its type.
+    pub fn fresh_pieces(&self, port: usize) -> Option<Pieces<'a>> {
+        Some(self.inputs.get(port)?.sample.filter(|s| !s.held)?.pieces)
+    }
+
     /// The header of the sample on an input.
     pub fn header(&self, port: usize) -> Option<Header> {
         Some(self.inputs.get(port)?.sample?.pieces.header())

@@ -3,7 +3,7 @@
 
 use std::marker::PhantomData;
 
-use stillpoint_samples::{HEADER_SIZE, Sample, SampleKind};
+use stillpoint_samples::{HEADER_SIZE, Pieces, Sample, SampleKind};
 use zerocopy::FromBytes;
 
 use crate::error::StepError;
@@ -87,20 +87,38 @@ impl<'a> Outputs<'a> {
         writer.finish(elements.len())
     }
 
+    /// Type of the samples of an output.
+    pub fn kind(&self, port: usize) -> Option<&'static SampleKind> {
+        self.kinds.get(port).map(|(kind, _)| *kind)
+    }
+
+    /// Sends a copy of body and elements of a sample whose type is known at run time alone.
+    pub fn send_pieces(&mut self, port: usize, sample: Pieces<'_>) -> Result<(), StepError> {
+        let (kind, capacity) = self.port(port)?;
+        let sample = sample.check(kind).map_err(|e| StepError(e.to_string()))?;
+        let count = sample.header().count as usize;
+        fits(port, count, capacity)?;
+        self.buffers.open(port, count);
+        let (meta, payload) = self.buffers.parts_mut();
+        meta[HEADER_SIZE..].copy_from_slice(&sample.meta[HEADER_SIZE..]);
+        meta[HEADER_SIZE - 4..HEADER_SIZE].copy_from_slice(&sample.meta[HEADER_SIZE - 4..HEADER_SIZE]);
+        payload[..sample.payload.len()].copy_from_slice(sample.payload);
+        self.buffers.keep();
+        Ok(())
+    }
+
+    fn port(&self, port: usize) -> Result<(&'static SampleKind, usize), StepError> {
+        self.kinds.get(port).copied().ok_or_else(|| StepError(format!("there is no output {port}")))
+    }
+
     /// Opens a sample to be written in place, with room for `elements` elements. It is sent by
     /// [`finish`](Writer::finish); a writer that is dropped sends nothing.
     pub fn open<S: Sample>(&mut self, port: usize, elements: usize) -> Result<Writer<'_, 'a, S>, StepError> {
-        let Some((kind, capacity)) = self.kinds.get(port).copied() else {
-            return Err(StepError(format!("there is no output {port}")));
-        };
+        let (kind, capacity) = self.port(port)?;
         if *kind != *S::KIND {
             return Err(StepError(format!("output {port} sends {}, not {}", kind.name, S::NAME)));
         }
-        if elements > capacity {
-            return Err(StepError(format!(
-                "a sample of {elements} elements exceeds the {capacity} that output {port} was laid out for"
-            )));
-        }
+        fits(port, elements, capacity)?;
         self.buffers.open(port, elements);
         Ok(Writer { outputs: self, elements, sample: PhantomData })
     }
@@ -126,6 +144,16 @@ impl<'a> Outputs<'a> {
             self.report.unknown_lap.get_or_insert(lap);
         }
     }
+}
+
+/// Refuses a sample that is longer than its output was laid out for.
+fn fits(port: usize, elements: usize, capacity: usize) -> Result<(), StepError> {
+    if elements <= capacity {
+        return Ok(());
+    }
+    Err(StepError(format!(
+        "a sample of {elements} elements exceeds the {capacity} that output {port} was laid out for"
+    )))
 }
 
 /// A sample that is being written in place.

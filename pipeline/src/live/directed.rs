@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use stillpoint_samples::Entry;
-use stillpoint_shm::{Domain, Publisher, ShmError, Subscriber, Topic};
+use stillpoint_shm::{Domain, ShmError};
 
-use super::contracts;
 use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
 use super::journal::publish_entry;
 use super::pipe::{PipeReader, tell, wait_for};
+use super::ports::{Depth, Outlet, Ports};
 use crate::graph::{Graph, ProcessNode};
 use crate::operator::Files;
 use crate::placement::Directed;
@@ -24,13 +24,9 @@ pub struct DirectedWorker<'f> {
 struct DirectedOperator {
     number: usize,
     directed: Directed,
-    inlets: Vec<Option<(Subscriber, &'static stillpoint_samples::SampleKind)>>,
-    /// Each with the depth of its consumers' buffers.
-    outlets: Vec<(Publisher, usize)>,
+    ports: Ports,
     /// Outputs of the activation that is under way, for which there was no room yet.
     unsent: VecDeque<(usize, OwnedSample)>,
-    journal: Publisher,
-    _topics: Vec<Topic>,
 }
 
 impl<'f> DirectedWorker<'f> {
@@ -58,7 +54,7 @@ impl<'f> DirectedWorker<'f> {
                 ToWorker::Go { .. } => {}
                 ToWorker::Connect(Connect { number }) => {
                     for runner in &self.runners {
-                        runner.connect().map_err(|e| e.to_string())?;
+                        runner.ports.connect().map_err(|e| e.to_string())?;
                     }
                     tell(&FromWorker::Connected { number })?;
                 }
@@ -119,53 +115,16 @@ impl<'f> DirectedWorker<'f> {
 
 impl DirectedOperator {
     fn open(graph: &Arc<Graph>, number: usize, domain: &Domain) -> Result<Self, ShmError> {
-        let node = &graph.operators[number];
-        let mut topics = Vec::new();
-        let mut inlets = Vec::new();
-        for (input, port) in node.inputs.iter().zip(node.stage.kind.inputs) {
-            inlets.push(match input.edge {
-                None => None,
-                Some(edge) => {
-                    let contract = contracts::output(graph, edge.operator, edge.output);
-                    let depth = contract.buffer;
-                    let topic = Topic::open(domain, &contract)?;
-                    let subscriber = topic.subscriber(depth)?;
-                    topics.push(topic);
-                    Some((subscriber, port.sample))
-                }
-            });
-        }
-        let mut outlets = Vec::new();
-        for output in 0..node.outputs.len() {
-            let contract = contracts::output(graph, number, output);
-            let topic = Topic::open(domain, &contract)?;
-            outlets.push((topic.publisher()?, contract.buffer));
-            topics.push(topic);
-        }
-        let topic = Topic::open(domain, &contracts::journal(graph, number))?;
-        let journal = topic.publisher()?;
-        topics.push(topic);
-        let directed = Directed::new(graph.clone(), number);
-        Ok(Self { number, directed, inlets, outlets, unsent: VecDeque::new(), journal, _topics: topics })
-    }
-
-    fn connect(&self) -> Result<(), ShmError> {
-        for (publisher, _) in &self.outlets {
-            publisher.connect()?;
-        }
-        self.journal.connect()?;
-        for (subscriber, _) in self.inlets.iter().flatten() {
-            subscriber.connect()?;
-        }
-        Ok(())
+        let ports = Ports::open(graph, number, domain, Depth::OfTopic)?;
+        Ok(Self { number, directed: Directed::new(graph.clone(), number), ports, unsent: VecDeque::new() })
     }
 
     fn take(&mut self, port: usize) -> Result<(), String> {
-        let Some(Some((subscriber, kind))) = self.inlets.get(port) else {
+        let Some(Some(inlet)) = self.ports.inlets.get(port) else {
             return Err(format!("input {port} is not connected"));
         };
-        while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
-            self.directed.deliver(port, OwnedSample::copy_of(kind, sample.pieces()));
+        while let Some(sample) = inlet.subscriber.receive().map_err(|e| e.to_string())? {
+            self.directed.deliver(port, OwnedSample::copy_of(inlet.kind, sample.pieces()));
         }
         Ok(())
     }
@@ -175,8 +134,8 @@ impl DirectedOperator {
         let mut sent = Vec::new();
         while let Some((port, owned)) = self.unsent.front() {
             let (port, pieces) = (*port, owned.pieces());
-            let (publisher, buffer) = &self.outlets[port];
-            if sent.iter().filter(|p| **p == port).count() >= *buffer {
+            let Outlet { publisher, topic } = &self.ports.outlets[port];
+            if sent.iter().filter(|p| **p == port).count() >= topic.contract().buffer {
                 break;
             }
             let loan = publisher.loan(owned.header().count as usize).map_err(|e| e.to_string())?;
@@ -192,6 +151,6 @@ impl DirectedOperator {
     }
 
     fn publish_entry(&mut self, entry: &Entry) -> Result<(), String> {
-        publish_entry(&self.journal, entry)
+        publish_entry(&self.ports.journal, entry)
     }
 }

@@ -7,9 +7,10 @@ use std::time::Duration;
 use stillpoint_samples::{Entry, JournalRef, RefKind, SampleKind};
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
+use super::barrier::{PATIENCE, connect, wait_until_made};
 use super::children::{Child, Launch, Told};
 use super::contracts;
-use super::control::{Connect, FromWorker, Hello, ToWorker, WireRecord, wire_refs};
+use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::journal::entry_of;
 use super::room::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
@@ -19,8 +20,6 @@ use crate::placement::{Committed, Placement, PlacementError};
 use crate::record::Record;
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
-
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// All processes of a graph, each doing what it is told.
 pub struct Processes {
@@ -74,17 +73,9 @@ impl Processes {
             children.push(Child::start(launch, launch.worker, &process.name, &hello)?);
         }
         let mut told = Vec::new();
-        for child in &mut children {
-            if !child.wait(PATIENCE, &mut told, |c| c.made) {
-                return Err(first_reason(&told, Err(format!("process {} did not begin", child.name))));
-            }
-        }
-        for child in &mut children {
-            child.tell(&ToWorker::Connect(Connect { number: 1 }));
-            if !child.wait(PATIENCE, &mut told, |c| c.connected == 1) {
-                return Err(first_reason(&told, Err(format!("process {} did not connect", child.name))));
-            }
-        }
+        wait_until_made(children.iter_mut(), &mut told, || false).map_err(|e| e.to_string())?;
+        let mut workers: Vec<&mut Child> = children.iter_mut().collect();
+        connect(&mut workers, 1, PATIENCE, &mut told).map_err(|e| e.to_string())?;
         let mut processes =
             Self { graph, children, journals, taps, _topics: topics, _domain: domain, _folder: folder };
         processes.connect().map_err(|e| e.to_string())?;

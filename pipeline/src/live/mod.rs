@@ -1,10 +1,12 @@
 //! The live executor: the clock's schedule, spread over processes.
 //!
+//! - `barrier`: the start barrier, live and in lock-step
 //! - `children`: starting child processes, telling and hearing them
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
 //! - `journal`: journal entries as samples in shared memory
 //! - `missed`: what was sent while no recorder was there
+//! - `ports`: the ports of one operator in shared memory
 //! - `pipe`: lines over the children's pipes, unbuffered
 //! - `report`: what a run is asked for, and how it went
 //! - `room`: what runs take of shared memory, and leave to each other
@@ -17,12 +19,12 @@
 //! - `runner`: one operator in a worker
 //! - `recorder`: the process that records
 //! - `affinity`: core and scheduling class of a process
-//! - `serving`: samples of any size from one program to another
 //! - `status`: what a run looks like from its journals
 //! - `stopwatch`: how long the stages of a step took
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
 mod affinity;
+mod barrier;
 mod children;
 pub mod contracts;
 pub mod control;
@@ -31,12 +33,12 @@ mod journal;
 mod lockstep;
 mod missed;
 mod pipe;
+mod ports;
 mod recorder;
 mod report;
 mod room;
 pub mod run_folder;
 mod runner;
-mod serving;
 pub mod status;
 mod stopwatch;
 mod supervisor;

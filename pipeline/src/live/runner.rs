@@ -1,10 +1,11 @@
 //! One operator in a worker: its instance, its ports, and the commit of its activations.
 
 use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
-use stillpoint_shm::{Domain, Listener, Notifier, Publisher, Received, ShmError, Subscriber, Topic};
+use stillpoint_shm::{Domain, Listener, Notifier, Received, ShmError, Subscriber, Topic};
 
 use super::contracts;
 use super::journal::publish_entry;
+use super::ports::{Depth, Outlet, Ports};
 use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender};
 use crate::clock::SessionClock;
@@ -15,7 +16,7 @@ use crate::intake::Intake;
 use crate::operator::Files;
 use crate::outside::{Inbox, Outside};
 use crate::record::Record;
-use crate::schedule::depth_of;
+use crate::schedule::{Decision, Ticks, decide};
 
 /// One operator in a worker.
 pub struct OperatorRunner {
@@ -24,16 +25,17 @@ pub struct OperatorRunner {
     /// Its present incarnation.
     pub instance: OperatorInstance,
     intake: Intake<Received>,
-    inlets: Vec<Option<Subscriber>>,
-    outlets: Outlets,
-    journal: Publisher,
-    inbox: Option<(Subscriber, Inbox)>,
+    ports: Ports,
+    /// By output.
+    sending: Vec<Sending>,
+    stopwatch: Option<Stopwatch>,
+    inbox: Option<InboxPort>,
     link_receiver: Option<LinkReceiver>,
     every: Option<u64>,
     /// This incarnation has no more of its own: its timer stands still.
     finished: bool,
-    tick: u64,
-    epoch: u64,
+    /// Its timer; `None` before it begins, and where it has none.
+    ticks: Option<Ticks>,
     /// Time of the last activation: stamps of an operator rise.
     last: u64,
     sent_before: u64,
@@ -41,8 +43,6 @@ pub struct OperatorRunner {
     pub unlinked: Option<String>,
     /// It panicked, and a new incarnation begins later.
     pub down: Option<Down>,
-    /// Keeps the services alive while this process has ports on them.
-    _topics: Vec<Topic>,
 }
 
 /// Until when an operator that panicked does nothing.
@@ -54,26 +54,35 @@ pub enum Down {
     Until(u64),
 }
 
-struct Outlet {
-    publisher: Publisher,
+/// What happens with the samples of an output besides their publication.
+struct Sending {
     /// Wakes consumers in other processes, where there are any.
     notifier: Option<Notifier>,
-    /// Something was sent that nobody was woken for yet.
+    /// A sample was sent, and no consumer was woken for it yet.
     sent: bool,
     /// The links of this output.
     link_sender: Option<LinkSender>,
 }
 
-struct Outlets {
-    ports: Vec<Outlet>,
-    stopwatch: Option<Stopwatch>,
-    /// What the last loan failed of, other than used-up memory.
+/// Commands of people, for a console.
+struct InboxPort {
+    subscriber: Subscriber,
+    inbox: Inbox,
+    /// Keeps the service alive while this process has a port on it.
+    _topic: Topic,
+}
+
+/// Lends buffers in shared memory.
+struct SharedMemory<'a> {
+    outlets: &'a [Outlet],
+    stopwatch: &'a mut Option<Stopwatch>,
+    /// Why the last loan failed, where that is not used-up memory.
     fault: Option<ShmError>,
 }
 
-impl Lender for Outlets {
+impl Lender for SharedMemory<'_> {
     fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
-        match self.ports.get(port)?.publisher.loan(elements) {
+        match self.outlets.get(port)?.publisher.loan(elements) {
             Ok(loan) => loan.map(Buffer::Shared),
             Err(e) => {
                 self.fault = Some(e);
@@ -110,47 +119,31 @@ impl OperatorRunner {
         let node = &graph.operators[operator];
         let text = |e: ShmError| e.to_string();
         let inbox = Inbox::default();
-        let mut topics = Vec::new();
-        let mut inlets = Vec::new();
-        for input in &node.inputs {
-            let Some(edge) = input.edge else {
-                inlets.push(None);
-                continue;
-            };
-            let topic =
-                Topic::open(domain, &contracts::output(graph, edge.operator, edge.output)).map_err(text)?;
-            inlets.push(Some(topic.subscriber(depth_of(input.policy)).map_err(text)?));
-            if graph.operators[edge.operator].process != node.process {
-                listeners.push(topic.listener().map_err(text)?);
+        let ports = Ports::open(graph, operator, domain, Depth::OfPolicy).map_err(text)?;
+        for inlet in ports.inlets.iter().flatten() {
+            if graph.operators[inlet.edge.operator].process != node.process {
+                listeners.push(inlet.topic.listener().map_err(text)?);
             }
-            topics.push(topic);
         }
-        let mut ports = Vec::new();
-        for port in 0..node.outputs.len() {
-            let topic = Topic::open(domain, &contracts::output(graph, operator, port)).map_err(text)?;
+        let mut sending = Vec::new();
+        for (port, outlet) in ports.outlets.iter().enumerate() {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
-            let notifier = if outside { Some(topic.notifier().map_err(text)?) } else { None };
-            let link_sender = LinkSender::open(node, port)?;
-            ports.push(Outlet {
-                publisher: topic.publisher().map_err(text)?,
+            let notifier = if outside { Some(outlet.topic.notifier().map_err(text)?) } else { None };
+            sending.push(Sending {
                 notifier,
                 sent: false,
-                link_sender,
+                link_sender: LinkSender::open(node, port).map_err(|e| e.to_string())?,
             });
-            topics.push(topic);
         }
         let stopwatch = Stopwatch::open(graph, operator, domain).map_err(text)?;
-        let journal = Topic::open(domain, &contracts::journal(graph, operator)).map_err(text)?;
-        let journal_port = journal.publisher().map_err(text)?;
-        topics.push(journal);
         let mut people = None;
         if node.stage.kind.name == crate::console::KIND_NAME {
             let topic = Topic::open(domain, &contracts::inbox(graph, operator)).map_err(text)?;
-            people = Some((topic.subscriber(16).map_err(text)?, inbox.clone()));
-            topics.push(topic);
+            let subscriber = topic.subscriber(16).map_err(text)?;
+            people = Some(InboxPort { subscriber, inbox: inbox.clone(), _topic: topic });
         }
-        let link_receiver = LinkReceiver::open(node)?;
+        let link_receiver = LinkReceiver::open(node).map_err(|e| e.to_string())?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
         let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
             .map_err(|e| format!("{}: {}", node.name, e.0))?;
@@ -158,44 +151,32 @@ impl OperatorRunner {
             operator,
             instance,
             intake: Intake::new(node),
-            inlets,
-            outlets: Outlets { ports, stopwatch, fault: None },
-            journal: journal_port,
+            ports,
+            sending,
+            stopwatch,
             inbox: people,
             link_receiver,
             every: node.every,
             finished: false,
-            tick: 0,
-            epoch: 0,
+            ticks: None,
             last: 0,
             sent_before: 0,
             unlinked: None,
             down: None,
-            _topics: topics,
         })
     }
 
     /// Connects to all ports that are there.
     pub fn connect(&self) -> Result<(), ShmError> {
-        for outlet in &self.outlets.ports {
-            outlet.publisher.connect()?;
-        }
-        if let Some(stopwatch) = &self.outlets.stopwatch {
+        if let Some(stopwatch) = &self.stopwatch {
             stopwatch.connect()?;
         }
-        self.journal.connect()?;
-        for inlet in self.inlets.iter().flatten() {
-            inlet.connect()?;
-        }
-        Ok(())
+        self.ports.connect()
     }
 
     /// Begins: marks the incarnation, and sets the timer to its next tick after `now`.
     pub fn begin(&mut self, epoch: u64, now: u64) -> Result<(), String> {
-        self.epoch = epoch;
-        if let Some(every) = self.every {
-            self.tick = now.saturating_sub(epoch).div_ceil(every);
-        }
+        self.ticks = self.every.map(|every| Ticks::from(epoch, every, now));
         self.last = now;
         let entry = self.instance.mark(Cause::Start, now, &[]);
         self.publish_entry(&entry)
@@ -208,7 +189,7 @@ impl OperatorRunner {
         files: &dyn Files,
         clock: &SessionClock,
     ) -> Result<(), String> {
-        let inbox = self.inbox.as_ref().map(|(_, inbox)| inbox.clone()).unwrap_or_default();
+        let inbox = self.inbox.as_ref().map(|port| port.inbox.clone()).unwrap_or_default();
         let outside = Outside { inbox, arrivals: self.link_receiver.as_ref().map(LinkReceiver::arrivals) };
         self.instance =
             OperatorInstance::build(graph, self.operator, self.instance.incarnation() + 1, files, outside)
@@ -229,49 +210,46 @@ impl OperatorRunner {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
-        if let Some(link_receiver) = &self.link_receiver
-            && let Some(reason) = link_receiver.listen()?
+        if let Some(link_receiver) = &mut self.link_receiver
+            && let Some(refusal) = link_receiver.listen().map_err(|e| e.to_string())?
         {
-            self.unlinked = Some(reason);
+            self.unlinked = Some(refusal.to_string());
         }
-        let due = self
-            .every
-            .filter(|_| timers && !self.finished)
-            .map(|every| self.epoch.saturating_add(self.tick.saturating_mul(every)));
+        let ticks = self.ticks.filter(|_| timers && !self.finished);
         let mut fault = None;
-        let inlets = &self.inlets;
-        let ready = self.intake.ready(now, &mut |port| match inlets.get(port)?.as_ref()?.receive() {
-            Ok(sample) => sample,
-            Err(e) => {
-                fault = Some(e);
-                None
-            }
-        });
+        let inlets = &self.ports.inlets;
+        let ready =
+            self.intake.ready(now, &mut |port| match inlets.get(port)?.as_ref()?.subscriber.receive() {
+                Ok(sample) => sample,
+                Err(e) => {
+                    fault = Some(e);
+                    None
+                }
+            });
         if let Some(fault) = fault {
             return Err(fault.to_string());
         }
-        let due_now = due.filter(|d| *d <= now);
-        let input = ready.filter(|trigger| due_now.is_none_or(|d| trigger.since <= d));
-        let (cause, port, nominal, tick) = match (input, due_now, self.every) {
-            (Some(trigger), _, _) => (trigger.cause, trigger.port, now, 0),
-            (None, Some(_), Some(every)) => {
-                // Ticks that passed while the operator was busy are skipped; the number of the tick shows it.
-                let tick = (now - self.epoch) / every;
-                self.tick = tick + 1;
-                (Cause::Timer, 0, self.epoch.saturating_add(tick.saturating_mul(every)), tick)
-            }
-            _ => {
-                let visible = self.intake.next_visible();
-                return Ok(PollOutcome::Idle([due, visible].into_iter().flatten().min()));
-            }
+        let Some(decision) = decide(now, ready, ticks.as_ref()) else {
+            let visible = self.intake.next_visible();
+            let due = ticks.map(|ticks| ticks.due());
+            return Ok(PollOutcome::Idle([due, visible].into_iter().flatten().min()));
         };
+        let Decision { cause, port, nominal, tick } = decision;
+        if let Some(ticks) = self.ticks.as_mut().filter(|_| cause == Cause::Timer) {
+            ticks.next = tick + 1;
+        }
         let record = Record { time: now, nominal, tick, cause, port, inputs: self.intake.begin(cause, port) };
         self.last = now;
         let intake = &self.intake;
-        if let Some(stopwatch) = &mut self.outlets.stopwatch {
+        if let Some(stopwatch) = &mut self.stopwatch {
             stopwatch.begin();
         }
-        let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut self.outlets);
+        let mut memory =
+            SharedMemory { outlets: &self.ports.outlets, stopwatch: &mut self.stopwatch, fault: None };
+        let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut memory);
+        if let Some(fault) = memory.fault {
+            return Err(fault.to_string());
+        }
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.finished |= outcome == Outcome::Finished;
         self.commit(entry, clock)?;
@@ -288,43 +266,40 @@ impl OperatorRunner {
 
     /// The commit rule: the entry, then the outputs, then the listeners. What was measured follows, for those who poll.
     fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), String> {
-        if let Some(fault) = self.outlets.fault.take() {
-            return Err(fault.to_string());
-        }
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
         for draft in self.instance.take_drafts() {
             if let Buffer::Shared(loan) = draft.buffer {
-                let outlet = &mut self.outlets.ports[draft.port];
-                if let Some(link_sender) = &mut outlet.link_sender
+                let sending = &mut self.sending[draft.port];
+                if let Some(link_sender) = &mut sending.link_sender
                     && let Some(reason) = link_sender.send(loan.pieces())
                 {
-                    self.unlinked = Some(reason);
+                    self.unlinked = Some(reason.to_string());
                 }
-                outlet.publisher.send(loan).map_err(|e| e.to_string())?;
-                outlet.sent = true;
+                self.ports.outlets[draft.port].publisher.send(loan).map_err(|e| e.to_string())?;
+                sending.sent = true;
             }
         }
-        for outlet in &mut self.outlets.ports {
-            if std::mem::take(&mut outlet.sent)
-                && let Some(notifier) = &outlet.notifier
+        for sending in &mut self.sending {
+            if std::mem::take(&mut sending.sent)
+                && let Some(notifier) = &sending.notifier
             {
                 notifier.notify();
             }
         }
         self.sent_before = clock.now();
-        if let Some(stopwatch) = &self.outlets.stopwatch {
+        if let Some(stopwatch) = &self.stopwatch {
             stopwatch.send(&entry).map_err(|e| e.to_string())?;
         }
         Ok(())
     }
 
     fn publish_entry(&self, entry: &Entry) -> Result<(), String> {
-        publish_entry(&self.journal, entry)
+        publish_entry(&self.ports.journal, entry)
     }
 
     fn read_inbox(&mut self) -> Result<(), String> {
-        if let Some((subscriber, inbox)) = &self.inbox {
+        if let Some(InboxPort { subscriber, inbox, .. }) = &self.inbox {
             while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
                 if let Ok(view) = sample.pieces().view::<ConsoleCommand>()
                     && let Some(command) = view.first()

@@ -10,11 +10,12 @@ mod restarts;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
+use super::barrier::wait_until_made;
 use super::children::{Child, Told, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
@@ -30,9 +31,6 @@ use crate::graph::Graph;
 use crate::ledger::Ledger;
 use crate::restarts::Restarts;
 use crate::run_source::RunSource;
-
-/// How long a child may take to make its ports before the run begins.
-const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs a checked pipeline live.
 pub struct Supervisor {
@@ -161,29 +159,8 @@ impl Supervisor {
             self.workers[index].child = Some(child);
         }
         let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
-        for child in children {
-            let begun = Instant::now();
-            let goes_on = |child: &Child| {
-                !child.made && !child.is_gone() && begun.elapsed() < PATIENCE && !stop.load(Ordering::Relaxed)
-            };
-            while goes_on(child) {
-                child.wait(Duration::from_millis(50), &mut self.told, |c| c.made);
-            }
-            if stop.load(Ordering::Relaxed) {
-                return Err("stopped while it was starting: no activation was done".to_string());
-            }
-            if !child.made {
-                let said = child.last_words.take().or_else(|| self.told.first().map(|t| t.reason.clone()));
-                let how = if child.is_gone() {
-                    "ended before its ports were made"
-                } else {
-                    "did not make its ports"
-                };
-                return Err(
-                    said.unwrap_or_else(|| format!("process {} {how}: start the run again", child.name))
-                );
-            }
-        }
+        let is_stopped = || stop.load(Ordering::Relaxed);
+        wait_until_made(children, &mut self.told, is_stopped).map_err(|e| e.to_string())?;
         let number = self.connect_all();
         self.wait_for_recorder(number, || stop.load(Ordering::Relaxed));
         self.folder.publish(&RunCard {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use stillpoint_samples::{Cause, Entry, JournalRef, RefKind, SampleKind};
+use stillpoint_samples::{Cause, Entry, JournalRef, Outcome, RefKind, SampleKind};
 
 use super::{Committed, PlacementError};
 use crate::clock::float_state_is_standard;
@@ -74,7 +74,10 @@ impl Directed {
         };
         let mut heap = Heap { kinds: node.stage.kind.outputs.iter().map(|o| o.sample).collect() };
         let entry = instance.activate(record, &find, &mut heap);
-        let fault = (entry.body.outcome != 0).then(|| instance.fault().unwrap_or_default().to_string());
+        let fault = entry
+            .outcome()
+            .is_none_or(Outcome::is_failure)
+            .then(|| instance.fault().unwrap_or_default().to_string());
         let outputs = instance
             .take_drafts()
             .map(|draft| {
@@ -113,5 +116,62 @@ struct Heap {
 impl Lender for Heap {
     fn loan(&mut self, port: usize, elements: usize) -> Option<Buffer> {
         Some(Buffer::heap(self.kinds.get(port)?, elements))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::operator::files::MemoryFiles;
+    use crate::operator::{Kind, Operator, Registry, Role, SetupError, Stage, StepError, Timer};
+    use crate::{Activation, Outputs, Setup};
+
+    /// Ends at its first activation.
+    struct Short;
+
+    impl Operator for Short {
+        type Params = ();
+        const KIND: Kind = Kind {
+            name: "test.short",
+            about: "Ends at its first activation.",
+            role: Role::Source,
+            inputs: &[],
+            outputs: &[],
+            timer: Timer::Required,
+        };
+
+        fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+            Ok(Self)
+        }
+
+        fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+            if activation.index > 0 {
+                return Err(StepError("it goes on".to_string()));
+            }
+            outputs.finish();
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn an_operator_that_finishes_has_not_failed() {
+        let text = "stillpoint: 1\nname: short\noperators: { short: { use: test.short, every: 10 ms } }\n";
+        let registry = Registry::new(&[&[Stage::of::<Short>()]]);
+        let files = MemoryFiles::default();
+        let graph = crate::spec::check(text, "short.yaml", &[], &registry, &files).unwrap();
+        let mut directed = Directed::new(Arc::new(graph), 0);
+        directed.start(0, 0, &files).unwrap();
+        let record = |time| Record {
+            time,
+            nominal: time,
+            tick: time,
+            cause: Cause::Timer,
+            port: 0,
+            inputs: Vec::new(),
+        };
+        let finished = directed.activate(&record(1)).unwrap();
+        assert_eq!((finished.entry.outcome(), finished.fault), (Some(Outcome::Finished), None));
+        let failed = directed.activate(&record(2)).unwrap();
+        assert_eq!(failed.fault.as_deref(), Some("it goes on"));
     }
 }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use stillpoint_samples::{Cause, Entry, Header, Outcome};
 
+use super::decision::{Decision, Ticks, decide};
 use super::waiting::Waiting;
 use crate::finished::Finished;
 use crate::graph::Graph;
@@ -74,8 +75,7 @@ pub struct Events {
 struct State {
     intake: Intake<Header>,
     ports: Vec<Waiting>,
-    /// Number of the next timer tick.
-    tick: u64,
+    ticks: Option<Ticks>,
     busy_until: u64,
     /// Something has arrived, or was consumed, since the intake last said that nothing is ready.
     dirty: bool,
@@ -108,7 +108,7 @@ impl Events {
             .map(|node| State {
                 intake: Intake::new(node),
                 ports: node.inputs.iter().map(|i| Waiting::of(i.policy)).collect(),
-                tick: 0,
+                ticks: None,
                 busy_until: 0,
                 dirty: true,
                 incarnation: 0,
@@ -143,7 +143,7 @@ impl Events {
         self.begin(placement, start, observer)?;
         let mut last = start;
         let mut ended = Ok(());
-        while let Some((time, operator)) = self.next(start) {
+        while let Some((time, operator)) = self.next() {
             if time >= self.end.saturating_add(DRAIN) {
                 break;
             }
@@ -156,7 +156,7 @@ impl Events {
                 continue;
             }
             last = last.max(time);
-            if let Err(e) = self.visit(operator, time, start, placement, observer) {
+            if let Err(e) = self.visit(operator, time, placement, observer) {
                 self.end = self.end.min(last);
                 // A fault ends the run in order.
                 if !matches!(e, RunError::Fault { .. }) {
@@ -185,6 +185,8 @@ impl Events {
     ) -> Result<(), RunError> {
         for (operator, state) in self.operators.iter_mut().enumerate() {
             state.busy_until = start;
+            let every = self.graph.operators[operator].every;
+            state.ticks = every.map(|every| Ticks { epoch: start, every, next: 0 });
             let entry = placement.start(operator, 0, start).map_err(RunError::NotBegun)?;
             observer.on_activation(operator, &entry, &[]).map_err(RunError::Observer)?;
         }
@@ -192,12 +194,12 @@ impl Events {
     }
 
     /// The next operator that may have something to do, and when.
-    fn next(&self, start: u64) -> Option<(u64, usize)> {
+    fn next(&self) -> Option<(u64, usize)> {
         let candidates = self.operators.iter().enumerate().filter_map(|(index, state)| {
             if let Some(down) = state.down {
                 return (down.until() < self.end).then_some((down.until(), index));
             }
-            let timer = self.timer(index, start);
+            let timer = self.ticks(index).map(|ticks| ticks.due());
             let arrival = state.ports.iter().filter_map(Waiting::next_arrival).min();
             let visible = state.intake.next_visible().filter(|t| *t > state.busy_until);
             let dirty = state.dirty.then_some(state.busy_until);
@@ -207,11 +209,10 @@ impl Events {
         candidates.min()
     }
 
-    /// When the operator's timer is due, if it is before the end and the operator has not finished.
-    fn timer(&self, operator: usize, start: u64) -> Option<u64> {
-        let every = self.graph.operators[operator].every.filter(|_| !self.finished.has(operator))?;
-        let due = start.saturating_add(self.operators[operator].tick.saturating_mul(every));
-        (due < self.end).then_some(due)
+    /// The operator's timer, if its next tick is due before the end and the operator has not finished.
+    fn ticks(&self, operator: usize) -> Option<&Ticks> {
+        let ticks = self.operators[operator].ticks.as_ref();
+        ticks.filter(|ticks| !self.finished.has(operator) && ticks.due() < self.end)
     }
 
     /// Does at most one activation of an operator at `time`.
@@ -219,38 +220,28 @@ impl Events {
         &mut self,
         operator: usize,
         time: u64,
-        start: u64,
         placement: &mut dyn Placement,
         observer: &mut dyn Observer,
     ) -> Result<(), RunError> {
         if let Some(down) = self.operators[operator].down {
-            return self.begin_again(operator, down, time.saturating_sub(start), time, placement, observer);
+            return self.begin_again(operator, down, time, placement, observer);
         }
-        let timer = self.timer(operator, start).filter(|due| *due <= time);
+        let ticks = self.ticks(operator).copied();
         let graph = self.graph.clone();
         let node = &graph.operators[operator];
         let state = &mut self.operators[operator];
         state.arrive(time);
         let ports = &mut state.ports;
         let ready = state.intake.ready(time, &mut |port| ports[port].take());
-        // What came before the tick is seen before it; at the same time, too.
-        let input = ready.filter(|trigger| timer.is_none_or(|due| trigger.since <= due));
-        let (cause, port, nominal, tick) = match (input, timer) {
-            (Some(trigger), _) => (trigger.cause, trigger.port, time, 0),
-            (None, Some(due)) => {
-                // Ticks that passed while the operator was busy are skipped; the number of the tick shows it.
-                let every = node.every.unwrap_or(1);
-                let skipped = (time - due) / every;
-                let tick = state.tick + skipped;
-                state.tick = tick + 1;
-                (Cause::Timer, 0, due + skipped * every, tick)
-            }
-            (None, None) => {
-                state.dirty = false;
-                state.busy_until = state.busy_until.max(time);
-                return Ok(());
-            }
+        let Some(decision) = decide(time, ready, ticks.as_ref()) else {
+            state.dirty = false;
+            state.busy_until = state.busy_until.max(time);
+            return Ok(());
         };
+        let Decision { cause, port, nominal, tick } = decision;
+        if let Some(ticks) = state.ticks.as_mut().filter(|_| cause == Cause::Timer) {
+            ticks.next = tick + 1;
+        }
         state.dirty = true;
         if let Some(deadline) = node.deadline.filter(|deadline| node.latency > *deadline) {
             return self.die(operator, time.saturating_add(deadline), observer);
@@ -316,12 +307,11 @@ impl Events {
         Ok(())
     }
 
-    /// A new incarnation begins, `since_start` ns after the run.
+    /// A new incarnation begins.
     fn begin_again(
         &mut self,
         operator: usize,
         down: Down,
-        since_start: u64,
         time: u64,
         placement: &mut dyn Placement,
         observer: &mut dyn Observer,
@@ -337,9 +327,7 @@ impl Events {
             Down::Dead(_) => {
                 state.intake = Intake::new(node);
                 state.ports.iter_mut().for_each(|port| port.forget_before(time));
-                if let Some(every) = node.every {
-                    state.tick = since_start.div_ceil(every);
-                }
+                state.ticks = state.ticks.map(|ticks| Ticks::from(ticks.epoch, ticks.every, time));
             }
         }
         let entry = placement.start(operator, state.incarnation, time)?;

@@ -12,11 +12,11 @@ use super::record::Parsed;
 use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
+use crate::far_end;
 use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Wire};
 use crate::hosts::MAIN;
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
-use crate::stream;
 
 /// Names of processes that every run has.
 const RESERVED: [&str; 2] = ["recorder", "supervisor"];
@@ -251,7 +251,7 @@ fn lay_out_far_ends(operators: &mut [OperatorNode]) {
             (operators[far].far_end, operators[far].inputs.first().and_then(|i| i.edge))
         {
             let capacity = operators[edge.operator].outputs[edge.output].capacity;
-            operators[far].outputs[stream::SAMPLE].capacity = capacity;
+            operators[far].outputs[far_end::SAMPLE].capacity = capacity;
         }
     }
 }

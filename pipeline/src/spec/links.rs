@@ -16,7 +16,7 @@ use super::source::Marked;
 use super::tree::{Entry, Keys, Node};
 use super::wiring::Wired;
 use crate::graph::Wire;
-use crate::{link, stream};
+use crate::{far_end, link};
 
 /// Keys of a link.
 pub const KEYS: &[&str] = &["udp", "tcp", "delay"];
@@ -26,7 +26,7 @@ pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, finding
     let due = "a mapping from topics to { udp: address:port }, or { tcp: address:port }";
     let mut taken: Vec<Wire> = Vec::new();
     for entry in node.map("`links`", due, findings).unwrap_or_default() {
-        if let Some(far) = far_end(entry, operators, findings) {
+        if let Some(far) = far_operator(entry, operators, findings) {
             if let Some(wire) = far.link {
                 if taken.iter().any(|other| clash(other, &wire)) {
                     findings.say(
@@ -53,7 +53,7 @@ fn clash(one: &Wire, other: &Wire) -> bool {
     a.port() == b.port() && (a.ip() == b.ip() || a.ip().is_unspecified() || b.ip().is_unspecified())
 }
 
-fn far_end<'t>(
+fn far_operator<'t>(
     entry: &'t Entry,
     operators: &mut [ParsedOperator<'t>],
     findings: &Findings,
@@ -75,7 +75,7 @@ fn far_end<'t>(
     }
     // Of which kind the far end of a stream is follows from what is sent: `wiring` knows it.
     let is_stream = keys.get("udp").is_none() && keys.get("tcp").is_some();
-    let port = if is_stream { stream::PORT } else { "datagram" };
+    let port = if is_stream { far_end::PORT } else { "datagram" };
     let same =
         |t: &Topic| t.operator.value == topic.value.operator.value && t.port.value == topic.value.port.value;
     for input in operators.iter_mut().flat_map(|o| &mut o.inputs) {

@@ -11,9 +11,9 @@ use super::inputs::{ParsedInput, Topic};
 use super::near::{listed, nearest, shown, suggestion};
 use super::operators::ParsedOperator;
 use super::source::{Marked, Span};
+use crate::far_end;
 use crate::graph::{Edge, Wire};
 use crate::operator::{Registry, Stage, TIMING, Timer};
-use crate::stream;
 
 /// Topics that a help line names.
 const LISTED: usize = 4;
@@ -51,7 +51,7 @@ pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings
     let numbers = numbers(document);
     for far in 0..stages.len() {
         if let Some(Wire::Tcp(_)) = document.operators[far].link {
-            stages[far] = far_end(&document.operators[far], &numbers, &stages, findings);
+            stages[far] = far_end(&document.operators[far], &numbers, &stages);
         }
     }
     let lookup = Lookup { document, stages: &stages, numbers, registry, findings };
@@ -79,22 +79,11 @@ fn far_end(
     parsed: &ParsedOperator<'_>,
     numbers: &BTreeMap<&str, usize>,
     stages: &[Option<Stage>],
-    findings: &Findings,
 ) -> Option<Stage> {
     let from = parsed.inputs.first()?.from.as_ref()?;
     let producer = stages[*numbers.get(from.value.operator.value.as_str())?].as_ref()?;
     let sample = producer.kind.outputs.iter().find(|o| o.name == from.value.port.value)?.sample;
-    let found = stream::carrier(sample);
-    if found.is_none() {
-        let names = stream::STAGES.iter().map(|s| s.kind.inputs[stream::SAMPLE].sample.name);
-        findings.say(
-            from.span,
-            Code::TypeMismatch,
-            format!("no stream carries {}", with_article(sample.name)),
-            format!("link one of {}", names.collect::<Vec<_>>().join(", ")),
-        );
-    }
-    found
+    Some(far_end::of(sample))
 }
 
 struct Lookup<'d> {

@@ -3,10 +3,12 @@
 //! What a process sent is safe from its death on with everyone who has connected to it: its memory is mapped then. So a
 //! worker begins when the others have been told to connect to it, and its node is cleaned when they have.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::Supervisor;
-use crate::live::control::{ToRecorder, ToWorker};
+use crate::live::barrier::connect;
+use crate::live::children::Child;
+use crate::live::control::ToRecorder;
 
 /// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
@@ -27,17 +29,13 @@ impl Supervisor {
         }
         self.connects += 1;
         let number = self.connects;
-        let begun = Instant::now();
         if let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) {
             recorder.order_connect(number, ToRecorder::Connect);
         }
-        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
-            child.order_connect(number, ToWorker::Connect);
-        }
-        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()).filter(|c| c.made) {
-            let left = CONNECT_PATIENCE.saturating_sub(begun.elapsed());
-            child.wait(left, &mut self.told, |c| c.connected >= number);
-        }
+        let workers = self.workers.iter_mut().filter_map(|w| w.child.as_mut());
+        let mut workers: Vec<&mut Child> = workers.filter(|c| c.made).collect();
+        // A worker in a long step connects when it comes back.
+        let _ = connect(&mut workers, number, CONNECT_PATIENCE, &mut self.told);
         number
     }
 

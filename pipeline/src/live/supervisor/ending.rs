@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use super::Supervisor;
 use super::connecting::GLANCE;
-use super::{PATIENCE, Supervisor};
 use crate::graph::Graph;
 use crate::ledger::LedgerLine;
+use crate::live::barrier::PATIENCE;
 use crate::live::children::Child;
 use crate::live::control::{FromWorker, RecorderReport, ToRecorder, ToWorker};
 use crate::live::report::{Recorded, Run, RunReport};

@@ -1,0 +1,181 @@
+//! The far end of a link that carries whole samples, of any type and size.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use stillpoint_samples::{DepthImage, Diagnostics, GreyImage, Header, Metric, Pieces, Sample, SampleKind};
+
+use crate::operator::activation::Activation;
+use crate::operator::outputs::Outputs;
+use crate::operator::outside::Arrivals;
+use crate::operator::params::CheckedParams;
+use crate::operator::{
+    ErasedOperator, FrameRule, Input, Kind, Output, Params, Policy, Role, Setup, SetupError, Stage,
+    StepError, Timer,
+};
+
+/// Name of input and output.
+pub const PORT: &str = "sample";
+/// Number of both.
+pub const SAMPLE: usize = 0;
+/// Samples that may wait for their operator; one on top costs the oldest.
+pub const MOST_WAITING: usize = 4;
+
+const DIAGNOSTICS: usize = 1;
+const METRICS: usize = 3;
+
+/// Sends on what came over a link in a live run, with the time at which it was acquired; in any other run, what its
+/// input brings. Type and frame of the samples are those of its ports.
+///
+/// It is a source: what came over a link cannot be made again, so a session keeps it.
+pub struct FarEnd {
+    arrivals: Option<Arrivals>,
+    /// Header of the sample that came last.
+    last: Option<Header>,
+    lost: u64,
+    malformed: u64,
+    dropped: u64,
+}
+
+impl FarEnd {
+    fn new(setup: &Setup<'_>) -> Self {
+        let arrivals = setup.outside.arrivals.clone();
+        Self { arrivals, last: None, lost: 0, malformed: 0, dropped: 0 }
+    }
+
+    fn send(&mut self, bytes: &[u8], now: u64, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let kind = outputs.kind(SAMPLE).ok_or_else(|| StepError("it has no output".to_string()))?;
+        let whole = Pieces::split(kind, bytes).ok();
+        let Some(pieces) = whole.filter(|p| p.header().count as usize <= outputs.capacity(SAMPLE)) else {
+            self.malformed += 1;
+            return Ok(());
+        };
+        let header = pieces.header();
+        // Numbers go on within an incarnation of the producer; in a new one they begin anew.
+        self.lost += match self.last {
+            Some(last) if last.incarnation == header.incarnation => {
+                header.sequence.saturating_sub(last.sequence.saturating_add(1))
+            }
+            _ => 0,
+        };
+        self.last = Some(header);
+        // A clock that is ahead of this one acquires nothing in the future.
+        outputs.acquired_at(header.origin.min(now));
+        outputs.send_pieces(SAMPLE, pieces)
+    }
+}
+
+impl ErasedOperator for FarEnd {
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let Some(arrivals) = self.arrivals.clone() else {
+            return match activation.fresh_pieces(SAMPLE) {
+                Some(pieces) => outputs.send_pieces(SAMPLE, pieces),
+                None => Ok(()),
+            };
+        };
+        let missing = self.lost + self.malformed + self.dropped;
+        // One at a time: each has its own time of acquisition.
+        if let Some(bytes) = arrivals.take() {
+            let sent = self.send(&bytes, activation.time, outputs);
+            arrivals.give_back(bytes);
+            sent?;
+        }
+        self.dropped += arrivals.dropped();
+        if self.lost + self.malformed + self.dropped > missing {
+            let metrics = [
+                Metric::new("lost", self.lost as f64),
+                Metric::new("malformed", self.malformed as f64),
+                Metric::new("too_many_at_once", self.dropped as f64),
+            ];
+            outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics)?;
+        }
+        Ok(())
+    }
+}
+
+/// Ports of the far end of one type of sample.
+const fn inputs(sample: &'static SampleKind) -> [Input; 1] {
+    [Input {
+        name: PORT,
+        sample,
+        policy: Policy::Queue(MOST_WAITING as u32),
+        required: true,
+        about: "The samples to send over the link.",
+    }]
+}
+
+const fn outputs(sample: &'static SampleKind) -> [Output; 2] {
+    [
+        Output { name: PORT, sample, frame: FrameRule::SameAs(PORT), about: "The samples that arrived." },
+        Output {
+            name: "diagnostics",
+            sample: Diagnostics::KIND,
+            frame: FrameRule::None,
+            about: "Counts of samples that did not arrive, that were invalid, and that newer samples replaced, when there are new ones.",
+        },
+    ]
+}
+
+const fn stage(
+    name: &'static str,
+    about: &'static str,
+    inputs: &'static [Input],
+    outputs: &'static [Output],
+) -> Stage {
+    Stage {
+        kind: Kind { name, about, role: Role::Source, inputs, outputs, timer: Timer::Required },
+        laps: &[],
+        fields: <() as Params>::FIELDS,
+        read: |reader| {
+            <() as Params>::read(reader)?;
+            Some(CheckedParams { value: Arc::new(()), resolved: reader.resolved() })
+        },
+        validate: |_| Ok(()),
+        validate_period: |_, _| Ok(()),
+        // A graph lays the sample out as its producer does.
+        capacities: |_| vec![1, METRICS],
+        build: |_, setup| Ok::<_, SetupError>(Box::new(FarEnd::new(setup))),
+    }
+}
+
+const DEPTH_INPUTS: &[Input] = &inputs(DepthImage::KIND);
+const DEPTH_OUTPUTS: &[Output] = &outputs(DepthImage::KIND);
+const GREY_INPUTS: &[Input] = &inputs(GreyImage::KIND);
+const GREY_OUTPUTS: &[Output] = &outputs(GreyImage::KIND);
+
+/// The far end of depth images.
+pub const DEPTH: Stage = stage(
+    "link.depth",
+    "The far end of a stream of depth images. The section `links` creates it.",
+    DEPTH_INPUTS,
+    DEPTH_OUTPUTS,
+);
+/// The far end of grey images.
+pub const GREY: Stage = stage(
+    "link.grey",
+    "The far end of a stream of grey images. The section `links` creates it.",
+    GREY_INPUTS,
+    GREY_OUTPUTS,
+);
+/// The far ends that have names of their own.
+pub const STAGES: &[Stage] = &[DEPTH, GREY];
+
+/// The far ends of all other types of samples: each is made once, when a pipeline first links its type.
+static OTHERS: Mutex<BTreeMap<String, Stage>> = Mutex::new(BTreeMap::new());
+
+/// The far end of samples of this type.
+pub fn of(sample: &'static SampleKind) -> Stage {
+    let named = STAGES.iter().find(|s| *s.kind.inputs[SAMPLE].sample == *sample);
+    named.copied().unwrap_or_else(|| {
+        let mut others = OTHERS.lock().unwrap_or_else(PoisonError::into_inner);
+        *others.entry(sample.type_name()).or_insert_with(|| {
+            // Ports live as long as the program, as those of all other kinds do; there are as many as types of samples.
+            stage(
+                "link.sample",
+                "The far end of a stream of samples. The section `links` creates it.",
+                Box::leak(Box::new(inputs(sample))),
+                Box::leak(Box::new(outputs(sample))),
+            )
+        })
+    })
+}
