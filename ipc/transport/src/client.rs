@@ -10,7 +10,7 @@ use crate::streams::greeting;
 use crate::{Channel, LinkState, Origin, Receiver, Refusal, TransportError};
 
 /// Samples that wait at this end; one on top costs the oldest.
-pub const MOST_WAITING: usize = 4;
+pub const MOST_WAITING: usize = 3;
 /// How often the client looks for its server.
 const LOOK: Duration = Duration::from_millis(50);
 /// After so long without a sample the client connects anew: the other machine may be gone without a word.

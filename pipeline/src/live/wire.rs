@@ -34,6 +34,9 @@ fn channel(node: &OperatorNode, port: usize) -> Channel {
     Channel { kind, frame: output.frame.clone(), capacity: output.capacity }
 }
 
+/// Samples before the operator where the receiver keeps others waiting itself.
+const ONE: usize = 1;
+
 /// Takes samples in for the far end of a link.
 pub struct LinkReceiver {
     place: String,
@@ -50,7 +53,7 @@ impl LinkReceiver {
         let Some(wire) = node.far_end else { return Ok(None) };
         let opened = transport(wire).open_receiver(&channel(node, far_end::SAMPLE));
         let receiver = opened.map_err(|reason| LinkError { place: node.name.clone(), reason })?;
-        let most = if receiver.keeps_waiting() { far_end::MOST_WAITING } else { MOST_DATAGRAMS };
+        let most = if receiver.keeps_waiting() { ONE } else { MOST_DATAGRAMS };
         Ok(Some(Self {
             place: node.name.clone(),
             receiver,
