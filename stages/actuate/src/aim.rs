@@ -1,10 +1,10 @@
-//! How far a pose is from its target, how well it is known, and what of that speaks against the beam.
+//! The error of a pose against its target, its uncertainty, and the resulting reasons against the beam.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_samples::{GateReason as Reason, TargetElement, TargetStatus, TrackElement};
 use stillpoint_track::angles::PoseNumbers;
 
-/// What is tolerated. A beam that is on stays on up to the tolerances; one that is off needs errors that are smaller.
+/// The tolerances. A beam that is on stays on up to the tolerances; a beam that is off needs smaller errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerances {
     /// Of each coordinate, m.
@@ -28,12 +28,12 @@ pub struct Aim {
     pub position_sd: f64,
     /// Largest standard deviation of an angle that is held, rad.
     pub angle_sd: f64,
-    /// What speaks against the beam: bits of [`Reason`].
+    /// The reasons against the beam: bits of [`Reason`].
     pub against: u32,
 }
 
 impl Aim {
-    /// Nothing to judge, for these reasons.
+    /// There is no error to judge, for these reasons.
     #[must_use]
     pub const fn blind(against: u32) -> Self {
         Self { error: [f64::NAN; 6], position_sd: f64::NAN, angle_sd: f64::NAN, against }

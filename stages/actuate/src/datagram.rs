@@ -94,7 +94,7 @@ pub fn encode(message: &Message, key: &Key, bytes: &mut [u8; LONGEST]) -> Result
     Ok(end + MAC_SIZE)
 }
 
-/// Whom bytes say to be for, to choose a receiver; nothing about them is proved.
+/// The recipient in the bytes, to choose a receiver; the bytes are not yet authenticated.
 #[must_use]
 pub fn receiving(bytes: &[u8]) -> Option<Receiving> {
     (bytes.get(..4)? == MAGIC).then(|| receiving_of(*bytes.get(5)?)).flatten()

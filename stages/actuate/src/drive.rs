@@ -1,4 +1,4 @@
-//! What the valves were told last and what they made of it: duties within bounds, and the pressures that follow.
+//! The last order to the valves and its effect: duties within bounds, and the estimated pressures.
 
 use stillpoint_samples::ActuationReason as Reason;
 
@@ -13,7 +13,7 @@ pub struct Driven {
     pub valves: usize,
     /// What they do when orders stop.
     pub safe: Safe,
-    /// How long an order lives, ns.
+    /// Time for which an order is valid, ns.
     pub life: u64,
     /// How often orders are sent, ns.
     pub every: u64,
@@ -32,7 +32,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// Valves that were told nothing.
+    /// Valves without an order.
     #[must_use]
     pub fn new(driven: Driven, shaper: Shaper, pressure: PressureEstimator) -> Self {
         Self { driven, shaper, pressure, last: None, gone: driven.every }

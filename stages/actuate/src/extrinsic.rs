@@ -3,12 +3,12 @@
 use stillpoint_operator::frames::{Frame, Frames};
 use stillpoint_operator::{Choice, Params};
 
-/// Whether something is needed to move at all.
+/// Whether a condition is required for arming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Need {
     /// It is.
     Required,
-    /// It is not: a bench without it is to run nonetheless.
+    /// It is not required, for a bench without it.
     Waived,
 }
 
@@ -85,7 +85,7 @@ impl Extrinsic {
         self.fault.is_none() && !is_old
     }
 
-    /// Why no day makes them trusted, in words.
+    /// The reason why they cannot be valid on any day, as text.
     #[must_use]
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
@@ -96,7 +96,7 @@ fn unknown(name: &str) -> String {
     format!("`{name}` in `extrinsic.frames` is no frame that `frames` places")
 }
 
-/// Day of a frame's measurement, or what speaks against it.
+/// Day of a frame's measurement, or the reason why it is not valid.
 fn day_of(frame: &Frame, max_residual: f64) -> Result<i64, String> {
     let date = frame.measured.as_deref().ok_or("has no `measured: YYYY-MM-DD`")?;
     match frame.residual {

@@ -15,9 +15,9 @@ pub struct Doing {
     pub beam: bool,
 }
 
-/// Takes datagrams for valves and beam. The beam is on only while its lease lives **and** the valves follow live orders;
-/// where they are to vent, they hold in the first step and vent from the next one on, after the beam is off. So a sender
-/// that dies ends the beam at the valves' deadline, though its lease would last longer.
+/// Takes datagrams for valves and beam. The beam is on only while its lease is valid **and** the valves follow valid
+/// orders. If the valves are to vent, they hold in the first step and vent from the next step on, after the beam is
+/// off. So a sender that dies ends the beam at the valves' deadline, even if its lease would last longer.
 #[derive(Clone, Debug)]
 pub struct FarEnd {
     valves: Receiver,
@@ -63,7 +63,7 @@ impl FarEnd {
         Doing { valves, beam }
     }
 
-    /// What became of the valves' datagrams, and of those that are for nobody.
+    /// Counts of the datagrams for the valves, and of those without a known recipient.
     #[must_use]
     pub fn valves(&self) -> &Counts {
         self.valves.counts()

@@ -3,9 +3,9 @@
 //! A key file is text: 64 hexadecimal digits, which may be broken into lines; lines that begin with `#` are remarks.
 //! `openssl rand -hex 32 > rig.key && chmod 600 rig.key` makes one.
 //!
-//! An operator reads its key through the pipeline's files, so the session keeps it, as it must to make the same
-//! datagrams again. **A session holds the key of its run**: who has the one has the other. Give a key to one rig only,
-//! and change it before a session is handed on.
+//! An operator reads its key through the pipeline's files, so the session keeps the key, because a replay has to make
+//! the same datagrams. **A session holds the key of its run**: anyone who has the session has the key. Give a key to
+//! one rig only, and change it before you give a session to someone else.
 
 use hmac::{Hmac, Mac};
 use sha2::Sha256;
@@ -41,7 +41,7 @@ pub enum KeyError {
         /// Digits found.
         found: usize,
     },
-    /// All bytes are the same: nobody drew this key.
+    /// All bytes are the same: this key was not drawn at random.
     #[error("all 32 bytes of the key are the same: draw one with `openssl rand -hex 32`")]
     Uniform,
 }
@@ -99,7 +99,7 @@ impl Key {
         self.0.clone().chain_update(message).finalize().into_bytes().into()
     }
 
-    /// Whether this is the code of the message. The time it takes tells nothing about the code.
+    /// Whether this is the code of the message, compared in constant time.
     #[must_use]
     pub fn confirms(&self, message: &[u8], code: &[u8]) -> bool {
         self.0.clone().chain_update(message).verify_slice(code).is_ok()

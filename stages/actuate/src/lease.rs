@@ -1,11 +1,12 @@
-//! The lease of the beam: begun after a dwell, renewed while nothing speaks against it, never longer than its length.
+//! The lease of the beam: it begins after a dwell, is renewed while there is no reason against it, and is never longer
+//! than its length.
 
 /// Rules of a lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LeaseRules {
     /// How long a lease lasts unless it is renewed, ns.
     pub length: u64,
-    /// How long nothing may have spoken against it before it begins, ns.
+    /// Time without a reason against it before it begins, ns.
     pub dwell: u64,
 }
 
@@ -13,7 +14,7 @@ pub struct LeaseRules {
 #[derive(Clone, Debug)]
 pub struct Lease {
     rules: LeaseRules,
-    /// Since when nothing speaks against it, ns.
+    /// Time since which there is no reason against it, ns.
     well: Option<u64>,
     /// When it ends, ns; `None` where there is none.
     ends: Option<u64>,
@@ -54,7 +55,7 @@ impl Lease {
         }
     }
 
-    /// Looks at what speaks against it at `now`, ns: bits, 0 for nothing. Says whether it is held until the next look,
+    /// Takes the reasons against it at `now`, ns, as bits; 0 for none. Returns whether it is held until the next call,
     /// or its end.
     pub fn look(&mut self, now: u64, against: u32) -> bool {
         // Time that nobody watched is no dwell.
@@ -112,7 +113,7 @@ impl Lease {
         self.ends
     }
 
-    /// How long nothing has spoken against it at `now`, ns.
+    /// Time without a reason against it at `now`, ns.
     #[must_use]
     pub fn well_for(&self, now: u64) -> u64 {
         self.well.map_or(0, |well| now.saturating_sub(well))

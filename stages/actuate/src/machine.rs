@@ -1,30 +1,32 @@
 //! The states of actuation: disarmed, armed, holding, venting, fault.
 //!
-//! A person arms, with everything there. Then commands are followed while nothing is missing. What is missing (a stale pose,
-//! a stale command) has it hold, and then brings the safe state. It goes by itself: from holding at once, from venting
-//! when it has settled. What is missing for too long, a pressure above its limit, numbers that are none, and a
-//! reference that was lost with who held it are faults: a person has to resume. A person can vent and disarm at any time.
+//! A person arms while every condition holds. Then commands are followed while no condition is missing. A missing
+//! condition (a stale pose, a stale command) causes a hold, and then the safe state. This ends by itself: a hold at
+//! once, a vent after it has settled. Faults are a condition that is missing for too long, a pressure above its limit,
+//! values that are not finite, and a reference that was lost with its tracker: a person has to resume. A person can
+//! vent and disarm at any time.
 //!
-//! Whatever vents first holds, for as long as the beam needs to be told (`lead`): by then the state says why nothing is
-//! followed any more, and who allows the beam has ended its lease.
+//! Before every vent comes a hold for the time that the beam needs to end (`lead`): by then the state gives the reason,
+//! and the gate has ended its lease.
 
 use stillpoint_samples::{ActuationReason as Reason, ActuationState};
 
 use crate::message::{Order, Safe};
 
-/// Time with everything there weighs so many times less than time in which something is missing.
+/// Weight of time with a missing condition, relative to time in which every condition holds.
 const FADES: u64 = 4;
 
 /// How actuation answers to what happens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rules {
-    /// What it does where something is missing or went wrong.
+    /// The safe state, for missing conditions and faults.
     pub safe: Safe,
     /// How long it holds before it vents, ns.
     pub lead: u64,
     /// How long all must be there again, once it vented, before commands are followed, ns.
     pub settle: u64,
-    /// How long something may be missing, ns: at once, or by and by, where it is for more than a fifth of the time.
+    /// Time for which a condition may be missing, ns. Short gaps add up if a condition is missing for more than a fifth
+    /// of the time.
     pub patience: u64,
 }
 
@@ -54,7 +56,7 @@ pub struct Seen {
     pub unready: u32,
     /// Whether the controller asks that all valves be shut.
     pub is_idle: bool,
-    /// The reference of the pose: number, and incarnation of who holds it; `None` where none is needed.
+    /// The reference of the pose: its number, and the incarnation of its tracker; `None` if none is required.
     pub reference: Option<(u32, u32)>,
 }
 
@@ -79,15 +81,15 @@ pub struct Machine {
     /// Since when the state holds, ns.
     since: u64,
     reasons: u32,
-    /// Since when nothing is followed, ns; `None` while commands are.
+    /// Time since which no command is followed, ns; `None` while commands are followed.
     halted: Option<u64>,
     /// When it last looked, ns.
     looked: Option<u64>,
-    /// How long something was missing, ns; it fades while nothing is.
+    /// Accumulated time with a missing condition, ns; it falls while no condition is missing.
     lacked: u64,
     /// It vented for what is missing.
     vented: bool,
-    /// Since when nothing is missing any more, ns.
+    /// Time since which every condition holds, ns.
     well: Option<u64>,
     faults: u64,
     last_fault: u32,
@@ -217,7 +219,7 @@ impl Machine {
         self.last_fault = why;
     }
 
-    /// Whether nothing is missing, and after a vent has not been for long enough.
+    /// Whether no condition is missing, and after a vent for long enough.
     fn is_well(&mut self, seen: &Seen) -> bool {
         if seen.missing != 0 {
             return false;
@@ -274,7 +276,7 @@ impl Machine {
         (self.refused, self.lacking)
     }
 
-    /// Number of the reference that it is armed with; 0 where none.
+    /// Number of the reference with which it is armed; 0 for none.
     #[must_use]
     pub fn reference(&self) -> u32 {
         match self.mode {

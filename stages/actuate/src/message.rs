@@ -20,7 +20,7 @@ pub enum Receiving {
     Beam = 2,
 }
 
-/// What the far end is to do while the datagram lives.
+/// The order to the far end while the datagram is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Order {
@@ -32,7 +32,7 @@ pub enum Order {
     Follow = 2,
 }
 
-/// What the valves are to do when no datagram lives.
+/// The safe state of the valves when no datagram is valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 #[repr(u8)]
 pub enum Safe {
@@ -76,9 +76,9 @@ impl Session {
 pub struct Message {
     /// Whom it is for.
     pub receiving: Receiving,
-    /// What is to be done while it lives.
+    /// The order while it is valid.
     pub order: Order,
-    /// What the valves are to do when no datagram lives; [`Safe::Hold`] for the beam.
+    /// The safe state of the valves when no datagram is valid; [`Safe::Hold`] for the beam.
     pub safe: Safe,
     /// The sender's life.
     pub session: Session,
@@ -86,7 +86,7 @@ pub struct Message {
     pub sequence: u64,
     /// When it was made, ns since the epoch, by the sender's clock.
     pub stamp: u64,
-    /// How long it lives, ns: whole microseconds, above 0 and at most [`LONGEST_LIFE`].
+    /// Time for which it is valid, ns: whole microseconds, above 0 and at most [`LONGEST_LIFE`].
     pub life: u64,
     /// Why the order is what it is, as bits that the sender's kind names. For people: no receiver acts on it.
     pub reasons: u32,

@@ -4,11 +4,11 @@ use stillpoint_samples::{Standing, TrackElement};
 
 /// Watches the tracks of a pose.
 ///
-/// A filter with a timer sends what it predicts under the time of the prediction: the origin of such a track says nothing
-/// about the age of what it stands on. The count of its measurements does.
+/// A filter with a timer sends predictions with the time of the prediction, so the origin of such a track does not show
+/// the age of the newest measurement. The count of its measurements does.
 #[derive(Clone, Debug)]
 pub struct PoseWatch {
-    /// So many repetitions of one measurement are no news: its camera is frozen.
+    /// Number of identical measurements in a row after which the camera counts as frozen.
     frozen_after: u64,
     /// Count of measurements and incarnation, and when the newest was acquired, ns.
     newest: Option<((u64, u32), u64)>,
@@ -17,7 +17,7 @@ pub struct PoseWatch {
 }
 
 impl PoseWatch {
-    /// A watch that has seen nothing.
+    /// A watch without samples.
     #[must_use]
     pub fn new(frozen_after: u64) -> Self {
         Self { frozen_after, newest: None, last: None, finite: true }

@@ -1,11 +1,11 @@
-//! Pressures of bladders, estimated from the duties that were sent: what is known where nothing measures them.
+//! Pressures of bladders, estimated from the duties that were sent, for rigs that do not measure them.
 //!
-//! Air flows through an inlet from the supply and through an outlet to the exhaust (the orifice law of SCIENCE C3; a valve
-//! is as far open as its duty, at once). The bladder's volume grows in a straight line with the pressure, `V = V0 (1 + g / D)`,
-//! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. By the defaults air that is let in raises the pressure
-//! more than in the rig's bladders under a head: above the pressure at the start the estimate errs upwards, below it,
-//! where no limit is near, downwards. A bladder is never taken for emptier than `V0` at the room's pressure. The estimate
-//! knows nothing of leaks, loads and faults; a measured pressure replaces it.
+//! Air flows through an inlet from the supply and through an outlet to the exhaust (the orifice law of SCIENCE C3; the
+//! opening of a valve is its duty, at once). The volume of a bladder is linear in the pressure, `V = V0 (1 + g / D)`,
+//! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. With the defaults, incoming air raises the
+//! pressure more than in the rig's bladders under a head. So the estimate errs upwards above the pressure at the start,
+//! and downwards below it, where no limit is near. A bladder never counts as emptier than `V0` at the room's pressure.
+//! The estimate knows nothing of leaks, loads and faults; a measured pressure replaces it.
 
 use stillpoint_mechanics::plant::valve::{Orifice, Valves};
 use stillpoint_mechanics::shell::air::Air;
@@ -51,7 +51,7 @@ pub struct PressureParams {
     pub discharge: f64,
 }
 
-/// Estimates the pressure in each bladder. It allocates nothing.
+/// Estimates the pressure in each bladder. It does not allocate.
 #[derive(Clone, Debug)]
 pub struct PressureEstimator {
     law: Orifice,
@@ -91,7 +91,7 @@ impl PressureEstimator {
         estimator
     }
 
-    /// Replaces an estimate by a pressure that was measured, Pa over that of the room. One that is no number is not used.
+    /// Replaces an estimate by a measured pressure, Pa above that of the room. A value that is not finite is not used.
     pub fn correct(&mut self, bladder: usize, gauge: f64) {
         if let Some(mass) = self.mass.get_mut(bladder)
             && gauge.is_finite()
@@ -106,8 +106,8 @@ impl PressureEstimator {
         self.pass(seconds, openings, self.valves.exhaust);
     }
 
-    /// Lets `seconds` pass with the outlets of so many bladders open. A far end that vents by itself may do so into the
-    /// room: that is slower than into a vacuum.
+    /// Lets `seconds` pass with the outlets of this many bladders open. A far end that vents by itself may vent into
+    /// the room, which is slower than into a vacuum.
     pub fn vent(&mut self, seconds: f64, bladders: usize) {
         const OUTLETS: [f64; 2 * BLADDERS] = {
             let (mut open, mut outlet) = ([0.0; 2 * BLADDERS], 1);
@@ -139,7 +139,7 @@ impl PressureEstimator {
         }
     }
 
-    /// Pressure in a bladder over that of the room, Pa; 0 for one that there is no room for.
+    /// Pressure in a bladder above that of the room, Pa; 0 for a bladder that does not exist.
     #[must_use]
     pub fn pressure(&self, bladder: usize) -> f64 {
         let Some(mass) = self.mass.get(bladder) else { return 0.0 };
@@ -158,7 +158,7 @@ impl PressureEstimator {
         ((self.limit - self.pressure(bladder)) / self.taper).clamp(0.0, 1.0)
     }
 
-    /// Whether a pressure is above the limit, beyond what rounding explains.
+    /// Whether a pressure is above the limit by more than rounding errors.
     #[must_use]
     pub fn is_exceeded(&self, bladders: usize) -> bool {
         (0..bladders).any(|bladder| self.pressure(bladder) > self.limit * (1.0 + 1e-6))

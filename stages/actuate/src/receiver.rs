@@ -30,14 +30,14 @@
 //!
 //! **Sessions.** A sender draws a nonce when it starts ([`Session::begun`](crate::Session::begun)). A receiver takes numbers of one session only,
 //! and each only if it is higher than the last. It goes over to another session only if all of this holds:
-//! - no datagram of the present one lives, so that the far end is in its safe state;
+//! - no datagram of the present session is valid, so the far end is in its safe state;
 //! - the new one started later: an old process that wakes up, or a recording, is refused for good;
 //! - it begins with an order to hold or vent: nobody enters a session in motion.
 //!
-//! A receiver that starts knows no session. Whoever has recorded datagrams can then play back a whole old session, from a
-//! datagram at rest on. A shared clock forbids that, since their lives are over; with [`Clock::Own`] only a change of the
-//! key does. A session that starts while the machine's clock is behind the last one is refused as old: restart the far
-//! end, too.
+//! A receiver that starts knows no session. Anyone who has recorded datagrams can then play back a whole old session,
+//! from a datagram at rest on. A shared clock prevents this, because those datagrams have expired; with [`Clock::Own`]
+//! only a change of the key does. A session that starts while the machine's clock is behind the start of the last
+//! session is refused as old: restart the far end, too.
 
 use crate::datagram::decode;
 use crate::key::Key;
@@ -52,7 +52,7 @@ pub enum Clock {
         /// Greatest difference of the clocks, ns.
         within: u64,
     },
-    /// They are not: stamps mean nothing here, and a datagram that was held back is not seen to be late.
+    /// They do not share a clock: stamps cannot be compared, and a delayed datagram is not recognised.
     Own,
 }
 
@@ -72,7 +72,8 @@ pub struct Receives {
 }
 
 impl Receives {
-    /// What a rig with this many valves takes: it vents by itself, shares the sender's clock, and ramps over 100 ms.
+    /// The receiver of a rig with this many valves: it vents by itself, shares the sender's clock, and ramps over 100
+    /// ms.
     #[must_use]
     pub const fn valves(valves: usize) -> Self {
         let clock = Clock::Shared { within: 5_000_000 };
@@ -97,7 +98,7 @@ pub enum Act {
     Follow([f32; VALVES]),
 }
 
-/// Takes datagrams and says what is to be done. It allocates nothing.
+/// Takes datagrams and gives the present order. It does not allocate.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     key: Key,
@@ -117,13 +118,13 @@ struct Accepted {
 }
 
 impl Receiver {
-    /// A receiver that has seen nothing.
+    /// A receiver without datagrams.
     #[must_use]
     pub fn new(key: Key, receives: Receives) -> Self {
         Self { key, receives, last: None, counts: Counts::default() }
     }
 
-    /// Takes bytes that arrived at `arrival`, ns. Each refusal is counted, and changes nothing else.
+    /// Takes bytes that arrived at `arrival`, ns. A refusal is counted, and changes nothing else.
     ///
     /// # Errors
     /// Why they are refused.
@@ -194,7 +195,7 @@ impl Receiver {
         }
     }
 
-    /// Whether a datagram lives at `now`, ns.
+    /// Whether a datagram is valid at `now`, ns.
     #[must_use]
     pub fn is_alive(&self, now: u64) -> bool {
         self.last.as_ref().is_some_and(|last| now < last.ends)

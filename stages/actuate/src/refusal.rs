@@ -31,7 +31,7 @@ pub enum Refusal {
     /// A duty that is not from 0 to 1.
     #[error("out of range")]
     OutOfRange,
-    /// A life of nothing, or of more than a second.
+    /// A validity of zero, or of more than a second.
     #[error("life")]
     Life,
     /// For the beam where valves receive, or the other way round.
@@ -55,7 +55,7 @@ pub enum Refusal {
     /// Of a session that started no later than the last accepted one: an old process, or a recording.
     #[error("old session")]
     OldSession,
-    /// Of a new session while the present one lives: a second sender.
+    /// Of a new session while a datagram of the present session is valid: a second sender.
     #[error("second sender")]
     SecondSender,
     /// Of a new session that begins with an order to follow.

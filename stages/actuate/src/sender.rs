@@ -20,7 +20,7 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// A sender that has sent nothing. `life` is in ns.
+    /// A sender before its first datagram. `life` is in ns.
     #[must_use]
     pub fn new(key: Key, receiving: Receiving, safe: Safe, life: u64) -> Self {
         Self { key, receiving, safe, life, session: None, sequence: 0, bytes: [0; LONGEST] }

@@ -9,7 +9,7 @@ use crate::message::VALVES;
 pub struct Bounds {
     /// Greatest duty, up to 1.
     pub greatest: f64,
-    /// How fast a duty may grow, 1/s. A valve may shut at once: shut valves hurt nobody.
+    /// Largest growth of a duty, 1/s. A valve may shut at once, because shut valves are safe.
     pub slew: f64,
 }
 
@@ -25,7 +25,7 @@ pub struct Shaper {
 pub struct Shaped {
     /// Bits of [`ActuationReason`].
     pub reasons: u32,
-    /// Bit i is set where valve i gets something else than was asked for.
+    /// Bit i is set if the duty of valve i was changed.
     pub limited: u32,
 }
 

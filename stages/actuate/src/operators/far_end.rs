@@ -40,8 +40,8 @@ pub struct FarEndParams {
     pub ramp: u64,
 }
 
-/// Takes datagrams for valves and beam, refuses what is not in order, and says at each tick what the valves are to do:
-/// the duties of the datagram that lives, or the safe state where none does.
+/// Takes datagrams for valves and beam, refuses invalid ones, and sends the duties of the valves at each tick: those of
+/// the valid datagram, or those of the safe state if no datagram is valid.
 pub struct ActuateFarEnd {
     far_end: FarEnd,
     valves: usize,

@@ -53,8 +53,8 @@ pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
     Key::parse(&text).map_err(|e| SetupError(format!("{name}: {e}")))
 }
 
-/// What is known of the frames behind the pose on an input. What no day would make valid is refused here: nobody is to find
-/// out by a command that cannot be followed.
+/// The extrinsics of the frames behind the pose on an input. Extrinsics that cannot be valid on any day are refused
+/// here, before the first command.
 pub fn extrinsic(params: &ExtrinsicParams, port: usize, setup: &Setup<'_>) -> Result<Extrinsic, SetupError> {
     let frame = setup.input_frames.get(port).and_then(Option::as_deref);
     let extrinsic = Extrinsic::of(params, setup.frames, frame).map_err(SetupError)?;
