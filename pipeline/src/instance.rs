@@ -1,4 +1,4 @@
-//! A instance: one incarnation of an operator with its counters. Every placement runs activations through it.
+//! An instance: one incarnation of an operator with its counters. Every placement runs activations through it.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 

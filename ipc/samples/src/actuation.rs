@@ -11,15 +11,15 @@ pub struct Actuation;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum ActuationState {
-    /// Nobody has armed it: nothing moves.
+    /// Nobody has armed it: the valves are shut.
     Disarmed = 0,
     /// Commands are followed.
     Armed = 1,
-    /// Armed, but something is missing: the valves are shut.
+    /// Armed, but a condition is missing: the valves are shut.
     Holding = 2,
-    /// The air is let out, on a person's command or for something that is missing.
+    /// The bladders vent, on a person's command or because a condition is missing.
     Venting = 3,
-    /// Something went wrong: the safe state, until a person resumes or disarms.
+    /// A fault: the safe state, until a person resumes or disarms.
     Fault = 4,
 }
 
@@ -72,7 +72,7 @@ impl ActuationReason {
     pub const IDLE: u32 = 1 << 10;
     /// What was missing is there again, but not for long enough.
     pub const SETTLING: u32 = 1 << 11;
-    /// Something was missing for too long.
+    /// A condition was missing for too long.
     pub const TOO_LONG: u32 = 1 << 12;
     /// A pressure is estimated, or measured, above its limit.
     pub const PRESSURE: u32 = 1 << 13;
@@ -153,7 +153,7 @@ pub struct ActuationElement {
     pub limited: u32,
     /// How many of `duty` count.
     pub valves: u32,
-    /// The reference that it was armed with; 0 where none is needed.
+    /// The reference with which it was armed; 0 if none is required.
     pub reference: u32,
 }
 

@@ -7,7 +7,7 @@ use crate::{Layout, Sample, SampleKind, Shape};
 /// Where an image shows faces, the most certain first; none where it shows none.
 pub struct FaceBoxes;
 
-/// What is said of all boxes.
+/// The values that all boxes share.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
 )]
@@ -19,7 +19,7 @@ pub struct FaceBoxesShape {
     /// Rows of the image.
     #[unit("px")]
     pub height: u32,
-    /// Which way the top of the header points in the image: 0 up, 1 right, 2 down, 3 left.
+    /// Direction of the top of the head in the image: 0 up, 1 right, 2 down, 3 left.
     pub top: u32,
     /// Number of boxes.
     pub length: u32,

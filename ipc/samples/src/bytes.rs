@@ -212,11 +212,11 @@ impl<'a> Pieces<'a> {
     }
 }
 
-/// A sample as its type: read in place, nothing copied but the header.
+/// A sample as its type, read in place; only the header is copied.
 pub struct View<'a, S: Sample> {
     /// Stamps, sequence, incarnation and count.
     pub header: Header,
-    /// What is said once.
+    /// The body.
     pub body: &'a S::Body,
     /// What is repeated: `header.count` of them.
     pub elements: &'a [S::Element],

@@ -7,7 +7,7 @@ use crate::{Layout, Sample, SampleKind, Shape};
 /// What stood over a plane, one row per cluster, the largest first.
 pub struct ClusterTable;
 
-/// What is said of the whole table.
+/// The values of the whole table.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout,
 )]

@@ -4,7 +4,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::{Layout, Sample, SampleKind, Shape};
 
-/// A person's command. Nothing changes at run time but by samples, so this is the audit trail.
+/// A person's command. People change a running pipeline only by samples, so this topic is the audit trail.
 pub struct ConsoleCommand;
 
 /// What is commanded.
@@ -23,8 +23,8 @@ pub enum Verb {
     Resume = 5,
     /// Let all pressure out.
     Vent = 6,
-    /// Break something on a simulated rig: the number of a [`RigFault`](crate::RigFault), which part, how much, and for
-    /// how many seconds; 0 mends all that was broken so.
+    /// Begin a fault on a simulated rig: the number of a [`RigFault`](crate::RigFault), the part, the amount, and the
+    /// duration in seconds; 0 removes all such faults.
     Fault = 7,
 }
 

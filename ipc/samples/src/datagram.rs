@@ -2,7 +2,7 @@
 
 use crate::{Sample, SampleKind, Shape};
 
-/// One datagram: its payload, nothing of its envelope.
+/// One datagram: its payload, without addresses.
 pub struct Datagram;
 
 impl Sample for Datagram {

@@ -21,9 +21,9 @@ pub struct DutiesElement {
     pub valves: u32,
     /// Bit i is set where the law asked for more of valve i than there is.
     pub saturated: u32,
-    /// 1 where the controller has nothing to act on and asks that all valves be shut, else 0.
+    /// 1 if the controller cannot act and asks for all valves to be shut, else 0.
     pub idle: u32,
-    /// What is out of order, as the bits of [`DutyReason`]; zero where nothing is.
+    /// The reasons, as the bits of [`DutyReason`]; zero if there is none.
     pub reasons: u32,
     /// 1 where the air is to go out into the room, with the outlets open and never into a vacuum, else 0.
     pub vent: u32,
@@ -90,7 +90,7 @@ impl DutiesElement {
         vented
     }
 
-    /// The reasons in words.
+    /// The reasons, as text.
     pub fn reasons(&self) -> impl Iterator<Item = &'static str> {
         let bits = self.reasons;
         DutyReason::ALL.iter().filter(move |(_, reason)| bits & reason.bit() != 0).map(|(word, _)| *word)

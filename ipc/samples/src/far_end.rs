@@ -4,7 +4,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 use crate::{Layout, Sample, SampleKind, Shape};
 
-/// What the far end of valves and beam makes of the datagrams that reach it.
+/// The state of the far end of valves and beam, and its counts of datagrams.
 pub struct FarEnd;
 
 /// What the far end has the valves do.
@@ -36,7 +36,7 @@ pub struct FarEndElement {
     pub since: u64,
     /// Datagrams for the valves that were accepted.
     pub accepted: u64,
-    /// Datagrams for the valves, or for nobody, that were refused.
+    /// Refused datagrams for the valves, or without a known recipient.
     pub refused: u64,
     /// Datagrams for the beam that were refused.
     pub refused_beam: u64,

@@ -19,7 +19,7 @@ impl GateReason {
     pub const NOT_FINITE: u32 = 1 << 2;
     /// There is no target.
     pub const NO_TARGET: u32 = 1 << 3;
-    /// The newest word of the target is too old.
+    /// The newest sample of the target is too old.
     pub const TARGET_STALE: u32 = 1 << 4;
     /// The target moves.
     pub const TARGET_MOVES: u32 = 1 << 5;
@@ -72,7 +72,7 @@ pub struct GateElement {
     /// Position less target.
     #[unit("m")]
     pub position_error: [f64; 3],
-    /// Pitch, roll and yaw less those of the target.
+    /// Pitch, roll and yaw minus those of the target.
     #[unit("rad")]
     pub angle_error: [f64; 3],
     /// Largest standard deviation of a coordinate that is held.

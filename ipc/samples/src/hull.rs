@@ -7,7 +7,7 @@ use crate::{Layout, Sample, SampleKind, Shape};
 /// The corners of a convex outline, counter-clockwise as seen from the side of the port's origin.
 pub struct Hull;
 
-/// What is said of the whole outline.
+/// The values of the whole outline.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
 #[repr(C)]
 pub struct HullShape {

@@ -12,7 +12,7 @@ pub struct Journal;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Cause {
-    /// The incarnation begins. Not an activation: the operator sees nothing of it.
+    /// The incarnation begins. This is no activation: the operator does not see it.
     Start = 0,
     /// A sample on the input whose number is `port`.
     Input = 1,

@@ -20,7 +20,7 @@ pub enum Shape {
 /// there is nothing to describe); a body ends in a `u32` named `length` that repeats the element count, so that the
 /// bytes are a CDR sequence.
 pub trait Sample: 'static {
-    /// What is said once per sample.
+    /// The values that a sample states once.
     type Body: Layout;
     /// What is repeated.
     type Element: Layout;
@@ -59,8 +59,8 @@ pub struct SampleKind {
     pub hash: u64,
 }
 
-/// The hash stands for names, types, arrays and units, so that two kinds are compared without looking at each field: the
-/// recorder asks for every sample.
+/// The hash covers names, types, arrays and units, so two kinds are compared without looking at each field: the
+/// recorder compares them for every sample.
 impl PartialEq for SampleKind {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::eq(self, other)

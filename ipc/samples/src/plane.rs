@@ -21,9 +21,9 @@ pub struct PlaneElement {
     pub rms: f64,
     /// Points within the tolerance.
     pub inliers: u32,
-    /// Points that were looked at.
+    /// Points that were tested.
     pub points: u32,
-    /// 1 where the plane of the sample before was proved on this frame and kept, 0 where it was searched anew.
+    /// 1 if the plane of the frame before was confirmed on this frame and kept, 0 if it was searched again.
     pub kept: u32,
     /// Hypotheses that were weighed.
     pub hypotheses: u32,

@@ -59,7 +59,7 @@ pub struct PoseReportElement {
     pub direction_sd: [f64; 6],
     /// The directions, one a row: translation, then rotation times `length`, in the port's frame, about `centre`.
     pub directions: [f64; 36],
-    /// Point about which the header is said to turn here: the one nearest to all of the surface's normals.
+    /// Point about which rotations of the head are stated here: the point nearest to all of the surface's normals.
     #[unit("m")]
     pub centre: [f64; 3],
     /// Distance from the centre that makes a rotation a movement.

@@ -11,7 +11,7 @@ pub struct RigState;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum RigMode {
-    /// Nothing was commanded yet: the valves are shut.
+    /// No duties came yet: the valves are shut.
     Waiting = 0,
     /// The valves follow the duties that arrive.
     Driven = 1,
@@ -34,7 +34,7 @@ pub struct RigStateElement {
     /// Distance of each bladder's plates.
     #[unit("m")]
     pub gap: [f64; 8],
-    /// Force of each bladder on the header.
+    /// Force of each bladder on the head.
     #[unit("N")]
     pub force: [f64; 8],
     /// Opening of inlet and outlet of the first bladder, of the second, and so on, 0 to 1.
@@ -51,11 +51,11 @@ pub struct RigStateElement {
     /// The faults that act at the moment, as bits: 1 a stuck valve, 2 a leak, 4 a weak supply, 8 a blind camera, 16 a
     /// silent camera, 32 lost duties, 64 a frozen camera.
     pub faults: u32,
-    /// Bit i is set where bladder i is pressed or emptied beyond what its model covers.
+    /// Bit i is set if bladder i is pressed or emptied beyond the range of its model.
     pub unmodelled: u32,
 }
 
-/// What breaks on a rig, as its bit in [`RigStateElement::faults`].
+/// A fault of a rig, as its bit in [`RigStateElement::faults`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum RigFault {
@@ -67,7 +67,7 @@ pub enum RigFault {
     WeakSupply = 4,
     /// The camera's images are empty.
     BlindCamera = 8,
-    /// The camera sends nothing.
+    /// The camera sends no images.
     SilentCamera = 16,
     /// Duties get lost on their way.
     LostDuties = 32,

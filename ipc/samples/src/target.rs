@@ -1,4 +1,4 @@
-//! Where the header is to be.
+//! The target of the head.
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -11,7 +11,7 @@ pub struct Target;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum TargetStatus {
-    /// There is no target: the header is to be left where it is.
+    /// There is no target: the controller leaves the head where it is.
     None = 0,
     /// The target stands.
     Held = 1,
@@ -63,12 +63,12 @@ pub enum Refusal {
     WrongNumber = 2,
     /// A value is not finite.
     NotFinite = 3,
-    /// It is not known yet where the header is, which targets are counted from.
+    /// The start of the head, from which targets are counted, is not known yet.
     NoStart = 4,
 }
 
 impl Refusal {
-    /// The reason in words.
+    /// The reason, as text.
     pub const fn words(self) -> &'static str {
         match self {
             Self::None => "not refused",

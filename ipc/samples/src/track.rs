@@ -32,10 +32,10 @@ pub struct TrackElement {
     /// Innovation of the measurement behind this sample; NaN where there was none.
     #[unit("m, rad")]
     pub innovation: [f64; 6],
-    /// Gain K with which the measurement was used, row by row, 12 by 6; zero where none was used.
+    /// Gain K with which the measurement was used, row by row, 12 by 6; zero if no measurement was used.
     #[unit("1, 1/s")]
     pub gain: [f64; 72],
-    /// Standard deviation of the acceleration that the filter takes for possible, per channel.
+    /// Standard deviation of the acceleration in the filter's process noise, per channel.
     #[unit("m/s2, rad/s2")]
     pub acceleration_sd: [f64; 6],
     /// How long such an acceleration lasts; 0 where from one measurement to the next.
@@ -65,7 +65,7 @@ pub enum Standing {
     None = 0,
     /// A measurement of the time of the sample.
     Measured = 1,
-    /// Earlier measurements: the state is predicted to a time that nothing was measured at.
+    /// Earlier measurements: the state is predicted to a time without a measurement.
     Predicted = 2,
     /// Earlier measurements: the one of the time of the sample was refused.
     Refused = 3,
@@ -92,7 +92,7 @@ impl TrackElement {
         standing: Standing::None as u32,
     };
 
-    /// A covariance that knows nothing: infinite variances.
+    /// An uninformative covariance: infinite variances.
     const UNKNOWN: [f64; 144] = {
         let (mut covariance, mut i) = ([0.0; 144], 0);
         while i < 12 {

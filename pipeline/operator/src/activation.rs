@@ -90,7 +90,7 @@ impl<'a> Activation<'a> {
     }
 
     /// Random numbers of this activation: the same for the same seed, operator, incarnation and index, whatever ran
-    /// before. Each call starts the stream anew.
+    /// before. Each call starts the stream from its beginning.
     pub fn random(&self) -> ChaCha8Rng {
         let mut key = [0u8; 32];
         key[..8].copy_from_slice(&self.key.seed.to_le_bytes());

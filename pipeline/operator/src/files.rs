@@ -14,8 +14,8 @@ pub trait Files {
     fn shared_mode(&self, _name: &str) -> Option<u32> {
         None
     }
-    /// The files that a path means, sorted: a file itself, those of a folder, or those whose names fit a last part with
-    /// `*`.
+    /// The files that a path names, sorted: one file, the files of a folder, or the files whose names fit a last part
+    /// with `*`.
     fn list(&self, name: &str) -> Result<Vec<String>, String>;
 }
 
@@ -133,7 +133,7 @@ impl Files for MemoryFiles {
     }
 }
 
-/// The files of a map that a path means: a file by its own name, or those that a pattern or a folder means.
+/// The files of a map that a path names: a file by its own name, or the files of a pattern or a folder.
 pub fn listed<T>(files: &BTreeMap<String, T>, name: &str) -> Option<Vec<String>> {
     if files.contains_key(name) {
         return Some(vec![name.to_string()]);

@@ -12,7 +12,7 @@ pub struct Rigid {
 }
 
 impl Rigid {
-    /// The transform that changes nothing.
+    /// The identity.
     pub const IDENTITY: Self =
         Self { translation: [0.0; 3], rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] };
 

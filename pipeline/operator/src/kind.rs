@@ -5,7 +5,7 @@ use stillpoint_samples::SampleKind;
 /// What an operator is to the outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// Sees nothing but its activations. Replay runs it again.
+    /// Sees only its activations. Replay runs it again.
     Operator,
     /// Turns the outside into samples. Replay takes its recorded samples.
     Source,
@@ -52,7 +52,7 @@ pub struct Input {
     pub policy: Policy,
     /// Whether the config must connect it.
     pub required: bool,
-    /// What it is for, in one line.
+    /// Its purpose, in one line.
     pub about: &'static str,
 }
 
@@ -65,7 +65,7 @@ pub struct Output {
     pub sample: &'static SampleKind,
     /// Frame of its samples.
     pub frame: FrameRule,
-    /// What it is for, in one line.
+    /// Its purpose, in one line.
     pub about: &'static str,
 }
 

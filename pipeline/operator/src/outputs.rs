@@ -111,8 +111,8 @@ impl<'a> Outputs<'a> {
         self.kinds.get(port).copied().ok_or_else(|| StepError(format!("there is no output {port}")))
     }
 
-    /// Opens a sample to be written in place, with room for `elements` elements. It is sent by
-    /// [`finish`](Writer::finish); a writer that is dropped sends nothing.
+    /// Opens a sample to be written in place, with room for `elements` elements. [`finish`](Writer::finish) sends it; a
+    /// writer that is dropped sends no sample.
     pub fn open<S: Sample>(&mut self, port: usize, elements: usize) -> Result<Writer<'_, 'a, S>, StepError> {
         let (kind, capacity) = self.port(port)?;
         if *kind != *S::KIND {

@@ -68,12 +68,12 @@ pub trait Params: Sized + Clone + Send + Sync + 'static {
 /// What a text parameter names outside the config.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Names {
-    /// Nothing.
+    /// No file.
     Nothing,
     /// A file, by its path from the pipeline's file.
     File,
-    /// Files, by a path from the pipeline's file: one, those whose names fit a last part with `*`, or those of a folder
-    /// that fit this pattern.
+    /// Files, by a path relative to the pipeline file: one file, the files whose names fit a last part with `*`, or the
+    /// files of a folder that fit this pattern.
     Files(&'static str),
 }
 
@@ -82,7 +82,7 @@ pub enum Names {
 pub struct ParamField {
     /// Name in the config.
     pub name: &'static str,
-    /// What it is for, from the doc comment.
+    /// Its purpose, from the doc comment.
     pub about: &'static str,
     /// Its type.
     pub ty: ParamType,
@@ -105,7 +105,7 @@ pub struct ParamField {
 }
 
 impl ParamField {
-    /// A field with nothing but its name and type. The derive fills in the rest.
+    /// A field with only its name and type. The derive fills in the rest.
     pub const fn new(name: &'static str, ty: ParamType) -> Self {
         Self {
             name,
@@ -132,7 +132,7 @@ impl ParamField {
             }
     }
 
-    /// The texts that it may be: its own choices, or those of its type.
+    /// The allowed texts: its own choices, or those of its type.
     pub fn choices(&self) -> &'static [&'static str] {
         match self.ty {
             ParamType::Choice(names) => names,
@@ -140,7 +140,7 @@ impl ParamField {
         }
     }
 
-    /// Its range in words, where it has one.
+    /// Its range as text, if it has one.
     pub fn range(&self) -> Option<String> {
         match (self.min, self.above, self.max) {
             (None, None, None) => None,

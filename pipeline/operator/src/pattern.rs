@@ -1,6 +1,6 @@
 //! Paths with a star: which of a folder's files are meant.
 
-/// Whether `name` is what `pattern` describes: `*` stands for any characters, also none; everything else for itself.
+/// Whether `name` fits `pattern`: `*` stands for any number of any characters; every other character stands for itself.
 ///
 /// ```
 /// use stillpoint_operator::pattern::matches;

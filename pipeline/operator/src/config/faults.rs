@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use super::source::{Sources, Span};
 
-/// More faults than this are counted but not kept: nobody mends them in one go.
+/// Further faults are counted but not kept.
 pub const MOST_FAULTS: usize = 200;
 
 /// Kind of a fault, for programs.

@@ -40,7 +40,7 @@ pub fn as_name(text: &str) -> Option<String> {
     (is_name(&name) && name != text).then_some(name)
 }
 
-/// The candidate that a person who wrote `text` most likely meant.
+/// The candidate that is most likely meant by `text`.
 pub fn nearest<'c>(text: &str, candidates: impl IntoIterator<Item = &'c str>) -> Option<&'c str> {
     let wanted = folded(text);
     let length = wanted.chars().count();

@@ -72,7 +72,7 @@ pub fn whole_in(text: &str, unit: &str) -> Result<i128, Complaint> {
     })
 }
 
-/// The longest time that a pipeline may speak of, ns: sums of a few stay far from the end of the clock.
+/// The longest time in a pipeline, ns: sums of a few stay far from the end of the clock.
 const LONGEST: u64 = 366 * 86_400 * 1_000_000_000;
 
 /// A time in whole nanoseconds, at most a year.

@@ -1,5 +1,5 @@
-//! What is said of a text that is no YAML: what somebody most likely did, at the place where they did it. The scanner
-//! notices some slips a line later.
+//! Messages for a text that is not YAML: the most likely mistake, at its place. The scanner notices some mistakes a
+//! line later.
 
 use super::near::shown;
 use super::source::Span;

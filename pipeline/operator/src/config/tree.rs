@@ -12,16 +12,16 @@ pub const TEXT: &str = "a text";
 pub struct Node {
     /// Where it stands.
     pub span: Span,
-    /// What it is.
+    /// Its value.
     pub value: Value,
 }
 
 /// What a node is.
 #[derive(Clone, Debug)]
 pub enum Value {
-    /// Nothing was written.
+    /// No value was written.
     Nothing,
-    /// Something was written that was refused already: say no more about it.
+    /// A value that was refused already: no further fault is reported.
     Refused,
     /// `true` or `false`, not in quotes.
     Switch(bool),
@@ -43,7 +43,7 @@ pub struct Entry {
 }
 
 impl Value {
-    /// The value in words, for messages.
+    /// The value as text, for messages.
     pub fn words(&self) -> &'static str {
         match self {
             Self::Nothing => "nothing",
@@ -67,7 +67,7 @@ impl Node {
         Self::new(Value::Text(text.into()), span)
     }
 
-    /// Says that something else is due here.
+    /// Reports that another type is due here.
     pub fn refuse(&self, what: &str, due: &str, findings: &Findings) {
         if !matches!(self.value, Value::Refused) {
             let found = self.value.words();
@@ -148,7 +148,7 @@ impl<'t> Keys<'t> {
         Self::called("key", entries, known, place, findings)
     }
 
-    /// Like [`of`](Self::of), for keys that people call something else.
+    /// Like [`of`](Self::of), for keys that are often called by another name.
     pub fn called(
         noun: &str,
         entries: &'t [Entry],

@@ -1,7 +1,7 @@
 //! From YAML text to the marked tree.
 //!
-//! Anchors, aliases, merge keys, tags and further documents are refused: a config says each thing where it holds, and
-//! a short text cannot grow into a long one.
+//! Anchors, aliases, merge keys, tags and further documents are refused: a config says everything in its place, and a
+//! short text cannot expand to a long one.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -124,7 +124,7 @@ struct Growth<'t> {
 }
 
 impl Growth<'_> {
-    /// Takes an event. False where nothing sensible can follow.
+    /// Takes an event. Returns false if no further event makes sense.
     fn take(&mut self, event: Event<'_>, span: Span) -> bool {
         match event {
             Event::Scalar(text, style, anchor, tag) => {

@@ -37,7 +37,7 @@ pub enum ParamType {
     Group(&'static [ParamField]),
 }
 
-/// What it means that a config does not give a parameter that has no default.
+/// What follows if a config does not give a parameter without a default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
     /// A fault.
@@ -52,7 +52,7 @@ pub enum Presence {
 pub trait ParamValue: Sized {
     /// The type, for schema and reference.
     const TYPE: ParamType;
-    /// What it means that the config does not give it.
+    /// What follows if the config does not give it.
     const PRESENCE: Presence = Presence::Required;
     /// Reads it; faults go into the reader.
     fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self>;
