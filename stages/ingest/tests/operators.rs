@@ -78,7 +78,7 @@ fn depth_without_or_with_two_origins_is_refused_with_what_to_do() {
     assert!(none.contains("it has neither `image` nor `files`: connect or name one of them"), "{none}");
     let bare =
         refused("{ use: ingest.depth, every: 100 ms, frame: camera, params: { files: a.png } }", &files);
-    assert!(bare.contains("its files bring no intrinsics: add `camera`"), "{bare}");
+    assert!(bare.contains("its files have no intrinsics: add `camera`"), "{bare}");
     let both = format!(
         "{{ use: ingest.depth, frame: camera, inputs: {{ image: f.out }}, params: {{ files: a.png, {CAMERA} }} }}\n  f: {{ use: feed.image, frame: camera }}"
     );
@@ -163,7 +163,7 @@ fn clouds_of_a_recording_are_sent_in_the_order_of_their_times() {
     assert_eq!(one.iter().map(|c| c.2[0]).collect::<Vec<_>>(), [b[0]]);
     let cut = MemoryFiles { files: [("r.mcap".to_string(), files.files["r.mcap"][..300].to_vec())].into() };
     let error = refused(it, &cut);
-    assert!(error.contains("mend a copy of it with `stillpoint recover`"), "{error}");
+    assert!(error.contains("repair a copy of it with `stillpoint recover`"), "{error}");
 }
 
 #[test]
