@@ -2,7 +2,7 @@
 
 use stillpoint_samples::SampleKind;
 
-/// What goes over a link: the same at both ends, or nothing passes.
+/// The type of the samples on a link: if the two ends differ, no sample passes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Type of the samples.

@@ -13,7 +13,7 @@ use crate::{Channel, LinkState, Origin, Receiver, Refusal, TransportError};
 pub const MOST_WAITING: usize = 3;
 /// How often the client looks for its server.
 const LOOK: Duration = Duration::from_millis(50);
-/// After so long without a sample the client connects anew: the other machine may be gone without a word.
+/// Time without a sample after which the client connects again: the other machine may have gone without closing.
 const SILENCE: Duration = Duration::from_secs(2);
 /// How long the client waits before it asks a server again that it does not understand.
 const REFUSED: Duration = Duration::from_secs(1);
@@ -183,7 +183,7 @@ impl Connection {
     }
 }
 
-/// A line with its end; one that is too long is cut.
+/// A line with its end; a line that is too long is cut.
 fn read_line(server: &mut TcpStream) -> Option<String> {
     let mut line = Vec::new();
     let mut byte = [0];

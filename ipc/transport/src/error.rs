@@ -1,4 +1,4 @@
-//! Why an end of a link cannot be opened, why a sample cannot be sent, and why nothing passes.
+//! The reasons why an end of a link cannot be opened, why a sample cannot be sent, and why no sample passes.
 
 use std::net::SocketAddr;
 
@@ -68,7 +68,7 @@ pub enum TransportError {
     Other(String),
 }
 
-/// Why nothing passes between two ends that reach each other.
+/// The reason why no sample passes between two ends that reach each other.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// The other end has another type of sample, layout or frame.

@@ -32,7 +32,7 @@ use stillpoint_samples::Pieces;
 pub enum Carries {
     /// Header, body and elements.
     Samples,
-    /// The elements alone, of at most so many bytes: the far end may be a device that knows nothing of headers.
+    /// Only the elements, of at most this many bytes: the far end may be a device without headers.
     Payload {
         /// The most bytes that are delivered.
         longest: usize,
@@ -46,7 +46,7 @@ pub enum LinkState {
     Waiting,
     /// Samples can pass. A transport without connections is always open.
     Open,
-    /// The other end is there, and nothing passes, for this reason.
+    /// The other end is there, but no sample passes, for this reason.
     Refused(Refusal),
     /// This end was closed.
     Closed,
@@ -73,8 +73,8 @@ pub trait Transport: Send + Sync {
 
 /// The producer's end of a link.
 pub trait Sender: Send {
-    /// Sends a sample to every receiver that is there. It never waits for one: a newer sample takes the place of one
-    /// that was not sent yet.
+    /// Sends a sample to every connected receiver. It never waits for a receiver: a newer sample replaces one that was
+    /// not sent yet.
     ///
     /// # Errors
     /// The sample is not of the channel's type, or could not be handed to the system. What is lost later shows in the
@@ -84,7 +84,7 @@ pub trait Sender: Send {
     /// How this end stands.
     fn state(&self) -> LinkState;
 
-    /// Closes this end. Nothing is sent any more; the address is free when this returns, or soon after.
+    /// Closes this end. No sample is sent any more; the address is free when this returns, or soon after.
     fn close(&mut self);
 }
 

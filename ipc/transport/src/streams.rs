@@ -1,8 +1,8 @@
 //! Whole samples of any size over TCP: the sender serves them, each receiver connects.
 //!
-//! A receiver reads a line that names type, layout and frame, and then samples, each behind its length. The sender is
-//! never kept waiting: the newest sample takes the place of one that has not been sent yet, and a receiver that does not
-//! take a sample within a time is cut off, and may connect again.
+//! A receiver reads a line that names type, layout and frame, and then samples, each after its length. The sender never
+//! waits: the newest sample replaces one that has not been sent yet. A receiver that does not take a sample within a
+//! time is disconnected, and may connect again.
 
 use std::net::SocketAddr;
 
@@ -42,7 +42,7 @@ impl Transport for Streams {
     }
 }
 
-/// What a server says first: a receiver that expects another line takes nothing from it.
+/// The first line of a server: a receiver that expects another line takes no sample.
 pub(crate) fn greeting(channel: &Channel) -> String {
     format!("stillpoint stream 1 {}\n", channel.name())
 }

@@ -46,7 +46,7 @@ pub struct Outputs<'a> {
 }
 
 impl<'a> Outputs<'a> {
-    /// Outputs of these kinds and capacities (elements) over `buffers`, for a kind of operator with so many laps.
+    /// Outputs of these kinds and capacities (elements) over `buffers`, for a kind of operator with this many laps.
     pub fn new(
         kinds: &'a [(&'static SampleKind, usize)],
         laps: usize,
@@ -134,9 +134,9 @@ impl<'a> Outputs<'a> {
         self.report.finished = true;
     }
 
-    /// Says that the stage `LAPS[lap]` of the step has just ended. A live run measures it from the lap before, or from
-    /// the beginning of the step, and adds it up where a stage is entered again; elsewhere nothing happens. A lap that
-    /// `LAPS` does not name fails the activation.
+    /// Reports that the stage `LAPS[lap]` of the step has just ended. A live run measures it from the lap before, or
+    /// from the beginning of the step, and adds the times of a stage that is entered again; other executors ignore it.
+    /// A lap that is not in `LAPS` fails the activation.
     pub fn lap(&mut self, lap: usize) {
         if lap < self.laps {
             self.buffers.lap(lap);
@@ -164,7 +164,7 @@ pub struct Writer<'o, 'a, S: Sample> {
 }
 
 impl<S: Sample> Writer<'_, '_, S> {
-    /// What is said once; zero at first. A trailing `length` is filled in by [`finish`](Self::finish).
+    /// The body; zero at first. A trailing `length` is filled in by [`finish`](Self::finish).
     #[allow(clippy::expect_used)]
     pub fn body(&mut self) -> &mut S::Body {
         let (meta, _) = self.outputs.buffers.parts_mut();
