@@ -29,7 +29,7 @@ pub enum Said {
     Resume,
     /// Vent all bladders.
     Vent,
-    /// Break something on a simulated rig.
+    /// Begin a fault on a simulated rig.
     Fault,
 }
 
@@ -47,13 +47,13 @@ impl Said {
     }
 }
 
-/// A command that comes by itself.
+/// A command of the script.
 #[derive(Clone, Debug, Params)]
 pub struct ScriptedCommand {
-    /// When it is said, after the beginning of the run.
+    /// Time after the beginning of the run.
     #[param(unit = "ns")]
     pub at: u64,
-    /// What is said.
+    /// The command.
     pub say: Said,
     /// Values of it, SI units.
     #[param(default = "[]")]

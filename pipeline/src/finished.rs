@@ -1,4 +1,4 @@
-//! When a run is over by itself: all that feeds it has no more.
+//! When a run is over by itself: all its sources have finished.
 
 use stillpoint_samples::{Cause, Entry, Outcome};
 
@@ -16,7 +16,7 @@ impl Finished {
         Self { said: vec![false; graph.operators.len()] }
     }
 
-    /// Takes an entry. A new incarnation begins anew.
+    /// Takes an entry. A new incarnation starts as not finished.
     pub fn enter(&mut self, operator: usize, entry: &Entry) {
         if entry.cause() == Some(Cause::Start) {
             self.said[operator] = false;
@@ -29,8 +29,8 @@ impl Finished {
         self.said[operator]
     }
 
-    /// Whether nothing more can come: each operator has finished, or is fed by such as are over, and by nothing else. A
-    /// source is over only when it says so; a cycle feeds itself, and never is.
+    /// Whether no operator can send any more: each has finished, or all its producers are over. A source is over only
+    /// when it says so; a cycle is never over.
     pub fn is_all(&self, graph: &Graph) -> bool {
         let mut over = self.said.clone();
         loop {

@@ -132,7 +132,7 @@ pub struct ProcessNode {
     pub core: Option<usize>,
     /// Scheduling class.
     pub priority: Priority,
-    /// How long it goes on after its supervisor died, ns: what it drives can be brought to a safe end.
+    /// Time for which it runs after its supervisor died, ns: the hardware that it drives can end safely.
     pub outlives: u64,
     /// The host that it runs on where the pipeline is run in parts: see [`Graph::part`].
     pub host: String,

@@ -39,7 +39,7 @@ impl Graph {
     }
 }
 
-/// The new number of each that stays; of one that does not, nobody asks.
+/// The new number of each operator that stays; the number of the others is not used.
 fn renumbered(stays: impl Iterator<Item = bool>) -> Vec<usize> {
     stays
         .scan(0, |next, stays| {

@@ -37,7 +37,7 @@ pub struct Trigger {
 /// The inputs of one operator.
 pub struct Intake<T> {
     ports: Vec<Port<T>>,
-    /// Whether a new `latest` sample is a cause: nothing else can be.
+    /// Whether a new `latest` sample is a cause, because no other input can be.
     latest_causes: bool,
 }
 

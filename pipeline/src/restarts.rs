@@ -35,7 +35,7 @@ impl Restarts {
         Self { policy, in_a_row: 0, began: None, longest: u64::MAX }
     }
 
-    /// The same with waits of at most so many ns.
+    /// The same with waits of at most this many ns.
     pub fn waiting_at_most(self, longest: u64) -> Self {
         Self { longest, ..self }
     }

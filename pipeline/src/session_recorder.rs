@@ -44,7 +44,7 @@ pub(crate) fn refused(place: &Path, e: &std::io::Error) -> String {
     format!("{}: {e}; choose another folder with --record", place.display())
 }
 
-/// A session that is written as the run goes on. Its log times are the stamps, so that two equal runs give equal files.
+/// A session that is written during a run. Its log times are the stamps, so that two equal runs give equal files.
 pub struct SessionRecorder {
     part: PartWriter<std::fs::File>,
     path: PathBuf,

@@ -1,21 +1,21 @@
-//! Standard output, and who may write there.
+//! Standard output while operators run.
 //!
-//! An operator that prints must harm nobody: in a worker standard output would be the line to the supervisor, and in the
-//! command it may be a JSON report. So while operators run, what they print goes to standard error.
+//! In a worker, standard output is the pipe to the supervisor, and in the command it may be a JSON report. So while
+//! operators run, the text that they print goes to standard error.
 
 use std::fs::File;
 use std::os::fd::AsFd;
 
 use rustix::stdio::{dup2_stdout, stderr, stdout};
 
-/// While it lives, what is printed goes to standard error.
+/// While this value exists, printed text goes to standard error.
 pub struct Aside {
     /// What standard output was.
     before: Option<File>,
 }
 
 impl Aside {
-    /// Leads standard output aside. Where it is closed, nothing is printed anyway.
+    /// Redirects standard output. If it is closed, nothing can be printed anyway.
     pub fn begin() -> Self {
         let before = stdout().try_clone_to_owned().ok().filter(|_| dup2_stdout(stderr()).is_ok());
         Self { before: before.map(File::from) }

@@ -24,7 +24,7 @@ pub struct PipeReader {
 pub enum PipeRead<T> {
     /// A message.
     Message(T),
-    /// Nothing yet.
+    /// No message yet.
     Nothing,
     /// The other end is gone.
     Ended,

@@ -88,9 +88,9 @@ pub struct Recorded {
     pub lost: BTreeMap<String, u64>,
 }
 
-/// Sees how a run goes on.
+/// Observes the progress of a run.
 pub trait Run {
-    /// The run goes on: seconds since it began, figures so far.
+    /// Progress: seconds since the run began, figures so far.
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]);
     /// A failure was told.
     fn failed(&mut self, fault: &Fault);

@@ -1,6 +1,6 @@
 //! The laps of an operator: how long the stages of its steps took, measured here and sent as a topic.
 //!
-//! The operator says when a stage has ended, and is told nothing. So its work does not depend on what is measured, and
+//! The operator reports the end of a stage, and gets no answer. So its work does not depend on the measurement, and
 //! replay, which measures nothing, does the same work.
 
 use std::time::Instant;

@@ -1,6 +1,6 @@
 //! The supervisor: starts, watches, restarts and ends the processes of a live run.
 //!
-//! - `connecting`: who connects to whom, and how long that is waited for
+//! - `connecting`: which processes connect to which, and how long the supervisor waits
 //! - `restarts`: what follows on the death of a child
 //! - `ending`: the end of a run, level by level
 

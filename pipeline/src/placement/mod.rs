@@ -1,4 +1,4 @@
-//! Placements: where activations happen. They know nothing of who decides when.
+//! Placements: where activations happen. They know nothing of schedules.
 //!
 //! - `directed`: an operator whose activations are decided elsewhere
 //! - `local`: all operators in this thread

@@ -1,4 +1,4 @@
-//! Schedules: who says when an activation happens. They know nothing of where it happens.
+//! Schedules: when activations happen. They know nothing of placements.
 //!
 //! - `decision`: which activation of an operator is due
 //! - `events`: discrete events, ordered by (time, place in the graph)

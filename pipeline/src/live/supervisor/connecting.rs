@@ -1,7 +1,8 @@
 //! Who connects to whom, and how long that is waited for.
 //!
-//! What a process sent is safe from its death on with everyone who has connected to it: its memory is mapped then. So a
-//! worker begins when the others have been told to connect to it, and its node is cleaned when they have.
+//! A sample of a process that dies is safe with every other process that has connected to it, because its memory is
+//! mapped there. So a worker begins when the others have been told to connect to it, and its node is cleaned when they
+//! have connected.
 
 use std::time::Duration;
 
@@ -10,12 +11,12 @@ use crate::live::barrier::connect;
 use crate::live::children::Child;
 use crate::live::control::ToRecorder;
 
-/// How long a worker is waited for to connect: one that is in a long step connects when it comes back.
+/// Time that a worker has to connect: a worker in a long step connects when the step ends.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
 /// How long the recorder may leave an order undone: what it has not connected to is lost to the session.
 pub(super) const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
-/// How often a recorder that owes nothing is told to connect again: one that hangs leaves that undone. Its answer never
-/// waits for a disk, to which another thread of it writes.
+/// Period at which a recorder without open orders is told to connect again: a recorder that hangs does not answer. The
+/// answer never waits for a disk, because another thread of the recorder writes.
 const RECORDER_ASKED: Duration = Duration::from_secs(1);
 /// How soon a signal is noticed.
 pub(super) const GLANCE: Duration = Duration::from_millis(50);
@@ -39,7 +40,8 @@ impl Supervisor {
         number
     }
 
-    /// Asks a recorder that nobody has asked for a while, and ends one that leaves an order undone for too long.
+    /// Tells a recorder to connect that was not told for a while, and ends a recorder that leaves an order open for too
+    /// long.
     pub(super) fn prove_recorder(&mut self) {
         let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) else { return };
         // It may have answered while others were waited for.
@@ -51,13 +53,13 @@ impl Supervisor {
         }
     }
 
-    /// Whether the recorder has done an order to connect. One whose ports are not made has nothing to keep.
+    /// Whether the recorder has done an order to connect. A recorder without ports has no samples to keep.
     pub(super) fn is_recorder_at(&self, number: u64) -> bool {
         self.recorder.as_ref().is_none_or(|r| !r.made || r.connected >= number)
     }
 
-    /// Waits until the recorder has done an order to connect; whether it has. One that leaves undone what it was told for
-    /// as long as it may is not waited for, nor is anyone once `hurried` says so.
+    /// Waits until the recorder has done an order to connect, and returns whether it has. The wait ends early if the
+    /// recorder leaves the order open for too long, or if `hurried` is set.
     pub(super) fn wait_for_recorder(&mut self, number: u64, mut hurried: impl FnMut() -> bool) -> bool {
         let Some(recorder) = &mut self.recorder else { return false };
         while recorder.connected < number

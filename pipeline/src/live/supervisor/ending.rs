@@ -16,8 +16,8 @@ use crate::live::report::{Recorded, Run, RunReport};
 /// How long the processes of a level may take to drain their inputs and mark their ends.
 const STOP_PATIENCE: Duration = Duration::from_secs(10);
 
-/// The signals that come while a run ends. The first of a run asks for its end in order, also where it ends already;
-/// each further one ends the wait for those that are waited for then, and for nobody after them.
+/// The signals that arrive while a run ends. The first signal stops the run in order; each further signal abandons the
+/// current wait, and no later one.
 struct Hurry<'s> {
     stop: &'s AtomicBool,
     asked: bool,
