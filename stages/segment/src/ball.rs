@@ -7,7 +7,7 @@
 use crate::surface::Patch;
 use nalgebra::{Matrix3, Vector3};
 
-/// A ball and the surface that speaks for it.
+/// A ball and the surface that supports it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
     /// Centre in metres.
@@ -20,7 +20,7 @@ pub struct Ball {
 
 /// Width of a cell of the votes as a part of the middle radius.
 const CELL: f64 = 0.18;
-/// A normal speaks for a centre that it passes within this part of the middle radius.
+/// A normal supports a centre if it passes the centre within this fraction of the middle radius.
 const NEAR: f64 = 0.4;
 /// Balls that are looked for at most.
 pub const BALLS: usize = 8;
@@ -28,7 +28,7 @@ pub const BALLS: usize = 8;
 const REFINEMENTS: usize = 6;
 /// A step shorter than this is the last one, m.
 const STILL: f64 = 1e-5;
-/// In middle radii: a refinement mostly ends so far from its start, and looks at no patch farther from it.
+/// In middle radii: largest distance of the patches that a refinement uses from its start.
 const STRAY: f64 = 1.0;
 /// Cells at most: a scene that is wider gets wider cells.
 const MAX_CELLS: f64 = 3e5;
@@ -106,7 +106,7 @@ impl BallSearch {
         &self.balls
     }
 
-    /// The balls of a radius between the two (metres) that `patches` speak for, the one with the most votes first, in
+    /// The balls of a radius between the two (metres) that `patches` support, the ball with the most votes first, in
     /// different places: at most [`BALLS`].
     pub fn find(&mut self, patches: &[Patch], radii: [f64; 2]) -> &[Ball] {
         self.balls.clear();
@@ -187,7 +187,7 @@ impl BallSearch {
     }
 }
 
-/// The point nearest to the normals of those patches that speak for it, and their mean distance.
+/// The point nearest to the normals of the patches that support it, and their mean distance.
 fn refine(
     patches: &[Patch],
     close: &mut Vec<u32>,

@@ -12,7 +12,7 @@ pub(crate) struct CellKey(u64);
 impl CellKey {
     /// Cells at each end of an axis in which no point lies: so far, a step leads from key to key by adding.
     pub const FREE: u64 = 3;
-    /// A point nearer to the origin than so many cells lies in the grid.
+    /// A point nearer to the origin than this many cells lies in the grid.
     pub const INNER: f64 = (REACH as u64 - 2 * Self::FREE) as f64;
     /// The key of no cell.
     pub const NONE: Self = Self(u64::MAX);

@@ -10,7 +10,7 @@ use crate::sweep::Sweep;
 /// Marks a point that is in no cluster that was kept.
 pub const NO_CLUSTER: u32 = u32::MAX;
 
-/// Cells that hold points near enough to each other are at most so many steps apart.
+/// Cells of points that are near enough to each other are at most this many steps apart.
 const STEPS: u64 = 2;
 
 /// The clustering with its buffers; after the first frames it allocates nothing.
@@ -106,7 +106,7 @@ fn touch(cells: &SortedCells, points: &[[f32; 3]], a: u32, b: u32, near: f32) ->
     cells.members(a).iter().any(|&i| cells.members(b).iter().any(|&j| close(i, j)))
 }
 
-/// The cell that stands for `cell`'s cluster, with the path to it halved.
+/// The representative cell of `cell`'s cluster, with the path to it halved.
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -26,7 +26,7 @@ const PATCHES: u32 = 12;
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Hills {
     summits: Summits,
-    /// For each patch whether it is the summit of another thing.
+    /// For each patch whether it belongs to the summit of another object.
     is_other: Vec<bool>,
 }
 
@@ -51,9 +51,9 @@ impl Hills {
         self.summits.part(HIGH_SUMMIT * radius);
     }
 
-    /// Tells the summits of other things from those of the head in `ball`. Where that may be the ball of the `cranium`, a
-    /// high summit beside it is another thing's; beside that of a face, it may be the crown. `radius` is that of the adult
-    /// head in metres.
+    /// Separates the summits of other objects from those of the head in `ball`. If the ball may be that of the
+    /// `cranium`, a high summit beside it belongs to another object; beside the ball of a face, it may be the crown.
+    /// `radius` is that of the adult head in metres.
     pub fn tell(&mut self, patches: &[Patch], ball: &Ball, plane: &Plane, radius: f64, cranium: bool) {
         self.is_other.clear();
         let all = patches.iter().zip(self.summits.prominence());
@@ -69,7 +69,7 @@ impl Hills {
         }));
     }
 
-    /// Whether the summit that a patch of this number belongs to is another thing's.
+    /// Whether the summit of this patch belongs to another object.
     pub fn are_others(&self, patch: usize) -> bool {
         self.is_other[self.summits.basins()[patch] as usize]
     }

@@ -26,7 +26,7 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 const ON_EDGE: f64 = 1e-9;
 
 impl ConvexHull {
-    /// A hull that contains nothing.
+    /// An empty hull.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -59,7 +59,7 @@ impl ConvexHull {
         }
     }
 
-    /// Forgets the outline and keeps the memory: nothing lies within.
+    /// Clears the outline and keeps the memory.
     pub fn clear(&mut self) {
         self.corners.clear();
         self.lines.clear();

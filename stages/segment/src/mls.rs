@@ -43,7 +43,7 @@ pub struct MovingLeastSquares {
 }
 
 impl MovingLeastSquares {
-    /// A smoothing without buffers yet.
+    /// A smoothing without buffers.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

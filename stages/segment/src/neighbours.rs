@@ -9,7 +9,7 @@ pub struct Neighbours {
     side: f64,
 }
 
-/// Rings of cells around a point's own that are looked at, at most: what is farther is no neighbour.
+/// Largest number of rings of cells around a point's own that are searched: farther points are no neighbours.
 const RINGS: i32 = 3;
 
 impl Neighbours {

@@ -93,8 +93,8 @@ impl Summits {
         &self.prominence
     }
 
-    /// Finds for each node of the last search the summit that water on it would stand under: the one that its steepest way
-    /// up leads to. A summit less prominent than `least` belongs to the first other one that its surroundings meet.
+    /// Finds for each node of the last search the summit to which its steepest way up leads. A summit less prominent
+    /// than `least` belongs to the first other summit that its surroundings meet.
     pub fn part(&mut self, least: f64) -> &[u32] {
         let Self { order, ranks, starts, higher, parents, prominence, basins, .. } = self;
         let is_low = |rank: u32| prominence[order[rank as usize] as usize] < least;

@@ -1,7 +1,7 @@
 //! Pairs of neighbouring cells, by sweeping over their sorted keys.
 //!
-//! A row of neighbours (the same x and y steps, all z steps) is a range of keys, and it moves on as the sweep does. So each
-//! row needs one place in the list that only ever goes forward, and nothing is looked up.
+//! A row of neighbours (the same x and y steps, all z steps) is a range of keys, and it advances with the sweep. So
+//! each row needs one place in the list that only goes forward, and no look-up.
 
 use crate::cells::CellKey;
 

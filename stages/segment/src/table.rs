@@ -1,4 +1,4 @@
-//! What is said of each cluster: its moments, its heights, where it was cut off, and whether the face is in it.
+//! The table of the clusters: moments, heights, where a cluster was cut off, and whether the face is in it.
 
 use crate::plane::vector;
 use nalgebra::{Matrix3, Vector3};

@@ -7,7 +7,7 @@ use crate::cloud::Cloud;
 /// Marks a point that fell into no cell.
 pub const NO_VOXEL: u32 = u32::MAX;
 
-/// Points that are looked at together.
+/// Points that are processed together.
 const PIECE: usize = 128;
 
 /// Sums over the points of a voxel: x, y, z, and how many they are.
@@ -79,8 +79,8 @@ impl VoxelGrid {
         }
     }
 
-    /// Whether the last cloud gave the same voxels as the one before it, to the bit: with the noise of a sensor that is
-    /// alive two never do. Nothing but the clouds counts, neither what was removed nor what was replaced.
+    /// Whether the last cloud gave the same voxels as the cloud before it, to the bit; with the noise of a working
+    /// sensor two clouds never do. Only the clouds are compared, without removed or replaced voxels.
     #[must_use]
     pub fn is_repeated(&self) -> bool {
         self.voxels == self.before

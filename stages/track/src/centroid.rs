@@ -7,9 +7,9 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Centroid {
     /// Mean in metres.
     pub position: Vector3<f64>,
-    /// Covariance of the mean in square metres: the points' sample covariance over their number. It counts how the
-    /// points spread over the surface, so it is an upper bound for noise that is independent from point to point, and
-    /// says nothing of an error that all points share.
+    /// Covariance of the mean in square metres: the points' sample covariance over their number. It includes the spread
+    /// of the points over the surface, so it is an upper bound for noise that is independent from point to point. It
+    /// does not include an error that all points share.
     pub covariance: Matrix3<f64>,
     /// Finite points averaged.
     pub count: usize,

@@ -20,7 +20,7 @@ pub struct CentroidParams {
     pub shared_sd: f64,
 }
 
-/// Sends the centroid of each face; a face of fewer than two finite points sends nothing.
+/// Sends the centroid of each face; a face of fewer than two finite points causes no sample.
 pub struct TrackCentroid {
     /// Variance that all points share, m2.
     shared: f64,

@@ -19,7 +19,7 @@ const STEP: f64 = 0.5;
 /// The highest patch of a cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summit {
-    /// Its middle, across and across, and its mean height along the axis that is looked at, m.
+    /// Its centre in the two other axes, and its mean height along the chosen axis, m.
     pub position: [f64; 3],
     /// Variance of the height, m2: what the points scatter about the quadric, by the law of least squares. An error
     /// that all points share is not in it.

@@ -41,7 +41,7 @@ pub struct SummitParams {
     pub shared_sd: f64,
 }
 
-/// Sends the coordinate of the highest place of each face; a face without one sends nothing.
+/// Sends the coordinate of the highest place of each face; a face without such a place causes no sample.
 pub struct TrackSummit {
     params: SummitParams,
     output_from_face: Rigid,

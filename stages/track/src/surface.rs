@@ -76,7 +76,7 @@ pub struct Surface {
     groups: Vec<u32>,
     group_count: usize,
     table: NearestTable,
-    /// Greatest squared distance from a patch at which it still stands for the surface, m2.
+    /// Largest squared distance from a patch at which it still represents the surface, m2.
     reach: f64,
     centre: Vector3<f64>,
     centroid: Vector3<f64>,

@@ -1,4 +1,4 @@
-//! From a cloud to the face: voxels, the supporting plane, what stands on it, which of that is the face.
+//! From a cloud to the face: voxels, the supporting plane, the objects on it, and which of them is the face.
 //!
 //! - `params`: what the chain needs to know.
 //! - `seen`: what it found in a frame, or why not.

@@ -5,7 +5,7 @@ use crate::voxel::NO_VOXEL;
 
 /// Pixels that were not measured between two that count as beside each other, at most.
 const BLIND: u32 = 12;
-/// Every so many rows and columns are looked at.
+/// Step between the rows and columns that are used.
 const STRIDE: usize = 2;
 
 /// Where a walk along a row or a column of the image is.
@@ -42,8 +42,8 @@ pub(super) struct PairsSeen {
 }
 
 impl PairsSeen {
-    /// Pairs of patches between which nothing else is seen, in every second row and column of the cloud's image; a pair
-    /// comes as often as it is seen. `patch_of_voxel` is [`NO_VOXEL`] for a voxel that is in none.
+    /// Pairs of patches that are neighbours in every second row and column of the cloud's image; a pair is listed as
+    /// often as it is seen. `patch_of_voxel` is [`NO_VOXEL`] for a voxel without a patch.
     pub fn find(&mut self, cloud: Cloud<'_>, voxel_of_point: &[u32], patch_of_voxel: &[u32]) -> &[[u32; 2]] {
         self.pairs.clear();
         if cloud.width == 0 {

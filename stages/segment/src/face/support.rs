@@ -121,7 +121,7 @@ impl Support {
         couch
     }
 
-    /// Whether so many voxels lie beneath the plane, within its hull, that it supports nothing.
+    /// Whether too many voxels lie beneath the plane, within its hull, for it to support the other objects.
     fn are_many_beneath(&self, voxels: &[[f32; 3]], params: &FaceParams, fit: &PlaneFit) -> bool {
         let deep = -2.0 * params.plane_tolerance;
         let many = BENEATH * fit.inliers as f64;

@@ -9,7 +9,7 @@ pub struct PlaneFit {
     pub plane: Plane,
     /// Points within the tolerance.
     pub inliers: usize,
-    /// Points looked at.
+    /// Points that are used.
     pub points: usize,
     /// Root mean square of the inliers' distances, in metres.
     pub rms: f64,

@@ -6,7 +6,7 @@ use super::search::{Beneath, MlesacParams};
 const EM_STEPS: usize = 3;
 /// How much less likely than another outlier a point beneath a supporting plane is: about e^-3.
 const BENEATH: f64 = 0.05;
-/// An inlier's residual is at most so many deviations.
+/// An inlier's residual is at most this many deviations.
 const CUTOFF: f64 = 6.0;
 /// Residuals are counted in bins, of which [`CUTOFF`] has so many: a tenth of a deviation each. The likelihood is then one
 /// of 60 densities, not of all points.

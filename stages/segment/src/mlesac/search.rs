@@ -16,12 +16,12 @@ pub struct MlesacParams {
     pub beneath: Beneath,
 }
 
-/// What points on the far side of a plane, as seen from the origin, say of it.
+/// The meaning of points on the far side of a plane, as seen from the origin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Beneath {
-    /// Nothing: they are outliers as others.
+    /// They are outliers like others.
     Outliers,
-    /// That it supports nothing: a camera does not see what is under a couch.
+    /// They make the plane unlikely: a camera does not see objects under a couch.
     Unlikely,
 }
 
@@ -55,9 +55,9 @@ impl Mlesac {
 
     /// The plane that most of `points` (finite, in metres) lie on; `None` where no three of those drawn span one.
     ///
-    /// A `prior`, such as the plane of the last frame, is the first hypothesis. It is refined to what these points say
-    /// and has to be as likely as every plane that is drawn; as many are drawn as would find a plane of its share of
-    /// inliers by themselves. So a prior saves draws and steadies the result, and it is never believed unproved.
+    /// A `prior`, such as the plane of the last frame, is the first hypothesis. It is refined with these points and has
+    /// to be as likely as every plane that is drawn. The number of draws is large enough to find a plane with its share
+    /// of inliers without the prior. So a prior saves draws and steadies the result, but it is always tested.
     pub fn find(
         &mut self,
         points: &[[f32; 3]],

@@ -2,7 +2,7 @@
 //!
 //! - `params`: what the config may say
 //! - `operator`: ports and steps
-//! - `report`: what is said about each frame
+//! - `report`: the report on each frame
 
 mod operator;
 mod params;
