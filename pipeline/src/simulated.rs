@@ -12,9 +12,9 @@ use crate::clock::SessionClock;
 use crate::graph::Graph;
 use crate::ledger::{Ledger, LedgerLine};
 use crate::live::status::Status;
-use crate::live::{Fault, Launch, Processes, Recorded, RunReport};
+use crate::live::{Fault, Launch, LiveError, Processes, Recorded, RunReport};
 use crate::operator::Files;
-use crate::placement::{Local, Placement, Threads};
+use crate::placement::{Local, Placement, PlacementError, Threads};
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
 use crate::schedule::{Events, Observer, RunError};
@@ -49,12 +49,18 @@ pub struct SimulatedOptions {
 }
 
 /// Why there is no report of a simulated run.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
 pub enum SimulatedError {
-    /// The run did not begin, and left no session.
+    /// The processes of the run did not begin; there is no session.
+    #[error(transparent)]
+    Processes(#[from] LiveError),
+    /// An operator could not be made; there is no session.
+    #[error(transparent)]
+    NotBegun(PlacementError),
+    /// The session could not be begun; there is none.
     #[error("{0}")]
-    NotBegun(String),
-    /// Its session could not be ended.
+    NoSession(String),
+    /// The session could not be ended.
     #[error("{0}")]
     Session(String),
 }
@@ -84,7 +90,7 @@ pub fn simulate(
             &mut threads
         }
         Place::Processes(launch) => {
-            processes = Processes::start(graph.clone(), launch, source).map_err(SimulatedError::NotBegun)?;
+            processes = Processes::start(graph.clone(), launch, source)?;
             &mut processes
         }
     };
@@ -93,7 +99,7 @@ pub fn simulate(
         Some((folder, compression)) => {
             let recorder = opening(graph, source, SessionClock::zero(), true, &options.identity)
                 .and_then(|start| SessionRecorder::create(folder, graph, &start, *compression));
-            Some(recorder.map_err(SimulatedError::NotBegun)?)
+            Some(recorder.map_err(SimulatedError::NoSession)?)
         }
     };
     let mut account = Account {
@@ -107,10 +113,10 @@ pub fn simulate(
     };
     let mut events = Events::new(graph.clone()).stopped_by(options.stop);
     let ended = events.run(placement, 0, options.length, &mut account);
-    if let Err(RunError::NotBegun(reason)) = &ended {
+    if let Err(RunError::NotBegun(reason)) = ended {
         // A run that does not begin leaves no session.
         options.session.iter().for_each(|(folder, _)| remove_folder(folder));
-        return Err(SimulatedError::NotBegun(reason.to_string()));
+        return Err(SimulatedError::NotBegun(reason));
     }
     account.report(events.end(), ended)
 }

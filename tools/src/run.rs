@@ -188,7 +188,7 @@ impl Run {
         let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
             .inspect_err(|_| session.into_iter().for_each(remove_folder))
             .map_err(Failure::failed)?;
-        let report = supervisor.watch(&stop, &mut line).map_err(Failure::failed)?;
+        let report = supervisor.watch(&stop, &mut line);
         line.close();
         if let Some(session) = session {
             // What a recorder that died left cut is mended before anyone opens it.

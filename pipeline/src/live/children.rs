@@ -27,6 +27,32 @@ pub struct Launch {
     pub recorder: &'static str,
 }
 
+/// Why a child process cannot be started, or does not answer.
+#[derive(Debug, thiserror::Error)]
+pub enum ChildError {
+    /// The program cannot be started.
+    #[error("process {process} cannot be started from {}: {reason}", program.display())]
+    Start {
+        /// Name of the process.
+        process: String,
+        /// The program.
+        program: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// It has ended.
+    #[error("process {0} has ended")]
+    Ended(String),
+    /// It did not answer in time.
+    #[error("process {process} did not answer within {patience_ms} ms")]
+    Silent {
+        /// Name of the process.
+        process: String,
+        /// How long the answer was waited for, ms.
+        patience_ms: u128,
+    },
+}
+
 /// A child process.
 pub struct Child {
     /// Name in messages.
@@ -69,7 +95,14 @@ pub struct Told {
 
 impl Child {
     /// Starts a child and greets it.
-    pub fn start<T: Serialize>(launch: &Launch, role: &str, name: &str, hello: &T) -> Result<Self, String> {
+    pub fn start<T: Serialize>(
+        launch: &Launch,
+        role: &str,
+        name: &str,
+        hello: &T,
+    ) -> Result<Self, ChildError> {
+        let refused =
+            |reason| ChildError::Start { process: name.to_string(), program: launch.program.clone(), reason };
         let mut process = Command::new(&launch.program)
             .arg(role)
             // For those who look at a list of processes.
@@ -80,10 +113,8 @@ impl Child {
             // Ctrl-C is for the supervisor alone, also while a child has not yet said that it ignores it.
             .process_group(0)
             .spawn()
-            .map_err(|e| {
-                format!("process {name} cannot be started from {}: {e}", launch.program.display())
-            })?;
-        let stdout = process.stdout.take().ok_or("a child without standard output")?;
+            .map_err(refused)?;
+        let stdout = process.stdout.take().ok_or_else(|| refused(std::io::ErrorKind::BrokenPipe.into()))?;
         let stdin = process.stdin.take();
         let begun = Instant::now();
         let mut child = Self {
@@ -179,7 +210,8 @@ impl Child {
                 Ok(PipeRead::Message(message)) => self.heard.push_back(message),
                 Ok(PipeRead::Nothing) => return,
                 Ok(PipeRead::Ended) => self.ended = true,
-                Err(reason) => {
+                Err(error) => {
+                    let reason = error.to_string();
                     told.push(Told { operator: self.name.clone(), incarnation: 0, reason, fatal: true });
                     self.kill();
                     self.ended = true;
@@ -212,7 +244,7 @@ impl Child {
     }
 
     /// Waits for the answer to an order. `Err`: the child is gone, or did not answer in time.
-    pub fn answer(&mut self, patience: Duration, told: &mut Vec<Told>) -> Result<FromWorker, String> {
+    pub fn answer(&mut self, patience: Duration, told: &mut Vec<Told>) -> Result<FromWorker, ChildError> {
         let end = Instant::now() + patience;
         loop {
             self.listen(told);
@@ -220,15 +252,14 @@ impl Child {
                 return Ok(message);
             }
             if self.ended {
-                return Err(format!("process {} has ended", self.name));
+                return Err(ChildError::Ended(self.name.clone()));
             }
             let left = end.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(format!(
-                    "process {} did not answer within {} ms",
-                    self.name,
-                    patience.as_millis()
-                ));
+                return Err(ChildError::Silent {
+                    process: self.name.clone(),
+                    patience_ms: patience.as_millis(),
+                });
             }
             wait_any(&[&*self], left);
         }

@@ -7,7 +7,8 @@ use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, ShmError};
 
 use super::control::{Connect, FromWorker, ToWorker, refs_of_wire};
-use super::journal::publish_entry;
+use super::error::WorkerError;
+use super::journal::{PublishError, publish_entry};
 use super::pipe::{PipeReader, tell, wait_for};
 use super::ports::{Depth, Outlet, Ports};
 use crate::graph::{Graph, ProcessNode};
@@ -36,16 +37,13 @@ impl<'f> DirectedWorker<'f> {
         process: &ProcessNode,
         domain: &Domain,
         files: &'f dyn Files,
-    ) -> Result<Self, String> {
-        let runners = process
-            .operators
-            .iter()
-            .map(|o| DirectedOperator::open(&graph, *o, domain).map_err(|e| e.to_string()));
+    ) -> Result<Self, WorkerError> {
+        let runners = process.operators.iter().map(|o| DirectedOperator::open(&graph, *o, domain));
         Ok(Self { runners: runners.collect::<Result<_, _>>()?, files })
     }
 
     /// Does what it is told until the supervisor ends it.
-    pub fn serve(&mut self, orders: &mut PipeReader) -> Result<(), String> {
+    pub fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
         tell(&FromWorker::Made)?;
         loop {
             let Some(order) = wait_for::<ToWorker>(orders)? else { return Ok(()) };
@@ -54,25 +52,25 @@ impl<'f> DirectedWorker<'f> {
                 ToWorker::Go { .. } => {}
                 ToWorker::Connect(Connect { number }) => {
                     for runner in &self.runners {
-                        runner.ports.connect().map_err(|e| e.to_string())?;
+                        runner.ports.connect()?;
                     }
                     tell(&FromWorker::Connected { number })?;
                 }
                 ToWorker::Stop => tell(&FromWorker::Stopped)?,
                 order => {
-                    let answer = self.obey(order).unwrap_or_else(FromWorker::Refused);
+                    let answer = self.obey(order).unwrap_or_else(|e| FromWorker::Refused(e.to_string()));
                     tell(&answer)?;
                 }
             }
         }
     }
 
-    fn obey(&mut self, order: ToWorker) -> Result<FromWorker, String> {
+    fn obey(&mut self, order: ToWorker) -> Result<FromWorker, WorkerError> {
         let files = self.files;
         match order {
             ToWorker::Start { operator, incarnation, time } => {
                 let runner = self.runner(operator)?;
-                let entry = runner.directed.start(incarnation, time, files).map_err(|e| e.to_string())?;
+                let entry = runner.directed.start(incarnation, time, files)?;
                 runner.publish_entry(&entry)?;
                 Ok(FromWorker::Entry)
             }
@@ -82,8 +80,8 @@ impl<'f> DirectedWorker<'f> {
             }
             ToWorker::Activate { operator, record } => {
                 let runner = self.runner(operator)?;
-                let record = record.record().ok_or("a record that makes no sense")?;
-                let committed = runner.directed.activate(&record).map_err(|e| e.to_string())?;
+                let record = record.record().ok_or(WorkerError::Record)?;
+                let committed = runner.directed.activate(&record)?;
                 runner.publish_entry(&committed.entry)?;
                 runner.unsent = committed.outputs.into();
                 let sent = runner.send()?;
@@ -96,20 +94,17 @@ impl<'f> DirectedWorker<'f> {
             }
             ToWorker::End { operator, time, inputs } => {
                 let runner = self.runner(operator)?;
-                let inputs = refs_of_wire(&inputs).ok_or("an account that makes no sense")?;
-                let entry = runner.directed.end(time, &inputs).map_err(|e| e.to_string())?;
+                let inputs = refs_of_wire(&inputs).ok_or(WorkerError::Account)?;
+                let entry = runner.directed.end(time, &inputs)?;
                 runner.publish_entry(&entry)?;
                 Ok(FromWorker::Entry)
             }
-            other => Err(format!("a directed worker cannot do {other:?}")),
+            other => Err(WorkerError::Directed(format!("{other:?}"))),
         }
     }
 
-    fn runner(&mut self, operator: usize) -> Result<&mut DirectedOperator, String> {
-        self.runners
-            .iter_mut()
-            .find(|m| m.number == operator)
-            .ok_or_else(|| format!("operator {operator} is not in this process"))
+    fn runner(&mut self, operator: usize) -> Result<&mut DirectedOperator, WorkerError> {
+        self.runners.iter_mut().find(|m| m.number == operator).ok_or(WorkerError::NotHere(operator))
     }
 }
 
@@ -119,18 +114,18 @@ impl DirectedOperator {
         Ok(Self { number, directed: Directed::new(graph.clone(), number), ports, unsent: VecDeque::new() })
     }
 
-    fn take(&mut self, port: usize) -> Result<(), String> {
+    fn take(&mut self, port: usize) -> Result<(), WorkerError> {
         let Some(Some(inlet)) = self.ports.inlets.get(port) else {
-            return Err(format!("input {port} is not connected"));
+            return Err(WorkerError::NotConnected(port));
         };
-        while let Some(sample) = inlet.subscriber.receive().map_err(|e| e.to_string())? {
+        while let Some(sample) = inlet.subscriber.receive()? {
             self.directed.deliver(port, OwnedSample::copy_of(inlet.kind, sample.pieces()));
         }
         Ok(())
     }
 
     /// Sends outputs until the buffer of one is full; everyone takes those before the next are sent.
-    fn send(&mut self) -> Result<Vec<usize>, String> {
+    fn send(&mut self) -> Result<Vec<usize>, WorkerError> {
         let mut sent = Vec::new();
         while let Some((port, owned)) = self.unsent.front() {
             let (port, pieces) = (*port, owned.pieces());
@@ -138,19 +133,19 @@ impl DirectedOperator {
             if sent.iter().filter(|p| **p == port).count() >= topic.contract().buffer {
                 break;
             }
-            let loan = publisher.loan(owned.header().count as usize).map_err(|e| e.to_string())?;
-            let mut loan = loan.ok_or("the memory of an output is used up in lock-step")?;
+            let loan = publisher.loan(owned.header().count as usize)?;
+            let mut loan = loan.ok_or(WorkerError::OutputFull)?;
             let (meta, payload) = loan.parts_mut();
             meta.copy_from_slice(pieces.meta);
             payload[..pieces.payload.len()].copy_from_slice(pieces.payload);
-            publisher.send(loan).map_err(|e| e.to_string())?;
+            publisher.send(loan)?;
             sent.push(port);
             self.unsent.pop_front();
         }
         Ok(sent)
     }
 
-    fn publish_entry(&mut self, entry: &Entry) -> Result<(), String> {
+    fn publish_entry(&mut self, entry: &Entry) -> Result<(), PublishError> {
         publish_entry(&self.ports.journal, entry)
     }
 }

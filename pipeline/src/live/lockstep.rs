@@ -8,9 +8,10 @@ use stillpoint_samples::{Entry, JournalRef, RefKind, SampleKind};
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::barrier::{PATIENCE, connect, wait_until_made};
-use super::children::{Child, Launch, Told};
+use super::children::{Child, ChildError, Launch, Told};
 use super::contracts;
 use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
+use super::error::LiveError;
 use super::journal::entry_of;
 use super::room::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
@@ -36,25 +37,26 @@ pub struct Processes {
 
 impl Processes {
     /// Starts every process of the graph, which was checked from `source`.
-    pub fn start(graph: Arc<Graph>, launch: &Launch, source: &RunSource) -> Result<Self, String> {
+    pub fn start(graph: Arc<Graph>, launch: &Launch, source: &RunSource) -> Result<Self, LiveError> {
         sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
-        let domain =
-            Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
+        let source = RunSource {
+            files: source.files.copied_to(&folder.files()).map_err(LiveError::Files)?,
+            ..source.clone()
+        };
+        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         let (mut journals, mut taps) = (Vec::new(), Vec::new());
         for (operator, node) in graph.operators.iter().enumerate() {
-            let topic =
-                Topic::create(&domain, &contracts::journal(&graph, operator)).map_err(|e| e.to_string())?;
-            journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
+            let topic = Topic::create(&domain, &contracts::journal(&graph, operator))?;
+            journals.push(topic.subscriber(contracts::JOURNAL_DEPTH)?);
             topics.push(topic);
             let mut outputs = Vec::new();
             for (port, output) in node.stage.kind.outputs.iter().enumerate() {
                 let contract = contracts::output(&graph, operator, port);
-                let topic = Topic::create(&domain, &contract).map_err(|e| e.to_string())?;
-                outputs.push((topic.subscriber(contract.buffer).map_err(|e| e.to_string())?, output.sample));
+                let topic = Topic::create(&domain, &contract)?;
+                outputs.push((topic.subscriber(contract.buffer)?, output.sample));
                 topics.push(topic);
             }
             taps.push(outputs);
@@ -73,12 +75,12 @@ impl Processes {
             children.push(Child::start(launch, launch.worker, &process.name, &hello)?);
         }
         let mut told = Vec::new();
-        wait_until_made(children.iter_mut(), &mut told, || false).map_err(|e| e.to_string())?;
+        wait_until_made(children.iter_mut(), &mut told, || false)?;
         let mut workers: Vec<&mut Child> = children.iter_mut().collect();
-        connect(&mut workers, 1, PATIENCE, &mut told).map_err(|e| e.to_string())?;
+        connect(&mut workers, 1, PATIENCE, &mut told)?;
         let mut processes =
             Self { graph, children, journals, taps, _topics: topics, _domain: domain, _folder: folder };
-        processes.connect().map_err(|e| e.to_string())?;
+        processes.connect()?;
         Ok(processes)
     }
 
@@ -141,10 +143,10 @@ impl Processes {
     }
 }
 
-fn first_reason(told: &[Told], answer: Result<FromWorker, String>) -> String {
+fn first_reason(told: &[Told], answer: Result<FromWorker, ChildError>) -> String {
     told.first().map(|t| t.reason.clone()).unwrap_or_else(|| match answer {
         Ok(answer) => format!("an unexpected answer: {answer:?}"),
-        Err(reason) => reason,
+        Err(reason) => reason.to_string(),
     })
 }
 

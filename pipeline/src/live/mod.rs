@@ -5,6 +5,7 @@
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: what supervisor and children say to each other
 //! - `journal`: journal entries as samples in shared memory
+//! - `error`: why a live run cannot begin or go on
 //! - `missed`: what was sent while no recorder was there
 //! - `ports`: the ports of one operator in shared memory
 //! - `pipe`: lines over the children's pipes, unbuffered
@@ -29,6 +30,7 @@ mod children;
 pub mod contracts;
 pub mod control;
 mod directed;
+mod error;
 mod journal;
 mod lockstep;
 mod missed;
@@ -47,6 +49,7 @@ mod wire;
 mod worker;
 
 pub use children::Launch;
+pub use error::LiveError;
 pub use journal::entry_of;
 pub use lockstep::Processes;
 pub use recorder::recorder_main;

@@ -30,6 +30,35 @@ pub enum PipeRead<T> {
     Ended,
 }
 
+/// Why the pipe between a process and its supervisor cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum PipeError {
+    /// A line is no message of this build.
+    #[error("a line of the control pipe cannot be read: {0}")]
+    Message(serde_json::Error),
+    /// A line goes on for too long.
+    #[error("a line of the control pipe is longer than {LONGEST} bytes")]
+    TooLong,
+    /// The system refuses to wait or to read.
+    #[error("the control pipe cannot be read: {0}")]
+    Read(rustix::io::Errno),
+    /// Standard input cannot be had.
+    #[error("standard input cannot be had: {0}")]
+    Input(std::io::Error),
+    /// Standard output is closed.
+    #[error("standard output is closed, so there is no line to the supervisor")]
+    NoOutput,
+    /// Standard output was taken before.
+    #[error("the line to the supervisor is taken already")]
+    Taken,
+    /// Standard output was not taken.
+    #[error("there is no line to a supervisor")]
+    NotTaken,
+    /// A message could not be written.
+    #[error("the supervisor cannot be told: {0}")]
+    Tell(std::io::Error),
+}
+
 /// The longest line that is taken.
 const LONGEST: usize = 64 << 20;
 
@@ -45,13 +74,11 @@ impl PipeReader {
     }
 
     /// The next line, without waiting.
-    pub fn next<T: DeserializeOwned>(&mut self) -> Result<PipeRead<T>, String> {
+    pub fn next<T: DeserializeOwned>(&mut self) -> Result<PipeRead<T>, PipeError> {
         loop {
             if let Some(end) = self.rest.iter().position(|b| *b == b'\n') {
                 let line: Vec<u8> = self.rest.drain(..=end).collect();
-                return serde_json::from_slice(&line)
-                    .map(PipeRead::Message)
-                    .map_err(|e| format!("a line of the control pipe cannot be read: {e}"));
+                return serde_json::from_slice(&line).map(PipeRead::Message).map_err(PipeError::Message);
             }
             if self.ended {
                 return Ok(PipeRead::Ended);
@@ -62,17 +89,17 @@ impl PipeReader {
                 Ok(_) => {}
                 // Not known whether there is anything: to read now could be to wait for ever.
                 Err(rustix::io::Errno::INTR) => continue,
-                Err(e) => return Err(e.to_string()),
+                Err(e) => return Err(PipeError::Read(e)),
             }
             let mut buffer = [0u8; 8192];
             match rustix::io::read(&self.fd, &mut buffer) {
                 Ok(0) => self.ended = true,
                 Ok(n) => self.rest.extend_from_slice(&buffer[..n]),
                 Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => {}
-                Err(e) => return Err(e.to_string()),
+                Err(e) => return Err(PipeError::Read(e)),
             }
             if self.rest.len() > LONGEST {
-                return Err("a line of the control pipe is too long".to_string());
+                return Err(PipeError::TooLong);
             }
         }
     }
@@ -82,15 +109,15 @@ impl PipeReader {
 static CONTROL: OnceLock<File> = OnceLock::new();
 
 /// Takes standard output as the line to the supervisor. From here on what is printed goes to standard error.
-pub fn take_control() -> Result<(), String> {
-    let line = Aside::begin().keep().ok_or("standard output cannot be led aside")?;
-    CONTROL.set(line).map_err(|_| "the line to the supervisor is taken already".to_string())
+pub fn take_control() -> Result<(), PipeError> {
+    let line = Aside::begin().keep().ok_or(PipeError::NoOutput)?;
+    CONTROL.set(line).map_err(|_| PipeError::Taken)
 }
 
 /// Tells the supervisor something. No lock is taken: a thread that hangs cannot hold it.
-pub fn tell(message: &FromWorker) -> Result<(), String> {
-    let mut line = CONTROL.get().ok_or("there is no line to a supervisor")?;
-    say(&mut line, message).map_err(|e| format!("the supervisor cannot be told: {e}"))
+pub fn tell(message: &FromWorker) -> Result<(), PipeError> {
+    let mut line = CONTROL.get().ok_or(PipeError::NotTaken)?;
+    say(&mut line, message).map_err(PipeError::Tell)
 }
 
 /// Writes a message as one line.
@@ -102,13 +129,13 @@ pub fn say<T: Serialize>(to: &mut impl Write, message: &T) -> std::io::Result<()
 }
 
 /// Standard input as lines.
-pub fn orders() -> Result<PipeReader, String> {
-    let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(|e| e.to_string())?;
+pub fn orders() -> Result<PipeReader, PipeError> {
+    let stdin: OwnedFd = std::io::stdin().as_fd().try_clone_to_owned().map_err(PipeError::Input)?;
     Ok(PipeReader::new(stdin))
 }
 
 /// The next order, waiting for it. `None`: the supervisor is gone.
-pub fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Result<Option<T>, String> {
+pub fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Result<Option<T>, PipeError> {
     loop {
         match orders.next()? {
             PipeRead::Message(message) => return Ok(Some(message)),
@@ -117,7 +144,7 @@ pub fn wait_for<T: serde::de::DeserializeOwned>(orders: &mut PipeReader) -> Resu
                 let mut fd = [PollFd::from_borrowed_fd(orders.fd(), PollFlags::IN)];
                 match poll(&mut fd, None) {
                     Ok(_) | Err(rustix::io::Errno::INTR) => {}
-                    Err(e) => return Err(e.to_string()),
+                    Err(e) => return Err(PipeError::Read(e)),
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! The process that records: it polls, off the data path, and a second thread writes.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,21 +9,23 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillpoint_recorder::{
-    ClockSample, Closing, Encoded, PartWriter, Session, TopicId, TopicInfo, create_part, session_parts,
+    ClockSample, Closing, Encoded, PartWriter, Session, TopicId, TopicInfo, WriteError, create_part,
+    session_parts,
 };
-use stillpoint_shm::{Domain, Subscriber, Topic};
+use stillpoint_shm::{Domain, ShmError, Subscriber, Topic};
 
 use super::contracts;
 use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
+use super::error::RecorderError;
 use super::missed::missed;
-use super::pipe::{PipeRead, orders, take_control, tell, wait_for};
+use super::pipe::{PipeError, PipeRead, orders, take_control, tell, wait_for};
 use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts};
 use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
-use crate::session_recorder::{end_facts, no_room, refused};
+use crate::session_recorder::end_facts;
 
 /// How often shared memory is looked at, ns. Below the period of the fastest images: who sends finds the memory of the last
 /// sample free again, and warm.
@@ -66,21 +68,20 @@ pub fn recorder_main(registry: &Registry) -> ExitCode {
     ignore_interrupts();
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(reason) => {
-            let operator = "recorder".to_string();
+        Err(error) => {
+            let (operator, reason) = ("recorder".to_string(), error.to_string());
             let _ = tell(&FromWorker::Fault { operator, incarnation: 0, reason, fatal: true });
             ExitCode::from(70)
         }
     }
 }
 
-fn serve(registry: &Registry) -> Result<(), String> {
+fn serve(registry: &Registry) -> Result<(), RecorderError> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<HelloRecorder>(&mut orders)? else { return Ok(()) };
     let graph = graph_of(&hello.hello, registry)?;
     let _held = hold(&hello.hello.root)?;
-    let domain =
-        Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder").map_err(|e| e.to_string())?;
+    let domain = Domain::join(&hello.hello.root, &hello.hello.prefix, "recorder")?;
     let mut recorder = Recorder::open(&graph, &domain, &hello)?;
     tell(&FromWorker::Made)?;
     let mut told = true;
@@ -94,7 +95,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
                 }
                 PipeRead::Message(ToRecorder::Finish { ledger, gaps, ended_early }) => {
                     let report = recorder.finish(Some(ledger), gaps, end_facts(ended_early.as_deref()))?;
-                    return tell(&FromWorker::Recorded(report));
+                    return Ok(tell(&FromWorker::Recorded(report))?);
                 }
                 PipeRead::Ended => {
                     recorder.outlive(graph.outlives())?;
@@ -109,7 +110,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         match poll(&mut fd, Some(&Timespec { tv_sec: 0, tv_nsec: PERIOD })) {
             Ok(ready) => told = ready > 0,
             Err(rustix::io::Errno::INTR) => {}
-            Err(e) => return Err(e.to_string()),
+            Err(e) => return Err(PipeError::Read(e).into()),
         }
     }
 }
@@ -137,7 +138,7 @@ struct Recorder {
     /// What one look brought goes to the writer at once, which is woken once.
     items: Option<Sender<Vec<Item>>>,
     waiting: Arc<AtomicUsize>,
-    writer: Option<std::thread::JoinHandle<Result<Written, String>>>,
+    writer: Option<std::thread::JoinHandle<Result<Written, WriteError>>>,
     lost: BTreeMap<String, u64>,
     part: PathBuf,
     first_part: bool,
@@ -152,11 +153,12 @@ struct Written {
 }
 
 impl Recorder {
-    fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, String> {
+    fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, RecorderError> {
         let clock = hello.hello.clock;
-        let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, &e))?;
-        let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)?;
-        let mut part = PartWriter::new(file, hello.compression, &start).map_err(|e| no_room(&path, &e))?;
+        let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, e))?;
+        let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)
+            .map_err(RecorderError::Opening)?;
+        let mut part = PartWriter::new(file, hello.compression, &start).map_err(|e| no_room(&path, e))?;
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),
@@ -166,9 +168,9 @@ impl Recorder {
             .into_iter()
             .filter_map(|(info, operator)| Some((info, contracts::timing(graph, operator)?)));
         for (info, contract) in kept.chain(measured) {
-            let topic = Topic::open(domain, &contract).map_err(|e| e.to_string())?;
-            let subscriber = topic.subscriber(contract.buffer).map_err(|e| e.to_string())?;
-            let id = part.add_topic(info.clone()).map_err(|e| e.to_string())?;
+            let topic = Topic::open(domain, &contract)?;
+            let subscriber = topic.subscriber(contract.buffer)?;
+            let id = part.add_topic(info.clone())?;
             let spare = Spare::default();
             taps.push(Tap {
                 subscriber,
@@ -180,7 +182,7 @@ impl Recorder {
                 _topic: topic,
             });
         }
-        part.flush().map_err(|e| e.to_string())?;
+        part.flush()?;
         let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
         let (items, inbox) = unbounded();
         let waiting = Arc::new(AtomicUsize::new(0));
@@ -198,20 +200,20 @@ impl Recorder {
         })
     }
 
-    fn connect(&self) -> Result<(), String> {
+    fn connect(&self) -> Result<(), ShmError> {
         for tap in &self.taps {
-            tap.subscriber.connect().map_err(|e| e.to_string())?;
+            tap.subscriber.connect()?;
         }
         Ok(())
     }
 
     /// Takes what waits, and says whether there was anything.
-    fn drain(&mut self) -> Result<bool, String> {
+    fn drain(&mut self) -> Result<bool, RecorderError> {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
             return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
-                Some(Ok(Err(reason))) => no_room(&self.part, &reason),
-                _ => "the recording's writer ended".to_string(),
+                Some(Ok(Err(reason))) => no_room(&self.part, reason),
+                _ => RecorderError::WriterEnded,
             });
         }
         let mut taken = Vec::new();
@@ -224,10 +226,10 @@ impl Recorder {
     }
 
     /// Looks at each topic once.
-    fn look(&mut self, taken: &mut Vec<Item>) -> Result<(), String> {
+    fn look(&mut self, taken: &mut Vec<Item>) -> Result<(), RecorderError> {
         for tap in &mut self.taps {
             for _ in 0..tap.buffer {
-                let Some(sample) = tap.subscriber.receive().map_err(|e| e.to_string())? else { break };
+                let Some(sample) = tap.subscriber.receive()? else { break };
                 let header = sample.header();
                 // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
                 let next = tap.next.entry(header.incarnation).or_insert(if self.first_part {
@@ -256,8 +258,9 @@ impl Recorder {
                 self.waiting.fetch_add(size, Ordering::Relaxed);
                 // The one copy out of shared memory is the message as it will be written.
                 let buffer = tap.spare.take();
-                let sample = Encoded::new(&tap.info, sample.pieces(), buffer)
-                    .map_err(|e| format!("topic {}: {e}", tap.info.name))?;
+                let sample = Encoded::new(&tap.info, sample.pieces(), buffer).map_err(|e| {
+                    RecorderError::Sample { topic: tap.info.name.clone(), reason: e.to_string() }
+                })?;
                 let (log_time, spare) = (realtime(), tap.spare.clone());
                 taken.push(Item::Sample { topic: tap.topic, sample, size, log_time, spare });
             }
@@ -266,7 +269,7 @@ impl Recorder {
     }
 
     /// Goes on for as long as some process of the run does, its supervisor being dead.
-    fn outlive(&mut self, time: u64) -> Result<(), String> {
+    fn outlive(&mut self, time: u64) -> Result<(), RecorderError> {
         if time == 0 {
             return Ok(());
         }
@@ -280,8 +283,8 @@ impl Recorder {
     }
 
     /// Lists what was sent while no recorder was there. Only at the end is it all known, and nobody waits.
-    fn list_missed(&mut self, part: &mut PartWriter<std::fs::File>) -> Result<(), String> {
-        let say = |e: &dyn std::fmt::Display| format!("what was missed between two parts is not listed: {e}");
+    fn list_missed(&mut self, part: &mut PartWriter<std::fs::File>) -> Result<(), RecorderError> {
+        let say = |e: &dyn std::fmt::Display| RecorderError::Missed(e.to_string());
         part.flush().map_err(|e| say(&e))?;
         let folder = self.part.parent().unwrap_or(&self.part);
         for lost in missed(&Session::open(folder).map_err(|e| say(&e))?) {
@@ -298,21 +301,21 @@ impl Recorder {
         ledger: Option<String>,
         gaps: Vec<String>,
         facts: BTreeMap<String, String>,
-    ) -> Result<RecorderReport, String> {
+    ) -> Result<RecorderReport, RecorderError> {
         while self.drain()? {}
         self.items = None;
         let mut written = match self.writer.take().map(std::thread::JoinHandle::join) {
             Some(Ok(written)) => written?,
-            _ => return Err("the recording's writer panicked".to_string()),
+            _ => return Err(RecorderError::WriterPanicked),
         };
         let mut gaps = gaps;
         if !self.first_part {
-            gaps.extend(self.list_missed(&mut written.part).err());
+            gaps.extend(self.list_missed(&mut written.part).err().map(|e| e.to_string()));
         }
         let closing =
             Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
-        let file = written.part.finish(&closing).map_err(|e| e.to_string())?;
-        file.sync_all().map_err(|e| refused(&self.part, &e))?;
+        let file = written.part.finish(&closing)?;
+        file.sync_all().map_err(|e| refused(&self.part, e))?;
         Ok(RecorderReport {
             samples: written.samples,
             bytes: written.bytes,
@@ -323,12 +326,20 @@ impl Recorder {
     }
 }
 
+fn no_room(part: &Path, reason: WriteError) -> RecorderError {
+    RecorderError::NoRoom { part: part.to_path_buf(), reason }
+}
+
+fn refused(place: &Path, reason: std::io::Error) -> RecorderError {
+    RecorderError::Refused { place: place.to_path_buf(), reason }
+}
+
 fn write(
     mut part: PartWriter<std::fs::File>,
     inbox: &Receiver<Vec<Item>>,
     waiting: &AtomicUsize,
     clock: SessionClock,
-) -> Result<Written, String> {
+) -> Result<Written, WriteError> {
     let (mut samples, mut bytes) = (0, 0);
     let (mut flushed, mut related) = (clock.now(), clock.now());
     let mut dirty = false;
@@ -344,29 +355,27 @@ fn write(
         for item in items {
             match item {
                 Item::Sample { topic, sample, size, log_time, spare } => {
-                    part.write_encoded(topic, &sample, log_time).map_err(|e| e.to_string())?;
+                    part.write_encoded(topic, &sample, log_time)?;
                     samples += 1;
                     bytes += size as u64;
                     waiting.fetch_sub(size, Ordering::Relaxed);
                     spare.put(sample.into_buffer());
                 }
                 Item::Lost { topic, incarnation, first, count } => {
-                    part.note_lost(topic, incarnation, first, count, realtime())
-                        .map_err(|e| e.to_string())?;
+                    part.note_lost(topic, incarnation, first, count, realtime())?;
                 }
             }
         }
         let now = clock.now();
         if now - related >= CLOCK_EVERY {
             related = now;
-            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() })
-                .map_err(|e| e.to_string())?;
+            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() })?;
             dirty = true;
         }
         if dirty && now - flushed >= FLUSH_EVERY {
             flushed = now;
             dirty = false;
-            part.flush().map_err(|e| e.to_string())?;
+            part.flush()?;
         }
     }
 }

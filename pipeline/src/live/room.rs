@@ -13,7 +13,7 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use stillpoint_shm::Contract;
 
 use super::contracts;
-use super::run_folder::{RunFolder, others_alive, prefix_of};
+use super::run_folder::{RunFolder, RunFolderError, others_alive, prefix_of};
 use crate::graph::Graph;
 
 /// Where shared memory is.
@@ -29,17 +29,78 @@ const FILES_OF_A_TOPIC: u64 = 9;
 /// Files that a process may commonly open: fewer are looked into.
 const FEW_FILES: u64 = 1024;
 
+/// Why a run gets no room.
+#[derive(Debug, thiserror::Error)]
+pub enum ReserveError {
+    /// The folder of a run.
+    #[error(transparent)]
+    Folder(#[from] RunFolderError),
+    /// The lock or the note of what a run may take.
+    #[error("room for the run cannot be reserved in its folder: {0}")]
+    Note(std::io::Error),
+    /// Fewer files may be open than a process needs.
+    #[error(
+        "a process of the pipeline may have {needed} files open at once, and {allowed} are allowed: say \
+         `ulimit -n {FEW_FILES}`, or raise the limit of the service that starts it (`LimitNOFILE`)"
+    )]
+    Files {
+        /// Files that a process may have open.
+        needed: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// The limit of open files cannot be raised.
+    #[error("{limit} ({reason})")]
+    Limit {
+        /// What the limit is, and what is needed.
+        limit: Box<ReserveError>,
+        /// What the system says.
+        reason: rustix::io::Errno,
+    },
+    /// Shared memory is too small.
+    #[error(
+        "the pipeline's topics may take {} MiB of shared memory, and {SHARED} has {} MiB free{}: {}make {SHARED} \
+         larger or lower the capacities (the largest topic is {largest})",
+        mib(*needed), mib(*free), others(*promised), if *promised > 0 { "end another run, " } else { "" }
+    )]
+    TooSmall {
+        /// Bytes that the topics may take.
+        needed: u64,
+        /// Bytes that other runs may still take.
+        promised: u64,
+        /// Bytes that are free.
+        free: u64,
+        /// Name of the largest topic.
+        largest: String,
+    },
+}
+
+fn mib(bytes: u64) -> u64 {
+    bytes.div_ceil(1 << 20)
+}
+
+fn others(promised: u64) -> String {
+    match promised {
+        0 => String::new(),
+        _ => format!(", of which other runs that are going on may still take {} MiB", mib(promised)),
+    }
+}
+
 /// Reserves what the topics of a graph may take, or says what is missing.
-pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), String> {
+pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), ReserveError> {
     let topics = contracts::all(graph);
     allow_files(topics.len() as u64)?;
     let needed: u64 = topics.iter().map(|c| c.pool_bytes() as u64).sum();
-    let say = |e: std::io::Error| format!("room for the run cannot be reserved in its folder: {e}");
     let lock = folder.path().with_file_name(LOCK);
-    let lock =
-        OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(lock).map_err(say)?;
+    let lock = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .mode(0o600)
+        .open(lock)
+        .map_err(ReserveError::Note)?;
     // Two runs that look at the same time would both find the same room. The lock ends with this function.
-    flock(&lock, FlockOperation::LockExclusive).map_err(|e| say(e.into()))?;
+    flock(&lock, FlockOperation::LockExclusive).map_err(|e| ReserveError::Note(e.into()))?;
     let promised: u64 = others_alive(folder)?
         .iter()
         .map(|(path, id)| {
@@ -53,7 +114,7 @@ pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), String> {
             return Err(too_small(&topics, needed, promised, free));
         }
     }
-    std::fs::write(folder.path().join(ROOM), needed.to_string()).map_err(say)
+    std::fs::write(folder.path().join(ROOM), needed.to_string()).map_err(ReserveError::Note)
 }
 
 /// Bytes of shared memory that a run has taken.
@@ -64,24 +125,22 @@ fn taken(prefix: &str) -> u64 {
 }
 
 /// Has this process, and those that it starts, open as many files as they need, as far as the system lets it.
-fn allow_files(topics: u64) -> Result<(), String> {
+fn allow_files(topics: u64) -> Result<(), ReserveError> {
     let limit = getrlimit(Resource::Nofile);
     let Some(reason) = too_few_files(topics, limit.current) else { return Ok(()) };
     let raised = Rlimit { current: limit.maximum, maximum: limit.maximum };
     if too_few_files(topics, raised.current).is_some() {
         return Err(reason);
     }
-    setrlimit(Resource::Nofile, raised).map_err(|e| format!("{reason} ({e})"))
+    setrlimit(Resource::Nofile, raised)
+        .map_err(|e| ReserveError::Limit { limit: Box::new(reason), reason: e })
 }
 
 /// A process without files left does not see what others send: the run would be there, and do nothing.
-fn too_few_files(topics: u64, limit: Option<u64>) -> Option<String> {
+fn too_few_files(topics: u64, limit: Option<u64>) -> Option<ReserveError> {
     let needed = OWN_FILES + FILES_OF_A_TOPIC * topics;
-    let limit = limit.filter(|limit| *limit < FEW_FILES && *limit < needed)?;
-    Some(format!(
-        "a process of the pipeline may have {needed} files open at once, and {limit} are allowed: say \
-         `ulimit -n {FEW_FILES}`, or raise the limit of the service that starts it (`LimitNOFILE`)"
-    ))
+    let allowed = limit.filter(|limit| *limit < FEW_FILES && *limit < needed)?;
+    Some(ReserveError::Files { needed, allowed })
 }
 
 /// Whether shared memory is full, or as good as full.
@@ -89,20 +148,9 @@ pub fn is_full() -> bool {
     rustix::fs::statvfs(SHARED).is_ok_and(|room| room.f_bavail.saturating_mul(room.f_frsize) < 1 << 20)
 }
 
-fn too_small(topics: &[Contract], needed: u64, promised: u64, free: u64) -> String {
-    let mib = |bytes: u64| bytes.div_ceil(1 << 20);
+fn too_small(topics: &[Contract], needed: u64, promised: u64, free: u64) -> ReserveError {
     let largest = topics.iter().max_by_key(|c| c.pool_bytes()).map_or("", |c| c.topic.as_str());
-    let others = match promised {
-        0 => String::new(),
-        _ => format!(", of which other runs that are going on may still take {} MiB", mib(promised)),
-    };
-    let end = if promised > 0 { "end another run, " } else { "" };
-    format!(
-        "the pipeline's topics may take {} MiB of shared memory, and {SHARED} has {} MiB free{others}: {end}make {SHARED} \
-         larger or lower the capacities (the largest topic is {largest})",
-        mib(needed),
-        mib(free)
-    )
+    ReserveError::TooSmall { needed, promised, free, largest: largest.to_string() }
 }
 
 #[cfg(test)]
@@ -111,11 +159,11 @@ mod tests {
 
     #[test]
     fn few_files_are_refused_with_what_to_say() {
-        let said = too_few_files(6, Some(60)).unwrap();
+        let said = too_few_files(6, Some(60)).unwrap().to_string();
         assert!(said.contains("78 files open at once, and 60 are allowed: say `ulimit -n 1024`"), "{said}");
         for limit in [Some(78), Some(1024), None] {
-            assert_eq!(too_few_files(6, limit), None);
+            assert!(too_few_files(6, limit).is_none());
         }
-        assert_eq!(too_few_files(1000, Some(1024)), None, "what is common is not refused by a guess");
+        assert!(too_few_files(1000, Some(1024)).is_none(), "what is common is not refused by a guess");
     }
 }

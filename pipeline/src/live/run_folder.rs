@@ -23,6 +23,81 @@ const CHILDREN: &str = "children";
 /// its root, the prefix, a number of up to 31 digits, and `.event`.
 const LONGEST: usize = 46;
 
+/// Why the folder of a run cannot be made or used.
+#[derive(Debug, thiserror::Error)]
+pub enum RunFolderError {
+    /// The name of the folder of all runs is no folder.
+    #[error("{}: runs are kept there, but it is no folder; remove it", place.display())]
+    NoFolder {
+        /// The folder of all runs.
+        place: PathBuf,
+    },
+    /// Another user owns the folder of all runs.
+    #[error(
+        "{}: runs are kept there, but it belongs to user {owner}, not to you (user {user}); remove it, or name \
+         another folder in STILLPOINT_RUNS", place.display()
+    )]
+    Owner {
+        /// The folder of all runs.
+        place: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// The user of this process.
+        user: u32,
+    },
+    /// Other users may read or write the folder of all runs.
+    #[error(
+        "{0}: runs are kept there, but other users have rights in it (mode {mode:o}); say `chmod 700 {0}`", place.display()
+    )]
+    Rights {
+        /// The folder of all runs.
+        place: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// The path is too long for the sockets below it.
+    #[error(
+        "{}: runs are kept there, and the paths of their sockets would be too long: it has {length} bytes, of at \
+         most {LONGEST}; name a folder with a shorter path in STILLPOINT_RUNS", place.display()
+    )]
+    TooLong {
+        /// The folder of all runs.
+        place: PathBuf,
+        /// Bytes of its path.
+        length: usize,
+    },
+    /// The folder cannot be written.
+    #[error("{}: {reason}; name a folder that you can write in STILLPOINT_RUNS", place.display())]
+    Write {
+        /// The folder.
+        place: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// No name for the run is free.
+    #[error("{}: no free name for a run; remove what is old there", place.display())]
+    NoName {
+        /// The folder of all runs.
+        place: PathBuf,
+    },
+    /// A file of the run cannot be read, written or locked.
+    #[error("{}: {reason}", place.display())]
+    File {
+        /// The file.
+        place: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// The run is over.
+    #[error("{}: {reason}; the run is over, and was swept", place.display())]
+    Swept {
+        /// The file that its processes hold.
+        place: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+}
+
 /// The folder of a run that is going on.
 pub struct RunFolder {
     path: PathBuf,
@@ -60,43 +135,32 @@ fn runs_folder() -> PathBuf {
 
 /// Refuses a folder of runs in which somebody else could have put something, or could look: it names files to read, and
 /// what stands in it is removed.
-fn check_owner(runs: &Path, folder: &std::fs::Metadata) -> Result<(), String> {
-    let (place, user) = (runs.display(), rustix::process::getuid().as_raw());
+fn check_owner(runs: &Path, folder: &std::fs::Metadata) -> Result<(), RunFolderError> {
+    let (place, user) = (runs.to_path_buf(), rustix::process::getuid().as_raw());
     // What is checked is the name itself: a link leads wherever its owner likes.
     if !folder.is_dir() {
-        return Err(format!("{place}: runs are kept there, but it is no folder; remove it"));
+        return Err(RunFolderError::NoFolder { place });
     }
     if folder.uid() != user {
-        return Err(format!(
-            "{place}: runs are kept there, but it belongs to user {}, not to you (user {user}); remove it, or name \
-             another folder in STILLPOINT_RUNS",
-            folder.uid()
-        ));
+        return Err(RunFolderError::Owner { place, owner: folder.uid(), user });
     }
     let mode = folder.mode() & 0o777;
     if mode & 0o077 != 0 {
-        return Err(format!(
-            "{place}: runs are kept there, but other users have rights in it (mode {mode:o}); say `chmod 700 {place}`"
-        ));
+        return Err(RunFolderError::Rights { place, mode });
     }
     Ok(())
 }
 
 impl RunFolder {
     /// Makes the folder of a new run.
-    pub fn create() -> Result<Self, String> {
+    pub fn create() -> Result<Self, RunFolderError> {
         let runs = runs_folder();
         let length = runs.as_os_str().len();
         if length > LONGEST {
-            return Err(format!(
-                "{}: runs are kept there, and the paths of their sockets would be too long: it has {length} bytes, of at \
-                 most {LONGEST}; name a folder with a shorter path in STILLPOINT_RUNS",
-                runs.display()
-            ));
+            return Err(RunFolderError::TooLong { place: runs, length });
         }
-        let say = |path: &Path, e: std::io::Error| {
-            format!("{}: {e}; name a folder that you can write in STILLPOINT_RUNS", path.display())
-        };
+        let say =
+            |path: &Path, reason: std::io::Error| RunFolderError::Write { place: path.to_path_buf(), reason };
         std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&runs).map_err(|e| say(&runs, e))?;
         check_owner(&runs, &runs.symlink_metadata().map_err(|e| say(&runs, e))?)?;
         let start = crate::clock::realtime();
@@ -114,7 +178,7 @@ impl RunFolder {
             let lock = open_lock(&making.join(LOCK)).map_err(|e| say(&making, e))?;
             open_lock(&making.join(CHILDREN)).map_err(|e| say(&making, e))?;
             flock(&lock, FlockOperation::NonBlockingLockExclusive)
-                .map_err(|e| format!("{}: {e}", making.display()))?;
+                .map_err(|e| file_error(&making, e.into()))?;
             // A folder of that name is never empty, so this fails where there is one.
             if std::fs::rename(&making, &path).is_err() {
                 let _ = std::fs::remove_dir_all(&making);
@@ -122,7 +186,7 @@ impl RunFolder {
             }
             return Ok(Self { path, _lock: lock, prefix: prefix_of(&id) });
         }
-        Err(format!("{}: no free name for a run; remove what is old there", runs.display()))
+        Err(RunFolderError::NoName { place: runs })
     }
 
     /// The folder.
@@ -146,12 +210,13 @@ impl RunFolder {
     }
 
     /// Writes what others need to join.
-    pub fn publish(&self, card: &RunCard) -> Result<(), String> {
-        let text = serde_json::to_vec_pretty(card).map_err(|e| e.to_string())?;
+    pub fn publish(&self, card: &RunCard) -> Result<(), RunFolderError> {
         let (draft, done) = (self.path.join("run.json.new"), self.path.join("run.json"));
-        std::fs::write(&draft, text)
+        serde_json::to_vec_pretty(card)
+            .map_err(std::io::Error::from)
+            .and_then(|text| std::fs::write(&draft, text))
             .and_then(|()| std::fs::rename(&draft, &done))
-            .map_err(|e| format!("{}: {e}", done.display()))
+            .map_err(|e| file_error(&done, e))
     }
 }
 
@@ -162,23 +227,27 @@ impl Drop for RunFolder {
     }
 }
 
+fn file_error(place: &Path, reason: std::io::Error) -> RunFolderError {
+    RunFolderError::File { place: place.to_path_buf(), reason }
+}
+
 fn open_lock(path: &Path) -> std::io::Result<File> {
     OpenOptions::new().create(true).truncate(false).write(true).mode(0o600).open(path)
 }
 
 /// Keeps the folder of the run whose domain has this root from being swept while the file is open.
-pub fn hold(root: &Path) -> Result<File, String> {
+pub fn hold(root: &Path) -> Result<File, RunFolderError> {
     let path = root.with_file_name(CHILDREN);
     let held = OpenOptions::new().write(true).open(&path).and_then(|file| {
         flock(&file, FlockOperation::LockShared)?;
         // Who sweeps a run holds this until its name is gone.
         path.symlink_metadata().map(|_| file)
     });
-    held.map_err(|e| format!("{}: {e}; the run is over, and was swept", path.display()))
+    held.map_err(|reason| RunFolderError::Swept { place: path, reason })
 }
 
 /// Sweeps what dead runs of this user left, those of which no process lives. Says which were swept.
-pub fn sweep_dead() -> Result<Vec<String>, String> {
+pub fn sweep_dead() -> Result<Vec<String>, RunFolderError> {
     let mut swept = Vec::new();
     for (path, id) in folders()? {
         // A folder that is just being made has no lock yet, and is left alone.
@@ -206,7 +275,7 @@ pub fn is_going_on(run: &Path) -> bool {
 }
 
 /// The cards of all runs that are going on, oldest process first.
-pub fn going_on() -> Result<Vec<RunCard>, String> {
+pub fn going_on() -> Result<Vec<RunCard>, RunFolderError> {
     let mut cards: Vec<RunCard> = folders()?
         .into_iter()
         .filter(|(path, _)| is_going_on(path))
@@ -222,17 +291,17 @@ pub fn prefix_of(id: &str) -> String {
 }
 
 /// Folders and names of the runs besides this one of which a process lives.
-pub fn others_alive(but: &RunFolder) -> Result<Vec<(PathBuf, String)>, String> {
+pub fn others_alive(but: &RunFolder) -> Result<Vec<(PathBuf, String)>, RunFolderError> {
     let lives = |path: &Path| is_going_on(path) || take(&path.join(CHILDREN)).is_err();
     Ok(folders()?.into_iter().filter(|(path, _)| *path != but.path && lives(path)).collect())
 }
 
 /// Folders of runs, with their names.
-fn folders() -> Result<Vec<(PathBuf, String)>, String> {
+fn folders() -> Result<Vec<(PathBuf, String)>, RunFolderError> {
     let runs = runs_folder();
     let Ok(folder) = runs.symlink_metadata() else { return Ok(Vec::new()) };
     check_owner(&runs, &folder)?;
-    let entries = std::fs::read_dir(&runs).map_err(|e| format!("{}: {e}", runs.display()))?;
+    let entries = std::fs::read_dir(&runs).map_err(|e| file_error(&runs, e))?;
     let mut found: Vec<_> =
         entries.flatten().map(|e| (e.path(), e.file_name().to_string_lossy().into_owned())).collect();
     found.retain(|(_, name)| !name.starts_with(MAKING));

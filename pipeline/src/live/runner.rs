@@ -4,7 +4,8 @@ use stillpoint_samples::{Cause, ConsoleCommand, Entry, Outcome};
 use stillpoint_shm::{Domain, Listener, Notifier, Received, ShmError, Subscriber, Topic};
 
 use super::contracts;
-use super::journal::publish_entry;
+use super::error::WorkerError;
+use super::journal::{PublishError, publish_entry};
 use super::ports::{Depth, Outlet, Ports};
 use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender};
@@ -115,38 +116,33 @@ impl OperatorRunner {
         domain: &Domain,
         files: &dyn Files,
         listeners: &mut Vec<Listener>,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, WorkerError> {
         let node = &graph.operators[operator];
-        let text = |e: ShmError| e.to_string();
         let inbox = Inbox::default();
-        let ports = Ports::open(graph, operator, domain, Depth::OfPolicy).map_err(text)?;
+        let ports = Ports::open(graph, operator, domain, Depth::OfPolicy)?;
         for inlet in ports.inlets.iter().flatten() {
             if graph.operators[inlet.edge.operator].process != node.process {
-                listeners.push(inlet.topic.listener().map_err(text)?);
+                listeners.push(inlet.topic.listener()?);
             }
         }
         let mut sending = Vec::new();
         for (port, outlet) in ports.outlets.iter().enumerate() {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
-            let notifier = if outside { Some(outlet.topic.notifier().map_err(text)?) } else { None };
-            sending.push(Sending {
-                notifier,
-                sent: false,
-                link_sender: LinkSender::open(node, port).map_err(|e| e.to_string())?,
-            });
+            let notifier = if outside { Some(outlet.topic.notifier()?) } else { None };
+            sending.push(Sending { notifier, sent: false, link_sender: LinkSender::open(node, port)? });
         }
-        let stopwatch = Stopwatch::open(graph, operator, domain).map_err(text)?;
+        let stopwatch = Stopwatch::open(graph, operator, domain)?;
         let mut people = None;
         if node.stage.kind.name == crate::console::KIND_NAME {
-            let topic = Topic::open(domain, &contracts::inbox(graph, operator)).map_err(text)?;
-            let subscriber = topic.subscriber(16).map_err(text)?;
+            let topic = Topic::open(domain, &contracts::inbox(graph, operator))?;
+            let subscriber = topic.subscriber(16)?;
             people = Some(InboxPort { subscriber, inbox: inbox.clone(), _topic: topic });
         }
-        let link_receiver = LinkReceiver::open(node).map_err(|e| e.to_string())?;
+        let link_receiver = LinkReceiver::open(node)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
         let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
-            .map_err(|e| format!("{}: {}", node.name, e.0))?;
+            .map_err(|reason| WorkerError::Setup { operator: node.name.clone(), reason })?;
         Ok(Self {
             operator,
             instance,
@@ -175,7 +171,7 @@ impl OperatorRunner {
     }
 
     /// Begins: marks the incarnation, and sets the timer to its next tick after `now`.
-    pub fn begin(&mut self, epoch: u64, now: u64) -> Result<(), String> {
+    pub fn begin(&mut self, epoch: u64, now: u64) -> Result<(), PublishError> {
         self.ticks = self.every.map(|every| Ticks::from(epoch, every, now));
         self.last = now;
         let entry = self.instance.mark(Cause::Start, now, &[]);
@@ -188,13 +184,14 @@ impl OperatorRunner {
         graph: &Graph,
         files: &dyn Files,
         clock: &SessionClock,
-    ) -> Result<(), String> {
+    ) -> Result<(), WorkerError> {
         let inbox = self.inbox.as_ref().map(|port| port.inbox.clone()).unwrap_or_default();
         let outside = Outside { inbox, arrivals: self.link_receiver.as_ref().map(LinkReceiver::arrivals) };
         self.instance =
             OperatorInstance::build(graph, self.operator, self.instance.incarnation() + 1, files, outside)
-                .map_err(|e| {
-                    format!("{} cannot be made again: {}", graph.operators[self.operator].name, e.0)
+                .map_err(|reason| WorkerError::SetupAgain {
+                    operator: graph.operators[self.operator].name.clone(),
+                    reason,
                 })?;
         self.intake.renew();
         self.down = None;
@@ -202,16 +199,16 @@ impl OperatorRunner {
         let now = clock.now().max(self.last + 1);
         self.last = now;
         let entry = self.instance.mark(Cause::Start, now, &[]);
-        self.publish_entry(&entry)
+        Ok(self.publish_entry(&entry)?)
     }
 
     /// Does one activation if there is cause for one. `timers`: whether ticks count.
-    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<PollOutcome, String> {
+    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<PollOutcome, WorkerError> {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
         if let Some(link_receiver) = &mut self.link_receiver
-            && let Some(refusal) = link_receiver.listen().map_err(|e| e.to_string())?
+            && let Some(refusal) = link_receiver.listen()?
         {
             self.unlinked = Some(refusal.to_string());
         }
@@ -227,7 +224,7 @@ impl OperatorRunner {
                 }
             });
         if let Some(fault) = fault {
-            return Err(fault.to_string());
+            return Err(fault.into());
         }
         let Some(decision) = decide(now, ready, ticks.as_ref()) else {
             let visible = self.intake.next_visible();
@@ -248,7 +245,7 @@ impl OperatorRunner {
             SharedMemory { outlets: &self.ports.outlets, stopwatch: &mut self.stopwatch, fault: None };
         let entry = self.instance.activate(&record, &|p| Some(intake.sample(p)?.pieces()), &mut memory);
         if let Some(fault) = memory.fault {
-            return Err(fault.to_string());
+            return Err(fault.into());
         }
         let outcome = entry.outcome().unwrap_or(Outcome::Error);
         self.finished |= outcome == Outcome::Finished;
@@ -258,14 +255,14 @@ impl OperatorRunner {
     }
 
     /// Marks the end of the incarnation with the account of its inputs.
-    pub fn finish(&mut self, clock: &SessionClock) -> Result<(), String> {
+    pub fn finish(&mut self, clock: &SessionClock) -> Result<(), PublishError> {
         let now = clock.now().max(self.last + 1);
         let entry = self.instance.mark(Cause::End, now, &self.intake.account());
         self.publish_entry(&entry)
     }
 
     /// The commit rule: the entry, then the outputs, then the listeners. What was measured follows, for those who poll.
-    fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), String> {
+    fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), WorkerError> {
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;
         for draft in self.instance.take_drafts() {
@@ -276,7 +273,7 @@ impl OperatorRunner {
                 {
                     self.unlinked = Some(reason.to_string());
                 }
-                self.ports.outlets[draft.port].publisher.send(loan).map_err(|e| e.to_string())?;
+                self.ports.outlets[draft.port].publisher.send(loan)?;
                 sending.sent = true;
             }
         }
@@ -289,18 +286,18 @@ impl OperatorRunner {
         }
         self.sent_before = clock.now();
         if let Some(stopwatch) = &self.stopwatch {
-            stopwatch.send(&entry).map_err(|e| e.to_string())?;
+            stopwatch.send(&entry)?;
         }
         Ok(())
     }
 
-    fn publish_entry(&self, entry: &Entry) -> Result<(), String> {
+    fn publish_entry(&self, entry: &Entry) -> Result<(), PublishError> {
         publish_entry(&self.ports.journal, entry)
     }
 
-    fn read_inbox(&mut self) -> Result<(), String> {
+    fn read_inbox(&mut self) -> Result<(), ShmError> {
         if let Some(InboxPort { subscriber, inbox, .. }) = &self.inbox {
-            while let Some(sample) = subscriber.receive().map_err(|e| e.to_string())? {
+            while let Some(sample) = subscriber.receive()? {
                 if let Ok(view) = sample.pieces().view::<ConsoleCommand>()
                     && let Some(command) = view.first()
                 {

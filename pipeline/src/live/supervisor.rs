@@ -16,9 +16,10 @@ use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::barrier::wait_until_made;
-use super::children::{Child, Told, wait_any};
+use super::children::{Child, ChildError, Told, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
+use super::error::LiveError;
 use super::journal::entry_of;
 use super::report::{Fault, Run, RunOptions, RunReport};
 use super::room::reserve;
@@ -86,7 +87,7 @@ impl Supervisor {
         options: RunOptions,
         stop: &AtomicBool,
         run: &mut dyn Run,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, LiveError> {
         let graph = Arc::new(Graph::clone(&graph).live());
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
@@ -95,20 +96,21 @@ impl Supervisor {
             text: options.source.clone(),
             file: options.file.clone(),
             sets: options.sets.clone(),
-            files: Snapshot::of(&graph, &options.files)?.copied_to(&folder.files())?,
+            files: Snapshot::of(&graph, &options.files)
+                .and_then(|files| files.copied_to(&folder.files()))
+                .map_err(LiveError::Files)?,
         };
-        let domain =
-            Domain::join(&folder.root(), folder.prefix(), "supervisor").map_err(|e| e.to_string())?;
+        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         for contract in contracts::all(&graph) {
-            topics.push(Topic::create(&domain, &contract).map_err(|e| e.to_string())?);
+            topics.push(Topic::create(&domain, &contract)?);
         }
         let mut journals = Vec::new();
         for operator in 0..graph.operators.len() {
             let name = contracts::journal_topic(&graph.operators[operator].name);
             let topic =
-                topics.iter().find(|t| t.contract().topic == name).ok_or("a journal without a topic")?;
-            journals.push(topic.subscriber(contracts::JOURNAL_DEPTH).map_err(|e| e.to_string())?);
+                topics.iter().find(|t| t.contract().topic == name).ok_or(LiveError::NoJournal(name))?;
+            journals.push(topic.subscriber(contracts::JOURNAL_DEPTH)?);
         }
         let workers = (0..graph.processes.len())
             .map(|process| Worker {
@@ -150,7 +152,7 @@ impl Supervisor {
         Ok(supervisor)
     }
 
-    fn open_barrier(&mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<(), String> {
+    fn open_barrier(&mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<(), LiveError> {
         if self.options.session.is_some() {
             self.start_recorder()?;
         }
@@ -160,7 +162,7 @@ impl Supervisor {
         }
         let children = self.workers.iter_mut().filter_map(|w| w.child.as_mut()).chain(&mut self.recorder);
         let is_stopped = || stop.load(Ordering::Relaxed);
-        wait_until_made(children, &mut self.told, is_stopped).map_err(|e| e.to_string())?;
+        wait_until_made(children, &mut self.told, is_stopped)?;
         let number = self.connect_all();
         self.wait_for_recorder(number, || stop.load(Ordering::Relaxed));
         self.folder.publish(&RunCard {
@@ -205,13 +207,13 @@ impl Supervisor {
         }
     }
 
-    fn start_worker(&self, index: usize) -> Result<Child, String> {
+    fn start_worker(&self, index: usize) -> Result<Child, ChildError> {
         let process = self.workers[index].process;
         let launch = &self.options.launch;
         Child::start(launch, launch.worker, &self.graph.processes[process].name, &self.hello(process))
     }
 
-    fn start_recorder(&mut self) -> Result<(), String> {
+    fn start_recorder(&mut self) -> Result<(), ChildError> {
         let Some(session) = self.options.session.clone() else { return Ok(()) };
         let hello = HelloRecorder {
             hello: self.hello(usize::MAX),
@@ -226,7 +228,7 @@ impl Supervisor {
 
     /// Watches the run until its time is over, all that feeds it has finished, it is stopped, or it cannot go on. Then
     /// ends it in order.
-    pub fn watch(mut self, stop: &AtomicBool, run: &mut dyn Run) -> Result<RunReport, String> {
+    pub fn watch(mut self, stop: &AtomicBool, run: &mut dyn Run) -> RunReport {
         let end = self.options.duration.map(|d| self.epoch.saturating_add(d));
         let mut shown = self.epoch;
         let mut early = None;
@@ -246,7 +248,7 @@ impl Supervisor {
             self.listen();
             self.tell_faults(run);
             // A child that cannot be started ends the run, too, and in order.
-            if let Some(reason) = self.care_for_children(now).unwrap_or_else(Some) {
+            if let Some(reason) = self.care_for_children(now).unwrap_or_else(|e| Some(e.to_string())) {
                 early = Some(reason);
                 break;
             }

@@ -9,7 +9,8 @@ use stillpoint_shm::{Domain, Wake};
 use super::affinity::place;
 use super::control::{Connect, FromWorker, Hello, ToWorker};
 use super::directed::DirectedWorker;
-use super::pipe::{PipeRead, PipeReader, orders, take_control, tell, wait_for};
+use super::error::WorkerError;
+use super::pipe::{PipeError, PipeRead, PipeReader, orders, take_control, tell, wait_for};
 use super::run_folder::hold;
 use super::runner::{Down, OperatorRunner, PollOutcome};
 use super::watch::Watch;
@@ -39,7 +40,8 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
     }));
     match serve(registry) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(reason) => {
+        Err(error) => {
+            let reason = error.to_string();
             let fault = FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true };
             let _ = tell(&fault);
             ExitCode::from(70)
@@ -69,33 +71,30 @@ fn end_with_supervisor(outlives: u64) {
 }
 
 /// The graph that a hello describes.
-pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, String> {
-    let graph = hello
-        .source
-        .check(registry)
-        .map_err(|faults| format!("the pipeline cannot be checked again: {faults}"))?;
+pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>, WorkerError> {
+    let graph = hello.source.check(registry).map_err(|faults| WorkerError::Graph(Box::new(faults)))?;
     Ok(Arc::new(if hello.directed { graph } else { graph.live() }))
 }
 
-fn serve(registry: &Registry) -> Result<(), String> {
+fn serve(registry: &Registry) -> Result<(), WorkerError> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<Hello>(&mut orders)? else { return Ok(()) };
     if !float_state_is_standard() {
-        return Err("this thread does not round to nearest, or flushes subnormal numbers to zero".to_string());
+        return Err(WorkerError::FloatState);
     }
     let graph = graph_of(&hello, registry)?;
     let process = graph
         .processes
         .iter()
         .find(|p| p.name == hello.process)
-        .ok_or_else(|| format!("the pipeline has no process {}", hello.process))?
+        .ok_or_else(|| WorkerError::NoProcess(hello.process.clone()))?
         .clone();
     let outlives = process.outlives;
     std::thread::spawn(move || end_with_supervisor(outlives));
-    place(process.core, process.priority)?;
+    place(process.core, process.priority).map_err(|e| WorkerError::Affinity(e.to_string()))?;
     let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
-    let domain = Domain::join(&hello.root, &hello.prefix, &hello.process).map_err(|e| e.to_string())?;
+    let domain = Domain::join(&hello.root, &hello.prefix, &hello.process)?;
     if hello.directed {
         return DirectedWorker::open(graph, &process, &domain, &files)?.serve(&mut orders);
     }
@@ -105,7 +104,7 @@ fn serve(registry: &Registry) -> Result<(), String> {
         runners.push(OperatorRunner::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
     }
     let watch = Watch::start(&graph, &process.operators);
-    let control = orders.fd().try_clone_to_owned().map_err(|e| e.to_string())?;
+    let control = orders.fd().try_clone_to_owned().map_err(PipeError::Input)?;
     let mut worker = Worker {
         graph,
         files,
@@ -140,13 +139,13 @@ struct Worker {
 }
 
 impl Worker {
-    fn serve(&mut self, orders: &mut PipeReader) -> Result<(), String> {
+    fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
         let mut heard = 0;
         let mut told = true;
         loop {
             // A look at the pipe is a call into the system: on the data path it is taken only now and then.
             if self.last_at.is_some_and(|at| self.clock.now() >= at) {
-                return self.runners.iter_mut().try_for_each(|m| m.finish(&self.clock));
+                return Ok(self.runners.iter_mut().try_for_each(|runner| runner.finish(&self.clock))?);
             }
             if self.last_at.is_none() && (told || self.clock.now() >= heard + HEAR_EVERY) {
                 loop {
@@ -178,7 +177,7 @@ impl Worker {
                 next = at;
             }
             // Wake-ups are taken when the work is done: the work would have to wait for it.
-            if self.wake.drain().map_err(|e| e.to_string())? {
+            if self.wake.drain()? {
                 continue;
             }
             if active && self.stopping {
@@ -191,17 +190,17 @@ impl Worker {
             }
             let next = [next, self.last_at].into_iter().flatten().min();
             let timeout = next.map(|at| at.saturating_sub(self.clock.now()));
-            told = self.wake.wait(timeout).map_err(|e| e.to_string())?;
+            told = self.wake.wait(timeout)?;
         }
     }
 
-    fn obey(&mut self, order: &ToWorker) -> Result<(), String> {
+    fn obey(&mut self, order: &ToWorker) -> Result<(), WorkerError> {
         match order {
             ToWorker::Connect(Connect { number }) => {
                 for runner in &self.runners {
-                    runner.connect().map_err(|e| e.to_string())?;
+                    runner.connect()?;
                 }
-                tell(&FromWorker::Connected { number: *number })
+                Ok(tell(&FromWorker::Connected { number: *number })?)
             }
             ToWorker::Go { epoch } => {
                 let now = self.clock.now().max(*epoch);
@@ -222,12 +221,12 @@ impl Worker {
                 }
                 Ok(())
             }
-            other => Err(format!("this worker is not directed, but was told {other:?}")),
+            other => Err(WorkerError::NotDirected(format!("{other:?}"))),
         }
     }
 
     /// Looks at every runner once, upstream first. Says whether anything was done, and when the next look is due.
-    fn pass(&mut self) -> Result<(bool, Option<u64>), String> {
+    fn pass(&mut self) -> Result<(bool, Option<u64>), WorkerError> {
         let mut worked = false;
         let mut next: Option<u64> = None;
         for runner in &mut self.runners {
@@ -266,7 +265,7 @@ impl Worker {
 }
 
 /// Tells of an activation that failed. One that panicked leaves its operator down until the supervisor has answered.
-fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Result<(), String> {
+fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Result<(), PipeError> {
     let operator = || graph.operators[runner.operator].name.clone();
     let incarnation = runner.instance.incarnation();
     if let Some(reason) = runner.unlinked.take() {

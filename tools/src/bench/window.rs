@@ -80,10 +80,10 @@ impl Window<'_> {
         let over = AtomicBool::new(false);
         std::thread::scope(|scope| {
             let tap = scope.spawn(|| self.tap(&over));
-            let report = supervisor.watch(stop, run).map_err(Failure::failed);
+            let report = supervisor.watch(stop, run);
             over.store(true, Ordering::Relaxed);
             let ages = tap.join().unwrap_or_else(|_| Err(Failure::failed("a tap panicked")))?;
-            Ok(Outcome { ages, report: report? })
+            Ok(Outcome { ages, report })
         })
     }
 

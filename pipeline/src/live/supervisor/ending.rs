@@ -43,7 +43,7 @@ impl Supervisor {
         stopped: u64,
         stop: &AtomicBool,
         run: &mut dyn Run,
-    ) -> Result<RunReport, String> {
+    ) -> RunReport {
         let mut hurry = Hurry::new(stop);
         let mut late = Vec::new();
         for level in levels(&self.graph) {
@@ -84,7 +84,7 @@ impl Supervisor {
         }
         self.tell_faults(run);
         report.faults = std::mem::take(&mut self.faults);
-        Ok(report)
+        report
     }
 
     /// Has the processes of a level stop, and kills those that do not. Gives their names.

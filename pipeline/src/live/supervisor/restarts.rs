@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::{Supervisor, Worker};
 use crate::graph::Restart;
-use crate::live::children::{Child, Told};
+use crate::live::children::{Child, ChildError, Told};
 use crate::live::control::ToWorker;
 use crate::live::room::is_full;
 use crate::restarts::{Answer, Restarts};
@@ -44,7 +44,7 @@ fn how(status: Option<ExitStatus>, is_full: impl Fn() -> bool) -> String {
 
 impl Supervisor {
     /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, String> {
+    pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, ChildError> {
         for index in 0..self.workers.len() {
             if let Some(reason) = self.answer_panics(index, now) {
                 return Ok(Some(reason));
@@ -138,7 +138,7 @@ impl Supervisor {
         }
     }
 
-    fn restart(&mut self, index: usize) -> Result<(), String> {
+    fn restart(&mut self, index: usize) -> Result<(), ChildError> {
         self.workers[index].due = None;
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
             self.lives[operator] += 1;
