@@ -27,7 +27,7 @@ const METRICS: usize = 3;
 /// Sends on what came over a link in a live run, with the time at which it was acquired; in any other run, what its
 /// input brings. Type and frame of the samples are those of its ports.
 ///
-/// It is a source: what came over a link cannot be made again, so a session keeps it.
+/// It is a source: replay cannot make a sample of another program again, so a session keeps it.
 pub struct FarEnd {
     arrivals: Option<Arrivals>,
     /// Header of the sample that came last.

@@ -5,7 +5,7 @@ use stillpoint_samples::{Cause, Entry, Outcome};
 use crate::graph::Graph;
 use crate::operator::Role;
 
-/// Which operators have said that they have no more of their own.
+/// The operators that have finished.
 pub struct Finished {
     said: Vec<bool>,
 }

@@ -8,7 +8,7 @@ use stillpoint_samples::{
 };
 use zerocopy::IntoBytes;
 
-use crate::activation::{Activation, Brought, Consumed, RandomKey};
+use crate::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use crate::drafts::{Draft, DraftBuffers, Lender};
 use crate::graph::{Graph, OperatorNode};
 use crate::operator::{ErasedOperator, SetupError};
@@ -33,14 +33,14 @@ pub struct OperatorInstance {
     fault: Option<String>,
 }
 
-/// What was last seen on an input.
+/// The last sample that an input brought.
 #[derive(Clone, Copy, Default)]
 struct Seen {
     incarnation: Option<u32>,
     lost: u64,
 }
 
-/// What was sent on an output.
+/// The samples that an output has sent.
 #[derive(Clone, Copy, Default)]
 struct Sent {
     next: u64,
@@ -82,12 +82,12 @@ impl OperatorInstance {
         })
     }
 
-    /// Which life of the operator this is.
+    /// Number of the incarnation.
     pub fn incarnation(&self) -> u32 {
         self.key.incarnation
     }
 
-    /// What the last failed activation said.
+    /// The reason of the last activation that failed.
     pub fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
     }
@@ -119,11 +119,11 @@ impl OperatorInstance {
         // Most operators have few inputs: what need not be cleared need not be in the caches either.
         let mut few;
         let mut many;
-        let brought: &mut [Brought<'_>] = if self.inputs.len() <= FEW_INPUTS {
-            few = [Brought::default(); FEW_INPUTS];
+        let brought: &mut [ActivationInput<'_>] = if self.inputs.len() <= FEW_INPUTS {
+            few = [ActivationInput::default(); FEW_INPUTS];
             &mut few[..self.inputs.len()]
         } else {
-            many = [Brought::default(); MAX_INPUTS];
+            many = [ActivationInput::default(); MAX_INPUTS];
             &mut many[..self.inputs.len()]
         };
         let mut origin = None;
@@ -134,7 +134,7 @@ impl OperatorInstance {
             };
             let same = seen.incarnation == Some(r.incarnation);
             let pieces = sample(port);
-            *slot = Brought {
+            *slot = ActivationInput {
                 sample: pieces.map(|pieces| Consumed { pieces, held: r.kind == RefKind::Held as u32 }),
                 missed: r.lost.saturating_sub(if same { seen.lost } else { 0 }),
                 restarted: seen.incarnation.is_some() && !same,

@@ -1,4 +1,4 @@
-//! The far end of a link: what a datagram is on the other side of a wire.
+//! The far end of a link that carries datagrams.
 
 use stillpoint_samples::{Datagram, Diagnostics, Metric, Sample};
 
@@ -24,7 +24,7 @@ const DIAGNOSTICS: usize = 1;
 
 /// Sends on what came over the wire in a live run; in any other run, what its input brings.
 ///
-/// It is a source: what came over a wire cannot be made again, so a session keeps it.
+/// It is a source: replay cannot make a datagram again, so a session keeps it.
 pub struct Link {
     arrivals: Option<Arrivals>,
     too_long: u64,

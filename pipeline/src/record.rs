@@ -2,7 +2,7 @@
 
 use stillpoint_samples::{Cause, Entry, JournalRef, RefKind};
 
-/// What a schedule decides about one activation. Samples are named, not carried.
+/// A schedule's decision on one activation. It names samples, and does not carry them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
     /// Time of the activation, ns.

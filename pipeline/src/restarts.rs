@@ -1,4 +1,4 @@
-//! What follows on a failure: one policy for panics, deaths and steps beyond their deadline, live and simulated.
+//! The restart policy: one for panics, exited processes and steps beyond their deadline, live and simulated.
 
 use crate::graph::Restart;
 

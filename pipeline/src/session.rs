@@ -1,4 +1,4 @@
-//! What a session says about its run: topics, attachments and metadata.
+//! The topics, attachments and metadata that a session keeps of its run.
 
 use std::collections::{BTreeMap, BTreeSet};
 

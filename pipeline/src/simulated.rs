@@ -20,7 +20,7 @@ use crate::sample_store::OwnedSample;
 use crate::schedule::{Events, Observer, RunError};
 use crate::session::opening;
 use crate::session_recorder::{SessionRecorder, remove_folder};
-use crate::stdout::Aside;
+use crate::stdout::StdoutRedirect;
 
 /// Where the activations of a simulated run happen.
 #[derive(Clone, Debug)]
@@ -77,7 +77,7 @@ pub fn simulate(
     source: &RunSource,
     options: SimulatedOptions,
 ) -> Result<RunReport, SimulatedError> {
-    let _aside = Aside::begin();
+    let _aside = StdoutRedirect::to_stderr();
     let files: Arc<dyn Files + Send + Sync> = Arc::new(source.files.clone());
     let (mut local, mut threads, mut processes);
     let placement: &mut dyn Placement = match &options.place {

@@ -1,38 +1,38 @@
 //! Standard output while operators run.
 //!
-//! In a worker, standard output is the pipe to the supervisor, and in the command it may be a JSON report. So while
-//! operators run, the text that they print goes to standard error.
+//! An operator that prints must not disturb other output: in a worker, standard output is the line to the supervisor, and
+//! in the command it may be a JSON report. So everything that an operator prints goes to standard error.
 
 use std::fs::File;
 use std::os::fd::AsFd;
 
 use rustix::stdio::{dup2_stdout, stderr, stdout};
 
-/// While this value exists, printed text goes to standard error.
-pub struct Aside {
-    /// What standard output was.
-    before: Option<File>,
+/// Sends standard output to standard error until it is dropped.
+pub struct StdoutRedirect {
+    /// The original standard output.
+    original: Option<File>,
 }
 
-impl Aside {
-    /// Redirects standard output. If it is closed, nothing can be printed anyway.
-    pub fn begin() -> Self {
-        let before = stdout().try_clone_to_owned().ok().filter(|_| dup2_stdout(stderr()).is_ok());
-        Self { before: before.map(File::from) }
+impl StdoutRedirect {
+    /// Begins the redirection. Where standard output is closed, nothing is printed anyway.
+    pub fn to_stderr() -> Self {
+        let original = stdout().try_clone_to_owned().ok().filter(|_| dup2_stdout(stderr()).is_ok());
+        Self { original: original.map(File::from) }
     }
 
-    /// Leads it aside for good, and gives what it was.
-    pub fn keep(mut self) -> Option<File> {
-        self.before.take()
+    /// Makes the redirection permanent, and gives the original standard output.
+    pub fn into_original(mut self) -> Option<File> {
+        self.original.take()
     }
 }
 
-impl Drop for Aside {
+impl Drop for StdoutRedirect {
     fn drop(&mut self) {
-        if let Some(before) = &self.before {
-            // What was printed and waits for the end of its line belongs to the operators.
+        if let Some(original) = &self.original {
+            // Text without the end of its line was printed by an operator.
             let _ = std::io::Write::flush(&mut std::io::stdout());
-            let _ = dup2_stdout(before.as_fd());
+            let _ = dup2_stdout(original.as_fd());
         }
     }
 }

@@ -13,7 +13,7 @@ use stillpoint_pipeline::session::{HASHES, IDENTITY, PIPELINE, RUN, SETS, identi
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_pipeline::spec;
-use stillpoint_pipeline::stdout::Aside;
+use stillpoint_pipeline::stdout::StdoutRedirect;
 use stillpoint_recorder::{Opening, Session};
 use stillpoint_samples::Entry;
 
@@ -89,7 +89,7 @@ impl Replay {
             _ => Selection::All,
         };
         let graph = Arc::new(graph);
-        let aside = Aside::begin();
+        let aside = StdoutRedirect::to_stderr();
         let begun = std::time::Instant::now();
         let report = match &self.record {
             None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(failed)?,

@@ -13,9 +13,9 @@ pub struct Consumed<'a> {
     pub held: bool,
 }
 
-/// What one input brings to an activation.
+/// One input of an activation.
 #[derive(Clone, Copy, Default)]
-pub struct Brought<'a> {
+pub struct ActivationInput<'a> {
     /// The sample, where there is one.
     pub sample: Option<Consumed<'a>>,
     /// Samples on this input that were sent and never taken since the last activation.
@@ -41,7 +41,7 @@ pub struct Activation<'a> {
     /// The input that caused it, where an input did.
     pub port: usize,
     /// What each input brings, in the order of the ports.
-    pub inputs: &'a [Brought<'a>],
+    pub inputs: &'a [ActivationInput<'a>],
     /// Key of the random numbers.
     pub key: RandomKey,
 }

@@ -1,4 +1,4 @@
-//! What reaches sources from outside the pipeline while a live run goes on.
+//! Messages that reach sources from outside the pipeline in a live run.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
@@ -16,7 +16,7 @@ pub const MOST_FROM_ADDRESS: usize = 64;
 /// Senders whose datagrams are counted.
 const MOST_SENDERS: usize = 512;
 
-/// What reaches an operator from outside.
+/// Messages that reach an operator from outside.
 #[derive(Clone, Default)]
 pub struct Outside {
     /// Commands of people, for a console.

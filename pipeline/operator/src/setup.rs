@@ -1,11 +1,11 @@
-//! What an operator is told once, when it is made.
+//! All that an operator gets when it is made.
 
 use crate::error::SetupError;
 use crate::files::Files;
 use crate::frames::{Frames, Rigid};
 use crate::outside::Outside;
 
-/// What an operator is told once, when it is made.
+/// All that an operator gets when it is made.
 pub struct Setup<'a> {
     /// Name of the operator in the pipeline.
     pub operator: &'a str,
@@ -21,7 +21,7 @@ pub struct Setup<'a> {
     pub frames: &'a Frames,
     /// Bytes of the files that parameters name.
     pub files: &'a dyn Files,
-    /// What reaches the operator from outside, for a source.
+    /// Messages from outside, for a source.
     pub outside: Outside,
 }
 

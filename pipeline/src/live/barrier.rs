@@ -3,13 +3,13 @@
 
 use std::time::{Duration, Instant};
 
-use super::children::{Child, Told};
+use super::children::{Child, ReportedFault};
 use super::control::ToWorker;
 
 /// How long a process may take to make its ports.
 pub const PATIENCE: Duration = Duration::from_secs(60);
 /// How soon a signal is noticed.
-const GLANCE: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Why a run does not begin.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -34,19 +34,19 @@ pub enum BarrierError {
 /// Waits until every process has made its ports, or `is_stopped`.
 pub fn wait_until_made<'c>(
     children: impl Iterator<Item = &'c mut Child>,
-    told: &mut Vec<Told>,
+    told: &mut Vec<ReportedFault>,
     is_stopped: impl Fn() -> bool,
 ) -> Result<(), BarrierError> {
     for child in children {
         let begun = Instant::now();
         while !child.made && !child.is_gone() && begun.elapsed() < PATIENCE && !is_stopped() {
-            child.wait(GLANCE, told, |c| c.made);
+            child.wait(POLL_INTERVAL, told, |c| c.made);
         }
         if is_stopped() {
             return Err(BarrierError::Stopped);
         }
         if !child.made {
-            let said = child.last_words.take().or_else(|| told.first().map(|t| t.reason.clone()));
+            let said = child.fatal_reason.take().or_else(|| told.first().map(|t| t.reason.clone()));
             return Err(match said {
                 Some(reason) => BarrierError::Refused(reason),
                 None if child.is_gone() => BarrierError::Ended(child.name.clone()),
@@ -63,7 +63,7 @@ pub fn connect(
     workers: &mut [&mut Child],
     number: u64,
     patience: Duration,
-    told: &mut Vec<Told>,
+    told: &mut Vec<ReportedFault>,
 ) -> Result<(), BarrierError> {
     let begun = Instant::now();
     for worker in workers.iter_mut() {

@@ -1,4 +1,4 @@
-//! The children of a supervisor: starting them, telling them, hearing them.
+//! The child processes of a supervisor: their start, the messages in both directions, and their end.
 
 use std::collections::VecDeque;
 use std::os::fd::OwnedFd;
@@ -57,8 +57,8 @@ pub enum ChildError {
 pub struct Child {
     /// Name in messages.
     pub name: String,
-    /// Of what it said that it ends.
-    pub last_words: Option<String>,
+    /// The reason that it gave for its end.
+    pub fatal_reason: Option<String>,
     /// Its ports are made.
     pub made: bool,
     /// Number of the last order to connect that it was given.
@@ -67,11 +67,11 @@ pub struct Child {
     pub connected: u64,
     /// Its inputs are drained and its end is marked.
     pub stopped: bool,
-    /// Operators that panicked and wait for an answer, with what they said.
+    /// Operators that panicked and wait for an order, with the text of the panic.
     pub panicked: Vec<(String, String)>,
-    /// Since when it leaves undone what it was told: to make its ports, or to connect.
-    owing: Option<Instant>,
-    /// When it was told last to connect, or was started.
+    /// Since when it has not answered an order: to make its ports, or to connect.
+    unanswered_since: Option<Instant>,
+    /// When it was last ordered to connect, or was started.
     asked: Instant,
     process: Process,
     stdin: Option<ChildStdin>,
@@ -80,14 +80,14 @@ pub struct Child {
     ended: bool,
 }
 
-/// A failure that a child told of.
+/// A failure that a child reported.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Told {
+pub struct ReportedFault {
     /// Name of the operator, or of the process.
     pub operator: String,
     /// Incarnation, where it is known.
     pub incarnation: u32,
-    /// What it said.
+    /// The reason that it gave.
     pub reason: String,
     /// Whether its process ended by it.
     pub fatal: bool,
@@ -119,13 +119,13 @@ impl Child {
         let begun = Instant::now();
         let mut child = Self {
             name: name.to_string(),
-            last_words: None,
+            fatal_reason: None,
             made: false,
             ordered: 0,
             connected: 0,
             stopped: false,
             panicked: Vec::new(),
-            owing: Some(begun),
+            unanswered_since: Some(begun),
             asked: begun,
             process,
             stdin,
@@ -147,7 +147,7 @@ impl Child {
         self.ended
     }
 
-    /// Tells it something. A child that is gone hears nothing; its end is noticed by the pipe.
+    /// Sends it a message. A child that is gone does not get it; the pipe shows its end.
     pub fn tell<T: Serialize>(&mut self, message: &T) {
         if let Some(stdin) = &mut self.stdin
             && say(stdin, message).is_err()
@@ -156,55 +156,55 @@ impl Child {
         }
     }
 
-    /// Has it connect to all publishers that are there: order of this number, in the words that it takes.
+    /// Orders it to connect to all publishers that are there. `order` makes its message of the number.
     pub fn order_connect<T: Serialize>(&mut self, number: u64, order: fn(Connect) -> T) {
         self.tell(&order(Connect { number }));
         let now = Instant::now();
         (self.ordered, self.asked) = (number, now);
-        self.owing.get_or_insert(now);
+        self.unanswered_since.get_or_insert(now);
     }
 
-    /// Whether its ports are made, it owes nothing, and it was not asked for anything for so long.
-    pub fn is_unasked(&self, since: Duration) -> bool {
-        self.made && self.owing.is_none() && self.asked.elapsed() >= since
+    /// Whether its ports are made, it has answered every order, and it was given none for so long.
+    pub fn is_idle_for(&self, since: Duration) -> bool {
+        self.made && self.unanswered_since.is_none() && self.asked.elapsed() >= since
     }
 
-    /// How long it has left undone what it was told.
+    /// How long it has not answered an order.
     pub fn silence(&self) -> Duration {
-        self.owing.map_or(Duration::ZERO, |since| since.elapsed())
+        self.unanswered_since.map_or(Duration::ZERO, |since| since.elapsed())
     }
 
-    /// Ends it, as it leaves undone what it was told. Its last words say so.
-    pub fn give_up(&mut self, waited: Duration) {
-        self.last_words =
+    /// Kills it, as it does not answer. Its reason says so.
+    pub fn kill_unresponsive(&mut self, waited: Duration) {
+        self.fatal_reason =
             Some(format!("it did not answer for {:.1} s, and was killed", waited.as_secs_f64()));
-        self.owing = None;
+        self.unanswered_since = None;
         self.kill();
     }
 
-    /// Takes what it has said. Failures go into `told`.
-    pub fn listen(&mut self, told: &mut Vec<Told>) {
+    /// Reads its messages. Failures go into `told`.
+    pub fn listen(&mut self, told: &mut Vec<ReportedFault>) {
         while !self.ended {
             match self.lines.next::<FromWorker>() {
                 Ok(PipeRead::Message(FromWorker::Fault { operator, incarnation, reason, fatal })) => {
                     let operator = if operator.is_empty() { self.name.clone() } else { operator };
                     if fatal {
-                        self.last_words = Some(reason.clone());
+                        self.fatal_reason = Some(reason.clone());
                     }
-                    told.push(Told { operator, incarnation, reason, fatal });
+                    told.push(ReportedFault { operator, incarnation, reason, fatal });
                 }
                 Ok(PipeRead::Message(FromWorker::Panicked { operator, incarnation, reason })) => {
                     self.panicked.push((operator.clone(), reason.clone()));
-                    told.push(Told { operator, incarnation, reason, fatal: false });
+                    told.push(ReportedFault { operator, incarnation, reason, fatal: false });
                 }
                 Ok(PipeRead::Message(FromWorker::Made)) => {
                     self.made = true;
-                    self.owing = None;
+                    self.unanswered_since = None;
                 }
                 Ok(PipeRead::Message(FromWorker::Connected { number })) => {
                     self.connected = number;
-                    // It answers: what it owes still it has as long for again.
-                    self.owing = (number < self.ordered).then(Instant::now);
+                    // It answers, so the time for the next answer begins anew.
+                    self.unanswered_since = (number < self.ordered).then(Instant::now);
                 }
                 Ok(PipeRead::Message(FromWorker::Stopped)) => self.stopped = true,
                 Ok(PipeRead::Message(message)) => self.heard.push_back(message),
@@ -212,7 +212,12 @@ impl Child {
                 Ok(PipeRead::Ended) => self.ended = true,
                 Err(error) => {
                     let reason = error.to_string();
-                    told.push(Told { operator: self.name.clone(), incarnation: 0, reason, fatal: true });
+                    told.push(ReportedFault {
+                        operator: self.name.clone(),
+                        incarnation: 0,
+                        reason,
+                        fatal: true,
+                    });
                     self.kill();
                     self.ended = true;
                 }
@@ -231,7 +236,12 @@ impl Child {
     }
 
     /// Waits until `done` holds; whether it does. A child that is gone is not waited for.
-    pub fn wait(&mut self, patience: Duration, told: &mut Vec<Told>, done: impl Fn(&Self) -> bool) -> bool {
+    pub fn wait(
+        &mut self,
+        patience: Duration,
+        told: &mut Vec<ReportedFault>,
+        done: impl Fn(&Self) -> bool,
+    ) -> bool {
         let end = Instant::now() + patience;
         loop {
             self.listen(told);
@@ -244,7 +254,11 @@ impl Child {
     }
 
     /// Waits for the answer to an order. `Err`: the child is gone, or did not answer in time.
-    pub fn answer(&mut self, patience: Duration, told: &mut Vec<Told>) -> Result<FromWorker, ChildError> {
+    pub fn answer(
+        &mut self,
+        patience: Duration,
+        told: &mut Vec<ReportedFault>,
+    ) -> Result<FromWorker, ChildError> {
         let end = Instant::now() + patience;
         loop {
             self.listen(told);
@@ -307,7 +321,7 @@ impl Drop for Child {
     }
 }
 
-/// Waits until a child has said something, or for so long.
+/// Waits until a child has sent a message, or for so long.
 pub fn wait_any(children: &[&Child], patience: Duration) {
     let mut fds: Vec<_> = children
         .iter()

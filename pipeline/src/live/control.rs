@@ -1,4 +1,4 @@
-//! What supervisor and children say to each other, one JSON line each.
+//! The messages between supervisor and child processes, one JSON line each.
 
 use serde::{Deserialize, Serialize};
 use stillpoint_recorder::Compression;
@@ -9,12 +9,12 @@ use crate::clock::SessionClock;
 use crate::record::Record;
 use crate::run_source::RunSource;
 
-/// What a child is told first: all that it needs to make the same graph.
+/// The first message to a child: all that it needs to make the same graph.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Hello {
     /// Name of the process.
     pub process: String,
-    /// What the graph is made from.
+    /// The source of the graph.
     pub source: RunSource,
     /// Root folder of the domain.
     pub root: std::path::PathBuf,
@@ -146,7 +146,7 @@ pub enum FromWorker {
     Refused(String),
 }
 
-/// What the recorder kept.
+/// The recorder's account.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecorderReport {
     /// Samples written, journals included.
@@ -177,7 +177,7 @@ pub enum ToRecorder {
     },
 }
 
-/// What the recorder is told first.
+/// The first message to the recorder.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct HelloRecorder {
     /// As to a worker.

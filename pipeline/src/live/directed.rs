@@ -42,7 +42,7 @@ impl<'f> DirectedWorker<'f> {
         Ok(Self { runners: runners.collect::<Result<_, _>>()?, files })
     }
 
-    /// Does what it is told until the supervisor ends it.
+    /// Obeys orders until the supervisor ends it.
     pub fn serve(&mut self, orders: &mut PipeReader) -> Result<(), WorkerError> {
         tell(&FromWorker::Made)?;
         loop {
@@ -124,7 +124,7 @@ impl DirectedOperator {
         Ok(())
     }
 
-    /// Sends outputs until the buffer of one is full; everyone takes those before the next are sent.
+    /// Sends outputs until the buffer of one is full; all consumers take those before the next are sent.
     fn send(&mut self) -> Result<Vec<usize>, WorkerError> {
         let mut sent = Vec::new();
         while let Some((port, owned)) = self.unsent.front() {

@@ -9,7 +9,7 @@ use super::barrier::BarrierError;
 use super::children::ChildError;
 use super::journal::PublishError;
 use super::pipe::PipeError;
-use super::room::ReserveError;
+use super::reservation::ReserveError;
 use super::run_folder::RunFolderError;
 use super::wire::LinkError;
 use crate::operator::SetupError;

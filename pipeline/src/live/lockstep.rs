@@ -8,12 +8,12 @@ use stillpoint_samples::{Entry, JournalRef, RefKind, SampleKind};
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::barrier::{PATIENCE, connect, wait_until_made};
-use super::children::{Child, ChildError, Launch, Told};
+use super::children::{Child, ChildError, Launch, ReportedFault};
 use super::contracts;
 use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::error::LiveError;
 use super::journal::entry_of;
-use super::room::reserve;
+use super::reservation::reserve;
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
 use crate::graph::Graph;
@@ -22,7 +22,7 @@ use crate::record::Record;
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
 
-/// All processes of a graph, each doing what it is told.
+/// All processes of a graph, directed by a schedule.
 pub struct Processes {
     graph: Arc<Graph>,
     children: Vec<Child>,
@@ -143,7 +143,7 @@ impl Processes {
     }
 }
 
-fn first_reason(told: &[Told], answer: Result<FromWorker, ChildError>) -> String {
+fn first_reason(told: &[ReportedFault], answer: Result<FromWorker, ChildError>) -> String {
     told.first().map(|t| t.reason.clone()).unwrap_or_else(|| match answer {
         Ok(answer) => format!("an unexpected answer: {answer:?}"),
         Err(reason) => reason.to_string(),

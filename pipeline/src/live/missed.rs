@@ -1,4 +1,4 @@
-//! What was sent while no recorder was there: the numbers that no part of a session holds, and none lists as lost.
+//! Samples that were sent while no recorder ran: their numbers are in no part of a session, and in no list of losses.
 
 use std::collections::BTreeMap;
 

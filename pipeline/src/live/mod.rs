@@ -1,26 +1,26 @@
 //! The live executor: the clock's schedule, spread over processes.
 //!
 //! - `barrier`: the start barrier, live and in lock-step
-//! - `children`: starting child processes, telling and hearing them
+//! - `children`: child processes and their messages
 //! - `contracts`: the topics of a graph, and how much memory they take
-//! - `control`: what supervisor and children say to each other
+//! - `control`: the messages between supervisor and child processes
 //! - `journal`: journal entries as samples in shared memory
 //! - `error`: why a live run cannot begin or go on
-//! - `missed`: what was sent while no recorder was there
+//! - `missed`: samples that were sent while no recorder ran
 //! - `ports`: the ports of one operator in shared memory
 //! - `pipe`: lines over the children's pipes, unbuffered
-//! - `report`: what a run is asked for, and how it went
-//! - `room`: what runs take of shared memory, and leave to each other
-//! - `run_folder`: where a run is found by others, and how a dead one is swept
+//! - `report`: the options of a run, and its report
+//! - `reservation`: how much shared memory each run may take
+//! - `run_folder`: the folder of a run, by which other programs find it, and the sweep of runs that died
 //! - `wire`: the two ends of links
 //! - `worker`: a process of operators
 //! - `watch`: how long steps take, against their deadlines
 //! - `directed`: a worker whose activations are decided by the supervisor
-//! - `lockstep`: processes that do what a schedule tells them
+//! - `lockstep`: processes that a schedule directs
 //! - `runner`: one operator in a worker
 //! - `recorder`: the process that records
 //! - `affinity`: core and scheduling class of a process
-//! - `status`: what a run looks like from its journals
+//! - `status`: counts, rates and latencies of a run, from its journals
 //! - `stopwatch`: how long the stages of a step took
 //! - `supervisor`: starts, watches, restarts and ends the processes of a run
 
@@ -38,7 +38,7 @@ mod pipe;
 mod ports;
 mod recorder;
 mod report;
-mod room;
+mod reservation;
 pub mod run_folder;
 mod runner;
 pub mod status;

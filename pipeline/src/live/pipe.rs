@@ -1,5 +1,5 @@
-//! PipeReader over the children's pipes. Reads are unbuffered but for the rest of a line, which is asked for before a wait:
-//! two lines that arrive together are both seen.
+//! The pipes between supervisor and child processes: one JSON message per line. The reader keeps the rest of a line and
+//! reads it before a wait, so that two lines that arrive together are both read.
 
 use std::fs::File;
 use std::io::Write;
@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::control::FromWorker;
-use crate::stdout::Aside;
+use crate::stdout::StdoutRedirect;
 
 /// The reading end of a pipe of JSON lines.
 pub struct PipeReader {
@@ -20,7 +20,7 @@ pub struct PipeReader {
     ended: bool,
 }
 
-/// What reading a line gave.
+/// The result of reading a line.
 pub enum PipeRead<T> {
     /// A message.
     Message(T),
@@ -105,16 +105,16 @@ impl PipeReader {
     }
 }
 
-/// The line to the supervisor: what standard output was when this process began.
+/// The line to the supervisor: the standard output with which this process began.
 static CONTROL: OnceLock<File> = OnceLock::new();
 
-/// Takes standard output as the line to the supervisor. From here on what is printed goes to standard error.
+/// Takes standard output as the line to the supervisor. From here on, standard output goes to standard error.
 pub fn take_control() -> Result<(), PipeError> {
-    let line = Aside::begin().keep().ok_or(PipeError::NoOutput)?;
+    let line = StdoutRedirect::to_stderr().into_original().ok_or(PipeError::NoOutput)?;
     CONTROL.set(line).map_err(|_| PipeError::Taken)
 }
 
-/// Tells the supervisor something. No lock is taken: a thread that hangs cannot hold it.
+/// Sends a message to the supervisor. It takes no lock, which a thread that hangs could hold.
 pub fn tell(message: &FromWorker) -> Result<(), PipeError> {
     let mut line = CONTROL.get().ok_or(PipeError::NotTaken)?;
     say(&mut line, message).map_err(PipeError::Tell)

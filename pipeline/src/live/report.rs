@@ -1,4 +1,4 @@
-//! What a run is asked for, and how it went.
+//! The options of a run, and its report.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use super::status::OperatorFigures;
 use crate::ledger::LedgerLine;
 use stillpoint_operator::files::DiskFiles;
 
-/// What is to be run, and how.
+/// The pipeline of a run, and how it is run.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
     /// Text of the pipeline.
@@ -49,13 +49,13 @@ pub struct RunReport {
     pub balanced: bool,
     /// Journal entries that the supervisor did not see (the recorder may have).
     pub unseen_entries: u64,
-    /// Failures, in the order in which they were told.
+    /// Failures, in the order in which they were reported.
     pub faults: Vec<Fault>,
     /// Why the run ended before its time, if it did.
     pub ended_early: Option<String>,
-    /// What was recorded, of the part that its recorder ended: nothing where nothing was to be recorded, or that failed.
+    /// The last part of the session, where its recorder ended it; empty where nothing is recorded, or the recording failed.
     pub recorded: Vec<Recorded>,
-    /// Why nobody ended the last part, if nobody did: who wants to know whether the recording failed asks here.
+    /// The reason for which the last part has no end: `Some` means that the recording failed.
     pub recording_failed: Option<String>,
     /// Runs that had died, and were swept before this one.
     pub swept: Vec<String>,
@@ -66,13 +66,13 @@ pub struct RunReport {
 pub struct Fault {
     /// Operator or process.
     pub operator: String,
-    /// What it said, or what happened to it.
+    /// The reason that it gave, or how it ended.
     pub reason: String,
     /// Whether its process ended by it.
     pub fatal: bool,
 }
 
-/// What a part of a session holds.
+/// The contents of a part of a session.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Recorded {
     /// The file.
@@ -92,7 +92,7 @@ pub struct Recorded {
 pub trait Run {
     /// Progress: seconds since the run began, figures so far.
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]);
-    /// A failure was told.
+    /// A failure was reported.
     fn failed(&mut self, fault: &Fault);
     /// The processes run: process numbers by name.
     fn started(&mut self, processes: &[(String, u32)]);

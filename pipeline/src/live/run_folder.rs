@@ -1,4 +1,4 @@
-//! Where a run is found by others (`echo`, `send`), and how what a dead run left is swept.
+//! The folder of a run, by which other programs (`echo`, `send`) find it, and the sweep of what dead runs left.
 //!
 //! Each run has a folder `<temp>/stillpoint-<uid>/<id>` with `lock` (held by the supervisor while it lives), `children`
 //! (held by all its other processes together), `run.json` and the root folder of its domain.
@@ -105,7 +105,7 @@ pub struct RunFolder {
     prefix: String,
 }
 
-/// What others need to join a run.
+/// All that another program needs to join a run.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RunCard {
     /// Name of the pipeline.
@@ -133,8 +133,8 @@ fn runs_folder() -> PathBuf {
         .map_or_else(|| std::env::temp_dir().join(format!("stillpoint-{user}")), PathBuf::from)
 }
 
-/// Refuses a folder of runs in which somebody else could have put something, or could look: it names files to read, and
-/// what stands in it is removed.
+/// Refuses a folder of runs that another user could read or write: its files name other files to read, and a sweep removes
+/// its contents.
 fn check_owner(runs: &Path, folder: &std::fs::Metadata) -> Result<(), RunFolderError> {
     let (place, user) = (runs.to_path_buf(), rustix::process::getuid().as_raw());
     // What is checked is the name itself: a link leads wherever its owner likes.
@@ -209,7 +209,7 @@ impl RunFolder {
         self.path.join("f")
     }
 
-    /// Writes what others need to join.
+    /// Writes the card of the run.
     pub fn publish(&self, card: &RunCard) -> Result<(), RunFolderError> {
         let (draft, done) = (self.path.join("run.json.new"), self.path.join("run.json"));
         serde_json::to_vec_pretty(card)
@@ -246,7 +246,7 @@ pub fn hold(root: &Path) -> Result<File, RunFolderError> {
     held.map_err(|reason| RunFolderError::Swept { place: path, reason })
 }
 
-/// Sweeps what dead runs of this user left, those of which no process lives. Says which were swept.
+/// Sweeps the runs of this user of which no process lives any more. Gives their names.
 pub fn sweep_dead() -> Result<Vec<String>, RunFolderError> {
     let mut swept = Vec::new();
     for (path, id) in folders()? {
@@ -262,7 +262,7 @@ pub fn sweep_dead() -> Result<Vec<String>, RunFolderError> {
     Ok(swept)
 }
 
-/// Takes a lock, if it is there. `Err`: who holds it lives.
+/// Takes a lock, if it is there. `Err`: the process that holds it lives.
 fn take(lock: &Path) -> Result<Option<File>, rustix::io::Errno> {
     let Ok(file) = OpenOptions::new().write(true).open(lock) else { return Ok(None) };
     flock(&file, FlockOperation::NonBlockingLockExclusive).map(|()| Some(file))

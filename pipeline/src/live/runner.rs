@@ -40,13 +40,13 @@ pub struct OperatorRunner {
     /// Time of the last activation: stamps of an operator rise.
     last: u64,
     sent_before: u64,
-    /// Why nothing goes over a link, or comes, until it is told.
+    /// The reason for which nothing passes over a link, until it is reported.
     pub unlinked: Option<String>,
     /// It panicked, and a new incarnation begins later.
     pub down: Option<Down>,
 }
 
-/// Until when an operator that panicked does nothing.
+/// How long an operator that panicked does nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Down {
     /// Until the supervisor has answered.
@@ -55,7 +55,7 @@ pub enum Down {
     Until(u64),
 }
 
-/// What happens with the samples of an output besides their publication.
+/// What follows the publication of a sample on an output: the wake-up of consumers, and the links.
 struct Sending {
     /// Wakes consumers in other processes, where there are any.
     notifier: Option<Notifier>,
@@ -99,7 +99,7 @@ impl Lender for SharedMemory<'_> {
     }
 }
 
-/// What a look at a runner came to.
+/// The outcome of polling a runner.
 pub enum PollOutcome {
     /// An activation was done and committed.
     Activated(Outcome),
@@ -203,7 +203,7 @@ impl OperatorRunner {
     }
 
     /// Does one activation if there is cause for one. `timers`: whether ticks count.
-    pub fn look(&mut self, clock: &SessionClock, timers: bool) -> Result<PollOutcome, WorkerError> {
+    pub fn poll(&mut self, clock: &SessionClock, timers: bool) -> Result<PollOutcome, WorkerError> {
         // The clock is read once per activation.
         let now = clock.now().max(self.last + 1);
         self.read_inbox()?;
@@ -261,7 +261,7 @@ impl OperatorRunner {
         self.publish_entry(&entry)
     }
 
-    /// The commit rule: the entry, then the outputs, then the listeners. What was measured follows, for those who poll.
+    /// The commit rule: the entry, then the outputs, then the listeners. The laps follow, for subscribers that poll.
     fn commit(&mut self, mut entry: Entry, clock: &SessionClock) -> Result<(), WorkerError> {
         entry.body.sent_before = self.sent_before;
         self.publish_entry(&entry)?;

@@ -16,13 +16,13 @@ use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::barrier::wait_until_made;
-use super::children::{Child, ChildError, Told, wait_any};
+use super::children::{Child, ChildError, ReportedFault, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
 use super::error::LiveError;
 use super::journal::entry_of;
 use super::report::{Fault, Run, RunOptions, RunReport};
-use super::room::reserve;
+use super::reservation::reserve;
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
@@ -43,7 +43,7 @@ pub struct Supervisor {
     recorder_deaths: u32,
     recorder_restarts: Restarts,
     /// Why the recorder that died last did.
-    recorder_fate: Option<String>,
+    recorder_exit: Option<String>,
     /// When the recorder is to be started again, session time.
     recorder_due: Option<u64>,
     /// Number of the last order to connect.
@@ -54,8 +54,8 @@ pub struct Supervisor {
     status: Status,
     finished: Finished,
     /// Highest incarnation seen of each operator.
-    lives: Vec<u32>,
-    told: Vec<Told>,
+    incarnations: Vec<u32>,
+    told: Vec<ReportedFault>,
     faults: Vec<Fault>,
     swept: Vec<String>,
     epoch: u64,
@@ -125,13 +125,13 @@ impl Supervisor {
         let mut supervisor = Self {
             status: Status::new(&graph),
             finished: Finished::new(&graph),
-            lives: vec![0; graph.operators.len()],
+            incarnations: vec![0; graph.operators.len()],
             clock: SessionClock::start(),
             workers,
             recorder: None,
             recorder_deaths: 0,
             recorder_restarts: restarts::of_recorder(),
-            recorder_fate: None,
+            recorder_exit: None,
             recorder_due: None,
             connects: 0,
             dead: Vec::new(),
@@ -201,7 +201,7 @@ impl Supervisor {
             prefix: self.folder.prefix().to_string(),
             clock: self.clock,
             incarnations: node
-                .map(|p| p.operators.iter().map(|o| self.lives[*o]).collect())
+                .map(|p| p.operators.iter().map(|o| self.incarnations[*o]).collect())
                 .unwrap_or_default(),
             directed: false,
         }
@@ -248,7 +248,7 @@ impl Supervisor {
             self.listen();
             self.tell_faults(run);
             // A child that cannot be started ends the run, too, and in order.
-            if let Some(reason) = self.care_for_children(now).unwrap_or_else(|e| Some(e.to_string())) {
+            if let Some(reason) = self.attend_children(now).unwrap_or_else(|e| Some(e.to_string())) {
                 early = Some(reason);
                 break;
             }
@@ -285,7 +285,7 @@ impl Supervisor {
         for (operator, journal) in self.journals.iter().enumerate() {
             while let Ok(Some(sample)) = journal.receive() {
                 let Some(entry): Option<Entry> = entry_of(sample.pieces()) else { continue };
-                self.lives[operator] = self.lives[operator].max(entry.header.incarnation);
+                self.incarnations[operator] = self.incarnations[operator].max(entry.header.incarnation);
                 self.ledger.enter(operator, &entry);
                 self.status.enter(operator, &entry);
                 self.finished.enter(operator, &entry);

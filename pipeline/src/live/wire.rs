@@ -15,7 +15,7 @@ use crate::outside::{Arrivals, MOST_DATAGRAMS};
 pub struct LinkError {
     /// The topic that is sent, or the operator at the far end.
     pub place: String,
-    /// What the transport says.
+    /// The transport's reason.
     pub reason: TransportError,
 }
 
@@ -27,7 +27,7 @@ fn transport(wire: Wire) -> Box<dyn Transport> {
     }
 }
 
-/// What an output sends over its links.
+/// The channel of an output's links.
 fn channel(node: &OperatorNode, port: usize) -> Channel {
     let output = &node.outputs[port];
     let kind = node.stage.kind.outputs[port].sample;
@@ -63,7 +63,7 @@ impl LinkReceiver {
         }))
     }
 
-    /// What arrived, for the operator.
+    /// The messages that arrived, for the operator.
     pub fn arrivals(&self) -> Arrivals {
         self.arrivals.clone()
     }

@@ -225,7 +225,7 @@ impl Worker {
         }
     }
 
-    /// Looks at every runner once, upstream first. Says whether anything was done, and when the next look is due.
+    /// Polls every runner once, upstream first. Gives whether an activation was done, and when the next poll is due.
     fn pass(&mut self) -> Result<(bool, Option<u64>), WorkerError> {
         let mut worked = false;
         let mut next: Option<u64> = None;
@@ -244,7 +244,7 @@ impl Worker {
             if let Some(watch) = &self.watch {
                 watch.enter(runner.operator);
             }
-            let looked = runner.look(&self.clock, !self.stopping);
+            let looked = runner.poll(&self.clock, !self.stopping);
             if let Some(watch) = &self.watch {
                 watch.leave();
             }
@@ -264,7 +264,7 @@ impl Worker {
     }
 }
 
-/// Tells of an activation that failed. One that panicked leaves its operator down until the supervisor has answered.
+/// Reports an activation that failed. After a panic, the operator does nothing until the supervisor has answered.
 fn report(runner: &mut OperatorRunner, outcome: Outcome, graph: &Graph) -> Result<(), PipeError> {
     let operator = || graph.operators[runner.operator].name.clone();
     let incarnation = runner.instance.incarnation();

@@ -19,18 +19,18 @@ use stillpoint_samples::Entry;
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
 
-/// What an activation left behind: its entry, and its outputs in the order of sending.
+/// The result of an activation: its entry, and its outputs in the order of sending.
 #[derive(Clone, Debug)]
 pub struct Committed {
     /// The journal entry.
     pub entry: Entry,
     /// The outputs, with the number of their port.
     pub outputs: Vec<(usize, OwnedSample)>,
-    /// What a failed activation said.
+    /// The reason of an activation that failed.
     pub fault: Option<String>,
 }
 
-/// Why a placement could not do what a schedule asked.
+/// Why a placement could not follow the schedule.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum PlacementError {
     /// The operator could not be made.

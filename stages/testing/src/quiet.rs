@@ -1,7 +1,7 @@
 //! One operator with its buffers made beforehand, so that a step can be watched alone: what it takes from the heap, say.
 
 use stillpoint_operator::Outputs;
-use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
+use stillpoint_operator::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use stillpoint_operator::{ErasedOperator, Registry, Stage};
 use stillpoint_operator::{Files, Setup};
 use stillpoint_pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
@@ -104,7 +104,7 @@ impl Quiet {
         for (slot, (kind, capacity)) in self.stock.0.iter_mut().zip(&self.kinds) {
             *slot = Some(Buffer::heap(kind, *capacity));
         }
-        let mut inputs = vec![Brought::default(); self.inputs];
+        let mut inputs = vec![ActivationInput::default(); self.inputs];
         if let Some(pieces) = sample {
             inputs[port].sample = Some(Consumed { pieces, held: false });
         }

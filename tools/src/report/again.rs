@@ -7,7 +7,7 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::replay::{ReplayError, Selection, replay};
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::Observer;
-use stillpoint_pipeline::stdout::Aside;
+use stillpoint_pipeline::stdout::StdoutRedirect;
 use stillpoint_samples::Entry;
 
 use super::source::Source;
@@ -68,7 +68,7 @@ pub fn made_again(
     let topics = camera.results.values().chain([&camera.image]);
     let topics = topics.filter_map(|t| Some((graph.topic(t)?, t.clone()))).collect();
     let mut collector = Collector { graph, topics, stage, wanted, found };
-    let _aside = Aside::begin();
+    let _aside = StdoutRedirect::to_stderr();
     match replay(session, graph, files, &Selection::Only(camera.stage.clone()), &mut collector) {
         Err(ReplayError::Observer(said)) if said.starts_with(ENOUGH) => Ok(()),
         Ok(_) => Ok(()),

@@ -6,33 +6,33 @@ use super::source::Span;
 use super::yaml::Places;
 
 /// A text in which the scanner found no YAML.
-pub(super) struct Slip<'t> {
+pub(super) struct Mistake<'t> {
     places: &'t Places<'t>,
-    /// What the scanner says.
+    /// The scanner's message.
     info: &'t str,
-    /// Where it says so.
+    /// The place that the scanner reports.
     noticed: Span,
-    /// The line there.
+    /// The line at that place.
     line: &'t str,
     /// The innermost bracket that is still open.
     open: Option<(Span, char)>,
 }
 
-/// What is said of it.
-pub(super) struct Said {
+/// The fault that is reported.
+pub(super) struct Diagnosis {
     pub at: Span,
     pub message: String,
     pub help: String,
 }
 
-impl<'t> Slip<'t> {
+impl<'t> Mistake<'t> {
     pub fn new(places: &'t Places<'t>, info: &'t str, noticed: Span, open: Option<(Span, char)>) -> Self {
         let line = places.text.lines().nth(noticed.line - 1).unwrap_or("");
         Self { places, info, noticed, line, open }
     }
 
-    /// The likeliest slip.
-    pub fn found(&self) -> Said {
+    /// The likeliest mistake.
+    pub fn found(&self) -> Diagnosis {
         self.tab()
             .or_else(|| self.anchor())
             .or_else(|| self.unprintable())
@@ -42,15 +42,15 @@ impl<'t> Slip<'t> {
             .unwrap_or_else(|| self.other())
     }
 
-    fn here(&self, message: impl Into<String>, help: impl Into<String>) -> Said {
-        Said { at: self.noticed, message: message.into(), help: help.into() }
+    fn here(&self, message: impl Into<String>, help: impl Into<String>) -> Diagnosis {
+        Diagnosis { at: self.noticed, message: message.into(), help: help.into() }
     }
 
-    fn not_yaml(&self, help: &str) -> Said {
+    fn not_yaml(&self, help: &str) -> Diagnosis {
         self.here(format!("this is not YAML: {}", self.info), help)
     }
 
-    fn tab(&self) -> Option<Said> {
+    fn tab(&self) -> Option<Diagnosis> {
         let mut indent = self.line.chars().take_while(|c| c.is_whitespace());
         indent
             .any(|c| c == '\t')
@@ -58,7 +58,7 @@ impl<'t> Slip<'t> {
     }
 
     /// An alias, or a pattern without quotes.
-    fn anchor(&self) -> Option<Said> {
+    fn anchor(&self) -> Option<Diagnosis> {
         if !self.info.contains("anchor") {
             return None;
         }
@@ -73,7 +73,7 @@ impl<'t> Slip<'t> {
         Some(self.here("this names an anchor, which a pipeline does not have", help))
     }
 
-    fn unprintable(&self) -> Option<Said> {
+    fn unprintable(&self) -> Option<Diagnosis> {
         let behind = || &self.places.text[self.noticed.start - self.places.offset..];
         self.info.contains("unprintable").then(|| {
             let found = behind().chars().next().unwrap_or('\0');
@@ -85,7 +85,7 @@ impl<'t> Slip<'t> {
     }
 
     /// Quotes that are not closed, or are missing.
-    fn quote(&self) -> Option<Said> {
+    fn quote(&self) -> Option<Diagnosis> {
         if self.info.contains("quote") {
             return Some(self.not_yaml("close the quotes"));
         }
@@ -94,7 +94,7 @@ impl<'t> Slip<'t> {
     }
 
     /// The line before, where that was to be a key with its value and is none.
-    fn no_key(&self) -> Option<Said> {
+    fn no_key(&self) -> Option<Diagnosis> {
         let may_be = self.info.contains("simple key") || self.info.contains("mapping values");
         if self.open.is_some() || !may_be {
             return None;
@@ -118,21 +118,21 @@ impl<'t> Slip<'t> {
             }
         };
         let help = format!("write {}", shown(&format!("{key}: {}", value.trim())));
-        Some(Said { at, message: message.into(), help })
+        Some(Diagnosis { at, message: message.into(), help })
     }
 
     /// A bracket of a line before.
-    fn unclosed(&self) -> Option<Said> {
+    fn unclosed(&self) -> Option<Diagnosis> {
         let (at, bracket) = self.open.filter(|(at, _)| at.line < self.noticed.line)?;
         let close = if bracket == '{' { '}' } else { ']' };
-        Some(Said {
+        Some(Diagnosis {
             at: at.first(1),
             message: format!("this `{bracket}` is not closed where a `,` or `{close}` is due"),
             help: format!("close it with `{close}`, or put a `,` between its entries"),
         })
     }
 
-    fn other(&self) -> Said {
+    fn other(&self) -> Diagnosis {
         let is_of_keys = self.info.contains("mapping values") || self.info.contains("block mapping");
         self.not_yaml(match (is_of_keys, self.open) {
             (true, _) => "indent the keys of one mapping alike, and put each on a line of its own",

@@ -11,7 +11,7 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Tag};
 use super::faults::{Code, Complaint, Findings};
 use super::near::shown;
 use super::source::{Marked, Span};
-use super::syntax::Slip;
+use super::syntax::Mistake;
 use super::tree::{Entry, Node, Value};
 
 /// Most bytes of a pipeline.
@@ -227,7 +227,7 @@ impl Growth<'_> {
             let first = self.places.text.as_bytes().get(span.start.wrapping_sub(self.places.offset));
             first.filter(|b| matches!(b, b'{' | b'[')).map(|b| (*span, char::from(*b)))
         });
-        let slip = Slip::new(&self.places, error.info(), place, open).found();
+        let slip = Mistake::new(&self.places, error.info(), place, open).found();
         self.findings.say(slip.at, Code::Syntax, slip.message, slip.help);
     }
 }

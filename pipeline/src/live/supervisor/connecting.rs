@@ -1,4 +1,4 @@
-//! Who connects to whom, and how long that is waited for.
+//! The order to connect, and the waits for it.
 //!
 //! A sample of a process that dies is safe with every other process that has connected to it, because its memory is
 //! mapped there. So a worker begins when the others have been told to connect to it, and its node is cleaned when they
@@ -13,13 +13,14 @@ use crate::live::control::ToRecorder;
 
 /// Time that a worker has to connect: a worker in a long step connects when the step ends.
 const CONNECT_PATIENCE: Duration = Duration::from_secs(2);
-/// How long the recorder may leave an order undone: what it has not connected to is lost to the session.
+/// How long the recorder may take to answer an order: samples of publishers that it has not connected to are lost to the
+/// session.
 pub(super) const RECORDER_PATIENCE: Duration = Duration::from_secs(10);
 /// Period at which a recorder without open orders is told to connect again: a recorder that hangs does not answer. The
 /// answer never waits for a disk, because another thread of the recorder writes.
 const RECORDER_ASKED: Duration = Duration::from_secs(1);
 /// How soon a signal is noticed.
-pub(super) const GLANCE: Duration = Duration::from_millis(50);
+pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 impl Supervisor {
     /// Has every child connect to all publishers that are there, and waits for the workers, for those in a long step no
@@ -42,13 +43,13 @@ impl Supervisor {
 
     /// Tells a recorder to connect that was not told for a while, and ends a recorder that leaves an order open for too
     /// long.
-    pub(super) fn prove_recorder(&mut self) {
+    pub(super) fn check_recorder(&mut self) {
         let Some(recorder) = self.recorder.as_mut().filter(|r| r.made) else { return };
         // It may have answered while others were waited for.
         recorder.listen(&mut self.told);
         if recorder.silence() > RECORDER_PATIENCE {
-            recorder.give_up(recorder.silence());
-        } else if recorder.is_unasked(RECORDER_ASKED) {
+            recorder.kill_unresponsive(recorder.silence());
+        } else if recorder.is_idle_for(RECORDER_ASKED) {
             recorder.order_connect(self.connects, ToRecorder::Connect);
         }
     }
@@ -70,8 +71,9 @@ impl Supervisor {
             if recorder.made && recorder.ordered < number {
                 recorder.order_connect(number, ToRecorder::Connect);
             }
-            recorder
-                .wait(GLANCE, &mut self.told, |c| c.connected >= number || (c.made && c.ordered < number));
+            recorder.wait(POLL_INTERVAL, &mut self.told, |c| {
+                c.connected >= number || (c.made && c.ordered < number)
+            });
         }
         recorder.connected >= number
     }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::Supervisor;
-use super::connecting::GLANCE;
+use super::connecting::POLL_INTERVAL;
 use crate::graph::Graph;
 use crate::ledger::LedgerLine;
 use crate::live::barrier::PATIENCE;
@@ -18,19 +18,19 @@ const STOP_PATIENCE: Duration = Duration::from_secs(10);
 
 /// The signals that arrive while a run ends. The first signal stops the run in order; each further signal abandons the
 /// current wait, and no later one.
-struct Hurry<'s> {
+struct StopSignals<'s> {
     stop: &'s AtomicBool,
     asked: bool,
 }
 
-impl<'s> Hurry<'s> {
+impl<'s> StopSignals<'s> {
     fn new(stop: &'s AtomicBool) -> Self {
         let asked = stop.swap(false, Ordering::Relaxed);
         Self { stop, asked }
     }
 
-    /// Whether a signal ends what is waited for. It is taken by that.
-    fn comes(&mut self) -> bool {
+    /// Whether a signal abandons the current wait. The signal is used up by that.
+    fn abandon_wait(&mut self) -> bool {
         self.stop.swap(false, Ordering::Relaxed) && std::mem::replace(&mut self.asked, true)
     }
 }
@@ -44,17 +44,17 @@ impl Supervisor {
         stop: &AtomicBool,
         run: &mut dyn Run,
     ) -> RunReport {
-        let mut hurry = Hurry::new(stop);
+        let mut signals = StopSignals::new(stop);
         let mut late = Vec::new();
         for level in levels(&self.graph) {
-            late.extend(self.end_level(&level, &mut hurry));
+            late.extend(self.end_level(&level, &mut signals));
         }
         let early = match (early, late.is_empty()) {
             (early, true) => early,
             (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
         };
         let number = self.connect_all();
-        let records = self.wait_for_recorder(number, || hurry.comes());
+        let records = self.wait_for_recorder(number, || signals.abandon_wait());
         self.read_journals();
         self.tell_faults(run);
         let ledger = self.ledger.lines(&self.graph);
@@ -72,7 +72,7 @@ impl Supervisor {
             recording_failed: None,
             swept: std::mem::take(&mut self.swept),
         };
-        match self.finish_recording(&report, records, &mut hurry) {
+        match self.finish_recording(&report, records, &mut signals) {
             Ok(recorded) => report.recorded.extend(recorded),
             Err(reason) => report.recording_failed = Some(reason),
         }
@@ -87,8 +87,8 @@ impl Supervisor {
         report
     }
 
-    /// Has the processes of a level stop, and kills those that do not. Gives their names.
-    fn end_level(&mut self, level: &[usize], hurry: &mut Hurry) -> Vec<String> {
+    /// Stops the processes of a level, and kills those that do not stop in time. Gives the names of those.
+    fn end_level(&mut self, level: &[usize], signals: &mut StopSignals) -> Vec<String> {
         for index in level {
             if let Some(child) = &mut self.workers[*index].child {
                 child.tell(&ToWorker::Stop);
@@ -97,14 +97,14 @@ impl Supervisor {
         let begun = Instant::now();
         while let Some(index) = level.iter().find(|index| self.is_stopping(**index))
             && begun.elapsed() < STOP_PATIENCE
-            && !hurry.comes()
+            && !signals.abandon_wait()
         {
             self.read_journals();
             if let Some(child) = &mut self.workers[*index].child {
-                child.wait(GLANCE, &mut self.told, |c| c.stopped);
+                child.wait(POLL_INTERVAL, &mut self.told, |c| c.stopped);
             }
         }
-        // The others have stopped while one was waited for.
+        // Other processes may have stopped during the wait for one.
         self.listen();
         let mut late = Vec::new();
         for index in level {
@@ -120,7 +120,7 @@ impl Supervisor {
         late
     }
 
-    /// What the session should say is missing, as far as it is known here.
+    /// The gaps of the session that the supervisor knows of.
     fn gaps(&self, report: &RunReport) -> Vec<String> {
         let died = (self.recorder_deaths > 0).then(|| {
             let often = if self.recorder_deaths == 1 {
@@ -134,24 +134,25 @@ impl Supervisor {
         died.into_iter().chain(unbalanced).collect()
     }
 
-    /// Whether a worker was told to stop, lives, and has not stopped. One that never began has nothing to stop.
+    /// Whether a worker was ordered to stop and runs on. A worker that never began has nothing to stop.
     fn is_stopping(&self, index: usize) -> bool {
         let worker = &self.workers[index];
         worker.went && worker.child.as_ref().is_some_and(|c| !c.stopped && !c.is_gone())
     }
 
-    /// Has the recorder end the session; `answers`: it does what it is told. Says why the last part was ended by nobody.
+    /// Has the recorder end the session. `answers`: the recorder has answered its last order. Gives the reason for which
+    /// the last part has no end.
     fn finish_recording(
         &mut self,
         report: &RunReport,
         answers: bool,
-        hurry: &mut Hurry,
+        signals: &mut StopSignals,
     ) -> Result<Option<Recorded>, String> {
         if self.options.session.is_none() {
             return Ok(None);
         }
         let Some(mut recorder) = self.recorder.take() else {
-            return Err(self.recorder_fate.take().unwrap_or_else(|| "there is no recorder".to_string()));
+            return Err(self.recorder_exit.take().unwrap_or_else(|| "there is no recorder".to_string()));
         };
         if answers {
             let ledger = serde_json::to_string_pretty(&report.ledger).unwrap_or_default();
@@ -162,9 +163,9 @@ impl Supervisor {
             });
         }
         let begun = Instant::now();
-        // Much may wait for a slow disk, so it has more time than the others. A signal ends that.
-        while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !hurry.comes() {
-            recorder.wait(GLANCE, &mut self.told, Child::has_said);
+        // Many samples may wait for a slow disk, so the recorder has more time than the workers. A signal abandons the wait.
+        while answers && !recorder.is_gone() && begun.elapsed() < PATIENCE && !signals.abandon_wait() {
+            recorder.wait(POLL_INTERVAL, &mut self.told, Child::has_said);
             while let Some(said) = recorder.next() {
                 if let FromWorker::Recorded(RecorderReport { samples, bytes, cpu_ns, lost, part }) = said {
                     recorder.reap(STOP_PATIENCE);
@@ -173,7 +174,7 @@ impl Supervisor {
             }
         }
         if !recorder.is_gone() {
-            recorder.give_up(recorder.silence().max(begun.elapsed()));
+            recorder.kill_unresponsive(recorder.silence().max(begun.elapsed()));
         }
         Err(self.reap(recorder))
     }
@@ -228,14 +229,14 @@ mod tests {
         // It ended by a signal, or by itself.
         for stopped in [true, false] {
             let stop = AtomicBool::new(stopped);
-            let mut hurry = Hurry::new(&stop);
-            assert!(!hurry.comes());
-            let mut signal = || {
+            let mut signals = StopSignals::new(&stop);
+            assert!(!signals.abandon_wait());
+            let mut send = || {
                 stop.store(true, Ordering::Relaxed);
-                hurry.comes()
+                signals.abandon_wait()
             };
-            assert_eq!([signal(), signal()], [stopped, true]);
-            assert!(!hurry.comes(), "the next is waited for");
+            assert_eq!([send(), send()], [stopped, true]);
+            assert!(!signals.abandon_wait(), "the next is waited for");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What follows on the death of a child.
+//! The end of a child process: its restart, or the end of the run.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use super::{Supervisor, Worker};
 use crate::graph::Restart;
-use crate::live::children::{Child, ChildError, Told};
+use crate::live::children::{Child, ChildError, ReportedFault};
 use crate::live::control::ToWorker;
-use crate::live::room::is_full;
+use crate::live::reservation::is_full;
 use crate::restarts::{Answer, Restarts};
 
 /// Wait before the recorder is started again, ns; it doubles each time, up to [`RECORDER_LONGEST`].
@@ -31,7 +31,7 @@ pub(super) fn of_recorder() -> Restarts {
     Restarts::new(policy).waiting_at_most(RECORDER_LONGEST)
 }
 
-/// How a process ended, in words. A write beyond the end of shared memory is a SIGBUS.
+/// The text for the end of a process. A write beyond the end of shared memory is a SIGBUS.
 fn how(status: Option<ExitStatus>, is_full: impl Fn() -> bool) -> String {
     match status {
         None => "unknown".to_string(),
@@ -43,23 +43,24 @@ fn how(status: Option<ExitStatus>, is_full: impl Fn() -> bool) -> String {
 }
 
 impl Supervisor {
-    /// Buries the dead and starts again what is due. Says why the run cannot go on, if it cannot.
-    pub(super) fn care_for_children(&mut self, now: u64) -> Result<Option<String>, ChildError> {
+    /// Reaps exited children, and restarts those that are due. Gives the reason for which the run cannot go on, if there is
+    /// one.
+    pub(super) fn attend_children(&mut self, now: u64) -> Result<Option<String>, ChildError> {
         for index in 0..self.workers.len() {
             if let Some(reason) = self.answer_panics(index, now) {
                 return Ok(Some(reason));
             }
             if self.workers[index].child.as_ref().is_some_and(Child::is_gone)
-                && let Some(reason) = self.bury_worker(index, now)
+                && let Some(reason) = self.reap_worker(index, now)
             {
                 return Ok(Some(reason));
             }
         }
-        self.prove_recorder();
+        self.check_recorder();
         if self.recorder.as_ref().is_some_and(Child::is_gone) {
-            self.bury_recorder(now);
+            self.reap_recorder(now);
         }
-        self.clean_after_the_dead();
+        self.clean_dead_nodes_that_are_read();
         if self.recorder_due.is_some_and(|due| due <= now) {
             self.recorder_due = None;
             self.start_recorder()?;
@@ -71,11 +72,12 @@ impl Supervisor {
                 self.restart(index)?;
             }
         }
-        self.greet_the_new();
+        self.start_ready_processes();
         Ok(None)
     }
 
-    /// Tells operators that panicked when they begin again. Says why the run ends, if their policy has it so.
+    /// Orders operators that panicked to begin again at a time. Gives the reason for which the run ends, if their restart
+    /// policy ends it.
     fn answer_panics(&mut self, index: usize, now: u64) -> Option<String> {
         let Worker { child: Some(child), restarts, .. } = &mut self.workers[index] else { return None };
         for (name, said) in std::mem::take(&mut child.panicked) {
@@ -88,26 +90,26 @@ impl Supervisor {
         None
     }
 
-    /// Reaps a child that is gone, tells how it ended, and gives it.
+    /// Reaps a child that has exited, reports how it ended, and gives that text.
     pub(super) fn reap(&mut self, mut child: Child) -> String {
-        let (name, said) = (child.name.clone(), child.last_words.take());
+        let (name, said) = (child.name.clone(), child.fatal_reason.take());
         let status = child.reap(Duration::from_secs(1));
         let reason = format!("process {name} ended: {}", how(status, is_full));
-        self.told.push(Told { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
+        self.told.push(ReportedFault { operator: name, incarnation: 0, reason: reason.clone(), fatal: true });
         said.map_or_else(|| reason.clone(), |said| format!("{reason} ({said})"))
     }
 
-    /// Reaps a process that is gone, and has everyone connect to what it left. Its node is cleaned once the recorder has
-    /// done the order that went before it `began`: as a rule it has. Says how it ended.
-    fn bury(&mut self, child: Child, process: Option<usize>, began: u64) -> String {
+    /// Reaps a process that has exited, and has all others connect to the samples that it left. Its node is cleaned once the
+    /// recorder has connected to it, by the order that went before the process `began`. Gives the text for its end.
+    fn reap_and_reconnect(&mut self, child: Child, process: Option<usize>, began: u64) -> String {
         self.dead.push(Dead { process, pid: child.pid(), began });
         let reason = self.reap(child);
         self.connect_all();
         reason
     }
 
-    /// Cleans the nodes of the dead, but of those that sent what the recorder has not connected to yet.
-    fn clean_after_the_dead(&mut self) {
+    /// Cleans the nodes of exited processes, except those to which the recorder has not connected yet.
+    fn clean_dead_nodes_that_are_read(&mut self) {
         let (kept, known): (Vec<_>, Vec<_>) =
             std::mem::take(&mut self.dead).into_iter().partition(|dead| !self.is_recorder_at(dead.began));
         if !known.is_empty() {
@@ -123,10 +125,10 @@ impl Supervisor {
     }
 
     /// A worker is gone: its restart is planned, if its policy allows one.
-    fn bury_worker(&mut self, index: usize, now: u64) -> Option<String> {
+    fn reap_worker(&mut self, index: usize, now: u64) -> Option<String> {
         let child = self.workers[index].child.take()?;
         let Worker { process, greeted, .. } = self.workers[index];
-        let reason = self.bury(child, Some(process), greeted);
+        let reason = self.reap_and_reconnect(child, Some(process), greeted);
         let worker = &mut self.workers[index];
         worker.went = false;
         match worker.restarts.failed(now) {
@@ -141,7 +143,7 @@ impl Supervisor {
     fn restart(&mut self, index: usize) -> Result<(), ChildError> {
         self.workers[index].due = None;
         for operator in self.graph.processes[self.workers[index].process].operators.clone() {
-            self.lives[operator] += 1;
+            self.incarnations[operator] += 1;
         }
         let child = self.start_worker(index)?;
         self.workers[index].child = Some(child);
@@ -150,9 +152,9 @@ impl Supervisor {
 
     /// A recorder that dies goes on in the next part of the session. The run does not end by it: the session says what
     /// is missing.
-    fn bury_recorder(&mut self, now: u64) {
+    fn reap_recorder(&mut self, now: u64) {
         let Some(child) = self.recorder.take() else { return };
-        self.recorder_fate = Some(self.bury(child, None, 0));
+        self.recorder_exit = Some(self.reap_and_reconnect(child, None, 0));
         self.recorder_deaths += 1;
         if let Answer::Again { at } = self.recorder_restarts.failed(now) {
             self.recorder_due = Some(at);
@@ -160,7 +162,7 @@ impl Supervisor {
     }
 
     /// Processes whose ports are made since the last look: everyone connects to them, then they begin.
-    fn greet_the_new(&mut self) {
+    fn start_ready_processes(&mut self) {
         let is_new = |w: &Worker| !w.went && w.child.as_ref().is_some_and(|c| c.made);
         let recorder = self.recorder.as_ref().is_some_and(|r| r.made && r.ordered == 0);
         if !recorder && !self.workers.iter().any(is_new) {

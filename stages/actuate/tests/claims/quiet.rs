@@ -4,7 +4,7 @@ use stillpoint_actuate::operators::{ActuateValves, GateBeam};
 use stillpoint_operator::Operator;
 use stillpoint_operator::Outputs;
 use stillpoint_operator::Setup;
-use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
+use stillpoint_operator::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use stillpoint_samples::{
     Actuation, ActuationElement, AlignedBytes, Cause, ConsoleCommand, Duties, Gate, Header, Pieces,
     PoseReport, Sample, SampleKind, Target, Track, Verb,
@@ -65,7 +65,7 @@ impl<T: Operator> Quiet<T> {
     fn step(&mut self, index: u64, time: u64, samples: &[(usize, Pieces<'_>)]) {
         self.drafts.clear();
         self.stock.0 = self.kinds.iter().map(|(kind, n)| Some(Buffer::heap(kind, *n))).collect();
-        let mut inputs = [Brought::default(); 8];
+        let mut inputs = [ActivationInput::default(); 8];
         for (port, pieces) in samples {
             inputs[*port].sample = Some(Consumed { pieces: *pieces, held: false });
         }

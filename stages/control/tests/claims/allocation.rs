@@ -6,7 +6,7 @@ use stillpoint_control::features::{Features, Learned};
 use stillpoint_control::operators::{ControlLqg, ControlMrac, ControlPi, ControlTarget};
 use stillpoint_operator::Outputs;
 use stillpoint_operator::Setup;
-use stillpoint_operator::activation::{Activation, Brought, Consumed, RandomKey};
+use stillpoint_operator::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_operator::{Operator, Registry};
 use stillpoint_samples::{
@@ -91,15 +91,17 @@ fn allocations<T: Operator>(graph: &Graph, files: &MemoryFiles, name: &str, step
         };
         let state = sample::<Track>(&track, time);
         let target = sample::<Target>(&target, time);
-        let consumed =
-            |pieces| Brought { sample: Some(Consumed { pieces, held: false }), ..Brought::default() };
+        let consumed = |pieces| ActivationInput {
+            sample: Some(Consumed { pieces, held: false }),
+            ..ActivationInput::default()
+        };
         let pressures = ActuationElement {
             pressure: [7e3 + 1e3 * wave; 8],
             state: ActuationState::Armed as u32,
             ..ActuationElement::default()
         };
         let pressures = sample::<Actuation>(&pressures, time);
-        let mut inputs = [Brought::default(); 3];
+        let mut inputs = [ActivationInput::default(); 3];
         inputs[0] = consumed(Pieces::split(Track::KIND, &state).unwrap());
         if T::KIND.inputs[1].sample.name == "Target" {
             inputs[1] = consumed(Pieces::split(Target::KIND, &target).unwrap());

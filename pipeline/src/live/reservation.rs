@@ -1,9 +1,9 @@
-//! Room in shared memory. A write beyond the end of `/dev/shm` would be a SIGBUS, so a run begins only where all that it
-//! may ever take is there.
+//! The reservation of shared memory. A write beyond the end of `/dev/shm` would be a SIGBUS, so a run begins only where
+//! `/dev/shm` has room for the most that the run can take.
 //!
-//! Memory is taken page by page as samples are written: for a while after a run began it looks free. So each run says in
-//! its folder how much it may take, and leaves to the others what they said and have not taken yet. Runs of other users
-//! cannot be seen.
+//! The system hands out memory page by page as samples are written, so the memory of a young run looks free. Therefore each
+//! run notes in its folder how much it may take, and a new run counts the notes of the others. It cannot see runs of other
+//! users.
 
 use std::fs::OpenOptions;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -16,7 +16,7 @@ use super::contracts;
 use super::run_folder::{RunFolder, RunFolderError, others_alive, prefix_of};
 use crate::graph::Graph;
 
-/// Where shared memory is.
+/// The folder of shared memory.
 const SHARED: &str = "/dev/shm";
 /// In the folder of a run: bytes that it may take.
 const ROOM: &str = "room";
@@ -86,7 +86,7 @@ fn others(promised: u64) -> String {
     }
 }
 
-/// Reserves what the topics of a graph may take, or says what is missing.
+/// Reserves the memory that the topics of a graph may take.
 pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), ReserveError> {
     let topics = contracts::all(graph);
     allow_files(topics.len() as u64)?;
@@ -136,7 +136,7 @@ fn allow_files(topics: u64) -> Result<(), ReserveError> {
         .map_err(|e| ReserveError::Limit { limit: Box::new(reason), reason: e })
 }
 
-/// A process without files left does not see what others send: the run would be there, and do nothing.
+/// A process that can open no more files receives no samples: the run would go on and do nothing.
 fn too_few_files(topics: u64, limit: Option<u64>) -> Option<ReserveError> {
     let needed = OWN_FILES + FILES_OF_A_TOPIC * topics;
     let allowed = limit.filter(|limit| *limit < FEW_FILES && *limit < needed)?;
