@@ -81,7 +81,9 @@ fn closed_loops_replay_bit_for_bit_what_they_did_live() {
 fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     let folder = tempfile::tempdir().unwrap();
     // The far end has another key than the valves, and half a metre is more than any bladder lifts.
-    std::fs::write(folder.path().join("own.key"), "0123456789abcdef0123456789abcdef".repeat(2)).unwrap();
+    let key = folder.path().join("own.key");
+    std::fs::write(&key, "0123456789abcdef0123456789abcdef".repeat(2)).unwrap();
+    std::fs::set_permissions(&key, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
     std::fs::create_dir_all(folder.path().join("examples/data")).unwrap();
     std::fs::copy(root().join("examples/data/rig.key"), folder.path().join("examples/data/rig.key")).unwrap();
     let file = folder.path().join("pipeline.yaml");
