@@ -110,7 +110,11 @@ impl Run {
         }
         // In one process no core is asked for.
         let in_processes = self.is_live() || self.lock_step == Some(LockStep::Processes);
-        let machine = if in_processes { Machine::here() } else { Machine::default() };
+        let machine = match (self.is_live(), in_processes) {
+            (true, _) => Machine::here(),
+            (false, true) => Machine::here().in_session_time(),
+            (false, false) => Machine::default(),
+        };
         let checked = match self.pipeline.check(registry, &machine) {
             Ok(checked) => checked,
             Err(refused) => return refused.end(self.json),

@@ -102,6 +102,7 @@ fn far_operator<'t>(
         frame: None,
         has_frame: None,
         latency: 0,
+        has_latency: None,
         deadline: None,
         link: wire,
     })

@@ -9,23 +9,35 @@ use super::faults::{Code, Findings};
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Machine {
     cores: BTreeSet<usize>,
+    /// A run on it is live: a step that misses its deadline is a fault of the machine, not part of the model.
+    is_live: bool,
 }
 
 impl Machine {
-    /// This machine: the cores that this process may use.
+    /// This machine, for a live run: the cores that this process may use.
     pub fn here() -> Self {
         let set = rustix::thread::sched_getaffinity(None);
         let all = 0..rustix::thread::CpuSet::MAX_CPU;
-        Self { cores: set.map(|set| all.filter(|core| set.is_set(*core)).collect()).unwrap_or_default() }
+        let cores = set.map(|set| all.filter(|core| set.is_set(*core)).collect()).unwrap_or_default();
+        Self { cores, is_live: true }
+    }
+
+    /// The same for a run in session time: there, a `latency` above the `deadline` models a step that comes too late.
+    #[must_use]
+    pub fn in_session_time(self) -> Self {
+        Self { is_live: false, ..self }
     }
 
     /// A machine with these cores.
     pub fn with_cores(cores: impl IntoIterator<Item = usize>) -> Self {
-        Self { cores: cores.into_iter().collect() }
+        Self { cores: cores.into_iter().collect(), is_live: true }
     }
 
     /// Finds what a pipeline, or the part of it that runs on `host`, asks for and this machine does not have.
     pub(super) fn check(&self, document: &Document<'_>, host: Option<&str>, findings: &Findings) {
+        if self.is_live {
+            check_deadlines(document, findings);
+        }
         // Where the system does not say which cores there are, the run will.
         let Some(nearest) = self.cores.last() else { return };
         let here = document.processes.iter().filter(|p| host.is_none_or(|host| p.host.value == host));
@@ -62,5 +74,25 @@ impl Machine {
         };
         let list = ranges.iter().map(one).collect::<Vec<_>>().join(", ");
         if self.cores.len() == 1 { format!("core {list}") } else { format!("the cores {list}") }
+    }
+}
+
+/// Finds operators whose steps are declared to miss their deadline.
+fn check_deadlines(document: &Document<'_>, findings: &Findings) {
+    for operator in &document.operators {
+        if let (Some(place), Some(deadline)) = (operator.has_latency, operator.deadline)
+            && operator.latency > deadline
+        {
+            findings.say(
+                place,
+                Code::OutOfRange,
+                format!(
+                    "each step would last {} ms and miss its deadline of {} ms",
+                    operator.latency as f64 * 1e-6,
+                    deadline as f64 * 1e-6
+                ),
+                "make `latency` at most as long as `deadline`",
+            );
+        }
     }
 }

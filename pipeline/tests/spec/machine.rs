@@ -32,3 +32,20 @@ fn a_core_that_is_there_is_taken_and_no_machine_asks_for_none() {
     assert!(check_for(&Machine::with_cores([99]), TEXT, "seated.yaml", &[], &registry(), &Disk).is_ok());
     assert!(check(TEXT, "seated.yaml", &[], &registry(), &Disk).is_ok());
 }
+
+#[test]
+fn a_latency_above_the_deadline_is_a_fault_of_a_live_run_and_a_model_in_session_time() {
+    let text = "stillpoint: 1\nname: late\noperators:\n  \
+                rig: { use: rig.three_bladders, every: 33 ms, latency: 40 ms, deadline: 30 ms }\n";
+    let on = |machine: &Machine| check_for(machine, text, "late.yaml", &[], &registry(), &Disk);
+    let faults = on(&Machine::here()).err().unwrap();
+    assert_eq!(
+        faults.to_string(),
+        "late.yaml:4:58: each step would last 40 ms and miss its deadline of 30 ms\n \
+         4 |   rig: { use: rig.three_bladders, every: 33 ms, latency: 40 ms, deadline: 30 ms }\n   \
+         |                                                          ^^^^^\n  \
+         help: make `latency` at most as long as `deadline`\n"
+    );
+    assert!(on(&Machine::here().in_session_time()).is_ok());
+    assert!(check(text, "late.yaml", &[], &registry(), &Disk).is_ok(), "a session of it can be replayed");
+}
