@@ -15,7 +15,7 @@ pub struct Encoded {
     pub(crate) form: Form,
     pub(crate) shared: Shared,
     pub(crate) header: Header,
-    /// The message; behind it the one that stands beside it, if there is one.
+    /// The message, followed by the message beside it, if there is one.
     bytes: Vec<u8>,
     message: usize,
 }
@@ -73,7 +73,7 @@ impl Encoded {
         &self.bytes[..self.message]
     }
 
-    /// The message that stands beside it for viewers; empty where none does.
+    /// The message beside it for viewers; empty if there is none.
     pub(crate) fn beside(&self) -> &[u8] {
         &self.bytes[self.message..]
     }

@@ -31,12 +31,12 @@ pub enum Ended {
         /// Bytes in the file.
         size: u64,
     },
-    /// The recorder died, and the last part was mended.
+    /// The recorder died, and the last part was repaired.
     Mended {
         /// The last part.
         part: PathBuf,
     },
-    /// Another program recorded it: nothing says.
+    /// Another program recorded it: the end is unknown.
     Foreign,
 }
 
@@ -72,7 +72,7 @@ impl Session {
         }
     }
 
-    /// Whether [`crate::recover_session`] would mend a part of it.
+    /// Whether [`crate::recover_session`] would repair a part of it.
     pub fn needs_mending(&self) -> bool {
         !self.parts.iter().any(|p| p.is_being_written) && self.parts.iter().any(Part::needs_mending)
     }

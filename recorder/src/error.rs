@@ -26,7 +26,7 @@ pub enum SessionError {
         /// The folder.
         path: PathBuf,
     },
-    /// A folder whose parts hold nothing.
+    /// A folder whose parts are empty.
     #[error(
         "{part} is there and holds nothing: its recorder died before it wrote anything, or the file was emptied"
     )]

@@ -16,8 +16,8 @@ pub fn create_session(path: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(path)
 }
 
-/// Creates the next part of a session, mode 0600: the first, or the one after the last that is there. It is locked for
-/// as long as the file is open, so that nobody mends it meanwhile.
+/// Creates the next part of a session, mode 0600: the first part, or the part after the last one. It is locked as long
+/// as the file is open, so that no other program repairs it meanwhile.
 ///
 /// # Errors
 /// What the operating system answers.
@@ -76,7 +76,7 @@ pub fn session_parts(path: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(parts.into_iter().map(|(_, path)| path).collect())
 }
 
-/// Whether a part is so short that its recorder died before it wrote anything: it is no MCAP file, and holds nothing.
+/// Whether a part is so short that its recorder died before it wrote anything: it is not an MCAP file, and it is empty.
 pub(crate) fn is_blank(part: &Path) -> io::Result<bool> {
     let bytes = std::fs::metadata(part)?.len();
     Ok(bytes < mcap::MAGIC.len() as u64)

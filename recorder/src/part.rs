@@ -54,7 +54,7 @@ impl Part {
         self.has_record(END_RECORD)
     }
 
-    /// Whether this project recorded it. That it was mended says nothing of that.
+    /// Whether this project recorded it, repaired or not.
     pub fn is_ours(&self) -> bool {
         let own = |name: &str| name.starts_with("stillpoint.") && name != RECOVERED_RECORD;
         self.scan.metadata.iter().any(|(name, _)| own(name))
@@ -140,7 +140,7 @@ impl Part {
         })
     }
 
-    /// Adds the schemas and channels that stand again behind the data: those of a damaged chunk may be among them.
+    /// Adds the schemas and channels that are repeated after the data: those of a damaged chunk may be among them.
     fn add_repeated(&mut self, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<()> {
         for block in std::mem::take(&mut self.scan.repeated) {
             block.load(&self.source, bytes, stored)?;
@@ -153,7 +153,7 @@ impl Part {
         Ok(())
     }
 
-    /// Puts the records of a block, as it was when the part was opened, into `bytes`; nothing where they are damaged.
+    /// Puts the records of a block, as it was when the part was opened, into `bytes`; none if they are damaged.
     pub fn records(&self, number: usize, bytes: &mut Buffer, stored: &mut Buffer) -> io::Result<()> {
         match self.scan.blocks.get(number).map(|b: &Block| b.load(&self.source, bytes, stored)).transpose()? {
             Some(Loaded::Whole | Loaded::Partial) => {}

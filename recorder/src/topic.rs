@@ -1,4 +1,4 @@
-//! What a session says about a topic: its kind, who sends it, and whether replay can do without it.
+//! The description of a topic in a session: its kind, its sender, and whether replay needs it.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ pub(crate) const TOPIC_RECORD: &str = "stillpoint.topic";
 pub enum Role {
     /// The journal of an operator. Replay needs every entry.
     Journal {
-        /// Topic that feeds each input of the operator, by the input's number; empty where none does.
+        /// Topic that feeds each input of the operator, by the input's number; empty if there is none.
         inputs: Vec<String>,
         /// Topic of each output of the operator, by the output's number.
         outputs: Vec<String>,
@@ -21,7 +21,8 @@ pub enum Role {
     Source,
     /// What an operator computed. Replay makes it again.
     Computed,
-    /// What the live executor measured: how long something took. No run has it twice, so replay does not compare it.
+    /// A measurement of the live executor: how long a step took. Every run has other values, so replay does not compare
+    /// them.
     Measured,
 }
 
@@ -52,7 +53,7 @@ pub struct TopicInfo {
     pub kind: &'static SampleKind,
     /// The frame that its coordinates are in, where they are in one.
     pub frame: Option<String>,
-    /// What it is to replay.
+    /// The role of the topic in a replay.
     pub role: Role,
 }
 

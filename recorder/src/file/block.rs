@@ -47,7 +47,7 @@ pub(crate) enum Loaded {
     Whole,
     /// What came out before the cut.
     Partial,
-    /// Not what was written; its records cannot be believed.
+    /// The bytes are not those that were written; its records cannot be used.
     Damaged(String),
 }
 

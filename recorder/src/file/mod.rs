@@ -1,4 +1,4 @@
-//! An MCAP file as bytes: records, chunks, and the walk over both. Nothing here panics or trusts a length.
+//! An MCAP file as bytes: records, chunks, and the walk over both. This code never panics and never trusts a length.
 //!
 //! - `buffer`: bytes whose room is kept from one use to the next
 //! - `source`: bytes in memory or in a file, read by offset

@@ -13,7 +13,7 @@ const MAGIC: &[u8] = &[0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
 /// Bytes that are read at once to find the header of a chunk; its longest part is the compression's name.
 const CHUNK_HEADER_READ: usize = 256;
 
-/// Something in a file that is not what was written.
+/// Damage in a file: bytes that are not those that were written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Damage {
     /// Where it starts, in bytes from the start of the file.

@@ -1,8 +1,8 @@
 //! How a sample stands in a recording, and how its exact bytes come back.
 //!
-//! Kinds that ROS has a message for are recorded as that message, the others as their own bytes, which are a CDR body
-//! already. A sample whose standard message would lose anything (a stamp beyond the range of ROS time, a grid that is
-//! not its point count) is recorded in its own form on the same topic, so that every form is lossless by construction.
+//! Kinds that have a ROS message are recorded as that message. The others are recorded as their own bytes, which are a
+//! CDR body already. A sample whose standard message would lose anything (a stamp beyond the range of ROS time, a grid
+//! that is not its point count) is recorded in its own form on the same topic, so every form is lossless.
 //!
 //! What a standard message has no place for: the origin is MCAP's `publish_time` (on every channel), the low half of
 //! the sequence is MCAP's `sequence`, and the high half, the incarnation and what else holds for many samples at once
@@ -119,7 +119,7 @@ impl Form {
         (name.to_owned(), text.to_owned())
     }
 
-    /// What the channel of this sample must say. `None`: this form would lose something of it.
+    /// The values that the channel of this sample must have. `None`: this form would lose a part of the sample.
     pub fn shared(self, sample: &Pieces<'_>) -> Option<Shared> {
         let header = sample.header();
         if self == Self::Own {
