@@ -1,4 +1,4 @@
-//! The files of a folder: which are images, which are structure sets, which are something else.
+//! The files of a folder: images, structure sets, and others.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

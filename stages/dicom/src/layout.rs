@@ -1,8 +1,8 @@
-//! Whether a file's lengths hold together, before a parser trusts them.
+//! Checks the lengths in a file before a parser trusts them.
 //!
-//! A DICOM element says how long it is, and sequences nest. A parser that takes memory for what a broken file claims, or
-//! goes as deep as it claims, can be brought down by a few bytes; so every length is compared with what is left, and the
-//! depth is bounded, first. That also names the tag where a file is cut off.
+//! A DICOM element states its length, and sequences nest. A parser that allocates what a broken file claims, or nests
+//! as deep as it claims, can be brought down by a few bytes. So every length is first compared with the bytes that are
+//! left, and the depth is bounded. This also names the tag at which a file is cut off.
 
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
 use dicom_core::{Tag, VR};
@@ -74,7 +74,7 @@ pub enum LayoutError {
         /// Where it begins.
         at: usize,
     },
-    /// Something stands where it cannot.
+    /// An element at a place where it is not allowed.
     #[error("{tag} at byte {at} {why}: the file is damaged, or written wrongly; export it again")]
     Wrong {
         /// The element.

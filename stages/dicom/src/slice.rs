@@ -72,7 +72,7 @@ impl Slice {
     }
 }
 
-/// Refuses patients who do not lie head first supine, and images that are not across the patient.
+/// Refuses patients who do not lie head first supine, and images that are not axial.
 fn placed(object: &InMemDicomObject) -> Result<(), TagError> {
     let position = text(object, tags::PATIENT_POSITION)?;
     if position != "HFS" {

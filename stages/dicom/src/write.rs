@@ -1,7 +1,7 @@
 //! What RTPLAN and RTDOSE share.
 //!
-//! Files are explicit little endian. Nothing in them depends on a clock: dates and times that the standard lets be empty
-//! are empty, and new UIDs come from the content ([`Uid::of_content`]), so the same plan makes the same bytes.
+//! Files are explicit little endian. Nothing in them depends on a clock: dates and times that the standard allows to be
+//! empty are empty, and new UIDs come from the content ([`Uid::of_content`]). So the same plan makes the same bytes.
 
 use dicom_core::{DataElement, PrimitiveValue, Tag, VR};
 use dicom_dictionary_std::{tags, uids};

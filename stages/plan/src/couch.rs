@@ -24,7 +24,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Nothing moves.
+    /// No motion.
     pub fn none() -> Self {
         Self { rotation: Matrix3::identity(), shift_mm: Vector3::zeros() }
     }

@@ -7,7 +7,7 @@ use super::ring::Ring;
 use crate::Setups;
 use crate::dose::{BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
 
-/// The doses of some beams of a ring. A beam that was not asked for has no dose, and no plan can be made of it.
+/// The doses of some beams of a ring. The other beams have no dose, and no plan can use them.
 #[derive(Debug)]
 pub struct RingDoses {
     /// For each beam of the ring one dose for each set-up.
@@ -15,7 +15,7 @@ pub struct RingDoses {
 }
 
 impl RingDoses {
-    /// The doses of `beams`, by an engine for each set-up, the planned one first. `on_beam` hears of each that is there.
+    /// The doses of `beams`, by an engine for each set-up, the planned one first. `on_beam` is called for each beam.
     pub fn load(
         cache: &DoseCache,
         engines: &[DoseEngine],

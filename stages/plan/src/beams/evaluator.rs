@@ -116,7 +116,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         }
     }
 
-    /// Solves and prices on up to so many threads.
+    /// Solves and prices on at most this many threads.
     #[must_use]
     pub fn with_threads(mut self, threads: NonZeroUsize) -> Self {
         self.threads = threads;

@@ -9,8 +9,9 @@ const TRIED: usize = 3;
 
 /// From the greedy set, exchanges one beam for another as long as that is better.
 ///
-/// In each round every beam, the one that carries least first, is offered for its dearest replacements, priced beside
-/// the plan as it stands. Rounds without gain look further down the price list; it ends where that is at its end.
+/// In each round every beam, the beam that carries least first, may be replaced by the beams with the highest price,
+/// priced beside the present plan. Rounds without gain look further down the price list; the search ends at the end of
+/// the list.
 pub fn search<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>) -> Result<(), Stop> {
     let mut now = greedy::search(evaluator)?;
     let ring = evaluator.ring();

@@ -7,7 +7,7 @@ use super::ring::Ring;
 
 /// Adds beams until the plan has its number: each time the legal one of the highest price, the first among equals.
 ///
-/// A beam is legal where the ones still to come find room too.
+/// A beam is legal if the beams that follow still find room.
 pub fn search<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>) -> Result<Arc<Evaluated>, Stop> {
     let (ring, wanted) = (evaluator.ring(), evaluator.beams());
     let mut now: Option<Arc<Evaluated>> = None;

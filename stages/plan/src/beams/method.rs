@@ -1,4 +1,4 @@
-//! The classical ways to choose beams. Each spends a budget of solves and knows nothing else of time.
+//! The classical methods of choosing beams. Each spends a budget of solves and does not depend on time.
 
 use std::sync::Arc;
 
@@ -33,11 +33,11 @@ pub enum Method {
 pub struct Choice {
     /// The best set and its fluence.
     pub best: Arc<Evaluated>,
-    /// Whether the budget ended it: else it had nothing more to try.
+    /// Whether the budget ended the search; otherwise there was nothing left to try.
     pub spent: bool,
 }
 
-/// Why a method found nothing.
+/// The reasons why a method found no set.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum ChoiceError {
     /// So many beams do not fit, or given ones do not.

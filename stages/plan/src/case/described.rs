@@ -1,7 +1,7 @@
 //! NRRD volumes with the JSON beside them, to a case.
 //!
-//! The JSON names the volumes, says what the bits of the labels mean, and repeats the grid; where both speak they must
-//! agree.
+//! The JSON names the volumes, gives the meaning of the bits of the labels, and repeats the grid. If JSON and volumes
+//! state the same thing, they must agree.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! The table that structure names are matched by.
 //!
-//! Names in clinics are written in many ways. A name is compared by its letters and digits alone, without case; `*` in
-//! the table stands for any of them. The first line that matches gives the name, the role, or both. A user's table goes
-//! before the shipped one ([`NameTable::before`]).
+//! Clinics write names in many ways. A name is compared by its letters and digits alone, without case; `*` in the table
+//! stands for any of them. The first line that matches gives the name, the role, or both. A user's table has priority
+//! over the shipped table ([`NameTable::before`]).
 
 use std::collections::BTreeSet;
 
@@ -52,7 +52,7 @@ pub enum NamesError {
         "the names table cannot be read: {0}; it must be like {{\"structures\": [{{\"name\": \"Bladder\", \"role\": \"organ\", \"match\": [\"bladder*\"]}}]}}"
     )]
     Json(#[from] serde_json::Error),
-    /// A line says nothing, or matches nothing.
+    /// A line that says nothing, or matches nothing.
     #[error("line {0} of the names table needs a `match` with letters or digits, and a `name` or a `role`")]
     Line(usize),
 }
@@ -92,8 +92,9 @@ impl NameTable {
 }
 
 impl NameTable {
-    /// The names and roles in a case of structures as they were written. Of several that match one name, that which has
-    /// it already gets it, else the first; the others keep theirs. `notes` gets a sentence for each change of a name.
+    /// The names and roles of the structures of a case, from the names as they were written. If several match one name,
+    /// the structure that already has the name gets it, else the first; the others keep their own. `notes` gets a
+    /// sentence for each changed name.
     pub fn apply(&self, written: &[(&str, Role)], notes: &mut Vec<String>) -> Vec<(String, Role)> {
         let found: Vec<_> = written.iter().map(|(name, _)| self.find(name)).collect();
         let mut taken: BTreeSet<&str> = written.iter().map(|(name, _)| *name).collect();

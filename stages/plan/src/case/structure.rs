@@ -16,7 +16,7 @@ pub enum Role {
     ClinicalTarget,
     /// An organ at risk.
     Organ,
-    /// Anything else that was drawn: markers, couch, planning aids.
+    /// Any other drawn structure: markers, couch, planning aids.
     Other,
 }
 
@@ -53,7 +53,7 @@ impl Role {
 pub struct Structure {
     /// Its name, unique in a case.
     pub name: String,
-    /// What it is to a plan.
+    /// Its role in a plan.
     pub role: Role,
     /// Its voxels.
     pub mask: Mask,

@@ -4,8 +4,8 @@ use super::machine::Machine;
 use crate::Grid;
 use crate::case::Mask;
 
-/// Density inside the external contour and 0 outside of it, linear between the centres of the image's voxels. Outside of
-/// the image there is nothing.
+/// Density inside the external contour and 0 outside of it, linear between the centres of the image's voxels. Outside
+/// of the image the density is 0.
 pub(crate) fn on_grid(image: &Grid, hu: &[i16], external: &Mask, machine: &Machine, grid: &Grid) -> Vec<f32> {
     let mut density = vec![0.0_f32; image.len()];
     for voxel in external.indices() {

@@ -1,7 +1,8 @@
 //! The beam's eye: where a point of the patient lies as seen from the source.
 
-/// The frame of one beam. Its origin is the source, `y` runs from there through the isocentre, and for gantry angle 0
-/// its axes are those of the DICOM patient frame. The patient lies head first and supine; the couch is at 0 degrees.
+/// The frame of one beam. Its origin is the radiation source, `y` runs from there through the isocentre, and for gantry
+/// angle 0 its axes are those of the DICOM patient frame. The patient lies head first and supine; the couch is at 0
+/// degrees.
 ///
 /// The gantry angle is that of IEC 61217: at 0 degrees the source is in front of the patient, at 90 on his left.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -26,7 +26,7 @@ const SAD_MM: f64 = 1000.0;
 const REFERENCE_DEPTH_MM: f64 = 100.0;
 /// Dose of the reference field before it is brought to 1 Gy per unit weight; `water.rs` holds the outcome.
 const REFERENCE_DOSE: f64 = 0.76065;
-/// Side of the cell that the kernels' first value, at their pole, stands for: the distance of samples in `kernel.rs`.
+/// Side of the cell of the kernels' first value, at their pole: the distance of samples in `kernel.rs`.
 const CELL_MM: f64 = 0.5;
 
 impl MachineFile {

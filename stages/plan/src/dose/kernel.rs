@@ -2,7 +2,7 @@
 
 use super::machine::Machine;
 
-/// Distance between samples, mm. It is fixed: a kernel's value at its pole stands for a cell of this size.
+/// Distance between samples, mm. It is fixed: a kernel's value at its pole belongs to a cell of this size.
 const STEP_MM: f64 = 0.5;
 /// The penumbra's Gaussian ends at this many standard deviations.
 const GAUSS_SIGMAS: f64 = 5.0;

@@ -2,7 +2,7 @@
 //!
 //! Siddon, Med. Phys. 12 (1985) 252: the crossings with the three families of planes cut the line into segments, one
 //! for each voxel. Here the nearest crossing of the three is taken step by step, each computed from its plane's number,
-//! so that nothing adds up along the line.
+//! so that rounding errors do not add up along the line.
 
 use crate::Grid;
 

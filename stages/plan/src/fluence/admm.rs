@@ -1,7 +1,7 @@
 //! The dissertation's solver: the alternating direction method of multipliers, corrected (SCIENCE F2, F3).
 //!
-//! [`least_squares`] is (D.1)-(D.5); [`solve`] splits the doses off too and so takes over- and under-dose. Both factor
-//! one matrix once. They stand beside the fast solver as a reference that shares nothing with it.
+//! [`least_squares`] is (D.1)-(D.5); [`solve`] also splits the doses off, for over- and under-dose. Both factor one
+//! matrix once. They are a reference for the fast solver and share no code with it.
 
 use faer::Mat;
 

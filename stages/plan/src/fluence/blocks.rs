@@ -7,7 +7,7 @@ use super::problem::Problem;
 
 /// Columns of a block. Bixels of a beam stand together, so a block is about a beam: it holds how neighbours overlap.
 const WIDTH: usize = 400;
-/// Fall of a diagonal, over its peak, after which what is left of it is taken to be rounding.
+/// Fall of a diagonal, over its peak, beyond which the rest of it counts as rounding.
 const FALL: f64 = 1e-6;
 
 /// Lower triangles of the diagonal blocks of `S A^T C A S`, kept up to date as the curvatures `C` of the rows change.

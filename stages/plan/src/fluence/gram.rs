@@ -7,7 +7,7 @@ use super::problem::Problem;
 
 /// Rows that enter the product together.
 const PANEL: usize = 128;
-/// Fall of a diagonal, over its peak, after which what is left of it is taken to be rounding.
+/// Fall of a diagonal, over its peak, beyond which the rest of it counts as rounding.
 const FALL: f64 = 1e-6;
 
 /// `G = S A^T C A S` with the curvatures `C` of the rows and a scale `S` of the columns. The lower triangle is kept.
@@ -29,8 +29,8 @@ impl Gram {
         Self { matrix: Mat::zeros(n, n), scale, standing: vec![0.0; rows], peak: vec![0.0; n] }
     }
 
-    /// Brings it to the curvatures at these doses: only rows that changed are added or taken away, unless so much has
-    /// been taken away that what is left would be rounding.
+    /// Updates it to the curvatures at these doses: only rows that changed are added or removed, unless so much has
+    /// been removed that the rest would be rounding.
     pub fn update(&mut self, problem: &Problem, dose: &[f64]) {
         self.change(problem, dose);
         let fell = self.diagonal().zip(&self.peak).any(|(now, peak)| now < FALL * peak);

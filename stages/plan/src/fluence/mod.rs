@@ -1,7 +1,7 @@
 //! Fluence: the weights of the bixels that come nearest to what is wanted (ch. 5.1.4, app. D; SCIENCE F).
 //!
-//! - `objective`: what can be wanted of a structure; `goals`: what is wanted of all, and the problem it makes of dose
-//!   matrices
+//! - `objective`: the objectives of a structure; `goals`: the objectives of all structures, and the problem that they
+//!   make of dose matrices
 //! - `plan`: its solution, DVH points included
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid

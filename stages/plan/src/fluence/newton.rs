@@ -25,7 +25,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// What holds where nothing else is said.
+    /// The defaults.
     pub const DEFAULT: Self = Self { tolerance: 1e-8, max_steps: 400, dense_columns: 12_000 };
 }
 

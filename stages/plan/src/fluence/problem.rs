@@ -31,7 +31,7 @@ pub struct Term {
 /// `min F(x) = sum_t weight_t max(0, +-(d_row(t) - goal_t))^2`, `d = A x`, `x >= 0`: (5.1) corrected (SCIENCE F1) without
 /// its factor 1/2, as the objectives of a plan are summed. Convex, piecewise quadratic, once differentiable.
 ///
-/// A row may have any number of terms, also none, and goals of an over-dose below those of an under-dose.
+/// A row may have any number of terms, also none, and over-dose goals below under-dose goals.
 #[derive(Clone, Debug)]
 pub struct Problem {
     matrix: Arc<Csr>,

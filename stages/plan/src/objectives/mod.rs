@@ -1,4 +1,4 @@
-//! What is wanted of each structure: a table by names and roles, and the goals that it makes of a case.
+//! The objectives of each structure: a table by names and roles, and the goals of a case.
 //!
 //! ```
 //! use stillpoint_plan::case::phantom;

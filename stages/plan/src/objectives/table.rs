@@ -64,7 +64,7 @@ pub enum TableError {
         "the objectives cannot be read: {0}; they must be like {{\"objectives\": [{{\"match\": [\"Rectum\"], \"wanted\": [{{\"overdose\": {{\"dose\": \"35 Gy\", \"weight\": 20}}}}]}}]}}"
     )]
     Json(#[from] serde_json::Error),
-    /// A line matches nothing, or everything.
+    /// A line that matches nothing, or everything.
     #[error("line {0} of the objectives needs a `match` with names, a `role`, or both")]
     Line(usize),
 }
@@ -96,7 +96,7 @@ impl ObjectiveTable {
         self
     }
 
-    /// What the first line that matches wants; nothing where none does.
+    /// The objectives of the first line that matches; none if no line does.
     pub(super) fn find(&self, name: &str, role: Role) -> &[Wish] {
         let fits = |line: &&TableLine| {
             line.role.is_none_or(|r| r == role)

@@ -108,8 +108,8 @@ impl<'a> RowsRef<'a> {
 
     /// Whether the arrays are a matrix; call it once on arrays that come from outside.
     ///
-    /// It looks at whole arrays, not at rows: columns may only fall from the end of one row to the start of the next, so
-    /// as many falls as there are such places, or fewer, are all there.
+    /// It checks whole arrays, not rows: columns may decrease only from the end of one row to the start of the next, so
+    /// the number of all decreases must equal the number of decreases at these places.
     pub fn check(&self) -> Result<(), RowsError> {
         let entries = self.value.len();
         let rising = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
