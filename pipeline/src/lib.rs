@@ -3,26 +3,41 @@
 //! An executor decides when the activations of operators happen: a schedule (clock, discrete events, journal) joined to
 //! a placement (one process, threads, processes). The operators themselves are those of [`stillpoint_operator`].
 //!
-//! - `graph`: the checked pipeline
-//! - `spec`: from YAML to a graph, with every fault of the file
+//! A pipeline:
+//! - `spec`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
+//! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host
+//! - `console`, `link`, `far_end`: the kinds of operators that come with every pipeline
+//!
+//! An activation:
+//! - `instance`: one incarnation of an operator; `drafts`: its outputs before the commit; `intake`: its inputs
+//! - `record`: a schedule's decision; `schedule`: discrete events; `placement`: this thread, or a thread per operator
+//! - `sample_store`: samples that are held in this process; `restarts`, `finished`: restart policy, end of a run
+//!
+//! A run:
+//! - `live`: processes, supervisor, recorder; `simulated`: simulated and lock-step runs; `replay`: the journal's schedule
+//! - `clock`: session time; `ledger`: the account of every edge; `stdout`: standard output while operators run
+//!
+//! A session:
+//! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
+//! - `files`, `session_files`: the files that params name, of a run and of a session
 
 pub mod clock;
 pub mod console;
 pub mod drafts;
-pub mod far_end;
+mod far_end;
 pub mod files;
-pub mod finished;
+mod finished;
 pub mod graph;
-pub mod hosts;
+mod hosts;
 pub mod instance;
-pub mod intake;
+mod intake;
 pub mod ledger;
-pub mod link;
+mod link;
 pub mod live;
 pub mod placement;
 pub mod record;
 pub mod replay;
-pub mod restarts;
+mod restarts;
 pub mod run_source;
 pub mod sample_store;
 pub mod schedule;

@@ -28,7 +28,7 @@ mod affinity;
 mod barrier;
 mod children;
 pub mod contracts;
-pub mod control;
+mod control;
 mod directed;
 mod error;
 mod journal;

@@ -213,5 +213,5 @@ const ALL: &[Stage] = &[
 
 /// All of them.
 pub fn registry() -> Registry {
-    Registry::new(&[ALL, &[stillpoint_pipeline::link::STAGE], stillpoint_pipeline::far_end::STAGES])
+    Registry::new(&[ALL, &stillpoint_pipeline::STAGES[1..]])
 }
