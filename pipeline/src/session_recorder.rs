@@ -16,13 +16,15 @@ use crate::schedule::Observer;
 use crate::session::topic_infos;
 
 /// Makes the folder of a new session, or says what stands in the way and what to do.
-pub fn create_folder(session: &Path) -> Result<(), String> {
-    create_session(session).map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists if session.symlink_metadata().is_ok() => format!(
-            "{}: it is there already, and a session is never written over; name a folder that is not there",
-            session.display()
-        ),
-        _ => refused(session, &e),
+pub fn create_folder(session: &Path) -> Result<(), SessionError> {
+    create_session(session).map_err(|reason| {
+        let place = session.to_path_buf();
+        match reason.kind() {
+            std::io::ErrorKind::AlreadyExists if session.symlink_metadata().is_ok() => {
+                SessionError::Exists { place }
+            }
+            _ => SessionError::Refused { place, reason },
+        }
     })
 }
 
@@ -34,14 +36,47 @@ pub fn remove_folder(session: &Path) {
     let _ = std::fs::remove_dir(session);
 }
 
-/// What is said where a part takes no more.
-pub(crate) fn no_room(part: &Path, reason: &dyn std::fmt::Display) -> String {
-    format!("{}: {reason}; make room, or choose another folder with --record", part.display())
+/// Why a session cannot be begun, written or ended.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// There is something of this name already.
+    #[error(
+        "{}: it is there already, and a session is never written over; name a folder that is not there",
+        place.display()
+    )]
+    Exists {
+        /// The folder of the session.
+        place: PathBuf,
+    },
+    /// The system refuses to create the folder or a part, or to write a part to the disk.
+    #[error("{}: {reason}; choose another folder with --record", place.display())]
+    Refused {
+        /// The folder, or the part.
+        place: PathBuf,
+        /// What the system says.
+        reason: std::io::Error,
+    },
+    /// A part takes no more.
+    #[error("{}: {reason}; make room, or choose another folder with --record", part.display())]
+    NoRoom {
+        /// The part.
+        part: PathBuf,
+        /// What the system says.
+        reason: WriteError,
+    },
+    /// An activation could not be written, for this reason, so what followed it is missing, too.
+    #[error("{0}")]
+    Earlier(String),
 }
 
-/// What is said where a session cannot be written.
-pub(crate) fn refused(place: &Path, e: &std::io::Error) -> String {
-    format!("{}: {e}; choose another folder with --record", place.display())
+impl SessionError {
+    pub(crate) fn refused(place: &Path, reason: std::io::Error) -> Self {
+        Self::Refused { place: place.to_path_buf(), reason }
+    }
+
+    pub(crate) fn no_room(part: &Path, reason: WriteError) -> Self {
+        Self::NoRoom { part: part.to_path_buf(), reason }
+    }
 }
 
 /// A session that is written during a run. Its log times are the stamps, so that two equal runs give equal files.
@@ -63,7 +98,7 @@ impl SessionRecorder {
         graph: &Graph,
         opening: &Opening,
         compression: Compression,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, SessionError> {
         create_folder(session)?;
         Self::open(session, graph, opening, compression).inspect_err(|_| remove_folder(session))
     }
@@ -73,12 +108,13 @@ impl SessionRecorder {
         graph: &Graph,
         opening: &Opening,
         compression: Compression,
-    ) -> Result<Self, String> {
-        let (path, file) = create_part(session).map_err(|e| refused(session, &e))?;
-        let mut part = PartWriter::new(file, compression, opening).map_err(|e| no_room(&path, &e))?;
+    ) -> Result<Self, SessionError> {
+        let (path, file) = create_part(session).map_err(|e| SessionError::refused(session, e))?;
+        let mut part =
+            PartWriter::new(file, compression, opening).map_err(|e| SessionError::no_room(&path, e))?;
         let mut topics = vec![(None, BTreeMap::new()); graph.operators.len()];
         for (info, (operator, port)) in topic_infos(graph) {
-            let id = part.add_topic(info).map_err(|e| no_room(&path, &e))?;
+            let id = part.add_topic(info).map_err(|e| SessionError::no_room(&path, e))?;
             match port {
                 None => topics[operator].0 = Some(id),
                 Some(port) => {
@@ -91,16 +127,16 @@ impl SessionRecorder {
     }
 
     /// Ends the session in order, with its ledger as JSON. Gives the file.
-    pub fn finish(self, ledger: Option<String>) -> Result<PathBuf, String> {
+    pub fn finish(self, ledger: Option<String>) -> Result<PathBuf, SessionError> {
         self.close(ledger, end_facts(None))
     }
 
     /// Ends the session of a run that ended before its time, and says why.
-    pub fn finish_early(self, ledger: Option<String>, reason: &str) -> Result<PathBuf, String> {
+    pub fn finish_early(self, ledger: Option<String>, reason: &str) -> Result<PathBuf, SessionError> {
         self.close(ledger, end_facts(Some(reason)))
     }
 
-    fn close(self, ledger: Option<String>, facts: BTreeMap<String, String>) -> Result<PathBuf, String> {
+    fn close(self, ledger: Option<String>, facts: BTreeMap<String, String>) -> Result<PathBuf, SessionError> {
         let closing = Closing {
             ledger: ledger.map(String::into_bytes),
             gaps: Vec::new(),
@@ -109,8 +145,8 @@ impl SessionRecorder {
         };
         match (self.part.finish(&closing), self.refused) {
             (Ok(_), None) => Ok(self.path),
-            (_, Some(first)) => Err(first),
-            (Err(e), None) => Err(no_room(&self.path, &e)),
+            (_, Some(first)) => Err(SessionError::Earlier(first)),
+            (Err(e), None) => Err(SessionError::no_room(&self.path, e)),
         }
     }
 
@@ -158,7 +194,7 @@ impl Observer for SessionRecorder {
         outputs: &[(usize, OwnedSample)],
     ) -> Result<(), String> {
         self.write(operator, entry, outputs).map_err(|e| {
-            let said = no_room(&self.path, &e);
+            let said = SessionError::no_room(&self.path, e).to_string();
             self.refused.get_or_insert(said).clone()
         })
     }

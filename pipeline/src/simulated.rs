@@ -19,7 +19,7 @@ use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
 use crate::schedule::{Events, Observer, RunError};
 use crate::session::opening;
-use crate::session_recorder::{SessionRecorder, remove_folder};
+use crate::session_recorder::{SessionError, SessionRecorder, remove_folder};
 use crate::stdout::StdoutRedirect;
 
 /// Where the activations of a simulated run happen.
@@ -58,11 +58,17 @@ pub enum SimulatedError {
     #[error(transparent)]
     NotBegun(PlacementError),
     /// The session could not be begun; there is none.
+    #[error(transparent)]
+    NoSession(SessionError),
+    /// What the session would say of its run cannot be put together, such as a file that params name.
     #[error("{0}")]
-    NoSession(String),
+    Opening(String),
     /// The session could not be ended.
+    #[error(transparent)]
+    Session(SessionError),
+    /// The ledger cannot be written as JSON.
     #[error("{0}")]
-    Session(String),
+    Ledger(serde_json::Error),
 }
 
 /// Runs a graph, which was checked from `source`, until its time is over, or all that feeds it has finished, or it is
@@ -97,8 +103,9 @@ pub fn simulate(
     let session_recorder = match &options.session {
         None => None,
         Some((folder, compression)) => {
-            let recorder = opening(graph, source, SessionClock::zero(), true, &options.identity)
-                .and_then(|start| SessionRecorder::create(folder, graph, &start, *compression));
+            let start = opening(graph, source, SessionClock::zero(), true, &options.identity)
+                .map_err(SimulatedError::Opening)?;
+            let recorder = SessionRecorder::create(folder, graph, &start, *compression);
             Some(recorder.map_err(SimulatedError::NoSession)?)
         }
     };
@@ -138,12 +145,12 @@ impl Account {
         let ledger = self.ledger.lines(&self.graph);
         let mut recorded = Vec::new();
         if let Some(session_recorder) = self.session_recorder {
-            let text = serde_json::to_string_pretty(&ledger).map_err(|e| e.to_string());
-            let part = text.and_then(|text| match &ended {
+            let text = serde_json::to_string_pretty(&ledger).map_err(SimulatedError::Ledger)?;
+            let part = match &ended {
                 // A run that somebody stops ends in order.
                 Ok(()) | Err(RunError::Stopped) => session_recorder.finish(Some(text)),
                 Err(reason) => session_recorder.finish_early(Some(text), &reason.to_string()),
-            });
+            };
             let part = part.map_err(SimulatedError::Session)?;
             let (samples, bytes) = (self.samples, self.bytes);
             recorded.push(Recorded { part, samples, bytes, cpu_ns: 0, lost: BTreeMap::new() });

@@ -1,7 +1,5 @@
 //! Why a live run cannot begin or go on: in a process of operators, in the recorder, and in the supervisor.
 
-use std::path::PathBuf;
-
 use stillpoint_recorder::WriteError;
 use stillpoint_shm::ShmError;
 
@@ -14,6 +12,7 @@ use super::run_folder::RunFolderError;
 use super::wire::LinkError;
 use crate::operator::SetupError;
 use crate::placement::PlacementError;
+use crate::session_recorder::SessionError;
 use crate::spec::Faults;
 
 /// Why a process of operators ends.
@@ -97,22 +96,9 @@ pub enum RecorderError {
     /// The part of the session cannot be written.
     #[error(transparent)]
     Write(#[from] WriteError),
-    /// The part of the session takes no more.
-    #[error("{}: {reason}; make room, or choose another folder with --record", part.display())]
-    NoRoom {
-        /// The part.
-        part: PathBuf,
-        /// What the system says.
-        reason: WriteError,
-    },
-    /// A part of the session cannot be created or synchronised with the disk.
-    #[error("{}: {reason}; choose another folder with --record", place.display())]
-    Refused {
-        /// The part, or the folder of the session.
-        place: PathBuf,
-        /// What the system says.
-        reason: std::io::Error,
-    },
+    /// The session cannot be begun, written or ended.
+    #[error(transparent)]
+    Session(#[from] SessionError),
     /// The start of the session cannot be made.
     #[error("{0}")]
     Opening(String),

@@ -1,7 +1,7 @@
 //! The process that records: it polls, off the data path, and a second thread writes.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -25,7 +25,7 @@ use crate::clock::{SessionClock, cpu_time, realtime};
 use crate::graph::Graph;
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
-use crate::session_recorder::end_facts;
+use crate::session_recorder::{SessionError, end_facts};
 
 /// How often shared memory is looked at, ns. Below the period of the fastest images: who sends finds the memory of the last
 /// sample free again, and warm.
@@ -155,10 +155,12 @@ struct Written {
 impl Recorder {
     fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, RecorderError> {
         let clock = hello.hello.clock;
-        let (path, file) = create_part(&hello.session).map_err(|e| refused(&hello.session, e))?;
+        let (path, file) =
+            create_part(&hello.session).map_err(|e| SessionError::refused(&hello.session, e))?;
         let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)
             .map_err(RecorderError::Opening)?;
-        let mut part = PartWriter::new(file, hello.compression, &start).map_err(|e| no_room(&path, e))?;
+        let mut part =
+            PartWriter::new(file, hello.compression, &start).map_err(|e| SessionError::no_room(&path, e))?;
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),
@@ -212,7 +214,7 @@ impl Recorder {
         if self.writer.as_ref().is_some_and(std::thread::JoinHandle::is_finished) {
             // The writer ends by itself only when the disk refuses.
             return Err(match self.writer.take().map(std::thread::JoinHandle::join) {
-                Some(Ok(Err(reason))) => no_room(&self.part, reason),
+                Some(Ok(Err(reason))) => SessionError::no_room(&self.part, reason).into(),
                 _ => RecorderError::WriterEnded,
             });
         }
@@ -315,7 +317,7 @@ impl Recorder {
         let closing =
             Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
         let file = written.part.finish(&closing)?;
-        file.sync_all().map_err(|e| refused(&self.part, e))?;
+        file.sync_all().map_err(|e| SessionError::refused(&self.part, e))?;
         Ok(RecorderReport {
             samples: written.samples,
             bytes: written.bytes,
@@ -324,14 +326,6 @@ impl Recorder {
             part: self.part.clone(),
         })
     }
-}
-
-fn no_room(part: &Path, reason: WriteError) -> RecorderError {
-    RecorderError::NoRoom { part: part.to_path_buf(), reason }
-}
-
-fn refused(place: &Path, reason: std::io::Error) -> RecorderError {
-    RecorderError::Refused { place: place.to_path_buf(), reason }
 }
 
 fn write(
