@@ -6,7 +6,7 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::streams::greeting;
+use crate::greeting::greeting;
 use crate::{Channel, LinkState, Origin, Receiver, Refusal, TransportError};
 
 /// Samples that wait at this end; one on top costs the oldest.

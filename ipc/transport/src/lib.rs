@@ -15,6 +15,7 @@ mod client;
 pub mod conformance;
 mod datagrams;
 mod error;
+mod greeting;
 mod serving;
 mod streams;
 

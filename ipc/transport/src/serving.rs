@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use stillpoint_samples::{Pieces, SampleKind};
 
-use crate::streams::greeting;
+use crate::greeting::greeting;
 use crate::{Channel, LinkState, Sender, TransportError};
 
 /// How long a client may take for a sample.

@@ -41,8 +41,3 @@ impl Transport for Streams {
         Ok(Box::new(Client::start(self.address, channel)?))
     }
 }
-
-/// The first line of a server: a receiver that expects another line takes no sample.
-pub(crate) fn greeting(channel: &Channel) -> String {
-    format!("stillpoint stream 1 {}\n", channel.name())
-}

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::check::numbers;
 use super::document::Document;
 use super::faults::{Code, Findings};
 use super::near::{shown, suggestion};
@@ -24,7 +23,7 @@ const RESERVED: [&str; 2] = ["recorder", "supervisor"];
 /// Processes; members are numbers of operators by their place in the file. Operators that no process names get one
 /// each.
 pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings) -> Vec<ProcessNode> {
-    let numbers = numbers(document);
+    let numbers = document.numbers();
     let mut home: BTreeMap<usize, &str> = BTreeMap::new();
     let mut processes = Vec::new();
     for parsed in &document.processes {
@@ -135,7 +134,7 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
         Parsed::All => return Record::All,
         Parsed::Topics(topics) => topics,
     };
-    let numbers = numbers(document);
+    let numbers = document.numbers();
     let mut kept = BTreeSet::new();
     let mut list = Vec::new();
     for topic in topics {

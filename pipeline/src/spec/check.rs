@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use super::document::{self, Document};
+use super::document;
 use super::faults::{Code, Faults, Findings};
 use super::machine::Machine;
 use super::operators::ParsedOperator;
@@ -178,9 +178,4 @@ fn timer(parsed: &ParsedOperator<'_>, stage: &Stage, wired: &Wired, findings: &F
         }
         _ => {}
     }
-}
-
-/// Numbers of operators by name.
-pub(super) fn numbers<'d>(document: &'d Document<'_>) -> std::collections::BTreeMap<&'d str, usize> {
-    document.operators.iter().enumerate().map(|(i, o)| (o.name.value.as_str(), i)).collect()
 }

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::document::{check_name, missing};
 use super::faults::{Code, Findings};
+use super::fields::{check_name, missing};
 use super::near::shown;
 use super::quantity;
 use super::source::{Marked, Span};

@@ -1,7 +1,7 @@
 //! The inputs of an operator as they were written: where samples come from and how they are consumed.
 
-use super::document::{count, missing, period};
 use super::faults::{Code, Findings};
+use super::fields::{count, missing, period};
 use super::near::shown;
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
@@ -124,7 +124,7 @@ fn sync(entry: &Entry, own: &str, findings: &Findings) -> Option<Marked<ParsedPo
         }
     };
     let within = match keys.get("within") {
-        Some(e) => super::document::time(e, findings).map(|t| t.value),
+        Some(e) => super::fields::time(e, findings).map(|t| t.value),
         None => {
             missing("`sync`", "within", "5 ms", entry.key.span, findings);
             None

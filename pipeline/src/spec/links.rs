@@ -7,8 +7,9 @@
 
 use std::net::SocketAddr;
 
-use super::document::{Document, missing, time};
+use super::document::Document;
 use super::faults::{Code, Findings};
+use super::fields::{missing, time};
 use super::inputs::{ParsedInput, ParsedPolicy, Topic, topic_at};
 use super::near::shown;
 use super::operators::ParsedOperator;

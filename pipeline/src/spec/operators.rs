@@ -1,7 +1,7 @@
 //! The section `operators` as it was written.
 
-use super::document::{check_name, missing, period, time};
 use super::faults::{Code, Findings};
+use super::fields::{check_name, missing, period, time};
 use super::inputs::{self, ParsedInput};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};

@@ -1,7 +1,7 @@
 //! The section `processes`: which operators share a process, and how it runs.
 
-use super::document::{check_name, count, missing, no_choice, period};
 use super::faults::{Code, Findings};
+use super::fields::{check_name, count, missing, no_choice, period};
 use super::near::shown;
 use super::quantity;
 use super::source::Marked;

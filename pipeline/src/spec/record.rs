@@ -1,7 +1,7 @@
 //! The section `record`: what a session keeps besides the journal.
 
-use super::document::missing;
 use super::faults::{Code, Findings};
+use super::fields::missing;
 use super::inputs::{Topic, topic};
 use super::near::nearest;
 use super::near::shown;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::SampleKind;
 
-use super::check::numbers;
 use super::document::Document;
 use super::faults::{Code, Findings};
 use super::inputs::{ParsedInput, Topic};
@@ -48,7 +47,7 @@ impl Wired {
 pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings) -> Vec<Wired> {
     let mut stages: Vec<Option<Stage>> =
         document.operators.iter().map(|o| stage(o, registry, findings)).collect();
-    let numbers = numbers(document);
+    let numbers = document.numbers();
     for far in 0..stages.len() {
         if let Some(Wire::Tcp(_)) = document.operators[far].link {
             stages[far] = far_end(&document.operators[far], &numbers, &stages);

@@ -1,6 +1,6 @@
 //! The text of a config: a tree of marked keys and values, quantities with units, and faults with their places.
 //!
-//! - `text`, `source`: texts and places in them
+//! - `text`, `source`, `places`: texts and places in them; `quote`: a text in a message
 //! - `yaml`, `tree`: YAML as it was written, each key and value with its place
 //! - `syntax`: the likeliest cause where a text is no YAML
 //! - `units`, `decimal`, `quantity`: numbers with units, read as SI
@@ -9,7 +9,9 @@
 mod decimal;
 pub mod faults;
 pub mod near;
+mod places;
 pub mod quantity;
+mod quote;
 mod render;
 pub mod source;
 mod syntax;

@@ -1,21 +1,12 @@
 //! Names: which are allowed, which is nearest to a misspelled one, and how a text is quoted in a message.
 
 use super::faults::Findings;
+pub use super::quote::shown;
 
 /// Most characters of a name.
 pub const LONGEST_NAME: usize = 40;
 /// Names that a message lists when none is near.
 const LISTED: usize = 12;
-
-/// A text in quotes, short enough for a message.
-pub fn shown(text: &str) -> String {
-    const MOST: usize = 60;
-    let mut out: String = text.chars().take(MOST).map(|c| if c.is_control() { ' ' } else { c }).collect();
-    if text.chars().nth(MOST).is_some() {
-        out.push('…');
-    }
-    format!("`{out}`")
-}
 
 /// Whether a text may name an operator, a process or a frame: it becomes part of topics and service names.
 pub fn is_name(text: &str) -> bool {

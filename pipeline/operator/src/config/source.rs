@@ -1,5 +1,8 @@
 //! Texts that a pipeline is read from, and places in them.
 
+/// Most bytes of a pipeline.
+pub const MOST_BYTES: usize = 256 * 1024;
+
 /// A place in a source text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
@@ -68,7 +71,7 @@ impl Sources {
     pub fn place(&self, span: Span) -> String {
         match self.of(span) {
             Some(s) if span.source == 0 => format!("{}:{}:{}", s.name, span.line, span.column),
-            Some(s) => format!("{} {}", s.name, super::near::shown(&s.text)),
+            Some(s) => format!("{} {}", s.name, super::quote::shown(&s.text)),
             None => String::new(),
         }
     }

@@ -2,8 +2,8 @@
 //! line later.
 
 use super::near::shown;
+use super::places::Places;
 use super::source::Span;
-use super::yaml::Places;
 
 /// A text in which the scanner found no YAML.
 pub(super) struct Mistake<'t> {

@@ -1,8 +1,7 @@
 //! From the bytes of a file to its text.
 
 use super::faults::{Code, Faults, Findings};
-use super::source::{Sources, Span};
-use super::yaml::MOST_BYTES;
+use super::source::{MOST_BYTES, Sources, Span};
 
 /// The text of a file, or the fault that it is none.
 pub fn text(bytes: Vec<u8>, file_name: &str) -> Result<String, Faults> {

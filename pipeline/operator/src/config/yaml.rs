@@ -6,16 +6,16 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use saphyr_parser::{Event, Marker, Parser, ScalarStyle, ScanError, Tag};
+use saphyr_parser::{Event, Parser, ScalarStyle, ScanError, Tag};
 
 use super::faults::{Code, Complaint, Findings};
 use super::near::shown;
+use super::places::Places;
+pub use super::source::MOST_BYTES;
 use super::source::{Marked, Span};
 use super::syntax::Mistake;
 use super::tree::{Entry, Node, Value};
 
-/// Most bytes of a pipeline.
-pub const MOST_BYTES: usize = 256 * 1024;
 /// Deepest nesting.
 pub const DEEPEST: usize = 24;
 
@@ -60,45 +60,6 @@ pub fn parse(text: &str, source: usize, offset: usize, findings: &Findings) -> O
         }
     }
     growth.root
-}
-
-/// Character positions as places: the parser counts characters, a place counts bytes.
-pub(super) struct Places<'t> {
-    pub(super) text: &'t str,
-    bytes: Option<Vec<usize>>,
-    source: usize,
-    pub(super) offset: usize,
-}
-
-impl<'t> Places<'t> {
-    fn new(text: &'t str, source: usize, offset: usize) -> Self {
-        let bytes = (!text.is_ascii() && text.len() <= MOST_BYTES)
-            .then(|| text.char_indices().map(|(i, _)| i).chain([text.len()]).collect());
-        Self { text, bytes, source, offset }
-    }
-
-    fn byte(&self, index: usize) -> usize {
-        match &self.bytes {
-            Some(b) => b.get(index).copied().unwrap_or(self.text.len()),
-            None => index.min(self.text.len()),
-        }
-    }
-
-    /// The place of these bytes, on a line from 1, behind so many characters of it.
-    pub(super) fn at(&self, start: usize, end: usize, line: usize, column: usize) -> Span {
-        let shift = if line <= 1 { self.offset } else { 0 };
-        Span {
-            source: self.source,
-            start: start + self.offset,
-            end: end.max(start) + self.offset,
-            line: line.max(1),
-            column: column + 1 + shift,
-        }
-    }
-
-    fn between(&self, start: Marker, end: Marker) -> Span {
-        self.at(self.byte(start.index()), self.byte(end.index()), start.line(), start.col())
-    }
 }
 
 /// A collection that is not closed yet.
