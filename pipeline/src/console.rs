@@ -31,6 +31,8 @@ pub enum Said {
     Vent,
     /// Begin a fault on a simulated rig.
     Fault,
+    /// Confirm that the reference shows the head.
+    Confirm,
 }
 
 impl Said {
@@ -43,6 +45,7 @@ impl Said {
             Self::Resume => Verb::Resume,
             Self::Vent => Verb::Vent,
             Self::Fault => Verb::Fault,
+            Self::Confirm => Verb::Confirm,
         }
     }
 }
@@ -97,6 +100,7 @@ impl Operator for Console {
             verb("resume", "Go on after a fault."),
             verb("vent", "Vent all bladders."),
             verb("fault", "Cause a fault on a simulated rig, or remove it."),
+            verb("confirm", "Confirm that the reference shows the head."),
         ],
         timer: Timer::Required,
     };

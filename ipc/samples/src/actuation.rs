@@ -86,6 +86,8 @@ impl ActuationReason {
     pub const SLEW_LIMITED: u32 = 1 << 17;
     /// An inlet is kept from raising an estimated pressure to its limit.
     pub const PRESSURE_LIMITED: u32 = 1 << 18;
+    /// No person has confirmed the reference.
+    pub const UNCONFIRMED: u32 = 1 << 19;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -108,6 +110,7 @@ impl ActuationReason {
         ("duty limited", Self::DUTY_LIMITED),
         ("slew limited", Self::SLEW_LIMITED),
         ("pressure limited", Self::PRESSURE_LIMITED),
+        ("unconfirmed", Self::UNCONFIRMED),
     ];
 
     /// The words of the bits that are set, in their order.

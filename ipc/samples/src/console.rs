@@ -26,6 +26,8 @@ pub enum Verb {
     /// Begin a fault on a simulated rig: the number of a [`RigFault`](crate::RigFault), the part, the amount, and the
     /// duration in seconds; 0 removes all such faults.
     Fault = 7,
+    /// Confirm that the reference shows the head.
+    Confirm = 8,
 }
 
 impl Verb {
@@ -38,6 +40,7 @@ impl Verb {
         ("resume", Verb::Resume),
         ("vent", Verb::Vent),
         ("fault", Verb::Fault),
+        ("confirm", Verb::Confirm),
     ];
 
     /// The verb of this word.

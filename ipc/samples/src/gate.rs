@@ -40,6 +40,12 @@ impl GateReason {
 
     /// The tracker's last report has no pose, is too old, or none has come.
     pub const TRACKER: u32 = 1 << 13;
+    /// The tracker's confidence that it follows what was captured is too low.
+    pub const IDENTITY: u32 = 1 << 14;
+    /// The parts of the reference have not been seen to move together since the capture.
+    pub const UNPROVEN: u32 = 1 << 15;
+    /// No person has confirmed the reference.
+    pub const UNCONFIRMED: u32 = 1 << 16;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -57,6 +63,9 @@ impl GateReason {
         ("actuation silent", Self::ACTUATION_SILENT),
         ("dwelling", Self::DWELLING),
         ("tracker", Self::TRACKER),
+        ("identity", Self::IDENTITY),
+        ("unproven", Self::UNPROVEN),
+        ("unconfirmed", Self::UNCONFIRMED),
     ];
 
     /// The words of the bits that are set, in their order.

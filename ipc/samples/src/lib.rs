@@ -63,7 +63,7 @@ pub use kind::{Sample, SampleKind, Shape};
 pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
 pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
-pub use pose_report::{PoseReport, PoseReportElement, PoseStatus};
+pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
 pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
 pub use stillpoint_derive::Layout;

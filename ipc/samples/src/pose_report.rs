@@ -27,6 +27,8 @@ pub enum PoseStatus {
     CaptureRefused = 6,
     /// The frame shows no face: no pose.
     NoFace = 7,
+    /// The frame fits the reference, and checks of its identity fail: no pose.
+    Doubted = 8,
 }
 
 impl PoseStatus {
@@ -40,12 +42,51 @@ impl PoseStatus {
         ("too few points", PoseStatus::TooFewPoints),
         ("capture refused", PoseStatus::CaptureRefused),
         ("no face", PoseStatus::NoFace),
+        ("doubted", PoseStatus::Doubted),
     ];
 
     /// The status of this number.
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.iter().map(|(_, s)| *s).find(|s| *s as u32 == number)
     }
+}
+
+/// The parts of the confidence that a frame shows what was captured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IdentityPart {
+    /// What is seen is as large as the reference.
+    Size = 0,
+    /// Enough of what is seen lies on the reference.
+    Overlap = 1,
+    /// What is seen lies as near to the reference as at the capture.
+    Residual = 2,
+    /// The head is near the place where it was captured.
+    Region = 3,
+    /// Two independent parts of the surface agree on the motion.
+    Agreement = 4,
+}
+
+impl IdentityPart {
+    /// All with the words that people read.
+    pub const ALL: &'static [(&'static str, IdentityPart)] = &[
+        ("size", IdentityPart::Size),
+        ("overlap", IdentityPart::Overlap),
+        ("residual", IdentityPart::Residual),
+        ("region", IdentityPart::Region),
+        ("agreement", IdentityPart::Agreement),
+    ];
+}
+
+/// Whether the parts of a reference were seen to move together since the capture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Proof {
+    /// Not yet.
+    Waiting = 0,
+    /// They were.
+    Proven = 1,
+    /// They were not within the time limit: another capture is needed.
+    Failed = 2,
 }
 
 /// The fields of a [`PoseReport`]. What is not known is NaN.
@@ -76,6 +117,17 @@ pub struct PoseReportElement {
     /// Difference of the two largest eigenvalues of (4.21) for the three points.
     #[unit("m2")]
     pub three_points_gap: f64,
+    /// How sure it is that the frame shows what was captured, from 0 to 1: the least of `certainty`.
+    pub confidence: f64,
+    /// The parts of the confidence, each from 0 to 1, in the order of [`IdentityPart`].
+    pub certainty: [f64; 5],
+    /// Size of what is seen over the size of the reference.
+    pub scale: f64,
+    /// Root mean square, along the normals, of how far two parts of the surface move against each other.
+    #[unit("m")]
+    pub apart: f64,
+    /// How far the less moved of the two parts has moved since the capture, in multiples of its noise; the greatest so far.
+    pub moved: f64,
     /// A [`PoseStatus`] as its number.
     pub status: u32,
     /// Bit i is set where direction i is refused: the surface does not constrain it.
@@ -88,6 +140,10 @@ pub struct PoseReportElement {
     pub not_finite: u32,
     /// Number of the reference, from 1; 0 where there is none.
     pub reference: u32,
+    /// 1 where a person has confirmed the reference or nobody has to, else 0.
+    pub confirmed: u32,
+    /// A [`Proof`] as its number.
+    pub proof: u32,
 }
 
 impl Sample for PoseReport {

@@ -9,7 +9,7 @@ use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
-use super::{assemble, hosts, links, order, port_frames, sets, sync, wiring, yaml};
+use super::{assemble, confirm, hosts, links, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::Files;
 use crate::operator::{Registry, Role, Stage, Timer};
@@ -94,6 +94,7 @@ fn pass(
     }
     let policies = sync::policies(&document, &wired, findings);
     links::check_taken(&document, &wired, findings);
+    confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);
     let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
     let order = order::upstream_first(&document, &wired, links_stand, findings);
     let frames = port_frames::resolve(&document, &wired, findings);

@@ -20,13 +20,14 @@
 //!
 //! Parsed to checked pipeline:
 //! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
-//!   each port; `hosts`: what crosses from one host to another; `order`: upstream before downstream, cycles; `assemble`: the graph
+//!   each port; `hosts`: what crosses from one host to another; `confirm`: references that nobody looks at; `order`: upstream before downstream, cycles; `assemble`: the graph
 //!
 //! What is said about it:
 //! - `schema`, `reference`: JSON Schema for editors, the reference page
 
 mod assemble;
 mod check;
+mod confirm;
 mod document;
 mod fields;
 mod frames;

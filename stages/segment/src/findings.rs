@@ -4,6 +4,7 @@
 use stillpoint_samples::{Cluster, Metric, PlaneElement, RejectionElement};
 
 use crate::face::{Rejection, Seen};
+use crate::identity::ENOUGH;
 use crate::mlesac::{Origin, PlaneFit};
 use crate::table::ClusterRow;
 
@@ -25,22 +26,26 @@ impl Rejection {
             Self::NoPlane { .. } => 2,
             Self::NoCluster { .. } => 3,
             Self::NoHead { .. } => 4,
+            Self::Uncertain { .. } => 5,
+            Self::Ambiguous { .. } => 6,
         }
     }
 
     /// What was found and what was needed.
-    fn voxels(&self) -> (usize, usize) {
+    fn numbers(&self) -> (f64, f64) {
         match *self {
             Self::TooFewVoxels { found, needed }
             | Self::NoPlane { found, needed }
             | Self::NoCluster { above: found, needed }
-            | Self::NoHead { above: found, needed } => (found, needed),
+            | Self::NoHead { above: found, needed } => (found as f64, needed as f64),
+            Self::Uncertain { best } => (best.certainty(), ENOUGH),
+            Self::Ambiguous { .. } => (2.0, 1.0),
         }
     }
 
     pub(crate) fn element(&self) -> RejectionElement {
-        let (found, needed) = self.voxels();
-        RejectionElement::new(self.code(), &self.to_string(), found as f64, needed as f64)
+        let (found, needed) = self.numbers();
+        RejectionElement::new(self.code(), &self.to_string(), found, needed)
     }
 }
 

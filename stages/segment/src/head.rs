@@ -11,6 +11,7 @@ use crate::ball::{Ball, BallSearch};
 use crate::cut::{Lean, MinCut};
 use crate::forest::{root, unite};
 use crate::hills::{Hills, beside};
+use crate::identity::{Candidate, Choice, Identity, IdentityParams};
 use crate::neck::Neck;
 use crate::plane::Plane;
 use crate::surface::{Patch, Surface};
@@ -24,6 +25,8 @@ pub struct HeadParams {
     pub leaf: f64,
     /// Height over the plane at which the voxels start.
     pub height_min: f64,
+    /// What a candidate must be to be the head; without it, the highest ball is.
+    pub identity: Option<IdentityParams>,
 }
 
 impl HeadParams {
@@ -35,8 +38,23 @@ impl HeadParams {
     }
 }
 
+/// Why there is no head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoHead {
+    /// Nothing has the size and roundness of a head.
+    Nothing,
+    /// No candidate passes the checks of identity.
+    Uncertain,
+    /// More than one candidate may be the head.
+    Ambiguous,
+}
+
 /// Heads are from this part of the adult radius to that.
 const SIZES: [f64; 2] = [0.6, 1.35];
+/// The same where the checks of identity tell a head from all else of its size.
+const SIZES_CHECKED: [f64; 2] = [0.45, 1.35];
+/// Heads of less than this part of the adult size are cut by their own size.
+const SMALL: f64 = 0.8;
 /// Width of a patch in voxels.
 const PATCH: f64 = 2.0;
 /// A head, and a neck, shows at least this part of the half of its ball that faces the camera.
@@ -82,6 +100,7 @@ pub struct HeadFinder {
     /// Pairs of patches that border on each other, then those that are seen beside each other.
     edges: Vec<[u32; 2]>,
     hills: Hills,
+    identity: Identity,
     neck: Option<Neck>,
     parents: Vec<u32>,
     head: Vec<bool>,
@@ -102,18 +121,48 @@ impl HeadFinder {
     }
 
     /// Finds the head over `plane` among the patches that were gathered last; `seen` are pairs of patches that are seen
-    /// beside each other in the camera's image. Says whether anything has the size and roundness of a head.
-    pub fn find(&mut self, seen: &[[u32; 2]], plane: &Plane, params: &HeadParams) -> bool {
+    /// beside each other in the camera's image.
+    ///
+    /// # Errors
+    /// Nothing has the size and roundness of a head, or by the checks of its identity none or several may be it.
+    pub fn find(&mut self, seen: &[[u32; 2]], plane: &Plane, params: &HeadParams) -> Result<(), NoHead> {
         self.head.clear();
-        let radii = SIZES.map(|size| size * params.radius);
+        self.identity.clear();
+        self.ball = None;
+        let sizes = if params.identity.is_some() { SIZES_CHECKED } else { SIZES };
+        let radii = sizes.map(|size| size * params.radius);
         let height = |ball: &Ball| plane.normal.dot(&ball.centre);
         // Where several things are round, such as pads and shoulders, the head lies on or over them.
         let balls = self.search.find(self.surface.patches(), radii).iter();
         let lies_on = |ball: &Ball| height(ball) + plane.offset > LYING * ball.radius;
         let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball));
-        let highest = shown().max_by(|a, b| height(a).total_cmp(&height(b)));
+        let patches = self.surface.patches();
+        // Balls of one thing, and with the checks of identity that of the head alone.
+        let mut radius = params.radius;
+        let middle = match &params.identity {
+            None => None,
+            Some(identity) => {
+                let side = PATCH * params.leaf;
+                let all = shown().copied();
+                match self.identity.judge(all, patches, plane, identity, params.radius, side) {
+                    Choice::Head(number) => self.identity.candidates().get(number).map(|candidate| {
+                        if candidate.size < SMALL {
+                            radius *= candidate.size.max(SIZES_CHECKED[0]);
+                        }
+                        candidate.ball.centre
+                    }),
+                    Choice::None(_) => return Err(NoHead::Uncertain),
+                    Choice::Ambiguous(_) => return Err(NoHead::Ambiguous),
+                }
+            }
+        };
+        let is_chosen = |ball: &&Ball| {
+            middle.is_none_or(|middle| (ball.centre - middle).norm() < ONE_HEAD * params.radius)
+        };
+        let highest = shown().filter(is_chosen).max_by(|a, b| height(a).total_cmp(&height(b)));
         self.ball = highest.copied();
-        let Some(highest) = self.ball else { return false };
+        let Some(highest) = self.ball else { return Err(NoHead::Nothing) };
+        let params = &HeadParams { radius, ..*params };
         // A face is round, too, and may be higher than the cranium, of which more is seen.
         let near = |ball: &&Ball| (ball.centre - highest.centre).norm() < ONE_HEAD * params.radius;
         let cranium = shown().filter(near).max_by_key(|ball| ball.voters).copied();
@@ -122,8 +171,19 @@ impl HeadFinder {
         self.ball = Some(ball);
         self.build(&ball, plane, params);
         self.graph.cut();
-        self.keep_what_hangs_together(&ball, plane);
-        true
+        self.keep_what_hangs_together(&ball, plane, params.identity.as_ref());
+        Ok(())
+    }
+
+    /// The things of a head's size of the last search, the likeliest head first; empty without checks of identity.
+    #[must_use]
+    pub fn candidates(&self) -> &[Candidate] {
+        self.identity.candidates()
+    }
+
+    /// Forgets the candidates of the last search.
+    pub fn forget(&mut self) {
+        self.identity.clear();
     }
 
     /// For each voxel whether it is the head's; empty where there is none.
@@ -221,8 +281,10 @@ impl HeadFinder {
         }
     }
 
-    /// Keeps what is joined to the cap, or to the neck, by patches on the head's side of the cut.
-    fn keep_what_hangs_together(&mut self, ball: &Ball, plane: &Plane) {
+    /// Keeps what is joined to the cap, or to the neck, by patches on the head's side of the cut, and does not lie beyond the
+    /// head's end.
+    fn keep_what_hangs_together(&mut self, ball: &Ball, plane: &Plane, identity: Option<&IdentityParams>) {
+        let chosen = identity.zip(self.identity.candidates().first());
         let patches = self.surface.patches();
         self.parents.clear();
         self.parents.extend(0..patches.len() as u32 + 1);
@@ -242,7 +304,10 @@ impl HeadFinder {
         }
         let head = root(&mut self.parents, cap);
         for &patch in self.surface.patch_of_voxel() {
-            let is = self.graph.with_source(patch) && root(&mut self.parents, patch) == head;
+            let within = chosen.is_none_or(|(identity, candidate)| {
+                identity.holds(candidate, &patches[patch as usize].place)
+            });
+            let is = within && self.graph.with_source(patch) && root(&mut self.parents, patch) == head;
             self.head.push(is);
         }
     }

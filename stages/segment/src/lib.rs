@@ -18,6 +18,7 @@
 //! - [`summit`]: summits of a landscape.
 //! - [`cut`]: minimum cut of a graph.
 //! - [`head`]: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
+//! - [`identity`]: which of the balls is the head.
 //! - [`table`]: what is said of each cluster.
 //! - [`face`]: the chain of these, from cloud to face.
 //! - [`mod@operator`], `segment.face`, the chain as an operator.
@@ -35,6 +36,7 @@ mod forest;
 pub mod head;
 mod hills;
 pub mod hull;
+pub mod identity;
 pub mod mlesac;
 pub mod mls;
 mod neck;

@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn a_ball_lower_than_the_head_and_beside_it_is_the_neck() {
         let (_, head, plane) = head(0.0);
-        let params = HeadParams { radius: 0.09, leaf: 0.005, height_min: 0.015 };
+        let params = HeadParams { radius: 0.09, leaf: 0.005, height_min: 0.015, identity: None };
         let at = |x: f64, z: f64| Ball { centre: Vector3::new(x, 0.0, 1.0 - z), radius: 0.06, voters: 200 };
         let found = |ball| Neck::of_balls(&[head, ball], &head, &plane, &params);
         assert!(found(at(0.135, -0.05)).is_some_and(|neck| neck.along.x > 0.99));

@@ -1,5 +1,6 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
@@ -13,10 +14,13 @@ use zerocopy::{FromBytes, IntoBytes};
 use crate::cloud::Cloud;
 use crate::face::{self, FaceParams, FaceSegmenter, Seen, SegmentationStep};
 use crate::findings::{self, METRICS};
+use crate::identity::{IdentityParams, Region};
 use crate::mls::MlsParams;
 use crate::outliers::OutlierParams;
 use crate::table::ClusterRows;
 
+/// The frame in whose axes the region is given.
+const COUCH: &str = "couch";
 const CLOUD: usize = 0;
 const FACE: usize = 0;
 const DIAGNOSTICS: usize = 1;
@@ -57,6 +61,32 @@ pub enum Rule {
     Largest,
     /// Those of a head, cut from what it touches.
     Head,
+}
+
+/// Whether a check is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Check {
+    /// It is.
+    Required,
+    /// It is not.
+    Waived,
+}
+
+/// Where the head must be, in the axes of the frame `couch` (x to the left of a supine patient, y to the head end, z up).
+#[derive(Clone, Debug, Params)]
+pub struct RegionParams {
+    /// Whether the head must lie in the region. A cloud whose frame is not placed on `couch` has none.
+    #[param(default = "required")]
+    pub need: Check,
+    /// Middle of the region along x and y: where the set-up places the head.
+    #[param(unit = "m", default = "[0 mm, 0 mm]", min = "-3 m", max = "3 m")]
+    pub at: [f64; 2],
+    /// How far the middle of the head may be from there along x and along y.
+    #[param(unit = "m", default = "160 mm", min = "20 mm", max = "1 m")]
+    pub half: f64,
+    /// Height of the middle of the head over the supporting plane: least and greatest.
+    #[param(unit = "m", default = "[30 mm, 270 mm]", min = "0 mm", max = "1 m")]
+    pub height: [f64; 2],
 }
 
 /// Parameters of `segment.face`. The defaults are for a head of any size, on whatever it rests, seen from 0.5 to 1 m.
@@ -102,6 +132,15 @@ pub struct SegmentParams {
     /// size are found.
     #[param(unit = "m", default = "90 mm", min = "20 mm", max = "300 mm")]
     pub head_radius: f64,
+    /// Where the head must be, for `rule: head`.
+    pub region: RegionParams,
+    /// Whether a body must lie footwards of the head, with a neck or a valley between, for `rule: head`. Waive it for a
+    /// phantom without a body. A cloud whose frame is not placed on `couch` has no such check.
+    #[param(default = "required")]
+    pub body: Check,
+    /// A thing whose certainty to be the head is less than this below that of the best one makes the frame ambiguous.
+    #[param(default = 0.2, min = 0, max = 0.5)]
+    pub margin: f64,
     /// Distance within which two voxels belong to one cluster.
     #[param(unit = "m", default = "20 mm", min = "0.5 mm", max = "200 mm")]
     pub cluster_tolerance: f64,
@@ -169,7 +208,7 @@ impl Operator for SegmentFace {
                 name: "rejection",
                 sample: Rejection::KIND,
                 frame: FrameRule::None,
-                about: "Sent if a frame has no face, with the reason: 1 too few voxels in range, 2 no plane, 3 no cluster, 4 no head.",
+                about: "Sent if a frame has no face, with the reason: 1 too few voxels in range, 2 no plane, 3 no cluster, 4 no head, 5 nothing that is certain enough to be the head, 6 ambiguous.",
             },
         ],
         timer: Timer::No,
@@ -178,6 +217,14 @@ impl Operator for SegmentFace {
 
     fn validate(params: &SegmentParams) -> Result<(), ParamConflict> {
         let SegmentParams { height_min, height_max, .. } = *params;
+        let [low, high] = params.region.height;
+        if high <= low {
+            return Err(ParamConflict {
+                params: &["region"],
+                reason: "the second of `region.height` must be greater than the first".into(),
+                help: "give the least and then the greatest height of the middle of the head",
+            });
+        }
         if height_max > height_min {
             return Ok(());
         }
@@ -193,7 +240,7 @@ impl Operator for SegmentFace {
         })
     }
 
-    fn new(params: SegmentParams, _: &Setup<'_>) -> Result<Self, SetupError> {
+    fn new(params: SegmentParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let chain = FaceParams {
             leaf: params.leaf,
             range_max: params.range_max,
@@ -225,6 +272,7 @@ impl Operator for SegmentFace {
                 Rule::Head => face::Rule::Head,
             },
             head_radius: params.head_radius,
+            identity: identity(&params, setup),
         };
         let segmenter = FaceSegmenter::new(chain).map_err(|e| SetupError(e.to_string()))?;
         Ok(Self { segmenter, max_points: params.max_points as usize })
@@ -254,6 +302,22 @@ impl Operator for SegmentFace {
         send_surroundings(&seen, outputs)?;
         outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &findings::metrics(&seen, sent))
     }
+}
+
+/// The checks of identity, where the cloud's frame is placed on the couch and any is asked for.
+fn identity(params: &SegmentParams, setup: &Setup<'_>) -> Option<IdentityParams> {
+    let frame = setup.input_frames.get(CLOUD).and_then(Option::as_deref)?;
+    let couch_from_cloud = setup.transform(COUCH, frame)?;
+    let RegionParams { need, at, half, height } = params.region;
+    let region = (need == Check::Required).then_some(Region { at, half, height });
+    let needs_body = params.body == Check::Required;
+    if region.is_none() && !needs_body {
+        return None;
+    }
+    let [w, x, y, z] = couch_from_cloud.quaternion();
+    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+    let couch_from_cloud = Isometry3::from_parts(Translation3::from(couch_from_cloud.translation), rotation);
+    Some(IdentityParams { couch_from_cloud, region, needs_body, margin: params.margin })
 }
 
 /// Sends the face's points, at most `most` of them, and says how many.

@@ -29,7 +29,7 @@ pub struct Drawn {
 }
 
 /// A camera at `at` that looks to `target`, turned about its axis.
-fn look(at: Vector3<f64>, target: Vector3<f64>, turn: f64) -> Isometry3<f64> {
+pub fn look(at: Vector3<f64>, target: Vector3<f64>, turn: f64) -> Isometry3<f64> {
     let z = (target - at).normalize();
     let down = (-Vector3::y() + z * z.y).normalize();
     let axes = Matrix3::from_columns(&[down.cross(&z), down, z]);

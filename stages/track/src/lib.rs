@@ -13,6 +13,7 @@
 //! - [`mod@search`]: where an alignment starts.
 //! - [`tracker`]: a head followed frame by frame.
 //! - [`mod@capture`]: when a face becomes the reference.
+//! - [`identity`]: whether what is followed is still what was captured.
 //! - [`uncertainty`]: what is known of a pose.
 //! - [`mod@operator`], `track.centroid`; [`head`], `track.head`.
 //! - [`summit`]: how high the highest place of a cloud is; [`summit_operator`], `track.summit`.
@@ -26,6 +27,7 @@ pub mod centroid;
 pub mod forehead;
 pub mod forehead_operator;
 pub mod head;
+pub mod identity;
 pub mod nearest;
 pub mod observability;
 pub mod operator;

@@ -102,7 +102,7 @@ impl Program {
     pub fn treat(&mut self, registry: &Registry) -> Result<(), Failure> {
         let treats = |state: &FarEndElement| state.doing() == FarEndDoing::Following && state.beam == 1;
         self.wait_with(registry, treats, &mut |which| {
-            for verb in [Verb::Resume, Verb::Arm] {
+            for verb in [Verb::Confirm, Verb::Resume, Verb::Arm] {
                 // It may not be there yet: it is said again.
                 let _ = deliver(registry, which, "console", verb, &[]);
             }

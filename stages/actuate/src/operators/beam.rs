@@ -4,7 +4,7 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
-    PoseReport, PoseStatus, Sample, Target, TargetElement, Track,
+    PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement, Track,
 };
 
 use super::params::{check_life, extrinsic, key, stale};
@@ -56,6 +56,12 @@ pub struct BeamParams {
     /// Whether the lease requires a tracker that reports a pose in every frame (`report`).
     #[param(default = "required")]
     pub tracker: Need,
+    /// Least confidence of the tracker that it follows what was captured.
+    #[param(default = 0.5, min = 0, max = 1)]
+    pub confidence: f64,
+    /// Whether the parts of the reference must have been seen to move together since the capture.
+    #[param(default = "required")]
+    pub proof: Need,
     /// Age at which the newest target sample is too old.
     #[param(unit = "ns", default = "500 ms", min = "1 ms", max = "1 min")]
     pub target_timeout: u64,
@@ -95,8 +101,10 @@ pub struct GateBeam {
     /// Whether actuation was armed when it last spoke, and when that was, ns.
     actuation: Option<(bool, u64)>,
     tracker: Need,
-    /// Whether the tracker's newest report has a pose, and when that frame was acquired, ns.
-    report: Option<(bool, u64)>,
+    confidence: f64,
+    proof: Need,
+    /// What the tracker's newest report says against the beam, and when that frame was acquired, ns.
+    report: Option<(u32, u64)>,
     lease: Lease,
     sender: Sender,
     metrics: [Metric; METRICS],
@@ -188,6 +196,8 @@ impl Operator for GateBeam {
             target: None,
             actuation: None,
             tracker: params.tracker,
+            confidence: params.confidence,
+            proof: params.proof,
             report: None,
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
@@ -251,12 +261,21 @@ impl GateBeam {
         if let Some(sample) = activation.fresh::<PoseReport>(REPORT)
             && let Some(report) = sample.first()
         {
-            let has_pose = matches!(
-                PoseStatus::from_number(report.status),
-                Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found)
-            );
-            self.report = Some((has_pose, sample.header.origin.min(now)));
+            self.report = Some((self.told(report), sample.header.origin.min(now)));
         }
+    }
+
+    /// What a report of the tracker says against the beam.
+    fn told(&self, report: &PoseReportElement) -> u32 {
+        let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
+        let status = PoseStatus::from_number(report.status);
+        let has_pose = matches!(status, Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found));
+        let is_sure = report.confidence >= self.confidence;
+        let is_doubted = status == Some(PoseStatus::Doubted) || (has_pose && !is_sure);
+        bit(!has_pose, Reason::TRACKER)
+            | bit(is_doubted, Reason::IDENTITY)
+            | bit(self.proof == Need::Required && report.proof != Proof::Proven as u32, Reason::UNPROVEN)
+            | bit(report.confirmed != 1, Reason::UNCONFIRMED)
     }
 
     /// What pose and target say.
@@ -278,12 +297,16 @@ impl GateBeam {
         let is_old = |stamp: u64, timeout: u64| now.saturating_sub(stamp) > timeout;
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         let (armed, spoke) = self.actuation.map_or((false, None), |(armed, stamp)| (armed, Some(stamp)));
-        let is_seen = self.report.is_some_and(|(has_pose, origin)| has_pose && !is_old(origin, self.stale));
+        let tracker = match self.report {
+            _ if self.tracker == Need::Waived => 0,
+            Some((told, origin)) => told | bit(is_old(origin, self.stale), Reason::TRACKER),
+            None => Reason::TRACKER,
+        };
         bit(self.target.is_some_and(|(_, stamp)| is_old(stamp, self.target_timeout)), Reason::TARGET_STALE)
             | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC)
             | bit(!armed, Reason::ACTUATION)
             | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
-            | bit(self.tracker == Need::Required && !is_seen, Reason::TRACKER)
+            | tracker
     }
 
     fn element(&self, now: u64, is_on: bool, reasons: u32, aim: &Aim) -> GateElement {

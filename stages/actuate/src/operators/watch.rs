@@ -38,6 +38,8 @@ pub struct Watch {
     command: Option<(DutiesElement, u64)>,
     /// Number of the newest reference, and incarnation of who holds it.
     captured: Option<(u32, u32)>,
+    /// Whether a person has confirmed it.
+    is_confirmed: bool,
 }
 
 impl Watch {
@@ -50,7 +52,17 @@ impl Watch {
         valves: usize,
         reference: Need,
     ) -> Self {
-        Self { pose, extrinsic, stale, watchdog, valves, reference, command: None, captured: None }
+        Self {
+            pose,
+            extrinsic,
+            stale,
+            watchdog,
+            valves,
+            reference,
+            command: None,
+            captured: None,
+            is_confirmed: false,
+        }
     }
 
     /// Takes the samples of an activation.
@@ -68,6 +80,7 @@ impl Watch {
         if let Some(sample) = activation.fresh::<PoseReport>(REFERENCE)
             && let Some(report) = sample.first()
         {
+            self.is_confirmed = report.confirmed == 1;
             self.captured = (report.reference != 0).then_some((report.reference, sample.header.incarnation));
         }
     }
@@ -100,6 +113,7 @@ impl Watch {
             | bit(command_age.is_some_and(|age| age > self.watchdog), Reason::COMMAND_STALE);
         let needed = self.reference == Need::Required;
         let unready = bit(needed && self.captured.is_none(), Reason::REFERENCE)
+            | bit(needed && self.captured.is_some() && !self.is_confirmed, Reason::UNCONFIRMED)
             | bit(!self.extrinsic.is_valid(now), Reason::EXTRINSIC);
         Seen {
             now,

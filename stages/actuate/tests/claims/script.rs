@@ -3,7 +3,7 @@
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{
-    Command, ConsoleCommand, Duties, DutiesElement, PoseReport, PoseReportElement, PoseStatus, Sample,
+    Command, ConsoleCommand, Duties, DutiesElement, PoseReport, PoseReportElement, PoseStatus, Proof, Sample,
     Standing, Target, TargetElement, TargetStatus, Track, TrackElement, Verb,
 };
 use stillpoint_testing::run::START;
@@ -105,6 +105,13 @@ pub fn report(reference: u32) -> PoseReportElement {
         points: 0,
         not_finite: 0,
         reference,
+        confidence: 1.0,
+        certainty: [1.0; 5],
+        scale: 1.0,
+        apart: 0.0,
+        moved: 1.0,
+        confirmed: 1,
+        proof: Proof::Proven as u32,
     }
 }
 

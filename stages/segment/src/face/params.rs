@@ -1,5 +1,6 @@
 //! What the chain needs to know.
 
+use crate::identity::IdentityParams;
 use crate::mls::MlsParams;
 use crate::outliers::OutlierParams;
 use thiserror::Error;
@@ -31,6 +32,8 @@ pub struct FaceParams {
     pub rule: Rule,
     /// Mean distance of an adult head's surface from its middle, for [`Rule::Head`].
     pub head_radius: f64,
+    /// What a candidate must be to be the head, for [`Rule::Head`]; without it, the highest ball is.
+    pub identity: Option<IdentityParams>,
 }
 
 /// Rule by which voxels above the plane are the face.
@@ -58,6 +61,7 @@ impl Default for FaceParams {
             min_points: 100,
             rule: Rule::Head,
             head_radius: 0.09,
+            identity: None,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What the chain found in a frame, or why not.
 
 use crate::hull::ConvexHull;
+use crate::identity::Candidate;
 use crate::mlesac::PlaneFit;
 use crate::table::ClusterRow;
 use thiserror::Error;
@@ -41,6 +42,30 @@ pub enum Rejection {
         /// Voxels that a head needs.
         needed: usize,
     },
+    /// Of the things of a head's size none passes the checks of identity.
+    #[error("{}", said_of(.best, "the likeliest head"))]
+    Uncertain {
+        /// The best candidate.
+        best: Candidate,
+    },
+    /// Two things may be the head.
+    #[error("ambiguous: {} or {}", placed(.both[0].place), placed(.both[1].place))]
+    Ambiguous {
+        /// The best two candidates.
+        both: [Candidate; 2],
+    },
+}
+
+/// A place in the couch's frame, in mm.
+fn placed(place: nalgebra::Vector3<f64>) -> String {
+    let [x, y, z] = [place.x, place.y, place.z].map(|m| (m * 1e3).round());
+    format!("({x}, {y}, {z}) mm")
+}
+
+fn said_of(candidate: &Candidate, what: &str) -> String {
+    let lacks =
+        if candidate.in_region < candidate.shape { "is out of the region" } else { "has no neck or body" };
+    format!("{what} at {} {lacks}: certainty {:.2}", placed(candidate.place), candidate.certainty())
 }
 
 /// What was found in one frame, as far as it was found.
@@ -60,6 +85,8 @@ pub struct Seen<'a> {
     pub above: usize,
     /// Each cluster of these, the largest first.
     pub clusters: &'a [ClusterRow],
+    /// The things of a head's size, the likeliest head first; empty without checks of identity.
+    pub candidates: &'a [Candidate],
     /// Where in the cloud the face's points are, rising, or why there is no face.
     pub face: Result<&'a [u32], Rejection>,
 }

@@ -6,7 +6,7 @@ use super::seen::{Rejection, Seen, SegmentationStep};
 use super::support::Support;
 use crate::cloud::Cloud;
 use crate::cluster::EuclideanClusters;
-use crate::head::{HeadFinder, HeadParams};
+use crate::head::{HeadFinder, HeadParams, NoHead};
 use crate::mlesac::PlaneFit;
 use crate::mls::MovingLeastSquares;
 use crate::outliers::OutlierFilter;
@@ -119,6 +119,7 @@ impl FaceSegmenter {
             hull: self.support.hull(),
             above: self.above.len(),
             clusters: self.table.rows(),
+            candidates: self.head.candidates(),
             face: found.face.map(|()| self.indices.as_slice()),
         }
     }
@@ -144,6 +145,7 @@ impl FaceSegmenter {
         ended: &mut impl FnMut(SegmentationStep),
     ) -> Found {
         self.above.clear();
+        self.head.forget();
         self.table.clear();
         self.support.clear();
         match self.stand(rng, ended) {
@@ -200,14 +202,21 @@ impl FaceSegmenter {
         match self.params.rule {
             Rule::Largest => self.is_face.extend(self.clusters.labels().iter().map(|&label| label == 0)),
             Rule::Head => {
-                let FaceParams { head_radius: radius, leaf, height_min, .. } = self.params;
+                let FaceParams { head_radius: radius, leaf, height_min, identity, .. } = self.params;
                 let patch_above = self.head.gather(&self.above, leaf);
                 let patch = |&place: &u32| patch_above.get(place as usize).copied().unwrap_or(NO_VOXEL);
                 self.patches.clear();
                 self.patches.extend(self.place_above.iter().map(patch));
                 let pairs = self.pairs.find(cloud, self.grid.voxel_of_point(), &self.patches);
-                if !self.head.find(pairs, plane, &HeadParams { radius, leaf, height_min }) {
-                    return Err(Rejection::NoHead { above, needed });
+                let params = HeadParams { radius, leaf, height_min, identity };
+                if let Err(why) = self.head.find(pairs, plane, &params) {
+                    return Err(match (why, self.head.candidates()) {
+                        (NoHead::Ambiguous, [first, second, ..]) => {
+                            Rejection::Ambiguous { both: [*first, *second] }
+                        }
+                        (NoHead::Uncertain, [best, ..]) => Rejection::Uncertain { best: *best },
+                        _ => Rejection::NoHead { above, needed },
+                    });
                 }
                 self.is_face.extend_from_slice(self.head.is_head());
             }

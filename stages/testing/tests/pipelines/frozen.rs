@@ -31,11 +31,11 @@ seed: 3
 frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 deg, 0 deg, 0 deg] } }
 operators:
   first_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: first, camera: LENS } }
-  first_face: { use: segment.face, inputs: { cloud: first_cloud.cloud } }
+  first_face: { use: segment.face, inputs: { cloud: first_cloud.cloud }, params: { body: waived } }
   first_head: { use: track.head, inputs: { face: first_face.face, rejection: first_face.rejection }, frame: couch }
   first: { use: estimate.kalman, inputs: { measurement: first_head.pose }, params: { follow: pose } }
   second_cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: second, camera: LENS } }
-  second_face: { use: segment.face, inputs: { cloud: second_cloud.cloud } }
+  second_face: { use: segment.face, inputs: { cloud: second_cloud.cloud }, params: { body: waived } }
   second_head: { use: track.head, inputs: { face: second_face.face, rejection: second_face.rejection }, frame: couch }
   second: { use: estimate.kalman, inputs: { measurement: second_head.pose }, params: { follow: pose } }
   fused: { use: estimate.fuse, every: 50 ms, inputs: { first: first.state, second: second.state }, params: { follow: pose } }

@@ -56,7 +56,7 @@ operators:
     params:
       files: {folder}/{sensor}_*_depth.png
       camera: {{ fx: {fx} px, fy: {fy} px, cx: {cx} px, cy: {cy} px, depth_unit: {unit} m }}
-  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }} }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ body: waived }} }}
 ",
         folder = root.display(),
         fx = number("fx"),
@@ -122,7 +122,7 @@ name: measured
 frames: {{ camera: {{ parent: world, at: [0 m, 0 m, 1 m] }} }}
 operators:
   cloud: {{ use: ingest.pcd, every: 100 ms, frame: camera, params: {{ files: {file}, at_end: repeat }} }}
-  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ range_max: 2.5 m, iterations: 1000, min_voxels: 30 }} }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ body: waived, range_max: 2.5 m, iterations: 1000, min_voxels: 30 }} }}
 ",
             file = root.join(&input).display()
         );

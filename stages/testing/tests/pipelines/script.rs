@@ -4,7 +4,11 @@ use stillpoint_samples::ConsoleCommand;
 use stillpoint_testing::run;
 use stillpoint_testing::run::START;
 
+use stillpoint_operator::files::MemoryFiles;
+
 use crate::registry;
+
+const KEY: &[u8] = include_bytes!("../../../../examples/data/rig.key");
 
 struct NoFiles;
 
@@ -49,4 +53,35 @@ fn a_command_with_too_many_values_is_refused() {
         panic!("it ran");
     };
     assert!(said.contains("up to 6"), "{said}");
+}
+
+#[test]
+fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
+    let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
+    let mut files = MemoryFiles::default();
+    files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
+    files.files.insert("images/1.png".into(), Vec::new());
+    let faults = |text: &str| {
+        let faults = stillpoint_pipeline::spec::check(text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    assert_eq!(faults(&default), "");
+    let real = default.replacen(
+        "cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }",
+        "cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: images, camera: { fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px, depth_unit: 0.1 mm } } }",
+        1,
+    );
+    assert_ne!(real, default);
+    let said = faults(&real);
+    assert!(
+        said.contains(
+            "`head` sees through `cloud`, which is no simulated rig, and a script confirms its reference"
+        ),
+        "{said}"
+    );
+    let person = real.replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
+    let waived = person.replacen("params: { max_points: 50000 }\n\n", "params: { confirm: waived }\n\n", 1);
+    assert_ne!(waived, person);
+    assert!(faults(&waived).contains("`confirm: waived` takes its reference unseen"), "{}", faults(&waived));
 }

@@ -7,13 +7,16 @@
 //! - `aligner`: the iterations, and what is known of where they end.
 //! - `robust`: how distances are weighted.
 //! - `equations`: the normal equations.
+//! - `parts`: how parts of the surface agree.
 //! - `misfit`: how far a cloud is from the surface.
 
 mod aligner;
 mod equations;
 mod misfit;
+mod parts;
 mod robust;
 
 pub use aligner::{AlignParams, Aligner, Alignment, Approach, Effort};
 pub use misfit::misfit;
+pub use parts::{Agreement, PartAxes, agreement};
 pub use robust::Robust;

@@ -6,12 +6,13 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
-    PoseStatus, Rejection, Sample, Verb,
+    PoseStatus, Proof, Rejection, Sample, Verb,
 };
 
-use super::params::{CaptureBy, HeadParams, Method, Origin};
+use super::params::{CaptureBy, Confirm, HeadParams, Method, Origin};
 use super::report;
 use crate::capture::{Capture, Offer};
+use crate::identity::{ENOUGH, Frame, Identity, Needed};
 use crate::output_frame::output_from_face;
 use crate::quaternion::PairedPose;
 use crate::tracker::{HeadTracker, Loss, TrackedPose};
@@ -20,6 +21,7 @@ use crate::uncertainty::{Uncertainty, of_three_points};
 const FACE: usize = 0;
 const COMMAND: usize = 1;
 const REJECTION: usize = 2;
+const CONFIRM: usize = 3;
 const POSE: usize = 0;
 const THREE_POINTS: usize = 1;
 const REFERENCE: usize = 2;
@@ -39,6 +41,13 @@ pub struct TrackHead {
     min_points: usize,
     tracker: HeadTracker,
     capture: Capture,
+    confirm: Confirm,
+    /// Number of the reference that a person has confirmed.
+    confirmed: u32,
+    /// Of the reference of that number.
+    identity: Option<(u32, Identity)>,
+    min_overlap: f64,
+    tolerance: f64,
     /// From the face's frame into that of the pose.
     output_from_face: Isometry3<f64>,
     /// The finite points of the frame, and of the one before.
@@ -54,6 +63,8 @@ struct Found {
     dense: Option<PoseElement>,
     three_points: Option<PoseElement>,
     report: PoseReportElement,
+    /// The frame fits the reference, and the checks of its identity fail.
+    doubted: bool,
 }
 
 impl Operator for TrackHead {
@@ -83,6 +94,13 @@ impl Operator for TrackHead {
                 policy: Policy::Queue(1),
                 required: false,
                 about: "Frames without a face: each causes a report. If it is not connected, such frames cause no report.",
+            },
+            Input {
+                name: "confirm",
+                sample: ConsoleCommand::KIND,
+                policy: Policy::Queue(8),
+                required: false,
+                about: "`confirm` says that the present reference shows the head: a person has looked. Another reference needs another.",
             },
         ],
         outputs: &[
@@ -140,6 +158,11 @@ impl Operator for TrackHead {
             min_points: params.min_points as usize,
             tracker,
             capture,
+            confirm: params.confirm,
+            confirmed: 0,
+            identity: None,
+            min_overlap: params.min_overlap,
+            tolerance: params.tolerance,
             output_from_face: isometry(&output_from_face),
             cloud: Vec::new(),
             before: Vec::new(),
@@ -157,7 +180,15 @@ impl Operator for TrackHead {
         {
             self.capture.command();
         }
-        if activation.fresh::<Rejection>(REJECTION).is_some() {
+        if let Some(command) = activation.fresh::<ConsoleCommand>(CONFIRM)
+            && command.first().is_some_and(|c| c.verb == Verb::Confirm as u32)
+        {
+            self.confirmed = self.capture.number();
+        }
+        if let Some(rejection) = activation.fresh::<Rejection>(REJECTION) {
+            if let Some((_, identity)) = &mut self.identity {
+                identity.pass(rejection.header.origin);
+            }
             // Where the head was last stays the best guess of where it is.
             return outputs.send::<PoseReport>(REPORT, &self.without_a_face());
         }
@@ -173,6 +204,9 @@ impl Operator for TrackHead {
         // each time, and nobody would notice that the camera is frozen.
         let again = self.found.take().filter(|_| is_repeated);
         let found = again.unwrap_or_else(|| self.find(time));
+        if let Some((_, identity)) = &mut self.identity {
+            identity.pass(time);
+        }
         if let Some(pose) = &found.three_points {
             outputs.send::<Pose>(THREE_POINTS, pose)?;
         }
@@ -187,7 +221,13 @@ impl Operator for TrackHead {
             status: report::status(&captured, &found.tracked) as u32,
             not_finite: (face.elements.len() - self.cloud.len()) as u32,
             reference: self.capture.number(),
-            ..found.report
+            ..self.standing(found.report)
+        };
+        let report = match found.doubted {
+            true if report.status != PoseStatus::CaptureRefused as u32 => {
+                PoseReportElement { status: PoseStatus::Doubted as u32, ..report }
+            }
+            _ => report,
         };
         let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
             self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference)
@@ -203,7 +243,20 @@ impl Operator for TrackHead {
 impl TrackHead {
     fn without_a_face(&self) -> PoseReportElement {
         let (status, reference) = (PoseStatus::NoFace as u32, self.capture.number());
-        PoseReportElement { status, reference, ..report::empty() }
+        PoseReportElement { status, reference, ..self.standing(report::empty()) }
+    }
+
+    /// A report with what holds of the reference, whatever the frame shows.
+    fn standing(&self, report: PoseReportElement) -> PoseReportElement {
+        let number = self.capture.number();
+        let is_confirmed = number > 0 && (self.confirm == Confirm::Waived || self.confirmed == number);
+        let identity = self.identity.as_ref().map(|(_, identity)| identity);
+        PoseReportElement {
+            confirmed: u32::from(is_confirmed),
+            proof: identity.map_or(Proof::Waiting, Identity::proof) as u32,
+            moved: identity.map_or(f64::NAN, Identity::moved),
+            ..report
+        }
     }
 
     /// The head's origin at the capture, in the face's frame, m.
@@ -233,7 +286,32 @@ impl TrackHead {
                 None
             }
         };
-        Found { tracked, dense, three_points, report }
+        let doubted = match &tracked {
+            Ok(tracked) => self.is_doubted(tracked, time, &mut report),
+            Err(_) => false,
+        };
+        let trusted = |pose: Option<PoseElement>| pose.filter(|_| !doubted);
+        Found { tracked, dense: trusted(dense), three_points: trusted(three_points), report, doubted }
+    }
+
+    /// Judges whether a frame with a pose shows what was captured.
+    fn is_doubted(&mut self, tracked: &TrackedPose, time: u64, report: &mut PoseReportElement) -> bool {
+        let Some(surface) = self.tracker.surface() else { return false };
+        let number = self.capture.number();
+        if self.identity.as_ref().is_none_or(|(of, _)| *of != number) {
+            self.identity = Some((number, Identity::new(surface)));
+        }
+        let Some((_, identity)) = &mut self.identity else { return false };
+        let frame = Frame {
+            cloud: &self.cloud,
+            alignment: &tracked.alignment,
+            motion: &tracked.current_from_reference,
+            time,
+        };
+        let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
+        let judged = identity.judge(surface, &frame, &needed);
+        report::of_identity(report, &judged);
+        judged.confidence() < ENOUGH
     }
 
     fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {

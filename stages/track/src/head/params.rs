@@ -24,6 +24,15 @@ pub enum CaptureBy {
     Command,
 }
 
+/// Whether a person has to confirm a reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Confirm {
+    /// Nothing arms before `console.confirm`.
+    Required,
+    /// Nobody has to. For phantoms and benches alone.
+    Waived,
+}
+
 /// Which point of the head is its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Origin {
@@ -42,6 +51,9 @@ pub struct HeadParams {
     /// Event that makes a face the reference.
     #[param(default = "first")]
     pub capture: CaptureBy,
+    /// Whether a person must confirm a reference (`console.confirm`) before valves arm and the beam is allowed.
+    #[param(default = "required")]
+    pub confirm: Confirm,
     /// A PCD file with the reference at the start: a face, in the frame of `face`. A `capture` replaces it.
     #[param(file)]
     pub reference: Option<String>,

@@ -4,6 +4,7 @@ use stillpoint_samples::{PoseReportElement, PoseStatus};
 
 use crate::align::Alignment;
 use crate::capture::{CaptureError, Offer};
+use crate::identity::Judged;
 use crate::tracker::{Loss, TrackedPose, Way};
 use crate::uncertainty::Uncertainty;
 
@@ -19,13 +20,28 @@ pub fn empty() -> PoseReportElement {
         residual_sd: f64::NAN,
         overlap: f64::NAN,
         three_points_gap: f64::NAN,
+        confidence: f64::NAN,
+        certainty: [f64::NAN; 5],
+        scale: f64::NAN,
+        apart: f64::NAN,
+        moved: f64::NAN,
         status: 0,
         refused: 0,
         iterations: 0,
         points: 0,
         not_finite: 0,
         reference: 0,
+        confirmed: 0,
+        proof: 0,
     }
+}
+
+/// Says how sure it is that the frame shows what was captured.
+pub fn of_identity(said: &mut PoseReportElement, judged: &Judged) {
+    said.confidence = judged.confidence();
+    said.certainty = judged.certainty;
+    said.scale = judged.agreement.scale;
+    said.apart = judged.agreement.apart;
 }
 
 /// What became of a frame.

@@ -24,7 +24,7 @@ operators:
   console: { use: console, every: 20 ms }
   feed: { use: feed.cloud, frame: camera }
   why: { use: feed.rejection }
-  head: { use: track.head, inputs: { face: feed.out, command: console.capture, rejection: why.out }, frame: couch, params: { capture: first } }
+  head: { use: track.head, inputs: { face: feed.out, command: console.capture, confirm: console.confirm, rejection: why.out }, frame: couch, params: { capture: first } }
 ";
 
 fn stages() -> Vec<Stage> {
@@ -35,7 +35,7 @@ fn bench_with(text: &str, files: &MemoryFiles) -> Result<Bench, String> {
     Bench::new(text, "head", &stages(), files)
 }
 
-fn bench(change: impl Fn(&str) -> String) -> Bench {
+pub fn bench(change: impl Fn(&str) -> String) -> Bench {
     bench_with(&change(TEXT), &MemoryFiles::default()).unwrap()
 }
 
@@ -49,16 +49,16 @@ fn a_tracker_has_the_operators_defaults() {
 }
 
 /// What one frame left: pose, three points, reference, report.
-struct Said {
-    pose: Option<PoseElement>,
+pub struct Said {
+    pub pose: Option<PoseElement>,
     three_points: Option<PoseElement>,
     reference: Option<Vec<[f32; 3]>>,
-    report: PoseReportElement,
+    pub report: PoseReportElement,
     bytes: Vec<u8>,
 }
 
 impl Said {
-    fn status(&self) -> PoseStatus {
+    pub fn status(&self) -> PoseStatus {
         PoseStatus::from_number(self.report.status).unwrap()
     }
 
@@ -77,7 +77,7 @@ impl Said {
     }
 }
 
-fn feed(bench: &mut Bench, cloud: &[Vector3<f64>]) -> Said {
+pub fn feed(bench: &mut Bench, cloud: &[Vector3<f64>]) -> Said {
     let points: Vec<Point> =
         cloud.iter().map(|p| Point { xyz: [p.x as f32, p.y as f32, p.z as f32] }).collect();
     feed_points(bench, &points)
@@ -94,14 +94,21 @@ fn reject(bench: &mut Bench) -> Said {
     Said::of(&bench.feed::<Rejection>(2, &(), &[why], 0))
 }
 
-fn command(bench: &mut Bench, verb: Verb) {
+pub fn command(bench: &mut Bench, verb: Verb) {
     let command = Command { verb: verb as u32, ..Command::default() };
     let left = bench.feed::<ConsoleCommand>(1, &(), &[command], 0);
     assert!(left.fault.is_none() && left.outputs.is_empty());
 }
 
+/// A word on the input that confirms.
+pub fn confirm(bench: &mut Bench, verb: Verb) {
+    let command = Command { verb: verb as u32, ..Command::default() };
+    let left = bench.feed::<ConsoleCommand>(3, &(), &[command], 0);
+    assert!(left.fault.is_none() && left.outputs.is_empty());
+}
+
 /// A body moved in the camera's axes, turned about its own origin: m and rad.
-fn moved(shift: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
+pub fn moved(shift: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
     let mut pose = camera_from_body();
     pose.translation.vector += Vector3::from(shift);
     pose.rotation = UnitQuaternion::from_scaled_axis(Vector3::from(turn)) * pose.rotation;

@@ -7,6 +7,7 @@ mod centroid;
 mod drawn;
 mod drawn_motion;
 mod head;
+mod identity;
 mod rendered;
 #[path = "../../../segment/tests/scene.rs"]
 mod scene;

@@ -42,7 +42,7 @@ operators:
     params:
       files: {folder}/{sensor}_*_depth.png
       camera: {{ fx: {fx} px, fy: {fy} px, cx: {cx} px, cy: {cy} px, depth_unit: {unit} m }}
-  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }} }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ body: waived }} }}
   head: {{ use: track.head, inputs: {{ face: face.face }}, frame: couch }}
 ",
         camera.pitch,

@@ -48,7 +48,7 @@ operators:
   person: { use: test.person, every: 130 ms }
   rig: { use: rig.camera, every: 100 ms, frame: camera, params: { motion: sweep } }
   cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }
-  face: { use: segment.face, inputs: { cloud: cloud.cloud } }
+  face: { use: segment.face, inputs: { cloud: cloud.cloud }, params: { body: waived } }
   head: { use: track.head, inputs: { face: face.face, command: person.capture }, frame: couch, params: { capture: command } }
 ";
 

@@ -20,7 +20,7 @@ operators:
     frame: camera
     params: {{ motion: raise, noise: {noise}, width: 320 px, height: 240 px, focal_length: 283 px }}
   cloud: {{ use: ingest.depth, inputs: {{ image: rig.depth }}, frame: camera }}
-  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }} }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ body: waived }} }}
   height: {{ use: track.summit, inputs: {{ face: face.face }}, frame: couch, params: {{ shared_sd: 0.01 mm }} }}
 "
     );

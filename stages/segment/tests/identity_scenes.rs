@@ -1,0 +1,100 @@
+//! Which thing is taken for the head, on patients drawn by chance. `$STILLPOINT_SCENES` says which are drawn.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use chacha20::ChaCha8Rng;
+use chacha20::rand_core::SeedableRng;
+use stillpoint_rig::scene::Scene;
+use stillpoint_segment::identity::{Candidate, IdentityParams, Region};
+use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rejection};
+
+use crate::bodies::{EXTRAS, Extra, patient};
+use crate::drawn::numbers;
+use crate::scene::Frame;
+
+/// Part of the head that a face may hold else, and must.
+const PURE: f64 = 0.75;
+
+#[test]
+fn nothing_but_the_head_is_taken_for_it() {
+    let (mut wrong, mut missed, mut due, mut taken) = (Vec::new(), Vec::new(), 0, 0);
+    let mut by_extra = EXTRAS.map(|_| [0; 4]);
+    for number in numbers(200) {
+        let p = patient(number);
+        let frame = Frame::of(&p.kind, &p.couch_from_camera, &p.scene, p.scale, &p.couch_from_head, number);
+        let bare = Scene::new(Vec::new(), -0.85);
+        let alone = Frame::of(&p.kind, &p.couch_from_camera, &bare, p.scale, &p.couch_from_head, number);
+        let count = |frame: &Frame| frame.head.iter().filter(|h| **h).count() as f64;
+        let shown = count(&frame) / count(&alone).max(1.0);
+        let identity = IdentityParams {
+            couch_from_cloud: p.couch_from_camera,
+            region: Some(Region::DEFAULT),
+            needs_body: true,
+            margin: 0.2,
+        };
+        let mut segmenter =
+            FaceSegmenter::new(FaceParams { identity: Some(identity), ..FaceParams::default() }).unwrap();
+        let cloud = Cloud { points: &frame.cloud, width: frame.width };
+        let seen = segmenter.segment(cloud, &mut ChaCha8Rng::seed_from_u64(number));
+        let place = EXTRAS.iter().position(|e| *e == p.extra).unwrap();
+        let is_due = p.has_head() && p.is_plain() && shown >= 2.0 / 3.0 && p.off_front <= 60.0;
+        due += usize::from(is_due);
+        by_extra[place][0] += 1;
+        match seen.face {
+            Ok(face) => {
+                let inside = face.iter().filter(|i| frame.head[**i as usize]).count() as f64;
+                let purity = inside / face.len().max(1) as f64;
+                taken += usize::from(is_due);
+                by_extra[place][1] += 1;
+                // A fist on the chin is cut with it; that it is none of the head, its motion tells.
+                let pure = if p.extra == Extra::Fist { 0.5 } else { PURE };
+                if purity < pure {
+                    by_extra[place][2] += 1;
+                    wrong.push(format!("purity {purity:.2} {}", p.about));
+                    if tells() {
+                        tell("WRONG", &p.about, seen.candidates);
+                    }
+                }
+            }
+            Err(why) if is_due => {
+                by_extra[place][3] += 1;
+                missed.push(format!("{} shown {shown:.2}: {why}", p.about));
+                if tells() {
+                    tell("MISSED", &p.about, seen.candidates);
+                }
+                assert!(!matches!(why, Rejection::TooFewVoxels { .. }), "{why}");
+            }
+            Err(_) => {}
+        }
+    }
+    for (extra, [all, taken, wrong, missed]) in EXTRAS.iter().zip(by_extra) {
+        eprintln!("{extra:?}: {all} scenes, {taken} taken, {wrong} wrong, {missed} missed");
+    }
+    eprintln!("{taken} of {due} due taken, {} wrong: {wrong:#?}", wrong.len());
+    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(taken as f64 >= 0.93 * due as f64, "{taken} of {due}: {missed:#?}");
+}
+
+/// Whether wrong and missed scenes are told with their candidates.
+fn tells() -> bool {
+    std::env::var_os("STILLPOINT_TELL").is_some()
+}
+
+fn tell(what: &str, about: &str, candidates: &[Candidate]) {
+    eprintln!("{what} {about}");
+    for c in candidates {
+        eprintln!(
+            "    {:.2?} r {:.3} size {:.2} valley {:.2} neck {:.2} area {:.3} width {:.2} midline {:.2} region {:.2} shape {:.2}",
+            c.place.as_slice(),
+            c.ball.radius,
+            c.size,
+            c.valley,
+            c.neck,
+            c.body_area,
+            c.body_width,
+            c.midline,
+            c.in_region,
+            c.shape
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! Whether what is followed is still what was captured: size, overlap, residual, place, and the agreement of the parts
+//! of the surface; and whether the parts were seen to move together since the capture.
+
+use nalgebra::{Isometry3, Vector3};
+use stillpoint_samples::{IdentityPart, Proof};
+
+use crate::align::{Agreement, Alignment, PartAxes, agreement};
+use crate::surface::Surface;
+
+/// A part of the confidence at its limit. Below it the frame has no pose.
+pub const ENOUGH: f64 = 0.5;
+/// Points that the parts are judged by.
+const POINTS: usize = 3000;
+/// Relative deviation of the size: its limit.
+const SIZE: f64 = 0.05;
+/// Over the least overlap that a pose needs: how far from there to full certainty.
+const OVERLAP: f64 = 0.15;
+/// Robust deviation of the distances: its limit, in multiples of the noise of the reference, and at least, m.
+const RESIDUAL: f64 = 3.0;
+const RESIDUAL_LEAST: f64 = 1.5e-3;
+/// How far the head may be from where it was captured, m, and turned, rad.
+const REGION: f64 = 0.15;
+const REGION_TURN: f64 = 0.9;
+/// Greatest relative movement of two halves of the surface, in multiples of the noise of the reference, and at least, m.
+const APART: f64 = 0.5;
+const APART_LEAST: f64 = 0.3e-3;
+/// Least part of a quarter's points that must lie on the surface.
+const QUARTER: f64 = 0.35;
+/// A movement, which is a mean over frames, counts from so many standard deviations of one frame on, and from so far, m.
+const MOVED: f64 = 2.0;
+const MOVED_LEAST: f64 = 0.04e-3;
+/// Frames whose mean is where the movement starts.
+const FIRST: u32 = 4;
+/// Weight of a new frame in the mean movement.
+const NEW: f64 = 0.25;
+/// How long the parts have after the capture to be seen to move together, ns.
+const PROOF_TIME: u64 = 10_000_000_000;
+
+/// A frame that has a pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// Its points, m, finite, seen from the origin.
+    pub cloud: &'a [Vector3<f64>],
+    /// How they lie on the reference.
+    pub alignment: &'a Alignment,
+    /// The head's motion since the capture, in the cloud's frame.
+    pub motion: &'a Isometry3<f64>,
+    /// When it was acquired, ns.
+    pub time: u64,
+}
+
+/// What a pose needs.
+#[derive(Debug, Clone, Copy)]
+pub struct Needed {
+    /// Part of the points that must lie on the reference.
+    pub overlap: f64,
+    /// A point within this distance lies on it, m.
+    pub tolerance: f64,
+}
+
+/// What the checks said of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Judged {
+    /// Certainties in the order of [`IdentityPart`].
+    pub certainty: [f64; 5],
+    /// How the parts agree.
+    pub agreement: Agreement,
+}
+
+impl Judged {
+    /// The least of the certainties.
+    #[must_use]
+    pub fn confidence(&self) -> f64 {
+        self.certainty.iter().copied().fold(1.0, f64::min)
+    }
+}
+
+/// Watches what is followed, from a capture on.
+#[derive(Debug, Clone)]
+pub struct Identity {
+    axes: PartAxes,
+    /// When the head was first found after the capture, ns.
+    since: Option<u64>,
+    proof: Proof,
+    moved: f64,
+    /// Frames behind `start`.
+    frames: u32,
+    /// How far both ends of the surface were from where they were captured, m: in the mean of the first frames, and of the last.
+    start: [Vector3<f64>; 2],
+    now: [Vector3<f64>; 2],
+}
+
+impl Identity {
+    /// Of a reference, before its first frame.
+    #[must_use]
+    pub fn new(surface: &Surface) -> Self {
+        Self {
+            axes: PartAxes::of(surface),
+            since: None,
+            proof: Proof::Waiting,
+            moved: 0.0,
+            frames: 0,
+            start: Default::default(),
+            now: Default::default(),
+        }
+    }
+
+    /// Judges a frame that has a pose.
+    pub fn judge(&mut self, surface: &Surface, frame: &Frame<'_>, needed: &Needed) -> Judged {
+        let Frame { cloud, alignment, motion, .. } = *frame;
+        let tolerance = needed.tolerance;
+        let middle = surface.centroid();
+        let seen = agreement(surface, &self.axes, cloud, &alignment.surface_from_cloud, tolerance, POINTS);
+        let noise = surface.noise_sd();
+        let shift = (motion * nalgebra::Point3::from(middle)).coords - middle;
+        let mut certainty = [0.0; 5];
+        // A size that the surface does not tell is no reason to doubt.
+        let size = if seen.scale.is_nan() { 0.0 } else { (seen.scale - 1.0).abs() };
+        certainty[IdentityPart::Size as usize] = below(size, SIZE);
+        certainty[IdentityPart::Overlap as usize] =
+            (0.5 + (alignment.overlap - needed.overlap) / (2.0 * OVERLAP)).clamp(0.0, 1.0);
+        certainty[IdentityPart::Residual as usize] =
+            below(alignment.sd, (RESIDUAL * noise).max(RESIDUAL_LEAST));
+        certainty[IdentityPart::Region as usize] =
+            below(shift.norm(), REGION).min(below(motion.rotation.angle(), REGION_TURN));
+        let apart = below(seen.apart, (APART * noise).max(APART_LEAST));
+        let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
+        certainty[IdentityPart::Agreement as usize] = apart.min(quarter);
+        let judged = Judged { certainty, agreement: seen };
+        self.prove(&judged, frame, &middle, surface.length());
+        judged
+    }
+
+    fn prove(&mut self, judged: &Judged, frame: &Frame<'_>, middle: &Vector3<f64>, length: f64) {
+        let Frame { alignment, motion, time, .. } = *frame;
+        self.since.get_or_insert(time);
+        if judged.confidence() >= ENOUGH && self.proof == Proof::Waiting {
+            // Each half is as far from the middle as the length that makes a turn a movement.
+            let shifts = [1.0, -1.0].map(|side| {
+                let end = middle + self.axes.longest() * (side * length);
+                (motion * nalgebra::Point3::from(end)).coords - end
+            });
+            // One frame that errs is no movement, and neither is the error of the captured frame.
+            if self.frames < FIRST {
+                self.frames += 1;
+                let part = 1.0 / f64::from(self.frames);
+                self.start = [0, 1].map(|end| self.start[end] + part * (shifts[end] - self.start[end]));
+                self.now = self.start;
+            }
+            self.now = [0, 1].map(|end| self.now[end] + NEW * (shifts[end] - self.now[end]));
+            let ends = [0, 1].map(|end| self.now[end] - self.start[end]);
+            let variance = alignment.covariance.fixed_view::<3, 3>(0, 0).trace().max(0.0);
+            let noise = (MOVED * variance.sqrt()).max(MOVED_LEAST);
+            self.moved = self.moved.max(ends[0].norm().min(ends[1].norm()) / noise);
+            if self.moved >= 1.0 {
+                self.proof = Proof::Proven;
+            }
+        }
+    }
+
+    /// Notes that it is `time`, ns, whatever the frame shows: the time for the proof may be over.
+    pub fn pass(&mut self, time: u64) {
+        let is_over = self.since.is_some_and(|since| time.saturating_sub(since) > PROOF_TIME);
+        if self.proof == Proof::Waiting && is_over {
+            self.proof = Proof::Failed;
+        }
+    }
+
+    /// Whether the parts were seen to move together.
+    #[must_use]
+    pub fn proof(&self) -> Proof {
+        self.proof
+    }
+
+    /// How far the less moved end has moved, over what counts as movement.
+    #[must_use]
+    pub fn moved(&self) -> f64 {
+        self.moved
+    }
+}
+
+/// 1 at zero, 0.5 at the limit, 0 at twice the limit and for NaN.
+fn below(value: f64, limit: f64) -> f64 {
+    let certainty = 1.0 - 0.5 * value / limit;
+    if certainty.is_nan() { 0.0 } else { certainty.clamp(0.0, 1.0) }
+}

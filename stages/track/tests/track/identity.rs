@@ -1,0 +1,143 @@
+//! `track.head` on a bench: whether what is followed is what was captured, whether its parts were seen to move together,
+//! and who confirmed it.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use stillpoint_rig::head::Head;
+use stillpoint_rig::ray::{self, Ray};
+use stillpoint_samples::{IdentityPart, PoseReportElement, PoseStatus, Proof, Verb};
+use stillpoint_testing::Bench;
+
+use crate::head::{bench, command, confirm, feed, moved};
+use crate::shapes::{camera_from_body, head, seen, sphere};
+
+const MS: u64 = 1_000_000;
+
+/// The rig's head with a fist on its chin, which was shifted by so much.
+fn with_fist(camera_from_head: &Isometry3<f64>, shift: Vector3<f64>) -> Vec<Vector3<f64>> {
+    let head = Head::new(1.0).unwrap();
+    let fist = Point3::new(0.0, -0.075, 0.085) + shift;
+    seen(camera_from_head, |origin, direction| {
+        let ray = Ray { origin: *origin, direction: *direction };
+        let hits = head.parts().iter().filter_map(|part| ray::ellipsoid(&ray, part)).map(|hit| hit.t);
+        let (a, offset) = (direction.norm_squared(), origin - fist);
+        let b = offset.dot(direction);
+        let root = b * b - a * (offset.norm_squared() - 0.05 * 0.05);
+        hits.chain((root > 0.0).then(|| (-b - root.sqrt()) / a)).min_by(f64::total_cmp)
+    })
+}
+
+fn part(report: &PoseReportElement, part: IdentityPart) -> f64 {
+    report.certainty[part as usize]
+}
+
+#[test]
+fn the_head_that_was_captured_is_certain_while_it_moves() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    for k in 1..6 {
+        let k = f64::from(k);
+        let said =
+            feed(&mut bench, &head(&moved([1e-3 * k, -2e-3 * k, 2e-3 * k], [0.02 * k, -0.01 * k, 0.03 * k])));
+        assert_eq!(said.status(), PoseStatus::Tracked);
+        assert!(said.report.confidence > 0.6, "{:?}", said.report.certainty);
+        assert!((said.report.scale - 1.0).abs() < 0.01 && said.report.apart < 0.3e-3, "{:?}", said.report);
+    }
+}
+
+#[test]
+fn a_fist_on_the_chin_that_moves_apart_ends_the_poses() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &with_fist(&camera_from_body(), Vector3::zeros()));
+    let together = feed(&mut bench, &with_fist(&moved([0.0, 0.0, 2e-3], [0.0; 3]), Vector3::zeros()));
+    assert_eq!(together.status(), PoseStatus::Tracked, "{:?}", together.report);
+    // The head turns and goes on, and the fist stays behind.
+    let mut apart = None;
+    for k in 1..=8 {
+        let mm = 1e-3 * f64::from(k);
+        let said =
+            feed(&mut bench, &with_fist(&moved([0.0, 0.0, 2e-3], [0.0; 3]), Vector3::new(0.0, mm, 2.0 * mm)));
+        if said.status() != PoseStatus::Tracked {
+            assert_eq!(
+                (said.status(), said.pose.is_none()),
+                (PoseStatus::Doubted, true),
+                "{:?}",
+                said.report
+            );
+            assert!(part(&said.report, IdentityPart::Agreement) < 0.5);
+            apart = Some(k);
+            break;
+        }
+    }
+    assert!(apart.is_some_and(|mm| mm <= 5), "{apart:?}");
+}
+
+#[test]
+fn a_thing_of_another_size_is_not_what_was_captured() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &sphere(&camera_from_body(), 0.09));
+    let larger = feed(&mut bench, &sphere(&camera_from_body(), 0.097));
+    assert!(larger.report.scale > 1.05, "{:?}", larger.report);
+    assert_eq!((larger.status(), larger.pose), (PoseStatus::Doubted, None));
+}
+
+#[test]
+fn a_head_far_from_where_it_was_captured_is_doubted() {
+    let mut bench = bench(str::to_owned);
+    feed(&mut bench, &head(&camera_from_body()));
+    // It goes away by and by, so that it is followed.
+    let mut status = PoseStatus::Tracked;
+    for k in 1..=18 {
+        status = feed(&mut bench, &head(&moved([0.0, 0.0, 0.01 * f64::from(k)], [0.0; 3]))).status();
+        assert_eq!(status == PoseStatus::Doubted, k >= 15, "{k}: {status:?}");
+    }
+    assert_eq!(status, PoseStatus::Doubted);
+}
+
+fn proof(report: &PoseReportElement) -> u32 {
+    report.proof
+}
+
+#[test]
+fn a_reference_is_proven_by_a_movement_of_all_its_parts_and_fails_without() {
+    let mut moving = bench(str::to_owned);
+    assert_eq!(proof(&feed(&mut moving, &head(&camera_from_body())).report), Proof::Waiting as u32);
+    let noise = [1e-5, -1e-5, 2e-5, -2e-5].map(|z| feed(&mut moving, &head(&moved([0.0, 0.0, z], [0.0; 3]))));
+    let noise = &noise[3];
+    assert_eq!(proof(&noise.report), Proof::Waiting as u32, "{}", noise.report.moved);
+    // One frame that errs by this is none; a movement that lasts is one.
+    let once = feed(&mut moving, &head(&moved([0.0, 0.0, 0.12e-3], [0.0; 3])));
+    assert_eq!(proof(&once.report), Proof::Waiting as u32, "{}", once.report.moved);
+    let lasting =
+        [0.21e-3, 0.22e-3, 0.23e-3].map(|z| feed(&mut moving, &head(&moved([0.0, 0.0, z], [0.0; 3]))));
+    assert_eq!(proof(&lasting[2].report), Proof::Proven as u32, "{}", lasting[2].report.moved);
+    // Another reference is another proof.
+    command(&mut moving, Verb::Capture);
+    assert_eq!(proof(&feed(&mut moving, &head(&camera_from_body())).report), Proof::Waiting as u32);
+
+    let mut still = bench(str::to_owned);
+    feed(&mut still, &head(&camera_from_body()));
+    let at = |bench: &mut Bench, ms: u64| {
+        bench.at(ms * MS);
+        proof(&feed(bench, &head(&moved([0.0, 0.0, 1e-5], [0.0; 3]))).report)
+    };
+    assert_eq!(at(&mut still, 9_900), Proof::Waiting as u32);
+    assert_eq!(at(&mut still, 10_200), Proof::Failed as u32);
+    // A movement after the limit proves nothing any more.
+    still.at(10_300 * MS);
+    let late = feed(&mut still, &head(&moved([0.0, 0.0, 3e-3], [0.0; 3])));
+    assert_eq!(proof(&late.report), Proof::Failed as u32);
+}
+
+#[test]
+fn a_reference_is_confirmed_by_a_person_and_each_one_anew() {
+    let mut bench = bench(str::to_owned);
+    let cloud = head(&camera_from_body());
+    assert_eq!(feed(&mut bench, &cloud).report.confirmed, 0);
+    confirm(&mut bench, Verb::Arm);
+    assert_eq!(feed(&mut bench, &cloud).report.confirmed, 0);
+    confirm(&mut bench, Verb::Confirm);
+    assert_eq!(feed(&mut bench, &cloud).report.confirmed, 1);
+    command(&mut bench, Verb::Capture);
+    let said = feed(&mut bench, &cloud);
+    assert_eq!((said.report.reference, said.report.confirmed), (2, 0));
+}
