@@ -131,7 +131,7 @@ impl Trial {
             let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
             EMBEDDED.get(from..to).map(str::to_owned)
         };
-        let camera = between("  cloud:", "  # Quantities").unwrap_or_default();
+        let camera = between("  cloud:", "  filter:").unwrap_or_default();
         let own = [
             (camera.as_str(), NOISE),
             ("      reference: head.report\n", ""),
@@ -144,7 +144,8 @@ impl Trial {
         plan.changes.extend(changes.map(|(from, to)| ((*from).to_owned(), (*to).to_owned())));
         plan.sets.retain(|set| !set.contains(".latency="));
         let sets = ["rig.camera.width=16 px", "rig.camera.height=16 px", "rig.camera.focal_length=14 px"];
-        let sets = sets.iter().chain(&["valves.reference=waived", MOVES]).chain(self.sets);
+        let sets =
+            sets.iter().chain(&["valves.reference=waived", "gate.tracker=waived", MOVES]).chain(self.sets);
         plan.sets.extend(sets.map(|s| (*s).to_owned()).chain(gains.iter().cloned()));
         Plan { seconds: LEAD + self.pace.seconds, ..plan }
     }
