@@ -3,7 +3,6 @@
 
 use std::collections::BTreeSet;
 
-use super::check::numbers;
 use super::document::Document;
 use super::faults::{Code, Findings};
 use super::near::shown;
@@ -23,7 +22,7 @@ pub fn check<'a>(
     params: impl Iterator<Item = Option<&'a CheckedParams>>,
     findings: &Findings,
 ) {
-    let numbers = numbers(document);
+    let numbers = document.numbers();
     let params: Vec<Option<&CheckedParams>> = params.collect();
     let says = |console: usize| {
         let params = params.get(console).copied().flatten();
