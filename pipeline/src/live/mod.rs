@@ -55,4 +55,5 @@ pub use lockstep::Processes;
 pub use recorder::recorder_main;
 pub use report::{Fault, Recorded, Run, RunOptions, RunReport};
 pub use supervisor::Supervisor;
-pub use worker::worker_main;
+pub use wire::{TransportOf, transport_of};
+pub use worker::{worker_main, worker_main_over};

@@ -8,7 +8,7 @@ use super::error::WorkerError;
 use super::journal::{PublishError, publish_entry};
 use super::ports::{Depth, Outlet, Ports};
 use super::stopwatch::Stopwatch;
-use super::wire::{LinkReceiver, LinkSender};
+use super::wire::{LinkReceiver, LinkSender, TransportOf};
 use crate::clock::SessionClock;
 use crate::drafts::{Buffer, Lender};
 use crate::graph::Graph;
@@ -115,6 +115,7 @@ impl OperatorRunner {
         incarnation: u32,
         domain: &Domain,
         files: &dyn Files,
+        transport_of: TransportOf,
         listeners: &mut Vec<Listener>,
     ) -> Result<Self, WorkerError> {
         let node = &graph.operators[operator];
@@ -130,7 +131,11 @@ impl OperatorRunner {
             let outside =
                 graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(outlet.topic.notifier()?) } else { None };
-            sending.push(Sending { notifier, sent: false, link_sender: LinkSender::open(node, port)? });
+            sending.push(Sending {
+                notifier,
+                sent: false,
+                link_sender: LinkSender::open(node, port, transport_of)?,
+            });
         }
         let stopwatch = Stopwatch::open(graph, operator, domain)?;
         let mut people = None;
@@ -139,7 +144,7 @@ impl OperatorRunner {
             let subscriber = topic.subscriber(16)?;
             people = Some(InboxPort { subscriber, inbox: inbox.clone(), _topic: topic });
         }
-        let link_receiver = LinkReceiver::open(node)?;
+        let link_receiver = LinkReceiver::open(node, transport_of)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
         let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
             .map_err(|reason| WorkerError::Setup { operator: node.name.clone(), reason })?;

@@ -19,8 +19,12 @@ pub struct LinkError {
     pub reason: TransportError,
 }
 
-/// The transport of a link: the one place that knows them all.
-fn transport(wire: Wire) -> Box<dyn Transport> {
+/// The transport of a link.
+pub type TransportOf = fn(Wire) -> Box<dyn Transport>;
+
+/// The transports of this project. A program that brings another one gives its own function to
+/// [`worker_main_over`](super::worker_main_over), and leaves all other links to this one.
+pub fn transport_of(wire: Wire) -> Box<dyn Transport> {
     match wire {
         Wire::Udp(address) => Box::new(Datagrams::to(address)),
         Wire::Tcp(address) => Box::new(Streams::at(address)),
@@ -49,9 +53,9 @@ pub struct LinkReceiver {
 
 impl LinkReceiver {
     /// Opens the receiver's end, if this operator is the far end of a link.
-    pub fn open(node: &OperatorNode) -> Result<Option<Self>, LinkError> {
+    pub fn open(node: &OperatorNode, transport_of: TransportOf) -> Result<Option<Self>, LinkError> {
         let Some(wire) = node.far_end else { return Ok(None) };
-        let opened = transport(wire).open_receiver(&channel(node, far_end::SAMPLE));
+        let opened = transport_of(wire).open_receiver(&channel(node, far_end::SAMPLE));
         let receiver = opened.map_err(|reason| LinkError { place: node.name.clone(), reason })?;
         let most = if receiver.keeps_waiting() { ONE } else { MOST_DATAGRAMS };
         Ok(Some(Self {
@@ -96,14 +100,18 @@ pub struct LinkSender {
 
 impl LinkSender {
     /// Opens the sender's end of every link of an output; `None` where it has none.
-    pub fn open(node: &OperatorNode, port: usize) -> Result<Option<Self>, LinkError> {
+    pub fn open(
+        node: &OperatorNode,
+        port: usize,
+        transport_of: TransportOf,
+    ) -> Result<Option<Self>, LinkError> {
         let output = &node.outputs[port];
         if output.links.is_empty() {
             return Ok(None);
         }
         let channel = channel(node, port);
         let senders: Result<Vec<_>, _> =
-            output.links.iter().map(|wire| transport(*wire).open_sender(&channel)).collect();
+            output.links.iter().map(|wire| transport_of(*wire).open_sender(&channel)).collect();
         let senders = senders.map_err(|reason| LinkError { place: output.topic.clone(), reason })?;
         Ok(Some(Self { senders, is_failing: false }))
     }

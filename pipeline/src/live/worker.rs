@@ -14,6 +14,7 @@ use super::pipe::{PipeError, PipeRead, PipeReader, orders, take_control, tell, w
 use super::run_folder::hold;
 use super::runner::{Down, OperatorRunner, PollOutcome};
 use super::watch::Watch;
+use super::wire::{TransportOf, transport_of};
 use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
 use crate::graph::Graph;
@@ -24,6 +25,11 @@ const HEAR_EVERY: u64 = 5_000_000;
 
 /// The body of a worker process. Orders come on standard input; their end is the supervisor's end, and this one's.
 pub fn worker_main(registry: &Registry) -> ExitCode {
+    worker_main_over(registry, transport_of)
+}
+
+/// The body of a worker process whose links go over these transports. See [`worker_main`].
+pub fn worker_main_over(registry: &Registry, transport_of: TransportOf) -> ExitCode {
     if take_control().is_err() {
         return ExitCode::from(70);
     }
@@ -38,7 +44,7 @@ pub fn worker_main(registry: &Registry) -> ExitCode {
             let _ = tell(&FromWorker::Fault { operator: String::new(), incarnation: 0, reason, fatal: true });
         }
     }));
-    match serve(registry) {
+    match serve(registry, transport_of) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             let reason = error.to_string();
@@ -76,7 +82,7 @@ pub(super) fn graph_of(hello: &Hello, registry: &Registry) -> Result<Arc<Graph>,
     Ok(Arc::new(if hello.directed { graph } else { graph.live() }))
 }
 
-fn serve(registry: &Registry) -> Result<(), WorkerError> {
+fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerError> {
     let mut orders = orders()?;
     let Some(hello) = wait_for::<Hello>(&mut orders)? else { return Ok(()) };
     if !float_state_is_standard() {
@@ -101,7 +107,15 @@ fn serve(registry: &Registry) -> Result<(), WorkerError> {
     let mut listeners = Vec::new();
     let mut runners = Vec::new();
     for (operator, incarnation) in process.operators.iter().zip(&hello.incarnations) {
-        runners.push(OperatorRunner::open(&graph, *operator, *incarnation, &domain, &files, &mut listeners)?);
+        runners.push(OperatorRunner::open(
+            &graph,
+            *operator,
+            *incarnation,
+            &domain,
+            &files,
+            transport_of,
+            &mut listeners,
+        )?);
     }
     let watch = Watch::start(&graph, &process.operators);
     let control = orders.fd().try_clone_to_owned().map_err(PipeError::Input)?;
