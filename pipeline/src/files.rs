@@ -15,6 +15,22 @@ enum Place {
     Here(Vec<u8>),
 }
 
+/// Why a file that parameters name cannot be read or kept.
+#[derive(Debug, thiserror::Error)]
+#[error("{file}: {reason}")]
+pub struct FileError {
+    /// The file, as the parameter names it, or the folder of its copy.
+    pub file: String,
+    /// What the system or the session says.
+    pub reason: String,
+}
+
+impl FileError {
+    pub(crate) fn new(file: &dyn std::fmt::Display, reason: &dyn std::fmt::Display) -> Self {
+        Self { file: file.to_string(), reason: reason.to_string() }
+    }
+}
+
 /// The files of a run as they were when it began: every process reads these, also one that is started again.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Snapshot {
@@ -23,10 +39,10 @@ pub struct Snapshot {
 
 impl Snapshot {
     /// The files that a graph names, where they are.
-    pub fn of(graph: &Graph, disk: &DiskFiles) -> Result<Self, String> {
+    pub fn of(graph: &Graph, disk: &DiskFiles) -> Result<Self, FileError> {
         let mut files = BTreeMap::new();
         for name in graph.operators.iter().flat_map(|o| &o.files) {
-            for file in disk.list(name).map_err(|e| format!("{name}: {e}"))? {
+            for file in disk.list(name).map_err(|e| FileError::new(name, &e))? {
                 let place = match disk.place(&file) {
                     FilePlace::Memory(bytes) => Place::Here(bytes),
                     FilePlace::Disk(path) => Place::Disk(path),
@@ -38,16 +54,16 @@ impl Snapshot {
     }
 
     /// Copies of them in `folder`: what happens to the originals from now on is not seen.
-    pub fn copied_to(&self, folder: &Path) -> Result<Self, String> {
+    pub fn copied_to(&self, folder: &Path) -> Result<Self, FileError> {
         let mut files = BTreeMap::new();
-        std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        std::fs::create_dir_all(folder).map_err(|e| FileError::new(&folder.display(), &e))?;
         for (number, (name, place)) in self.files.iter().enumerate() {
             let copy = folder.join(number.to_string());
             let copied = match place {
                 Place::Disk(path) => std::fs::copy(path, &copy).map(|_| ()),
                 Place::Here(bytes) => std::fs::write(&copy, bytes),
             };
-            copied.map_err(|e| format!("{name}: {e}"))?;
+            copied.map_err(|e| FileError::new(name, &e))?;
             files.insert(name.clone(), Place::Disk(copy));
         }
         Ok(Self { files })

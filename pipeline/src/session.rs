@@ -7,6 +7,7 @@ use stillpoint_recorder::{Attachment, ClockSample, Opening, Role as TopicRole, S
 use stillpoint_samples::{Diagnostics, Journal, Sample};
 
 use crate::clock::{SessionClock, realtime};
+use crate::files::FileError;
 use crate::graph::{Graph, journal_topic, timing_topic};
 use crate::operator::Files;
 use crate::operator::Role;
@@ -83,6 +84,17 @@ pub fn timing_infos(graph: &Graph) -> Vec<(TopicInfo, usize)> {
     measured.map(|(operator, node)| (info(&node.name), operator)).collect()
 }
 
+/// Why the start of a session cannot be put together.
+#[derive(Debug, thiserror::Error)]
+pub enum OpeningError {
+    /// A file that params name.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// The params cannot be written as JSON.
+    #[error("{0}")]
+    Params(#[from] serde_json::Error),
+}
+
 /// The start of a part.
 ///
 /// Params name files that `source` holds; a run whose activations are `directed` by a schedule starts at session time 0.
@@ -92,8 +104,8 @@ pub fn opening(
     clock: SessionClock,
     directed: bool,
     identity: &BTreeMap<String, String>,
-) -> Result<Opening, String> {
-    let json = |value: &serde_json::Value| serde_json::to_vec_pretty(value).map_err(|e| e.to_string());
+) -> Result<Opening, OpeningError> {
+    let json = |value: &serde_json::Value| serde_json::to_vec_pretty(value);
     let keep = |name: &str, media: &str, bytes: Vec<u8>| Attachment {
         name: name.to_string(),
         media_type: media.to_string(),
@@ -110,10 +122,10 @@ pub fn opening(
     let mut hashes = BTreeMap::new();
     let mut names = BTreeSet::new();
     for name in graph.operators.iter().flat_map(|o| &o.files) {
-        names.extend(files.list(name).map_err(|e| format!("{name}: {e}"))?);
+        names.extend(files.list(name).map_err(|e| FileError::new(name, &e))?);
     }
     for file in names {
-        let bytes = files.read(&file).map_err(|e| format!("{file}: {e}"))?;
+        let bytes = files.read(&file).map_err(|e| FileError::new(&file, &e))?;
         hashes.insert(file.clone(), hex(&Sha256::digest(&bytes)));
         attachments.push(keep(&format!("{FILES}{file}"), "application/octet-stream", bytes));
     }

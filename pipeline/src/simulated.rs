@@ -18,7 +18,7 @@ use crate::placement::{Local, Placement, PlacementError, Threads};
 use crate::run_source::RunSource;
 use crate::sample_store::OwnedSample;
 use crate::schedule::{Events, Observer, RunError};
-use crate::session::opening;
+use crate::session::{OpeningError, opening};
 use crate::session_recorder::{SessionError, SessionRecorder, remove_folder};
 use crate::stdout::StdoutRedirect;
 
@@ -61,8 +61,8 @@ pub enum SimulatedError {
     #[error(transparent)]
     NoSession(SessionError),
     /// What the session would say of its run cannot be put together, such as a file that params name.
-    #[error("{0}")]
-    Opening(String),
+    #[error(transparent)]
+    Opening(#[from] OpeningError),
     /// The session could not be ended.
     #[error(transparent)]
     Session(SessionError),
@@ -103,8 +103,7 @@ pub fn simulate(
     let session_recorder = match &options.session {
         None => None,
         Some((folder, compression)) => {
-            let start = opening(graph, source, SessionClock::zero(), true, &options.identity)
-                .map_err(SimulatedError::Opening)?;
+            let start = opening(graph, source, SessionClock::zero(), true, &options.identity)?;
             let recorder = SessionRecorder::create(folder, graph, &start, *compression);
             Some(recorder.map_err(SimulatedError::NoSession)?)
         }

@@ -10,8 +10,10 @@ use super::pipe::PipeError;
 use super::reservation::ReserveError;
 use super::run_folder::RunFolderError;
 use super::wire::LinkError;
+use crate::files::FileError;
 use crate::operator::SetupError;
 use crate::placement::PlacementError;
+use crate::session::OpeningError;
 use crate::session_recorder::SessionError;
 use crate::spec::Faults;
 
@@ -100,8 +102,8 @@ pub enum RecorderError {
     #[error(transparent)]
     Session(#[from] SessionError),
     /// The start of the session cannot be made.
-    #[error("{0}")]
-    Opening(String),
+    #[error(transparent)]
+    Opening(#[from] OpeningError),
     /// A sample cannot be written as a message.
     #[error("topic {topic}: {reason}")]
     Sample {
@@ -152,8 +154,8 @@ pub enum LiveError {
     #[error(transparent)]
     Barrier(#[from] BarrierError),
     /// The files that parameters name cannot be kept for the run.
-    #[error("{0}")]
-    Files(String),
+    #[error(transparent)]
+    Files(#[from] FileError),
     /// An operator has no journal topic.
     #[error("operator {0} has no journal topic")]
     NoJournal(String),

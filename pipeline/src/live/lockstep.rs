@@ -41,10 +41,7 @@ impl Processes {
         sweep_dead()?;
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
-        let source = RunSource {
-            files: source.files.copied_to(&folder.files()).map_err(LiveError::Files)?,
-            ..source.clone()
-        };
+        let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
         let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         let (mut journals, mut taps) = (Vec::new(), Vec::new());

@@ -157,8 +157,7 @@ impl Recorder {
         let clock = hello.hello.clock;
         let (path, file) =
             create_part(&hello.session).map_err(|e| SessionError::refused(&hello.session, e))?;
-        let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)
-            .map_err(RecorderError::Opening)?;
+        let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)?;
         let mut part =
             PartWriter::new(file, hello.compression, &start).map_err(|e| SessionError::no_room(&path, e))?;
         let mut taps = Vec::new();

@@ -96,9 +96,7 @@ impl Supervisor {
             text: options.source.clone(),
             file: options.file.clone(),
             sets: options.sets.clone(),
-            files: Snapshot::of(&graph, &options.files)
-                .and_then(|files| files.copied_to(&folder.files()))
-                .map_err(LiveError::Files)?,
+            files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
         let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
