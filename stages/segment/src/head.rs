@@ -30,7 +30,7 @@ pub struct HeadParams {
 }
 
 impl HeadParams {
-    /// Whether the patches that speak for a ball cover enough of its half that faces the camera.
+    /// Whether the patches that support a ball cover enough of its half that faces the camera.
     pub(crate) fn is_shown(&self, ball: &Ball) -> bool {
         let side = PATCH * self.leaf;
         let half_ball = 2.0 * std::f64::consts::PI * ball.radius * ball.radius;
@@ -78,9 +78,9 @@ const CAP: f64 = 0.2;
 const FOOT_HEIGHT: f64 = 0.3;
 /// So far may two patches be apart that are seen beside each other, since one hides what is between.
 const HIDDEN: f64 = 0.6;
-/// How much what belongs to the summit of another thing leans away from the head.
+/// Weight against the head of the patches of another object's summit.
 const OTHERS: f64 = -8.0;
-/// How much a patch that faces away from the head leans to it all the same: what nothing else claims is the head's.
+/// Weight for the head of a patch that faces away from it: a patch that belongs to no other object belongs to the head.
 const SUPPORT: f64 = 0.15;
 /// Cost of a cut between two neighbouring patches of a flat surface.
 const FLAT: f64 = 1000.0;

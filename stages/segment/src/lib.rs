@@ -19,7 +19,7 @@
 //! - [`cut`]: minimum cut of a graph.
 //! - [`head`]: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
 //! - [`identity`]: which of the balls is the head.
-//! - [`table`]: what is said of each cluster.
+//! - [`table`]: the table of the clusters.
 //! - [`face`]: the chain of these, from cloud to face.
 //! - [`mod@operator`], `segment.face`, the chain as an operator.
 //! - [`findings`]: what that operator says about a frame.

@@ -1,9 +1,10 @@
 //! Which way the neck lies, and what that says of the surface around a head.
 //!
-//! The ball that fits a head best is that of its cranium. A neck may have a ball of its own, lower and beside it. Where it
-//! has none, the face sticks out of the cranium towards it: so what sticks out above its centre, and is no other thing's,
-//! tells the way. Then a neck can be told from a pad: it lies that way, no
-//! broader than a neck, while what else faces up beside the head, lower than the middle of its cranium, is not the head.
+//! The ball that fits a head best is that of its cranium. A neck may have a ball of its own, lower and beside it. If it
+//! has none, the face sticks out of the cranium towards the neck. So the patches that stick out above the centre of the
+//! cranium, and belong to no other object, show the direction of the neck. Then a neck can be separated from a pad: it
+//! lies in this direction and is no broader than a neck. Other patches that face up beside the head, lower than the
+//! middle of its cranium, are not the head.
 
 use crate::ball::Ball;
 use crate::head::HeadParams;
@@ -126,13 +127,13 @@ impl Neck {
         (NECK..END).contains(&along) && across < HALF_WIDTH && height > SIDES
     }
 
-    /// Whether a patch is where nothing but the neck is.
+    /// Whether a patch can only be the neck.
     pub fn is_core(&self, patch: &Patch) -> bool {
         let [along, across, height] = self.place(patch);
         (NECK..CORE_END).contains(&along) && across < CORE_WIDTH && height > CORE_SIDES
     }
 
-    /// How much a patch leans to the head, where the neck says so.
+    /// The weight of a patch for the head, from the place of the neck.
     pub fn lean(&self, patch: &Patch) -> Option<f64> {
         let [along, across, height] = self.place(patch);
         if self.holds(patch) {

@@ -153,8 +153,9 @@ pub struct SegmentParams {
     pub max_points: u32,
 }
 
-/// Finds the face in each cloud. A frame without a face sends diagnostics that say why, and no face. A cloud whose voxels
-/// are those of the one before, to the bit, is not searched: what is sent is the same, so that a frozen camera is noticed.
+/// Finds the face in each cloud. For a frame without a face it sends diagnostics with the reason, and no face. A cloud
+/// with the voxels of the cloud before, to the bit, is not searched: the outputs are the same, so that a frozen camera
+/// is noticed.
 pub struct SegmentFace {
     segmenter: FaceSegmenter,
     max_points: usize,

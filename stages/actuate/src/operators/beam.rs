@@ -292,7 +292,7 @@ impl GateBeam {
         aim
     }
 
-    /// What all else says.
+    /// The reasons from all other inputs.
     fn against(&self, now: u64) -> u32 {
         let is_old = |stamp: u64, timeout: u64| now.saturating_sub(stamp) > timeout;
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };

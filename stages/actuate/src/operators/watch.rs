@@ -36,14 +36,14 @@ pub struct Watch {
     pub reference: Need,
     /// The newest command and its stamp, ns.
     command: Option<(DutiesElement, u64)>,
-    /// Number of the newest reference, and incarnation of who holds it.
+    /// Number of the newest reference, and the incarnation of its tracker.
     captured: Option<(u32, u32)>,
     /// Whether a person has confirmed it.
     is_confirmed: bool,
 }
 
 impl Watch {
-    /// A watch that has seen nothing.
+    /// A watch without samples.
     pub fn new(
         pose: PoseWatch,
         extrinsic: Extrinsic,

@@ -74,7 +74,7 @@ pub struct ParamError {
     pub name: &'static str,
     /// Its value, SI.
     pub value: f64,
-    /// Its range, in words.
+    /// Its range, as text.
     pub must: &'static str,
 }
 

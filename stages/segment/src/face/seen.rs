@@ -34,7 +34,7 @@ pub enum Rejection {
         /// Voxels that a cluster needs.
         needed: usize,
     },
-    /// Nothing over the plane has the size and roundness of a head.
+    /// No object above the plane has the size and roundness of a head.
     #[error("{above} voxels stand over the plane and none of them are a head, which has {needed}")]
     NoHead {
         /// Voxels over the plane.
@@ -106,7 +106,7 @@ pub enum SegmentationStep {
     Rise,
     /// Clusters of that.
     Cluster,
-    /// What is said of each cluster.
+    /// The table of the clusters.
     Describe,
     /// Which voxels are the face's.
     Head,

@@ -88,10 +88,10 @@ impl FaceSegmenter {
         &self.params
     }
 
-    /// Finds the face in `cloud`: all points in the voxels of the largest cluster between the two heights over the
-    /// plane's inliers. The plane of the frame before is where the search for this one's begins; nothing else is left
-    /// from frame to frame, but that a frame whose voxels are those of the frame before, to the bit, is not searched
-    /// anew: what comes of the same image does not differ, so that a frozen camera is noticed downstream.
+    /// Finds the face in `cloud`: all points in the voxels of the largest cluster between the two heights above the
+    /// plane's inliers. The search for the plane begins with the plane of the frame before; no other state is kept. A
+    /// frame with the voxels of the frame before, to the bit, is not searched again: the result of the same image is
+    /// the same, so that a frozen camera is noticed downstream.
     pub fn segment(&mut self, cloud: Cloud<'_>, rng: &mut impl Rng) -> Seen<'_> {
         self.segment_in_steps(cloud, rng, &mut |_| {})
     }

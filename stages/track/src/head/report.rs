@@ -8,7 +8,7 @@ use crate::identity::Judged;
 use crate::tracker::{Loss, TrackedPose, Way};
 use crate::uncertainty::Uncertainty;
 
-/// A report that knows nothing yet.
+/// An empty report.
 pub fn empty() -> PoseReportElement {
     PoseReportElement {
         sensitivity: [f64::NAN; 6],
