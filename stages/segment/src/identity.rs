@@ -77,7 +77,10 @@ impl IdentityParams {
     #[must_use]
     pub fn holds(&self, candidate: &Candidate, place: &Vector3<f64>) -> bool {
         let offset = self.couch_from_cloud.rotation * (place - candidate.ball.centre);
-        !self.needs_body || (-offset.y < candidate.end && offset.x.abs() < HALF_WIDTH * candidate.ball.radius)
+        let radius = candidate.ball.radius;
+        let is_within =
+            -offset.y < candidate.end && offset.x.abs() < HALF_WIDTH * radius && offset.z < TOP * radius;
+        !self.needs_body || is_within
     }
 }
 
@@ -88,6 +91,8 @@ const ONE_THING: f64 = 1.15;
 /// In radii of the ball: what of the neck beyond its lowest place is kept, and the half width of a head.
 const NECK_KEPT: f64 = 0.5;
 const HALF_WIDTH: f64 = 1.6;
+/// The same above its centre.
+const TOP: f64 = 2.2;
 /// Balls are of one thing if they are no farther apart than this across the couch and along it, in radii of the larger.
 const BESIDE: f64 = 0.7;
 const LENGTH: f64 = 2.2;
@@ -99,7 +104,7 @@ const ADULT_BALL: f64 = 0.17;
 const VALLEY: [f64; 2] = [0.25, 0.2];
 const NECK: [f64; 2] = [1.35, 0.25];
 const AREA: [f64; 2] = [0.030, 0.030];
-const WIDTH: [f64; 2] = [1.6, 0.6];
+const WIDTH: [f64; 2] = [1.75, 0.6];
 const MIDLINE: [f64; 2] = [0.35, 0.2];
 /// Part of the region's half width over which the certainty goes from 0.5 to 0 or 1.
 const REGION_WAY: f64 = 0.2;
