@@ -164,7 +164,9 @@ impl Predictor {
         Self::new(network, Meaning::of(&file)?)
     }
 
-    /// The file, with numbers of four bytes, and `more` beside the metadata.
+    /// The file, with numbers of four bytes, and `more` beside the metadata. It is written here, and not by the
+    /// `safetensors` crate, because that one writes the metadata in the order of a hash map: the same network would make
+    /// other bytes in each run.
     #[must_use]
     pub fn to_safetensors(&self, more: &BTreeMap<String, String>) -> Vec<u8> {
         let mut header = Map::new();

@@ -1,6 +1,6 @@
-//! Files of the safetensors format, read.
+//! Tensors and metadata of a safetensors file, as numbers of eight bytes, with errors that name the entry.
 
-use serde_json::{Map, Value};
+use safetensors::tensor::{Dtype, Metadata, SafeTensors};
 
 /// Greatest file that is read: a network of a thousand times as many numbers as the dissertation's.
 const GREATEST_FILE: usize = 16 << 20;
@@ -31,62 +31,47 @@ pub enum TensorFileError {
 
 /// A file that is being read.
 pub struct TensorFile<'a> {
-    header: Map<String, Value>,
-    numbers: &'a [u8],
+    header: Metadata,
+    tensors: SafeTensors<'a>,
 }
 
 impl<'a> TensorFile<'a> {
-    /// Reads the header.
+    /// Reads the header and checks that the tensors fill the rest of the file.
     ///
     /// # Errors
     /// It is no file of this format, or larger than any that is meant.
     pub fn open(bytes: &'a [u8]) -> Result<Self, TensorFileError> {
-        let form = |reason: &str| TensorFileError::Form(reason.to_owned());
         if bytes.len() > GREATEST_FILE {
-            return Err(form("it is larger than 16 MiB"));
+            return Err(TensorFileError::Form("it is larger than 16 MiB".into()));
         }
-        let (length, rest) =
-            bytes.split_first_chunk::<8>().ok_or_else(|| form("it ends before its header"))?;
-        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-        let (header, numbers) = rest.split_at_checked(length).ok_or_else(|| form("its header is cut off"))?;
-        let header = serde_json::from_slice(header).map_err(|e| form(&e.to_string()))?;
-        let Value::Object(header) = header else { return Err(form("its header is not a JSON object")) };
-        Ok(Self { header, numbers })
+        let form = |e: safetensors::SafeTensorError| TensorFileError::Form(e.to_string());
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(form)?;
+        Ok(Self { header, tensors: SafeTensors::deserialize(bytes).map_err(form)? })
     }
 
     /// Whether there is a tensor of this name.
     #[must_use]
     pub fn has(&self, name: &str) -> bool {
-        self.header.contains_key(name)
+        self.header.info(name).is_some()
     }
 
     /// The numbers of a tensor, and its shape.
     ///
     /// # Errors
-    /// It is not there, of another type, or lies outside the file.
+    /// It is not there, or its numbers are no floating-point numbers of four or eight bytes.
     pub fn tensor(&self, name: &str) -> Result<(Vec<f64>, Vec<usize>), TensorFileError> {
         let wrong =
             |reason: &str| TensorFileError::Tensor { name: name.to_owned(), reason: reason.to_owned() };
-        let entry = self.header.get(name).ok_or_else(|| wrong("is missing"))?;
-        let whole = |v: &Value| v.as_u64().and_then(|v| usize::try_from(v).ok());
-        let list =
-            |key: &str| -> Option<Vec<usize>> { entry.get(key)?.as_array()?.iter().map(whole).collect() };
-        let shape = list("shape").ok_or_else(|| wrong("has no shape"))?;
-        let offsets = list("data_offsets").ok_or_else(|| wrong("has no offsets"))?;
-        let [begin, end] = offsets[..] else { return Err(wrong("has no two offsets")) };
-        let bytes = self.numbers.get(begin..end).ok_or_else(|| wrong("lies outside the file"))?;
-        let values: Vec<f64> = match entry.get("dtype").and_then(Value::as_str) {
-            Some("F32") => {
+        let view = self.tensors.tensor(name).map_err(|_| wrong("is missing"))?;
+        let bytes = view.data();
+        let values = match view.dtype() {
+            Dtype::F32 => {
                 bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
             }
-            Some("F64") => bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+            Dtype::F64 => bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
             _ => return Err(wrong("is neither F32 nor F64")),
         };
-        let due = shape.iter().try_fold(1_usize, |product, n| product.checked_mul(*n));
-        if due != Some(values.len()) {
-            return Err(wrong("does not have as many numbers as its shape says"));
-        }
-        Ok((values, shape))
+        Ok((values, view.shape().to_vec()))
     }
 
     /// An entry of the metadata.
@@ -94,8 +79,10 @@ impl<'a> TensorFile<'a> {
     /// # Errors
     /// It is not there.
     pub fn text(&self, name: &'static str) -> Result<&str, TensorFileError> {
-        let entry = self.header.get("__metadata__").and_then(|m| m.get(name)).and_then(Value::as_str);
-        entry.ok_or_else(|| TensorFileError::Metadata { name, reason: "is missing".into() })
+        let entry = self.header.metadata().as_ref().and_then(|entries| entries.get(name));
+        entry
+            .map(String::as_str)
+            .ok_or_else(|| TensorFileError::Metadata { name, reason: "is missing".into() })
     }
 
     /// An entry of the metadata that is one number.

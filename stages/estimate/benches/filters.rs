@@ -4,13 +4,12 @@
 
 use std::hint::black_box;
 
-use chacha20::ChaCha8Rng;
-use chacha20::rand_core::{Rng, SeedableRng};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Isometry3, SMatrix, SVector};
 use stillpoint_estimate::cross::{CrossCovariance, Side, Update};
 use stillpoint_estimate::fusion::{cross_covariance, fused, intersection, inverse_variance, joint};
 use stillpoint_estimate::{Kalman, KalmanParams, Manifold, Measurement, Outcome, ProcessNoise};
+use stillpoint_random::Random;
 
 /// From frame to frame, ns.
 const FRAME: u64 = 33_333_333;
@@ -32,8 +31,8 @@ fn filter<const N: usize, X: Manifold<N>>() -> Option<Kalman<N, X>> {
 
 /// Measurements about the origin, evenly spread within twice their deviation.
 fn measurements<const N: usize, X: Manifold<N>>(sd: f64, seed: u64) -> Vec<Measurement<N, X>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut noise = |_, _| 4.0 * sd * (f64::from(rng.next_u32()) / f64::from(u32::MAX) - 0.5);
+    let mut random = Random::new(seed);
+    let mut noise = |_, _| 4.0 * sd * (random.uniform() - 0.5);
     let covariance = SMatrix::from_diagonal_element(sd * sd);
     let one = |_| Measurement { position: X::origin().plus(&SVector::from_fn(&mut noise)), covariance };
     (0..MEASUREMENTS).map(one).collect()

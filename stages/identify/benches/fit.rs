@@ -4,11 +4,10 @@
 
 use std::hint::black_box;
 
-use chacha20::ChaCha8Rng;
-use chacha20::rand_core::{Rng, SeedableRng};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::dvector;
 use stillpoint_identify::{Companion, Record, fit};
+use stillpoint_random::Random;
 
 const SAMPLES: usize = 4000;
 
@@ -20,8 +19,8 @@ fn record() -> (Vec<f64>, Vec<f64>) {
         gain: dvector![0.4, 0.35],
         start: dvector![0.3, 0.2],
     };
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let mut uniform = || f64::from(rng.next_u32()) / f64::from(u32::MAX);
+    let mut random = Random::new(5);
+    let mut uniform = || random.uniform();
     let (mut level, mut x) = (1.0, system.start.clone());
     let (mut input, mut output) = (Vec::new(), Vec::new());
     for _ in 0..SAMPLES {

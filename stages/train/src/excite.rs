@@ -9,10 +9,10 @@ use stillpoint_control::pi::{Pi, PiGains};
 use stillpoint_control::reference::{ReferenceModel, pole_of_rise};
 use stillpoint_control::valves::{clip, split};
 use stillpoint_mechanics::plant::{State, ThreeDof};
+use stillpoint_random::Random;
 
 use crate::TrainError;
 use crate::dataset::Sample;
-use crate::random::Random;
 
 /// What is recorded of the rig.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -98,7 +98,7 @@ pub fn record(excitation: &Excitation, mut done: impl FnMut(usize)) -> Result<Ve
 
 fn run(excitation: &Excitation, number: usize) -> Result<Vec<Sample>, TrainError> {
     let Excitation { seconds, sample_time, mass, amplitude, noise, seed, .. } = *excitation;
-    let mut random = Random::new(seed, number as u64);
+    let mut random = Random::stream(seed, number as u64);
     let rig = |e: &dyn std::fmt::Display| TrainError::Rig(e.to_string());
     let plant = ThreeDof::rig(random.between(mass[0], mass[1]));
     let air = Vector3::from(AIR).map(|kg| kg * random.between(0.97, 1.05));
@@ -145,7 +145,7 @@ fn run(excitation: &Excitation, number: usize) -> Result<Vec<Sample>, TrainError
 fn sines(random: &mut Random, amplitude: f64) -> [Vec<Sine>; 3] {
     std::array::from_fn(|_| {
         let one = |i: usize| {
-            let part = (i as f64 + random.part()) / SINES as f64;
+            let part = (i as f64 + random.uniform()) / SINES as f64;
             let frequency = FREQUENCIES[0] * libm::pow(FREQUENCIES[1] / FREQUENCIES[0], part);
             let amplitude = amplitude * 2.0 / SINES as f64;
             Sine { amplitude, frequency, phase: random.between(0.0, std::f64::consts::TAU) }

@@ -3,11 +3,11 @@
 use candle_core::Tensor;
 use candle_nn::optim::{AdamW, Optimizer, ParamsAdamW, SGD};
 use stillpoint_control::lstm::Lstm;
+use stillpoint_random::Random;
 
 use crate::TrainError;
 use crate::dataset::Dataset;
 use crate::network::{Dropout, Network};
-use crate::random::Random;
 
 /// How the gradient is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -146,7 +146,7 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
     let mut epochs: Vec<Epoch> = Vec::new();
     let mut best: Option<Best> = None;
     for number in 1..=options.epochs {
-        let mut random = Random::new(options.seed, number as u64);
+        let mut random = Random::stream(options.seed, number as u64);
         let (mut sum, mut batches) = (0.0, 0usize);
         // The order is drawn first, then what is dropped.
         let all: Vec<_> = data.batches(batch, &mut random).collect();

@@ -13,7 +13,6 @@ pub mod dataset;
 pub mod excite;
 pub mod fit;
 pub mod network;
-mod random;
 
 /// Why there is no trained model.
 #[derive(Debug, thiserror::Error)]

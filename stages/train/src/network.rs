@@ -2,9 +2,9 @@
 
 use candle_core::{D, DType, Device, Tensor, Var};
 use stillpoint_control::lstm::{Layer, Lstm, NetworkError};
+use stillpoint_random::Random;
 
 use crate::TrainError;
-use crate::random::Random;
 
 /// A layer: rows in the order i, f, g, o.
 struct Cells {
@@ -37,7 +37,7 @@ impl Network {
     /// What candle says.
     pub fn new(inputs: usize, hidden: &[usize], outputs: usize, seed: u64) -> Result<Self, TrainError> {
         let device = Device::Cpu;
-        let mut random = Random::new(seed, u64::MAX);
+        let mut random = Random::stream(seed, u64::MAX);
         let mut uniform = |rows: usize, columns: usize, cells: usize| -> Result<Var, TrainError> {
             let bound = 1.0 / libm::sqrt(cells as f64);
             let numbers: Vec<f32> =
@@ -181,7 +181,7 @@ impl Cells {
 impl Dropout<'_> {
     fn applied(&mut self, x: &Tensor) -> Result<Tensor, TrainError> {
         let kept = (1.0 / (1.0 - self.probability)) as f32;
-        let one = |_| if self.random.part() < self.probability { 0.0 } else { kept };
+        let one = |_| if self.random.uniform() < self.probability { 0.0 } else { kept };
         let mask: Vec<f32> = (0..x.elem_count()).map(one).collect();
         Ok((x * Tensor::from_vec(mask, x.dims(), x.device())?)?)
     }

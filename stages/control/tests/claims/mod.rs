@@ -7,7 +7,6 @@
 //! - `allocation`: steps that take nothing from the heap
 //! - `learned`: controllers with an identified plant or a trained network
 //! - `network`: the recurrent network, its file and its features
-//! - `random`: normal random numbers
 //! - `plants`: heads on bladders that answer to duties
 //! - `goals`: `control.target` on a bench
 //! - `squeeze`: bladders that are more than the channels they hold
@@ -23,7 +22,6 @@ mod loops;
 mod network;
 mod plants;
 mod printed_gains;
-mod random;
 mod rig_loop;
 mod squeeze;
 mod vectors;

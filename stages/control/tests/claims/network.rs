@@ -9,8 +9,8 @@ use stillpoint_control::lstm::{Layer, Lstm, NetworkError};
 use stillpoint_control::predictor::{Meaning, Predictor, PredictorError};
 use stillpoint_control::tensor_file::TensorFileError;
 
-use super::random::Random;
 use super::vectors::{assert_all_close, assert_close, cases, matrix, number, numbers, vectors};
+use stillpoint_random::Random;
 
 /// The numbers of a matrix, row by row.
 fn rows(value: &Value) -> Vec<f64> {
@@ -131,7 +131,7 @@ fn a_file_of_something_else_is_refused_with_what_is_wrong() {
         ),
         ("output.weight", "output.weighs", "`output.weight` is missing"),
         ("\"dtype\":\"F32\"", "\"dtype\":\"I32\"", "is neither F32 nor F64"),
-        ("\"shape\":[36,9]", "\"shape\":[36,8]", "not have as many numbers"),
+        ("\"shape\":[36,9]", "\"shape\":[36,8]", "invalid shape, data type, or offset"),
         ("z,pitch,roll", "z,pitch,rool", "names a channel that does not exist"),
         ("\"bladders\":\"3\"", "\"bladders\":\"2\"", "has 9 numbers where 7 are due"),
         ("\"window\":\"6\"", "\"window\":\"x\"", "is no number"),

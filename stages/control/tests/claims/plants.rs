@@ -10,7 +10,7 @@ use stillpoint_samples::{Duties, DutiesElement, Sample, Standing, Track, TrackEl
 use stillpoint_testing::{Run, run};
 use stillpoint_track::angles::PoseNumbers;
 
-use super::random::Random;
+use stillpoint_random::Random;
 
 /// What answers to the duties.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]

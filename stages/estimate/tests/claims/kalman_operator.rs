@@ -9,7 +9,7 @@ use stillpoint_samples::{
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 
-use super::random::Random;
+use stillpoint_random::Random;
 
 const TEXT: &str = "
 stillpoint: 1

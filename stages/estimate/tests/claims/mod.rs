@@ -3,7 +3,6 @@
 //! - `fusion`: two tracks as one, against the centralised filter
 //! - `kalman`: stamps, gaps, outliers, open channels
 //! - `pose`: the filter of a pose
-//! - `random`: normal random numbers
 //! - `vectors`: the filter against the vectors of SCIENCE D
 //! - `kalman_operator`: `estimate.kalman` on a bench
 
@@ -13,5 +12,4 @@ mod fusion;
 mod kalman;
 mod kalman_operator;
 mod pose;
-mod random;
 mod vectors;

@@ -1,28 +1,9 @@
 //! Systems that are known: what the fit finds of them, and how sure it says to be.
 
-use chacha20::ChaCha8Rng;
-use chacha20::rand_core::{Rng, SeedableRng};
 use nalgebra::{DVector, dvector};
 use proptest::prelude::*;
 use stillpoint_identify::{Companion, FitError, Record, Stability, fit};
-
-struct Random(ChaCha8Rng);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        Self(ChaCha8Rng::seed_from_u64(seed))
-    }
-
-    fn uniform(&mut self) -> f64 {
-        ((self.0.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    fn normal(&mut self) -> f64 {
-        let (radius, angle) =
-            ((-2.0 * libm::log(self.uniform())).sqrt(), std::f64::consts::TAU * self.uniform());
-        radius * libm::cos(angle)
-    }
-}
+use stillpoint_random::Random;
 
 /// An input that switches at random, as valves do, and the output of `model` with innovations of this deviation.
 fn record(model: &Companion, noise: f64, samples: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {
