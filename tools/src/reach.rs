@@ -1,9 +1,10 @@
 //! `stillpoint reach`
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 use stillpoint_control::channels::{ALL, Channel};
-use stillpoint_control::rig::{InTheWay, Rig, RigKind};
+use stillpoint_control::rig::{InTheWay, RIGS, Rig, RigKind, RigSpec};
 use stillpoint_pipeline::spec::quantity::si;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -18,8 +19,8 @@ const SPANS: [[f64; 2]; 6] =
 #[derive(Args)]
 pub struct Reach {
     /// The rig.
-    #[arg(value_enum, default_value_t = Known::ThreeBladders)]
-    rig: Known,
+    #[arg(default_value = "three_bladders", value_parser = PossibleValuesParser::new(RIGS.map(|rig| rig.name)))]
+    rig: String,
     /// A coordinate that goes over the map, `z`, or with its least and its greatest distance from the start,
     /// `z=-20 mm..40 mm`; twice.
     #[arg(long = "over", value_name = "CHANNEL[=FROM..TO]")]
@@ -41,36 +42,10 @@ pub struct Reach {
     json: bool,
 }
 
-/// A rig whose mechanics are known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "snake_case")]
-#[value(rename_all = "snake_case")]
-enum Known {
-    /// Height, on one bladder.
-    OneBladder,
-    /// Height, pitch and roll, on three bladders.
-    ThreeBladders,
-    /// All six channels, between eight bladders.
-    EightBladders,
-}
-
-impl Known {
-    fn kind(self) -> RigKind {
-        match self {
-            Self::OneBladder => RigKind::OneBladder,
-            Self::ThreeBladders => RigKind::ThreeBladders,
-            Self::EightBladders => RigKind::EightBladders,
-        }
-    }
-
-    /// What goes over the map where nobody says it.
-    fn over(self) -> [Channel; 2] {
-        match self {
-            // One coordinate is all that it has: the map is a line.
-            Self::OneBladder => [Channel::Z; 2],
-            Self::ThreeBladders | Self::EightBladders => [Channel::Z, Channel::Roll],
-        }
-    }
+/// What goes over the map of a rig where nobody says it: the height, and the roll where the rig has it. With one coordinate
+/// the map is a line.
+fn over_by_itself(spec: &RigSpec) -> [Channel; 2] {
+    [Channel::Z, if spec.channels.contains(&Channel::Roll.place()) { Channel::Roll } else { Channel::Z }]
 }
 
 /// A coordinate that goes over the map.
@@ -98,7 +73,7 @@ struct Wall {
 
 #[derive(Serialize)]
 struct Map {
-    rig: Known,
+    rig: &'static str,
     head_mass_kg: f64,
     /// From left to right.
     across: Axis,
@@ -131,9 +106,11 @@ impl Reach {
                 self.head_mass
             )));
         }
-        let rig = Rig::of(self.rig.kind(), mass)
+        let spec =
+            RigSpec::named(&self.rig).ok_or_else(|| Failure::wrong(format!("{}: no such rig", self.rig)))?;
+        let rig = Rig::of(RigKind::known(spec), mass)
             .map_err(|e| Failure::wrong(format!("--head-mass {}: {e}", self.head_mass)))?;
-        let [across, up] = self.axes(&rig)?;
+        let [across, up] = self.axes(spec, &rig)?;
         let mut stays = [0.0; 6];
         let mut at = std::collections::BTreeMap::new();
         for said in &self.at {
@@ -155,17 +132,17 @@ impl Reach {
         let map: Vec<Vec<_>> =
             up.values.iter().map(|y| across.values.iter().map(|x| place(*x, *y)).collect()).collect();
         let held = map.iter().flatten().filter(|wall| wall.is_none()).count();
-        Ok(Map { rig: self.rig, head_mass_kg: mass, across, up, at, held, map })
+        Ok(Map { rig: spec.name, head_mass_kg: mass, across, up, at, held, map })
     }
 
-    fn axes(&self, rig: &Rig) -> Result<[Axis; 2], Failure> {
+    fn axes(&self, spec: &RigSpec, rig: &Rig) -> Result<[Axis; 2], Failure> {
         let said: Vec<String> = match self.over.len() {
-            0 => self.rig.over().map(|channel| channel.name().to_owned()).to_vec(),
+            0 => over_by_itself(spec).map(|channel| channel.name().to_owned()).to_vec(),
             2 => self.over.clone(),
             _ => return Err(Failure::wrong("--over: name two coordinates, such as `--over z --over roll`")),
         };
         let counts =
-            [self.columns, if self.over.is_empty() && self.rig == Known::OneBladder { 1 } else { self.rows }];
+            [self.columns, if self.over.is_empty() && spec.channels.len() == 1 { 1 } else { self.rows }];
         let axis = |said: &String, count: u16| {
             let (name, span) = said.split_once('=').map_or((said.as_str(), None), |(n, s)| (n, Some(s)));
             let channel = channel(rig, name, said)?;

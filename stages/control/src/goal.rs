@@ -20,7 +20,7 @@ pub struct PlannedMove {
 }
 
 /// What a goal is made from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct GoalParams {
     /// The channels that are held. All arrays of six have their numbers in this order.
     pub channels: Channels,

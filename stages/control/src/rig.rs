@@ -1,23 +1,59 @@
 //! Rigs whose mechanics are known: what their bladders do to the head, and which targets they can hold.
 
+use std::fmt::Debug;
+use std::sync::Arc;
+
 use nalgebra::SVector;
+use stillpoint_mechanics::plant::Plant;
 use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
-use stillpoint_mechanics::plant::{OneDof, Plant, SixDof, ThreeDof};
-use stillpoint_operator::Choice;
+pub use stillpoint_mechanics::plant::rigs::{RIGS, RigSpec};
+use stillpoint_mechanics::plant::rigs::{RigPlant, UsePlant};
+use stillpoint_operator::params::{Node, ParamField, ParamReader, ParamType, ParamValue, json};
 
 use crate::channels::Channel;
 
-/// A rig whose mechanics are known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
-pub enum RigKind {
+/// Names of a rig in parameters: `unknown`, and those of the table of rigs.
+const NAMES: [&str; RIGS.len() + 1] = {
+    let mut names = ["unknown"; RIGS.len() + 1];
+    let mut i = 0;
+    while i < RIGS.len() {
+        names[i + 1] = RIGS[i].name;
+        i += 1;
+    }
+    names
+};
+
+/// Which rig it is, if its mechanics are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RigKind(Option<&'static RigSpec>);
+
+impl RigKind {
     /// None is known.
-    Unknown,
-    /// Height, on one bladder.
-    OneBladder,
-    /// Height, pitch and roll, on three bladders.
-    ThreeBladders,
-    /// All six channels, between eight bladders.
-    EightBladders,
+    pub const UNKNOWN: Self = Self(None);
+
+    /// A rig of the table.
+    #[must_use]
+    pub const fn known(spec: &'static RigSpec) -> Self {
+        Self(Some(spec))
+    }
+
+    /// The rig of this name, or `unknown`.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        if name == NAMES[0] { Some(Self::UNKNOWN) } else { RigSpec::named(name).map(Self::known) }
+    }
+}
+
+impl ParamValue for RigKind {
+    const TYPE: ParamType = ParamType::Choice(&NAMES);
+
+    fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
+        Self::named(reader.choice(node, field, &NAMES)?)
+    }
+
+    fn resolved(&self) -> json::Value {
+        json::Value::from(self.0.map_or(NAMES[0], |spec| spec.name))
+    }
 }
 
 /// Gauge pressure at which the flow into a bladder counts, Pa.
@@ -25,22 +61,20 @@ const NOMINAL: f64 = 10e3;
 /// Number of points of a way that are checked.
 const PARTS: u32 = 8;
 
-/// A rig at rest where control begins.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Rig {
-    /// An unknown rig: no target is refused.
-    Unknown,
-    /// One bladder.
-    One(Box<At<1, 1, 5>>),
-    /// Three bladders.
-    Three(Box<At<3, 3, 15>>),
-    /// Eight bladders.
-    Eight(Box<At<6, 8, 36>>),
+/// A rig at rest where control begins, or any rig where none is known.
+#[derive(Clone, Debug)]
+pub struct Rig(Option<Arc<dyn Mechanics>>);
+
+/// What is asked of a rig, whatever its numbers of coordinates and bladders.
+trait Mechanics: Debug + Send + Sync {
+    fn channels(&self) -> &[usize];
+    fn rates(&self) -> Result<Vec<[f64; 6]>, String>;
+    fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay>;
 }
 
 /// A plant, where it rests, and with which pushes.
-#[derive(Clone, Debug, PartialEq)]
-pub struct At<const D: usize, const B: usize, const N: usize> {
+#[derive(Debug)]
+struct At<const D: usize, const B: usize, const N: usize> {
     plant: Plant<D, B, N>,
     air: SVector<f64, B>,
     rest: SVector<f64, D>,
@@ -79,24 +113,7 @@ impl Rig {
     /// # Errors
     /// The rig does not bear the head.
     pub fn of(kind: RigKind, mass: f64) -> Result<Self, String> {
-        Ok(match kind {
-            RigKind::Unknown => Self::Unknown,
-            RigKind::OneBladder => {
-                let plant = OneDof::rig(mass);
-                let air = plant.start_air();
-                Self::One(Box::new(At::rest(plant, air, SVector::repeat(0.085), [2])?))
-            }
-            RigKind::ThreeBladders => {
-                let plant = ThreeDof::rig(mass);
-                let air = plant.start_air();
-                Self::Three(Box::new(At::rest(plant, air, SVector::zeros(), [2, 3, 4])?))
-            }
-            RigKind::EightBladders => {
-                let plant = SixDof::rig(mass);
-                let air = plant.start_air();
-                Self::Eight(Box::new(At::rest(plant, air, SVector::zeros(), [0, 1, 2, 3, 4, 5])?))
-            }
-        })
+        kind.0.map(|spec| spec.with(mass, Rest)).transpose().map(Self)
     }
 
     /// How fast each bladder moves x, y, z, pitch, roll and yaw when its inlet is wide open, m/s and rad/s: how the pose at
@@ -105,23 +122,13 @@ impl Rig {
     /// # Errors
     /// The rig does not bear the head with a little less air in a bladder.
     pub fn rates(&self) -> Result<Option<Vec<[f64; 6]>>, String> {
-        match self {
-            Self::Unknown => Ok(None),
-            Self::One(at) => at.rates().map(Some),
-            Self::Three(at) => at.rates().map(Some),
-            Self::Eight(at) => at.rates().map(Some),
-        }
+        self.0.as_ref().map(|at| at.rates()).transpose()
     }
 
     /// Whether its bladders move this channel. An unknown rig moves every channel.
     #[must_use]
     pub fn moves(&self, channel: Channel) -> bool {
-        match self {
-            Self::Unknown => true,
-            Self::One(at) => at.channels.contains(&channel.place()),
-            Self::Three(at) => at.channels.contains(&channel.place()),
-            Self::Eight(at) => at.channels.contains(&channel.place()),
-        }
+        self.0.as_ref().is_none_or(|at| at.channels().contains(&channel.place()))
     }
 
     /// Whether the rig can hold every pose on the straight way between two, both as distances from where control began
@@ -130,26 +137,28 @@ impl Rig {
     /// # Errors
     /// What stands in the way.
     pub fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay> {
-        match self {
-            Self::Unknown => Ok(()),
-            Self::One(at) => at.check(from, to),
-            Self::Three(at) => at.check(from, to),
-            Self::Eight(at) => at.check(from, to),
-        }
+        self.0.as_ref().map_or(Ok(()), |at| at.check(from, to))
     }
 }
 
-impl<const D: usize, const B: usize, const N: usize> At<D, B, N> {
-    fn rest(
-        plant: Plant<D, B, N>,
-        air: SVector<f64, B>,
-        guess: SVector<f64, D>,
-        channels: [usize; D],
-    ) -> Result<Self, String> {
+/// Lets the head rest on a rig's bladders.
+struct Rest;
+
+impl UsePlant for Rest {
+    type Made = Result<Arc<dyn Mechanics>, String>;
+
+    fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made {
+        let RigPlant { plant, air, guess, channels } = rig;
         let rest = plant.equilibrium(&air, guess).map_err(|e| e.to_string())?;
         let pressed = plant.bladders(&rest, &air);
         let push = SVector::from_fn(|j, _| pressed[j].force());
-        Ok(Self { plant, air, rest, push, channels })
+        Ok(Arc::new(At { plant, air, rest, push, channels }))
+    }
+}
+
+impl<const D: usize, const B: usize, const N: usize> Mechanics for At<D, B, N> {
+    fn channels(&self) -> &[usize] {
+        &self.channels
     }
 
     fn rates(&self) -> Result<Vec<[f64; 6]>, String> {
@@ -178,11 +187,15 @@ mod tests {
     use crate::effect::Effect;
     use nalgebra::DMatrix;
 
+    fn at_rest(name: &str, mass: f64) -> Rig {
+        Rig::of(RigKind::named(name).unwrap(), mass).unwrap()
+    }
+
     const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
     #[test]
     fn the_sources_step_can_be_held_and_ten_times_of_it_cannot() {
-        let rig = Rig::of(RigKind::ThreeBladders, 5.0).unwrap();
+        let rig = at_rest("three_bladders", 5.0);
         let step = [0.0, 0.0, 0.0115, 1.35 * DEGREE, 10.0 * DEGREE, 0.0];
         assert_eq!(rig.check(&[0.0; 6], &step), Ok(()));
         let far = rig.check(&[0.0; 6], &step.map(|v| 10.0 * v)).unwrap_err();
@@ -192,24 +205,20 @@ mod tests {
 
     #[test]
     fn every_rig_holds_its_head_where_it_begins() {
-        for kind in [RigKind::OneBladder, RigKind::ThreeBladders, RigKind::EightBladders] {
+        for spec in &RIGS {
             for mass in [3.0, 5.0, 6.0] {
-                let rig = Rig::of(kind, mass).unwrap();
-                assert_eq!(rig.check(&[0.0; 6], &[0.0; 6]), Ok(()), "{kind:?} {mass}");
+                let rig = at_rest(spec.name, mass);
+                assert_eq!(rig.check(&[0.0; 6], &[0.0; 6]), Ok(()), "{} {mass}", spec.name);
             }
         }
-        let unknown = Rig::of(RigKind::Unknown, 5.0).unwrap();
+        let unknown = at_rest("unknown", 5.0);
         assert_eq!(unknown.check(&[0.0; 6], &[1.0; 6]), Ok(()));
     }
 
     #[test]
     fn the_bladders_of_every_rig_move_all_of_its_channels() {
-        for (kind, channels) in [
-            (RigKind::OneBladder, &[2][..]),
-            (RigKind::ThreeBladders, &[2, 3, 4]),
-            (RigKind::EightBladders, &[0, 1, 2, 3, 4, 5]),
-        ] {
-            let rates = Rig::of(kind, 5.0).unwrap().rates().unwrap().unwrap();
+        for RigSpec { name, channels, .. } in &RIGS {
+            let rates = at_rest(name, 5.0).rates().unwrap().unwrap();
             let scale = [0.01, 0.01, 0.0115, 0.0236, 0.1745, 0.0873];
             let b = DMatrix::from_fn(channels.len(), rates.len(), |i, j| {
                 rates[j][channels[i]] / scale[channels[i]]
@@ -217,6 +226,6 @@ mod tests {
             let effect = Effect::new(b).unwrap();
             assert_eq!((effect.channels(), effect.bladders()), (channels.len(), rates.len()));
         }
-        assert_eq!(Rig::of(RigKind::Unknown, 5.0).unwrap().rates(), Ok(None));
+        assert_eq!(at_rest("unknown", 5.0).rates(), Ok(None));
     }
 }

@@ -4,57 +4,58 @@
 
 #![allow(clippy::print_stdout)]
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SVector;
+use stillpoint_mechanics::plant::Limits;
 use stillpoint_mechanics::plant::equilibrium::EquilibriumError;
-use stillpoint_mechanics::plant::layouts::START_GAP;
-use stillpoint_mechanics::plant::{Limits, OneDof, Plant, SixDof, ThreeDof};
+use stillpoint_mechanics::plant::rigs::{RIGS, RigPlant, UsePlant};
 
-fn show<const D: usize, const B: usize>(name: &str, channels: [&str; D], effect: &SMatrix<f64, D, B>) {
-    println!("{name}: full duty of each bladder's inlet");
-    for column in effect.column_iter() {
-        let parts = channels.iter().zip(column.iter()).map(|(channel, rate)| match *channel {
-            "x" | "y" | "z" => format!("{channel}: {:.4} mm/s", rate * 1e3),
-            _ => format!("{channel}: {:.4} deg/s", rate.to_degrees()),
-        });
-        println!("  - {{ {} }}", parts.collect::<Vec<_>>().join(", "));
-    }
-}
+/// Coordinates of a head: name, unit, what of that unit one m or rad is, and the step of the search.
+const CHANNELS: [(&str, &str, f64, f64); 6] = [
+    ("x", "mm", 1e3, 1e-4),
+    ("y", "mm", 1e3, 1e-4),
+    ("z", "mm", 1e3, 1e-4),
+    ("pitch", "deg", 180.0 / std::f64::consts::PI, 1e-3),
+    ("roll", "deg", 180.0 / std::f64::consts::PI, 1e-3),
+    ("yaw", "deg", 180.0 / std::f64::consts::PI, 1e-3),
+];
 
-/// How far a rig can take each coordinate alone from its rest, down and up.
-fn ranges<const D: usize, const B: usize, const N: usize>(
-    plant: &Plant<D, B, N>,
-    channels: [&str; D],
-    rest: &SVector<f64, D>,
-) {
-    let wanted = SVector::repeat(20.0);
-    for (i, channel) in channels.iter().enumerate() {
-        let (step, scale, unit) =
-            if channel.len() == 1 { (1e-4, 1e3, "mm") } else { (1e-3, 1f64.to_degrees(), "deg") };
-        let far = |sign: f64| {
-            let pose = |n: u32| {
-                let mut pose = *rest;
-                pose[i] += sign * step * f64::from(n);
-                pose
+struct Show;
+
+impl UsePlant for Show {
+    type Made = Result<(), EquilibriumError>;
+
+    fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made {
+        let RigPlant { plant, air, guess, channels } = rig;
+        for column in plant.effect(&air, guess)?.column_iter() {
+            let part = |(channel, rate): (&usize, &f64)| {
+                let (name, unit, scale, _) = CHANNELS[*channel];
+                format!("{name}: {:.4} {unit}/s", rate * scale)
             };
-            let held =
-                (1..2000).take_while(|n| plant.reach(&pose(*n), &Limits::RIG, &wanted).is_ok()).count();
-            sign * step * held as f64 * scale
-        };
-        println!("  {channel} alone: {:.1} to {:.1} {unit}", far(-1.0), far(1.0));
+            let parts: Vec<String> = channels.iter().zip(column.iter()).map(part).collect();
+            println!("  - {{ {} }}", parts.join(", "));
+        }
+        let rest = plant.equilibrium(&air, guess)?;
+        let wanted = SVector::repeat(20.0);
+        for (i, channel) in channels.iter().enumerate() {
+            let (name, unit, scale, step) = CHANNELS[*channel];
+            let far = |sign: f64| {
+                let held = |n: &u32| {
+                    let mut pose = rest;
+                    pose[i] += sign * step * f64::from(*n);
+                    plant.reach(&pose, &Limits::RIG, &wanted).is_ok()
+                };
+                sign * step * (1..2000).take_while(held).count() as f64 * scale
+            };
+            println!("  {name} alone: {:.1} to {:.1} {unit}", far(-1.0), far(1.0));
+        }
+        Ok(())
     }
 }
 
 fn main() -> Result<(), EquilibriumError> {
-    let one = OneDof::rig(5.0);
-    show("rig.one_bladder", ["z"], &one.effect(&one.start_air(), SVector::repeat(START_GAP))?);
-    ranges(&one, ["z"], &one.equilibrium(&one.start_air(), SVector::repeat(START_GAP))?);
-    let three = ThreeDof::rig(5.0);
-    let effect = three.effect(&three.start_air(), SVector::zeros())?;
-    show("rig.three_bladders", ["z", "pitch", "roll"], &effect);
-    ranges(&three, ["z", "pitch", "roll"], &three.equilibrium(&three.start_air(), SVector::zeros())?);
-    let eight = SixDof::rig(5.0);
-    let effect = eight.effect(&eight.start_air(), SVector::zeros())?;
-    show("rig.eight_bladders", ["x", "y", "z", "pitch", "roll", "yaw"], &effect);
-    ranges(&eight, ["x", "y", "z", "pitch", "roll", "yaw"], &SVector::zeros());
+    for rig in &RIGS {
+        println!("{}: full duty of each bladder's inlet", rig.kind);
+        rig.with(5.0, Show)?;
+    }
     Ok(())
 }

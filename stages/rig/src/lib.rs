@@ -43,14 +43,18 @@ pub mod trajectory;
 pub mod view;
 pub mod view_operator;
 
-use bladders::operator::{BladderRig, Eight, One, Three};
+use bladders::operator::BladderRig;
+use stillpoint_mechanics::plant::rigs::RIGS;
 use stillpoint_operator::Stage;
 
 /// The operators of this family.
 pub const STAGES: &[Stage] = &[
     Stage::of::<operator::Camera>(),
     Stage::of::<view_operator::View>(),
-    Stage::of::<BladderRig<One>>(),
-    Stage::of::<BladderRig<Three>>(),
-    Stage::of::<BladderRig<Eight>>(),
+    Stage::of::<BladderRig<0>>(),
+    Stage::of::<BladderRig<1>>(),
+    Stage::of::<BladderRig<2>>(),
 ];
+
+// Every entry of the table of rigs is an operator here: a new entry needs its line above.
+const _: () = assert!(RIGS.len() == 3);

@@ -1,6 +1,8 @@
 //! Surfaces by two coordinates (3.16)-(3.18), (3.23)-(3.25), SCIENCE B4, B5.
 //!
 //! Charts are orthogonal; `(x, y, n)` is right-handed and `n` points outward. `alpha = (u, v)`.
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 

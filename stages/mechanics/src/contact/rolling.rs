@@ -1,4 +1,6 @@
 //! How a contact wanders over a bladder and the head: Montana's equations (SCIENCE B4, in place of (3.19)-(3.22)).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

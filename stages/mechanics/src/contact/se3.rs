@@ -1,4 +1,6 @@
 //! Exponential and logarithm of rigid motions (SCIENCE B2, in place of (3.31)).
+//!
+//! The rigs and the controllers use `hat` alone yet: the reference vectors and the tests of this crate use the rest.
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, UnitQuaternion, Vector3};
 

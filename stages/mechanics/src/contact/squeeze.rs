@@ -1,4 +1,6 @@
 //! Forces that hold a wrench while all contacts push (SCIENCE B8: a squeeze is admissible only if all contacts push).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{DVector, Vector3, Vector6};
 

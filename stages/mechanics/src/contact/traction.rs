@@ -1,4 +1,6 @@
 //! Areas and forces between the shape at rest and the deformed one (SCIENCE B7, in place of (3.10)-(3.14)).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{Matrix3, Vector3};
 

@@ -2,6 +2,8 @@
 //!
 //! The bodies' rates are `H zeta'` with `H = J^-1 G^T`; that needs a square `J` with an inverse. Where it has none, see
 //! [`constrained`](super::constrained).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{SMatrix, SVector};
 

@@ -4,6 +4,7 @@
 //! - [`plate`]: a bladder pressed between two plates
 //! - [`body`]: a rigid head on bladders, with valves: the equations of motion
 //! - [`layouts`]: the head with one, three and six degrees of freedom
+//! - [`rigs`]: the table of rigs, by name
 //! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
 //! - [`reach`]: which poses bladders can hold
 
@@ -12,6 +13,7 @@ pub mod equilibrium;
 pub mod layouts;
 pub mod plate;
 pub mod reach;
+pub mod rigs;
 pub mod valve;
 
 pub use body::{Drive, Plant, State, Stop};

@@ -1,6 +1,8 @@
 //! What the wall's mass adds while it moves (SCIENCE A8, in place of the inertial part of (3.7a) and (C.6)).
 //!
 //! At 10 mm/s it is below 1 Pa: the plants leave it out.
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use super::Shell;
 

@@ -1,4 +1,6 @@
 //! The stretch at a pressure: on the branch that a shell at rest is on, or an error (SCIENCE A7).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use super::Shell;
 use super::pressure::{GREATEST_STRETCH, LEAST_STRETCH, LimitPoint};

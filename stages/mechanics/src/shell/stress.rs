@@ -1,4 +1,6 @@
 //! Cauchy stress through the wall of an inflated shell (SCIENCE A4, A6, in place of (2.31)-(2.34)).
+//!
+//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use super::Shell;
 

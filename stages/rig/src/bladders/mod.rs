@@ -3,7 +3,7 @@
 //! - [`fault`]: the faults, and their times
 //! - [`safety`]: what the valves do when duties stop
 //! - [`simulation`]: plant, person, faults and valves through time
-//! - [`rigs`]: the rigs by their number of bladders
+//! - [`rigs`]: a simulated rig from its entry in the table of rigs
 //! - [`params`]: what a config may say
 //! - [`mod@operator`]: `rig.one_bladder`, `rig.three_bladders`, `rig.eight_bladders`
 //!

@@ -1,9 +1,9 @@
-//! `rig.one_bladder`, `rig.three_bladders` and `rig.eight_bladders`: the rig with its valves at one end and its camera at the other.
-
-use std::marker::PhantomData;
+//! `rig.one_bladder`, `rig.three_bladders` and `rig.eight_bladders`: the rig with its valves at one end and its camera
+//! at the other.
 
 use nalgebra::Isometry3;
 use rand::Rng;
+use stillpoint_mechanics::plant::rigs::RIGS;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
@@ -13,7 +13,7 @@ use stillpoint_samples::{Cause, ConsoleCommand, DepthImage, Duties, Pose, RigSta
 use super::fault::{Fault, Said};
 use super::params::BladderParams;
 use super::rigs;
-use super::simulation::{Rig, StartError};
+use super::simulation::Rig;
 use crate::setting;
 use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
@@ -26,60 +26,11 @@ const STATE: usize = 2;
 const PLANT_LAP: usize = 0;
 const CAMERA_LAP: usize = 1;
 
-/// A rig with this many bladders.
-pub trait Bladders: Send + 'static {
-    /// Its kind's name.
-    const NAME: &'static str;
-    /// The description of the kind.
-    const ABOUT: &'static str;
-    /// Builds it.
-    ///
-    /// # Errors
-    /// [`StartError`].
-    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError>;
-}
-
-/// One bladder under the head.
-pub struct One;
-
-impl Bladders for One {
-    const NAME: &'static str = "rig.one_bladder";
-    const ABOUT: &'static str =
-        "Simulates a head on one bladder, which moves in height, seen by a depth camera.";
-    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
-        rigs::one_bladder(setup)
-    }
-}
-
-/// One bladder under the head and one at each side.
-pub struct Three;
-
-impl Bladders for Three {
-    const NAME: &'static str = "rig.three_bladders";
-    const ABOUT: &'static str =
-        "Simulates a head on three bladders, which moves in height, pitch and roll, seen by a depth camera.";
-    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
-        rigs::three_bladders(setup)
-    }
-}
-
-/// Four bladders near the crown and four near the neck.
-pub struct Eight;
-
-impl Bladders for Eight {
-    const NAME: &'static str = "rig.eight_bladders";
-    const ABOUT: &'static str =
-        "Simulates a head between eight bladders, which moves in all six directions, seen by a depth camera.";
-    fn build(setup: rigs::Setup) -> Result<Box<dyn Rig>, StartError> {
-        rigs::eight_bladders(setup)
-    }
-}
-
-/// A head on bladders. Its `frame:` places the camera over the couch.
+/// A head on the bladders of entry `RIG` of the table of rigs. Its `frame:` places the camera over the couch.
 ///
 /// Each tick advances the plant to the time of the tick with the duties that held before, and then takes the newest
 /// duties, which act from this tick on. If no duties came for `time_to_live`, the rig goes to its safe state by itself.
-pub struct BladderRig<K: Bladders> {
+pub struct BladderRig<const RIG: usize> {
     rig: Box<dyn Rig>,
     sight: Sight,
     /// Where the head is seen at the start.
@@ -91,14 +42,13 @@ pub struct BladderRig<K: Bladders> {
     next_image: u64,
     /// Time of the first tick and its number.
     begin: Option<(u64, u64)>,
-    kind: PhantomData<fn() -> K>,
 }
 
-impl<K: Bladders> Operator for BladderRig<K> {
+impl<const RIG: usize> Operator for BladderRig<RIG> {
     type Params = BladderParams;
     const KIND: Kind = Kind {
-        name: K::NAME,
-        about: K::ABOUT,
+        name: RIGS[RIG].kind,
+        about: RIGS[RIG].about,
         role: Role::Operator,
         inputs: &[
             Input {
@@ -146,7 +96,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
 
     fn new(params: BladderParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let every = setup.every.unwrap_or(0);
-        let rig = K::build(params.setup(every)?).map_err(refusal)?;
+        let rig = rigs::simulated(&RIGS[RIG], params.setup(every)?).map_err(refusal)?;
         Ok(Self {
             rig,
             sight: Sight::new(&params.camera.image(), params.setting, params.head_scale, setup)?,
@@ -155,7 +105,6 @@ impl<K: Bladders> Operator for BladderRig<K> {
             lost: params.camera.lost,
             next_image: 0,
             begin: None,
-            kind: PhantomData,
         })
     }
 
@@ -195,7 +144,7 @@ impl<K: Bladders> Operator for BladderRig<K> {
     }
 }
 
-impl<K: Bladders> BladderRig<K> {
+impl<const RIG: usize> BladderRig<RIG> {
     /// Begins or removes the fault of a person's command.
     fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
         let command = activation.fresh::<ConsoleCommand>(FAULT);

@@ -1,16 +1,10 @@
-//! The rigs by their number of bladders.
+//! A simulated rig from its entry in the table of rigs.
 
-use nalgebra::SVector;
-use stillpoint_mechanics::plant::layouts::{FOAM, START_GAP};
-use stillpoint_mechanics::plant::{OneDof, SixDof, ThreeDof};
+use stillpoint_mechanics::plant::layouts::FOAM;
+use stillpoint_mechanics::plant::rigs::{RigPlant, RigSpec, UsePlant};
 
 use super::safety::{Safe, Safety};
 use super::simulation::{Rig, Simulation, StartError, Surroundings};
-
-/// Places of height, pitch and roll in x, y, z, pitch, roll, yaw.
-const HEIGHT: usize = 2;
-const PITCH: usize = 3;
-const ROLL: usize = 4;
 
 /// What all rigs are built of.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,38 +19,23 @@ pub struct Setup {
     pub surroundings: Surroundings,
 }
 
-/// Height alone (section 4.2 of the dissertation).
+/// The rig of this entry, over foam.
 ///
 /// # Errors
 /// [`StartError`].
-pub fn one_bladder(setup: Setup) -> Result<Box<dyn Rig>, StartError> {
-    let plant = OneDof::rig(setup.head_mass).with_stop(FOAM);
-    let air = plant.start_air();
-    let safety = Safety::new(setup.time_to_live, setup.safe);
-    let guess = SVector::repeat(START_GAP);
-    Ok(Box::new(Simulation::new(plant, [HEIGHT], air, guess, safety, setup.surroundings)?))
+pub fn simulated(spec: &RigSpec, setup: Setup) -> Result<Box<dyn Rig>, StartError> {
+    spec.with(setup.head_mass, Simulated(setup))
 }
 
-/// Height, pitch and roll (section 4.3 of the dissertation).
-///
-/// # Errors
-/// [`StartError`].
-pub fn three_bladders(setup: Setup) -> Result<Box<dyn Rig>, StartError> {
-    let plant = ThreeDof::rig(setup.head_mass).with_stop(FOAM);
-    let air = plant.start_air();
-    let safety = Safety::new(setup.time_to_live, setup.safe);
-    let channels = [HEIGHT, PITCH, ROLL];
-    Ok(Box::new(Simulation::new(plant, channels, air, SVector::zeros(), safety, setup.surroundings)?))
-}
+struct Simulated(Setup);
 
-/// All six coordinates, between eight bladders (section 3.3.3 of the dissertation).
-///
-/// # Errors
-/// [`StartError`].
-pub fn eight_bladders(setup: Setup) -> Result<Box<dyn Rig>, StartError> {
-    let plant = SixDof::rig(setup.head_mass).with_stop(FOAM);
-    let air = plant.start_air();
-    let safety = Safety::new(setup.time_to_live, setup.safe);
-    let channels = [0, 1, HEIGHT, PITCH, ROLL, 5];
-    Ok(Box::new(Simulation::new(plant, channels, air, SVector::zeros(), safety, setup.surroundings)?))
+impl UsePlant for Simulated {
+    type Made = Result<Box<dyn Rig>, StartError>;
+
+    fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made {
+        let Setup { time_to_live, safe, surroundings, .. } = self.0;
+        let safety = Safety::new(time_to_live, safe);
+        let plant = rig.plant.with_stop(FOAM);
+        Ok(Box::new(Simulation::new(plant, rig.channels, rig.air, rig.guess, safety, surroundings)?))
+    }
 }
