@@ -14,6 +14,8 @@ pub(crate) const FRAMES_CHANNEL: &str = "/tf_static";
 pub(crate) const END_RECORD: &str = "stillpoint.end";
 /// Name of the metadata record of a mended file.
 pub(crate) const RECOVERED_RECORD: &str = "stillpoint.recovered";
+/// Entry of that record: how many places of the file were damaged.
+pub(crate) const DAMAGED_PLACES: &str = "damaged_places";
 /// Name of the attachment that holds the ledger.
 pub const LEDGER_ATTACHMENT: &str = "ledger.json";
 

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 
+use mcap::McapError;
 use mcap::write::NoSeek;
 
 use crate::form::{Form, Shared, schema};
 use crate::topic::TopicInfo;
-use crate::writer::WriteError;
 
 /// Channels that one topic may have; samples that would need more are recorded in their own form.
 const MOST_CHANNELS: usize = 64;
@@ -43,7 +43,7 @@ impl Topic {
         out: &mut Out<W>,
         form: Form,
         shared: Shared,
-    ) -> Result<u16, WriteError> {
+    ) -> Result<u16, McapError> {
         if let Some((f, s, channel)) = &self.last
             && *f == form
             && *s == shared
@@ -76,7 +76,7 @@ impl Topic {
         &mut self,
         out: &mut Out<W>,
         shared: Shared,
-    ) -> Result<u16, WriteError> {
+    ) -> Result<u16, McapError> {
         if let Some(channel) = self.camera_info.get(&shared) {
             return Ok(*channel);
         }
@@ -101,7 +101,7 @@ pub(crate) fn add_channel<W: Write>(
     topic: &str,
     (name, text): (&str, &str),
     metadata: &BTreeMap<String, String>,
-) -> Result<u16, WriteError> {
+) -> Result<u16, McapError> {
     let schema = out.add_schema(name, "ros2msg", text.as_bytes())?;
-    Ok(out.add_channel(schema, topic, "cdr", metadata)?)
+    out.add_channel(schema, topic, "cdr", metadata)
 }

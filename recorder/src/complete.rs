@@ -4,13 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::PathBuf;
 
-use stillpoint_samples::{Cause, Entry, RefKind};
+use stillpoint_samples::{Cause, Entry};
 
-use crate::account::{END_RECORD, Lost, RECOVERED_RECORD};
+use crate::account::{DAMAGED_PLACES, END_RECORD, Lost, RECOVERED_RECORD};
 use crate::ended::Ended;
-use crate::journal::times;
+use crate::journal::{outputs, times};
 use crate::part::Part;
-use crate::recover::DAMAGED_PLACES;
 use crate::session::Session;
 use crate::topic::Role;
 
@@ -99,8 +98,16 @@ impl fmt::Display for Gap {
     }
 }
 
+impl Session {
+    /// Whether everything that replay needs is there, and if not, what is missing.
+    pub fn completeness(&self) -> Completeness {
+        let gaps = gaps(self);
+        if gaps.is_empty() { Completeness::Complete } else { Completeness::Gaps(gaps) }
+    }
+}
+
 /// All that is missing.
-pub(crate) fn gaps(session: &Session) -> Vec<Gap> {
+fn gaps(session: &Session) -> Vec<Gap> {
     let mut gaps = Vec::new();
     gaps.extend(match session.ended() {
         Ended::InOrder | Ended::Early { .. } => None,
@@ -288,9 +295,4 @@ fn sent(session: &Session, topic: usize) -> BTreeMap<u32, Sent> {
         }
     }
     by_incarnation
-}
-
-/// The references of an entry to what it sent on an output.
-pub(crate) fn outputs(entry: &Entry, port: usize) -> impl Iterator<Item = &stillpoint_samples::JournalRef> {
-    entry.refs_of(RefKind::Output).filter(move |r| r.port as usize == port)
 }

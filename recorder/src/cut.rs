@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::{Entry, JournalRef, RefKind};
 
-use crate::complete::outputs;
+use crate::journal::outputs;
 use crate::session::{Session, Topic};
 use crate::topic::Role;
 

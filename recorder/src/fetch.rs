@@ -2,12 +2,28 @@
 
 use std::sync::Arc;
 
+use stillpoint_samples::AlignedBytes;
+
 use crate::error::SessionError;
 use crate::file::{Buffer, Message, Record, next_record};
 use crate::form::{Decoded, Envelope};
 use crate::part::{PartChannel, Use};
-use crate::samples::Recorded;
 use crate::session::{Place, SampleKey, Session};
+
+/// A sample out of a session: its exact bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recorded {
+    /// Number of its topic in [`Session::topics`].
+    pub topic: usize,
+    /// Incarnation of its producer.
+    pub incarnation: u32,
+    /// Its number on the topic.
+    pub sequence: u64,
+    /// Realtime at which it was recorded, ns since the epoch: for people, never compared.
+    pub log_time: u64,
+    /// `Header ++ Body ++ elements`, as it was in shared memory.
+    pub sample: AlignedBytes,
+}
 
 impl Session {
     /// One sample; `None` where it was not kept, or its topic is of no kind of this build.

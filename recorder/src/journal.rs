@@ -53,3 +53,8 @@ pub fn times(journal: &[Entry]) -> impl Iterator<Item = (u64, Option<String>)> {
         (time, (time != stamp).then(what))
     })
 }
+
+/// The references of an entry to what it sent on an output.
+pub(crate) fn outputs(entry: &Entry, port: usize) -> impl Iterator<Item = &JournalRef> {
+    entry.refs_of(RefKind::Output).filter(move |r| r.port as usize == port)
+}

@@ -33,7 +33,7 @@
 //! - `account`: what a session says about itself: losses, clock, end
 //! - `form`: how a sample stands in a recording
 //! - `folder`: the folder of a session, and its file modes
-//! - `session`, `load`, `fetch`: a session, opened; how its parts are read; one sample of it
+//! - `session`, `load`, `fetch`: what an opened session holds; how it is opened; one sample of it
 //! - `journal`: whether a journal can be what an operator wrote
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
@@ -76,6 +76,7 @@ pub use complete::{Completeness, Gap};
 pub use encoded::Encoded;
 pub use ended::Ended;
 pub use error::SessionError;
+pub use fetch::Recorded;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
 pub use form::StaticTransform;
@@ -85,7 +86,7 @@ pub use mapping::Mapping;
 pub use opening::{Attachment, Compression, Opening};
 pub use raw::RawMessage;
 pub use recover::{RecoverError, Report, recover, recover_session};
-pub use samples::{Recorded, Samples};
+pub use samples::Samples;
 pub use session::{Session, Topic};
 pub use topic::{Role, TopicInfo};
 pub use writer::{CHUNK_SIZE, PartWriter, TopicId, WriteError};

@@ -1,12 +1,14 @@
-//! Reads the parts of a session: what each message says goes to its place.
+//! Opens a session: its parts are read, and what each message says goes to its place.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use stillpoint_samples::Entry;
 
 use crate::account::{ClockSample, Lost};
 use crate::error::SessionError;
 use crate::file::{Channel, Message, Source, scan};
+use crate::folder::{is_blank, session_parts};
 use crate::form::{Envelope, transforms_from};
 use crate::journal::entry_of;
 use crate::layout::TopicKind;
@@ -16,7 +18,88 @@ use crate::session::{Place, Session, Topic};
 use crate::topic::{Described, Role, TOPIC_RECORD};
 
 impl Session {
-    pub(crate) fn add_part(&mut self, path: PathBuf, source: Source) -> Result<(), SessionError> {
+    /// Opens a session: a folder of parts, or one file.
+    ///
+    /// # Errors
+    /// It cannot be read, is no session, or a topic's layout is not this build's.
+    pub fn open(path: &Path) -> Result<Self, SessionError> {
+        let session = Self::open_any(path)?;
+        session.check_layouts()?;
+        Ok(session)
+    }
+
+    /// Opens a session whatever the layout of its topics: those that this build cannot read have no samples to give.
+    ///
+    /// # Errors
+    /// It cannot be read or is no session.
+    pub fn open_any(path: &Path) -> Result<Self, SessionError> {
+        let io = |path: &Path| {
+            let path = path.to_owned();
+            move |cause| SessionError::Io { path, cause }
+        };
+        let (mut sources, mut blank) = (Vec::new(), None);
+        for part in session_parts(path).map_err(io(path))? {
+            // A file that is given by its name is opened whatever it is.
+            if part != path && is_blank(&part).map_err(io(&part))? {
+                blank.get_or_insert(part);
+                continue;
+            }
+            let source = Source::open(&part).map_err(io(&part))?;
+            sources.push((part, source));
+        }
+        if sources.is_empty() {
+            return Err(match blank {
+                Some(part) => SessionError::Blank { part },
+                None => SessionError::NoParts { path: path.to_owned() },
+            });
+        }
+        Self::from_sources(sources)
+    }
+
+    /// Opens a session whose parts are given as their bytes.
+    ///
+    /// # Errors
+    /// They are no session, or a topic's layout is not this build's.
+    pub fn from_bytes(parts: impl IntoIterator<Item = Arc<[u8]>>) -> Result<Self, SessionError> {
+        let sources = parts.into_iter().enumerate();
+        let sources = sources.map(|(i, b)| (PathBuf::from(format!("part-{i:03}.mcap")), Source::Bytes(b)));
+        let session = Self::from_sources(sources.collect())?;
+        session.check_layouts()?;
+        Ok(session)
+    }
+
+    /// Opens a session whose parts are given with a name each, whatever the layout of its topics.
+    ///
+    /// # Errors
+    /// One cannot be read or is no MCAP file.
+    pub fn from_sources(sources: Vec<(PathBuf, Source)>) -> Result<Self, SessionError> {
+        let mut session = Self::default();
+        for (path, source) in sources {
+            session.add_part(path, source)?;
+        }
+        session.order_journals();
+        Ok(session)
+    }
+
+    /// Refuses a session of which a topic has another layout than in this build, and none that maps to it.
+    ///
+    /// # Errors
+    /// The first such topic, with the fields that differ.
+    pub fn check_layouts(&self) -> Result<(), SessionError> {
+        for t in &self.topics {
+            if let TopicKind::Changed { ours, difference } = &t.kind {
+                return Err(SessionError::Layout {
+                    topic: t.name.clone(),
+                    recorded: t.type_name.clone(),
+                    ours: ours.type_name(),
+                    difference: difference.clone(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn add_part(&mut self, path: PathBuf, source: Source) -> Result<(), SessionError> {
         let number = self.parts.len() as u32;
         let io = |cause| SessionError::Io { path: path.clone(), cause };
         // The topics are described before the first message, in records that the walk over the file finds first.
@@ -120,7 +203,7 @@ impl Session {
     }
 
     /// Puts the entries of each journal in their order, over all parts.
-    pub(crate) fn order_journals(&mut self) {
+    fn order_journals(&mut self) {
         for entries in self.journals.values_mut() {
             entries.sort_by_key(|e| (e.header.incarnation, e.header.sequence));
         }

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 
-use crate::account::RECOVERED_RECORD;
+use crate::account::{DAMAGED_PLACES, RECOVERED_RECORD};
 use crate::cut::{Limits, consistent_cut};
 use crate::ended::Ended;
 use crate::error::{SessionError, with_causes};
@@ -18,9 +18,6 @@ use crate::folder::{create_private, is_being_written, is_blank, session_parts};
 use crate::part::{PartChannel, Use};
 use crate::session::{Place, Session};
 use crate::topic::Role;
-
-/// Entry of the record that says what mending did.
-pub(crate) const DAMAGED_PLACES: &str = "damaged_places";
 
 /// Why a session cannot be mended.
 #[derive(Debug, thiserror::Error)]

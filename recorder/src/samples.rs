@@ -2,27 +2,11 @@
 
 use std::sync::Arc;
 
-use stillpoint_samples::AlignedBytes;
-
 use crate::error::SessionError;
+use crate::fetch::Recorded;
 use crate::file::{Buffer, Record, next_record};
 use crate::part::Use;
-use crate::session::{Place, Session};
-
-/// A sample out of a session: its exact bytes.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recorded {
-    /// Number of its topic in [`Session::topics`].
-    pub topic: usize,
-    /// Incarnation of its producer.
-    pub incarnation: u32,
-    /// Its number on the topic.
-    pub sequence: u64,
-    /// Realtime at which it was recorded, ns since the epoch: for people, never compared.
-    pub log_time: u64,
-    /// `Header ++ Body ++ elements`, as it was in shared memory.
-    pub sample: AlignedBytes,
-}
+use crate::session::{Place, Session, Topic};
 
 /// Walks over the samples of a session.
 pub struct Samples<'a> {
@@ -34,8 +18,21 @@ pub struct Samples<'a> {
     bytes: Option<Arc<Buffer>>,
 }
 
+impl Session {
+    /// All samples in the order of recording, one chunk in memory at a time.
+    pub fn samples(&self) -> Samples<'_> {
+        self.samples_where(|_| true)
+    }
+
+    /// The samples of the topics that `choose` says yes to, in the order of recording.
+    pub fn samples_where(&self, choose: impl Fn(&Topic) -> bool) -> Samples<'_> {
+        let chosen = self.topics.iter().map(|t| t.kind.kind().is_some() && choose(t)).collect();
+        Samples::new(self, chosen)
+    }
+}
+
 impl<'a> Samples<'a> {
-    pub(crate) fn new(session: &'a Session, chosen: Vec<bool>) -> Self {
+    fn new(session: &'a Session, chosen: Vec<bool>) -> Self {
         Self { session, chosen, place: Place { part: 0, block: 0, start: 0 }, bytes: None }
     }
 

@@ -1,22 +1,15 @@
 //! A recorded session, opened: all of its parts, whole or cut, as one.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use stillpoint_samples::{Cause, Entry};
 
 use crate::account::{ClockSample, Lost};
 use crate::cache::BlockCache;
-use crate::complete::{Completeness, Gap};
-use crate::error::SessionError;
-use crate::file::Source;
-use crate::folder::{is_blank, session_parts};
 use crate::form::StaticTransform;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
 use crate::part::Part;
-use crate::samples::Samples;
 use crate::topic::Role;
 
 /// A topic of a session.
@@ -71,87 +64,6 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens a session: a folder of parts, or one file.
-    ///
-    /// # Errors
-    /// It cannot be read, is no session, or a topic's layout is not this build's.
-    pub fn open(path: &Path) -> Result<Self, SessionError> {
-        let session = Self::open_any(path)?;
-        session.check_layouts()?;
-        Ok(session)
-    }
-
-    /// Opens a session whatever the layout of its topics: those that this build cannot read have no samples to give.
-    ///
-    /// # Errors
-    /// It cannot be read or is no session.
-    pub fn open_any(path: &Path) -> Result<Self, SessionError> {
-        let io = |path: &Path| {
-            let path = path.to_owned();
-            move |cause| SessionError::Io { path, cause }
-        };
-        let (mut sources, mut blank) = (Vec::new(), None);
-        for part in session_parts(path).map_err(io(path))? {
-            // A file that is given by its name is opened whatever it is.
-            if part != path && is_blank(&part).map_err(io(&part))? {
-                blank.get_or_insert(part);
-                continue;
-            }
-            let source = Source::open(&part).map_err(io(&part))?;
-            sources.push((part, source));
-        }
-        if sources.is_empty() {
-            return Err(match blank {
-                Some(part) => SessionError::Blank { part },
-                None => SessionError::NoParts { path: path.to_owned() },
-            });
-        }
-        Self::from_sources(sources)
-    }
-
-    /// Opens a session whose parts are given as their bytes.
-    ///
-    /// # Errors
-    /// They are no session, or a topic's layout is not this build's.
-    pub fn from_bytes(parts: impl IntoIterator<Item = Arc<[u8]>>) -> Result<Self, SessionError> {
-        let sources = parts.into_iter().enumerate();
-        let sources = sources.map(|(i, b)| (PathBuf::from(format!("part-{i:03}.mcap")), Source::Bytes(b)));
-        let session = Self::from_sources(sources.collect())?;
-        session.check_layouts()?;
-        Ok(session)
-    }
-
-    /// Opens a session whose parts are given with a name each, whatever the layout of its topics.
-    ///
-    /// # Errors
-    /// One cannot be read or is no MCAP file.
-    pub fn from_sources(sources: Vec<(PathBuf, Source)>) -> Result<Self, SessionError> {
-        let mut session = Self::default();
-        for (path, source) in sources {
-            session.add_part(path, source)?;
-        }
-        session.order_journals();
-        Ok(session)
-    }
-
-    /// Refuses a session of which a topic has another layout than in this build, and none that maps to it.
-    ///
-    /// # Errors
-    /// The first such topic, with the fields that differ.
-    pub fn check_layouts(&self) -> Result<(), SessionError> {
-        for t in &self.topics {
-            if let TopicKind::Changed { ours, difference } = &t.kind {
-                return Err(SessionError::Layout {
-                    topic: t.name.clone(),
-                    recorded: t.type_name.clone(),
-                    ours: ours.type_name(),
-                    difference: difference.clone(),
-                });
-            }
-        }
-        Ok(())
-    }
-
     /// The topics, in the order in which they were added.
     pub fn topics(&self) -> &[Topic] {
         &self.topics
@@ -203,23 +115,6 @@ impl Session {
             }
         }
         unended
-    }
-
-    /// Whether everything that replay needs is there, and if not, what is missing.
-    pub fn completeness(&self) -> Completeness {
-        let gaps: Vec<Gap> = crate::complete::gaps(self);
-        if gaps.is_empty() { Completeness::Complete } else { Completeness::Gaps(gaps) }
-    }
-
-    /// All samples in the order of recording, one chunk in memory at a time.
-    pub fn samples(&self) -> Samples<'_> {
-        self.samples_where(|_| true)
-    }
-
-    /// The samples of the topics that `choose` says yes to, in the order of recording.
-    pub fn samples_where(&self, choose: impl Fn(&Topic) -> bool) -> Samples<'_> {
-        let chosen = self.topics.iter().map(|t| t.kind.kind().is_some() && choose(t)).collect();
-        Samples::new(self, chosen)
     }
 
     /// The incarnation and sequence of every sample of a topic, in order.
