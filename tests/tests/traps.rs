@@ -39,7 +39,7 @@ fn received_after(join: impl FnOnce(&std::path::Path, &str, u32)) -> usize {
     let root = bench.path("d");
     // The folder's name is its own; objects of a run begin otherwise.
     let prefix = format!("{}_", bench.path("r").parent().unwrap().file_name().unwrap().to_string_lossy());
-    let domain = Domain::join(&root, &prefix, "consumer").unwrap();
+    let domain = Domain::create(&root, &prefix, "consumer").unwrap();
     let topic = Topic::create(&domain, &contract()).unwrap();
     let subscriber = topic.subscriber(8).unwrap();
     let mut publisher = std::process::Command::new(std::env::current_exe().unwrap())

@@ -7,8 +7,8 @@ use iceoryx2::node::NodeView;
 use iceoryx2::prelude::*;
 use iceoryx2::service::ipc;
 
-use crate::ShmError;
-use crate::words::words;
+use crate::error::{ShmError, name_error};
+use crate::node_counter::{self, SHARED};
 
 /// One run's corner of shared memory: its own prefix and root folder, so that runs do not see each other.
 pub struct Domain {
@@ -16,9 +16,31 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// Joins the domain of this prefix and root folder as a new node. Every participant of a run must join with the
-    /// same two, and through here: foreign settings would clean up samples of dead publishers too early.
+    /// Creates the domain of this prefix and root folder, and joins it as its first node. The supervisor does it, before
+    /// any other process starts.
+    ///
+    /// # Errors
+    /// iceoryx2 does not take the names, or refuses the node; or an object of the domain belongs to another user.
+    pub fn create(root: &Path, prefix: &str, node: &str) -> Result<Self, ShmError> {
+        node_counter::check_free(prefix)?;
+        let domain = Self::with_node(root, prefix, node)?;
+        node_counter::make_private(prefix)?;
+        Ok(domain)
+    }
+
+    /// Joins a domain as a new node. Every participant of a run must join with the prefix and root folder that it was
+    /// created with, and through here: foreign settings would clean up samples of dead publishers too early.
+    ///
+    /// # Errors
+    /// The domain is not there, or other users could write to it; iceoryx2 refuses the node.
     pub fn join(root: &Path, prefix: &str, node: &str) -> Result<Self, ShmError> {
+        node_counter::check(prefix)?;
+        let domain = Self::with_node(root, prefix, node)?;
+        node_counter::check_joined(prefix)?;
+        Ok(domain)
+    }
+
+    fn with_node(root: &Path, prefix: &str, node: &str) -> Result<Self, ShmError> {
         // Set before the first call: iceoryx2 says on stderr what is returned as an error too.
         set_log_level(LogLevel::Fatal);
         let config = config(root, prefix)?;
@@ -29,7 +51,7 @@ impl Domain {
             // Signals are the command's: Ctrl-C ends a run in order.
             .signal_handling_mode(SignalHandlingMode::Disabled)
             .create::<ipc::Service>()
-            .map_err(|e| ShmError::Node { root: root.display().to_string(), reason: words(&e) })?;
+            .map_err(|e| ShmError::Node { root: root.to_owned(), cause: e.into() })?;
         Ok(Self { node })
     }
 
@@ -55,7 +77,7 @@ pub fn sweep(root: &Path, prefix: &str) -> usize {
     if prefix.is_empty() {
         return 0;
     }
-    if let Ok(objects) = std::fs::read_dir("/dev/shm") {
+    if let Ok(objects) = std::fs::read_dir(SHARED) {
         for object in objects.flatten() {
             if object.file_name().to_string_lossy().starts_with(prefix)
                 && std::fs::remove_file(object.path()).is_ok()
@@ -68,11 +90,6 @@ pub fn sweep(root: &Path, prefix: &str) -> usize {
         removed += 1;
     }
     removed
-}
-
-/// A name that iceoryx2 does not take: it gives no more than that.
-pub(crate) fn name_error(name: &str) -> ShmError {
-    ShmError::Name { name: name.to_string() }
 }
 
 fn config(root: &Path, prefix: &str) -> Result<Config, ShmError> {

@@ -11,8 +11,9 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 use stillpoint_samples::Shape;
 
-use crate::topic::{port_error, topic_error};
-use crate::{Contract, Domain, ShmError};
+use crate::contract::Contract;
+use crate::domain::Domain;
+use crate::error::{PortKind, Refusal, ShmError, port_error, topic_error};
 
 pub(crate) type DataFactory = PortFactory<ipc::Service, [CustomPayloadMarker], CustomHeaderMarker>;
 pub(crate) type ErasedPublisher =
@@ -34,7 +35,7 @@ fn builder(
     };
     let detail = |variant, name: &str, size, align| {
         TypeDetail::__internal_new_from_parts(variant, name, size, align)
-            .map_err(|e| topic_error(contract, e))
+            .map_err(|e| topic_error(contract, Refusal::Contract(e.to_string())))
     };
     let payload = detail(variant, &contract.type_name, contract.element_size, contract.element_align)?;
     let header = detail(TypeVariant::FixedSize, "stillpoint/Header", contract.meta_size, 8)?;
@@ -90,7 +91,7 @@ pub(crate) fn publisher(data: &DataFactory, contract: &Contract) -> Result<Erase
         .override_sample_preallocation(move |worst| pool.min(worst))
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create()
-        .map_err(|e| port_error(contract, "publisher", e))
+        .map_err(|e| port_error(&contract.topic, PortKind::Publisher, e))
 }
 
 pub(crate) fn subscriber(
@@ -101,7 +102,7 @@ pub(crate) fn subscriber(
     data.subscriber_builder()
         .buffer_size(depth.max(1))
         .create()
-        .map_err(|e| port_error(contract, "subscriber", e))
+        .map_err(|e| port_error(&contract.topic, PortKind::Subscriber, e))
 }
 
 /// A buffer for `elements` elements; `None` where the publisher's memory is used up.
@@ -118,7 +119,7 @@ pub(crate) fn loan(
     match unsafe { publisher.loan_custom_payload(elements) } {
         Ok(loan) => Ok(Some(loan)),
         Err(LoanError::OutOfMemory | LoanError::ExceedsMaxLoans) => Ok(None),
-        Err(e) => Err(port_error(contract, "publisher", e)),
+        Err(e) => Err(port_error(&contract.topic, PortKind::Publisher, e)),
     }
 }
 
@@ -150,7 +151,7 @@ pub(crate) fn loan_view(loan: &ErasedLoan, meta_size: usize) -> (&[u8], &[u8]) {
 /// Sends a loan; consumers that it reached.
 pub(crate) fn send(loan: ErasedLoan, contract: &Contract) -> Result<usize, ShmError> {
     // SAFETY: each byte has a value (see `loan_parts`), and what lies beyond the header's count is never read.
-    unsafe { loan.assume_init() }.send().map_err(|e| port_error(contract, "publisher", e))
+    unsafe { loan.assume_init() }.send().map_err(|e| port_error(&contract.topic, PortKind::Publisher, e))
 }
 
 /// Header and body, and the elements, of a received sample.

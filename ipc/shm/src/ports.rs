@@ -3,9 +3,9 @@
 use iceoryx2::port::update_connections::UpdateConnections;
 use stillpoint_samples::{Header, Pieces};
 
+use crate::contract::Contract;
 use crate::erased::{self, ErasedLoan, ErasedPublisher, ErasedSample, ErasedSubscriber};
-use crate::topic::port_error;
-use crate::{Contract, ShmError};
+use crate::error::{PortKind, ShmError, port_error};
 
 /// Sends samples. It is never blocked by a consumer.
 pub struct Publisher {
@@ -14,13 +14,13 @@ pub struct Publisher {
 }
 
 impl Publisher {
-    pub(crate) fn new(port: ErasedPublisher, contract: &Contract) -> Result<Self, ShmError> {
-        Ok(Self { port, contract: contract.clone() })
+    pub(crate) fn new(port: ErasedPublisher, contract: &Contract) -> Self {
+        Self { port, contract: contract.clone() }
     }
 
     /// Connects to the subscribers that are there. What is sent before is not for them.
     pub fn connect(&self) -> Result<(), ShmError> {
-        self.port.update_connections().map_err(|e| port_error(&self.contract, "publisher", e))
+        self.port.update_connections().map_err(|e| port_error(&self.contract.topic, PortKind::Publisher, e))
     }
 
     /// A buffer for `elements` elements; `None` where the memory of the port is used up.
@@ -61,19 +61,20 @@ pub struct Subscriber {
 }
 
 impl Subscriber {
-    pub(crate) fn new(port: ErasedSubscriber, contract: &Contract) -> Result<Self, ShmError> {
-        Ok(Self { port, contract: contract.clone() })
+    pub(crate) fn new(port: ErasedSubscriber, contract: &Contract) -> Self {
+        Self { port, contract: contract.clone() }
     }
 
     /// Connects to the publishers that are there, so that what they send from now on, and have sent to this
     /// subscriber, stays even if they die. Says whether samples wait.
     pub fn connect(&self) -> Result<bool, ShmError> {
-        self.port.has_samples().map_err(|e| port_error(&self.contract, "subscriber", e))
+        self.port.has_samples().map_err(|e| port_error(&self.contract.topic, PortKind::Subscriber, e))
     }
 
     /// The oldest sample that waits.
     pub fn receive(&self) -> Result<Option<Received>, ShmError> {
-        let sample = self.port.receive().map_err(|e| port_error(&self.contract, "subscriber", e))?;
+        let sample =
+            self.port.receive().map_err(|e| port_error(&self.contract.topic, PortKind::Subscriber, e))?;
         Ok(sample.map(|sample| Received { sample, meta_size: self.contract.meta_size }))
     }
 }

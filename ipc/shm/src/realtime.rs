@@ -1,17 +1,37 @@
 //! Real-time scheduling of this process: SCHED_FIFO and locked memory.
 
-/// Locks the memory of this process and sets SCHED_FIFO with `level` (1 to 99), or says which limit forbids it.
-pub fn real_time(level: u8) -> Result<(), String> {
-    use rustix::mm::{MlockAllFlags, mlockall};
-    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
-        .map_err(|e| format!("memory cannot be locked: {e}; raise `ulimit -l`, or remove `priority`"))?;
+use std::io;
+
+use rustix::mm::{MlockAllFlags, mlockall};
+
+/// Why this process cannot be scheduled in real time.
+#[derive(Debug, thiserror::Error)]
+pub enum RealTimeError {
+    /// Its memory cannot be locked.
+    #[error("the memory of the process cannot be locked: {0}; raise `ulimit -l`, or remove `priority`")]
+    Memory(io::Error),
+    /// Its scheduling class cannot be set.
+    #[error(
+        "SCHED_FIFO {level} is refused: {cause}; raise `ulimit -r` or give CAP_SYS_NICE, or remove `priority`"
+    )]
+    Priority {
+        /// The level that was asked for.
+        level: u8,
+        /// What the operating system answered.
+        cause: io::Error,
+    },
+}
+
+/// Locks the memory of this process and sets SCHED_FIFO with `level` (1 to 99).
+///
+/// # Errors
+/// The limit that forbids it.
+pub fn real_time(level: u8) -> Result<(), RealTimeError> {
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|e| RealTimeError::Memory(e.into()))?;
     let parameter = libc::sched_param { sched_priority: i32::from(level) };
     // SAFETY: the call reads a struct that lives on this stack frame.
     if unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) } != 0 {
-        let reason = std::io::Error::last_os_error();
-        return Err(format!(
-            "SCHED_FIFO {level} is refused: {reason}; raise `ulimit -r` or give CAP_SYS_NICE, or remove `priority`"
-        ));
+        return Err(RealTimeError::Priority { level, cause: io::Error::last_os_error() });
     }
     Ok(())
 }

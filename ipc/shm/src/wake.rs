@@ -1,6 +1,7 @@
 //! Waking: a notifier and a listener per topic, and waiting on several listeners and a control pipe.
 
 use std::os::fd::{AsRawFd, BorrowedFd, OwnedFd};
+use std::sync::Arc;
 
 use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::*;
@@ -8,8 +9,7 @@ use iceoryx2::service::ipc;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::words::words;
-use crate::{Contract, ShmError};
+use crate::error::{PortKind, ShmError, port_error};
 
 /// Wakes the listeners of a topic.
 pub struct Notifier {
@@ -34,17 +34,13 @@ pub struct Listener {
 }
 
 impl Listener {
-    pub(crate) fn new(port: iceoryx2::port::listener::Listener<ipc::Service>, contract: &Contract) -> Self {
-        Self { port, topic: contract.topic.clone() }
+    pub(crate) fn new(port: iceoryx2::port::listener::Listener<ipc::Service>, topic: &str) -> Self {
+        Self { port, topic: topic.to_string() }
     }
 
     /// Takes all wake-ups that are pending.
     pub fn drain(&self) -> Result<(), ShmError> {
-        self.port.try_wait(|_| {}).map(drop).map_err(|e| ShmError::Port {
-            topic: self.topic.clone(),
-            port: "listener",
-            reason: words(&e),
-        })
+        self.port.try_wait(|_| {}).map(drop).map_err(|e| port_error(&self.topic, PortKind::Listener, e))
     }
 
     /// Waits until it is woken, or for `nanoseconds`. An interruption by a signal counts as a wake-up.
@@ -52,7 +48,7 @@ impl Listener {
         let wait = std::time::Duration::from_nanos(nanoseconds);
         match self.port.timed_wait(|_| {}, wait) {
             Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(e) => Err(ShmError::Port { topic: self.topic.clone(), port: "listener", reason: words(&e) }),
+            Err(e) => Err(port_error(&self.topic, PortKind::Listener, e)),
         }
     }
 }
@@ -93,7 +89,7 @@ impl Wake {
         match poll(&mut self.fds, timeout.as_ref()) {
             Ok(_) => Ok(self.fds[..self.controls].iter().any(|control| !control.revents().is_empty())),
             Err(Errno::INTR) => Ok(false),
-            Err(e) => Err(ShmError::Port { topic: "*".into(), port: "listener", reason: e.to_string() }),
+            Err(e) => Err(ShmError::Wait(Arc::new(e.into()))),
         }
     }
 

@@ -1,11 +1,13 @@
 //! Topics, ports and wake-ups within one process; what needs several stands in the whole-system tests.
 
-#![allow(clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 
 use stillpoint_samples::{Header, Pieces, PointCloud, Pose, Sample};
-use stillpoint_shm::{Contract, Domain, Topic, Wake, sweep};
+use stillpoint_shm::{Contract, CounterFault, Domain, Refusal, ShmError, Topic, Wake, sweep};
 use zerocopy::IntoBytes;
 
 struct Room {
@@ -48,7 +50,7 @@ fn send(publisher: &stillpoint_shm::Publisher, sequence: u64, count: u32) {
 #[test]
 fn bytes_arrive_as_they_were_written() {
     let room = room("bytes");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let topic = Topic::create(&domain, &contract(2)).unwrap();
     let subscriber = topic.subscriber(2).unwrap();
     let publisher = topic.publisher().unwrap();
@@ -64,7 +66,7 @@ fn bytes_arrive_as_they_were_written() {
 #[test]
 fn a_full_buffer_drops_the_oldest_and_never_blocks() {
     let room = room("full");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let topic = Topic::create(&domain, &contract(2)).unwrap();
     let subscriber = topic.subscriber(2).unwrap();
     let publisher = topic.publisher().unwrap();
@@ -80,13 +82,14 @@ fn a_full_buffer_drops_the_oldest_and_never_blocks() {
 #[test]
 fn another_layout_or_frame_is_refused() {
     let room = room("refused");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let _topic = Topic::create(&domain, &contract(2)).unwrap();
     let other_frame = Contract::new("a.cloud", PointCloud::KIND, Some("couch"), 100);
     let other_type = Contract::new("a.cloud", Pose::KIND, Some("camera"), 1);
     for wrong in [other_frame, other_type] {
-        let error = Topic::open(&domain, &wrong).err().expect("refused").to_string();
-        assert!(error.contains("a.cloud") && error.contains("IncompatibleTypes"), "{error}");
+        let error = Topic::open(&domain, &wrong).err().expect("refused");
+        let expected = matches!(&error, ShmError::Topic { topic, cause: Refusal::OtherContract, .. } if topic == "a.cloud");
+        assert!(expected, "{error}");
     }
     assert!(Topic::open(&domain, &contract(2)).is_ok());
 }
@@ -94,7 +97,7 @@ fn another_layout_or_frame_is_refused() {
 #[test]
 fn used_up_memory_is_said_and_comes_back() {
     let room = room("memory");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let topic = Topic::create(&domain, &Contract { pool: 2, ..contract(1) }).unwrap();
     let publisher = topic.publisher().unwrap();
     let held = [publisher.loan(1).unwrap(), publisher.loan(1).unwrap()];
@@ -107,7 +110,7 @@ fn used_up_memory_is_said_and_comes_back() {
 #[test]
 fn a_notification_wakes_and_silence_times_out() {
     let room = room("wake");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let topic = Topic::create(&domain, &contract(1)).unwrap();
     let (read, write) = std::io::pipe().unwrap();
     let mut wake = Wake::new(read.into(), vec![topic.listener().unwrap()]);
@@ -135,7 +138,7 @@ fn a_topic_name_says_which_frame_and_layout() {
 #[test]
 fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
     let room = room("words");
-    let domain = Domain::join(&room.root, &room.prefix, "test").unwrap();
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
     let absent = Topic::open(&domain, &contract(2)).err().unwrap().to_string();
     assert!(absent.contains("topic a.cloud") && absent.contains("the run has ended"), "{absent}");
     let few = Contract { subscribers: 1, publishers: 1, ..contract(2) };
@@ -156,4 +159,85 @@ fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
     let long = Contract::new(&"a".repeat(300), PointCloud::KIND, None, 1);
     let long = Topic::create(&domain, &long).err().unwrap().to_string();
     assert!(long.contains("cannot name a part of shared memory"), "{long}");
+}
+
+/// Objects of a domain in shared memory.
+fn objects(room: &Room) -> Vec<PathBuf> {
+    let all = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    all.filter(|o| o.file_name().to_string_lossy().starts_with(&room.prefix)).map(|o| o.path()).collect()
+}
+
+/// The one in which iceoryx2 counts nodes.
+fn node_counter(room: &Room) -> PathBuf {
+    objects(room).into_iter().find(|o| o.to_string_lossy().ends_with(".global_mgmt")).expect("a counter")
+}
+
+/// Joins on a thread, so that a join that hangs fails the test.
+fn join(room: &Room) -> Result<(), ShmError> {
+    let (answer, answered) = std::sync::mpsc::channel();
+    let (root, prefix) = (room.root.clone(), room.prefix.clone());
+    std::thread::spawn(move || answer.send(Domain::join(&root, &prefix, "other").map(drop)));
+    answered.recv_timeout(std::time::Duration::from_secs(60)).expect("the join does not hang")
+}
+
+#[test]
+fn no_object_of_a_domain_can_be_opened_by_others() {
+    let room = room("modes");
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    let topic = Topic::create(&domain, &contract(2)).unwrap();
+    let (subscriber, publisher) = (topic.subscriber(2).unwrap(), topic.publisher().unwrap());
+    publisher.connect().unwrap();
+    send(&publisher, 1, 1);
+    assert!(subscriber.receive().unwrap().is_some());
+    assert!(objects(&room).contains(&node_counter(&room)));
+    for object in objects(&room) {
+        let mode = object.metadata().unwrap().mode() & 0o777;
+        assert_eq!(mode & 0o077, 0, "{} has mode {mode:o}", object.display());
+    }
+}
+
+#[test]
+fn a_domain_is_joined_whatever_another_user_does_to_its_objects() {
+    if !rustix::process::getuid().is_root() {
+        eprintln!("skipped: only root can act as another user");
+        return;
+    }
+    let room = room("users");
+    let _domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    for object in objects(&room) {
+        let other = 65_534;
+        let cut = std::process::Command::new("truncate")
+            .args(["-s", "0"])
+            .arg(&object)
+            .uid(other)
+            .gid(other)
+            .output();
+        assert!(!cut.unwrap().status.success(), "{} was cut by another user", object.display());
+    }
+    join(&room).unwrap();
+}
+
+#[test]
+fn a_node_counter_that_is_cut_or_open_to_others_is_refused_and_not_waited_for() {
+    let room = room("cut");
+    let _domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    let object = node_counter(&room);
+    let fault = || match join(&room).unwrap_err() {
+        ShmError::NodeCounter { fault, .. } => fault,
+        e => panic!("{e}"),
+    };
+    std::fs::set_permissions(&object, std::fs::Permissions::from_mode(0o666)).unwrap();
+    assert!(matches!(fault(), CounterFault::OpenToOthers { mode: 0o666 }));
+    std::fs::set_permissions(&object, std::fs::Permissions::from_mode(0o600)).unwrap();
+    join(&room).unwrap();
+    std::fs::OpenOptions::new().write(true).open(&object).unwrap().set_len(0).unwrap();
+    assert!(matches!(fault(), CounterFault::Damaged { size: 0 }));
+}
+
+#[test]
+fn joining_a_domain_that_is_gone_is_refused_and_leaves_nothing() {
+    let room = room("gone");
+    let error = join(&room).unwrap_err();
+    assert!(matches!(error, ShmError::NodeCounter { fault: CounterFault::NotThere, .. }), "{error}");
+    assert_eq!(objects(&room), Vec::<PathBuf>::new());
 }

@@ -15,7 +15,7 @@ pub fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
         })?;
     }
     if let Priority::Fifo(level) = priority {
-        stillpoint_shm::real_time(level)?;
+        stillpoint_shm::real_time(level).map_err(|e| e.to_string())?;
     }
     Ok(())
 }

@@ -42,7 +42,7 @@ impl Processes {
         let folder = RunFolder::create()?;
         reserve(&graph, &folder)?;
         let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
-        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
+        let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         let (mut journals, mut taps) = (Vec::new(), Vec::new());
         for (operator, node) in graph.operators.iter().enumerate() {

@@ -98,7 +98,7 @@ impl Supervisor {
             sets: options.sets.clone(),
             files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
-        let domain = Domain::join(&folder.root(), folder.prefix(), "supervisor")?;
+        let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         for contract in contracts::all(&graph) {
             topics.push(Topic::create(&domain, &contract)?);

@@ -56,7 +56,7 @@ impl Chain<'_> {
     /// Runs it and gives the ages that its last process saw.
     pub fn run(&self) -> Result<Ages, Failure> {
         let folder = RunFolder::create().map_err(Failure::failed)?;
-        let domain = Domain::join(&folder.root(), folder.prefix(), "bench").map_err(Failure::failed)?;
+        let domain = Domain::create(&folder.root(), folder.prefix(), "bench").map_err(Failure::failed)?;
         let _topics = (0..self.hops)
             .map(|hop| Topic::create(&domain, &contract(hop, self.words)))
             .collect::<Result<Vec<_>, _>>()
