@@ -1,5 +1,7 @@
 //! People at a running pipeline: those who look in, and those who send.
 
+use std::os::unix::process::CommandExt;
+
 use serde_json::Value;
 
 use crate::bench::{Bench, pipeline, text};
@@ -200,4 +202,34 @@ fn two_runs_that_start_together_do_not_both_take_the_last_room() {
     let refused: Vec<_> = said.iter().filter(|s| s.contains("may still take")).collect();
     assert_eq!(refused.len(), 1, "{said:?}");
     assert!(refused[0].contains("end another run, make /dev/shm larger"), "{said:?}");
+}
+
+#[test]
+fn another_user_can_neither_cut_what_a_run_shares_nor_stop_it_or_those_that_send_to_it() {
+    if !rustix::process::getuid().is_root() {
+        eprintln!("skipped: only root can act as another user");
+        return;
+    }
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("console.yaml"));
+    bench.wait_for_samples("after.sum", 2);
+    let [id] = &bench.run_ids()[..] else { panic!("one run") };
+    let all = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let objects = all.filter(|o| o.file_name().to_string_lossy().starts_with(&format!("sp_{id}_")));
+    let objects: Vec<_> = objects.map(|o| o.path()).collect();
+    assert!(objects.iter().any(|o| text(o).ends_with(".global_mgmt")), "{objects:?}");
+    let other = 65_534;
+    for object in &objects {
+        let mut cut = std::process::Command::new("truncate");
+        let cut = cut.args(["-s", "0"]).arg(object).uid(other).gid(other).output().unwrap();
+        assert!(!cut.status.success(), "{} was cut by another user", object.display());
+    }
+    // The vent and a restarted process join the run anew.
+    let sent = bench.call(&["send", "console.vent"]);
+    assert_eq!(sent.code(), 0, "{}", sent.err);
+    let before = run.kill("after", 0);
+    run.child("after", before);
+    bench.wait_for_samples("after.sum", 2);
+    run.stop().good();
+    assert_eq!(crate::bench::shared_objects(id), 0);
 }
