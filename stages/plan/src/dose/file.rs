@@ -281,6 +281,7 @@ mod tests {
             Ok(())
         });
         outcome.unwrap();
-        assert!(refused.get() > 5000 && used.get() > 100, "{} refused, {} used", refused.get(), used.get());
+        let (refused, used) = (refused.get(), used.get());
+        assert!(refused > used && used > 0, "{refused} refused, {used} used: the harm is one-sided");
     }
 }

@@ -91,5 +91,8 @@ fn broken_machine_files_are_refused_or_give_a_dose() {
         })
         .unwrap();
     let (refused, used) = (refused.get(), used.get());
-    assert!(refused > 1000 && used > 100, "{refused} refused, {used} used: the harm is one-sided");
+    assert!(
+        refused > used / 10 && used > refused / 100,
+        "{refused} refused, {used} used: the harm is one-sided"
+    );
 }
