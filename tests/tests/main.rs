@@ -15,7 +15,6 @@
 //! - `seat`: cores and priorities
 //! - `link`: edges that leave as datagrams
 //! - `controllers`: three loops in one pipeline
-//! - `failsafe`: from the last order to the safe state
 //! - `ledger`: sent = received + accounted loss
 //! - `apart`: the bedside as a program of its own
 //! - `breaking`: people who break a running rig
@@ -39,7 +38,6 @@ mod conformance;
 mod controllers;
 mod damaged;
 mod ending;
-mod failsafe;
 mod guide;
 mod hung;
 mod laps;

@@ -61,16 +61,6 @@ fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
 }
 
 #[test]
-fn ten_kills_at_random_moments_take_at_most_the_last_second() {
-    let bench = Bench::new();
-    let outcome = bench.call(&["bench", "killed", "--kills", "10", "--folder", ".", "--json"]).good();
-    assert_eq!(
-        (&outcome["kept"], &outcome["whole"], &outcome["opens"]),
-        (&json!(10), &json!(10), &json!(10))
-    );
-}
-
-#[test]
 fn after_a_recorder_was_killed_new_incarnations_are_exact() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("chain.yaml"));

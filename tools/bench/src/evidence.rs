@@ -1,0 +1,228 @@
+//! What a session says about a run that was struck.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::time::Duration;
+
+use stillpoint_recorder::{Completeness, Session};
+use stillpoint_samples::{
+    Actuation, Duties, DutiesElement, FarEnd, FarEndDoing, FarEndElement, Pieces, RigState, Sample, Track,
+    View,
+};
+
+use stillpoint::Failure;
+
+/// How fast duties grow from rest: by the default of the sender's slew, and by that of the far end's ramp, 1/s.
+const GROWTH: f64 = 10.0;
+/// Period of the sender, s: its first order is as far grown, and its orders are on their way for no longer.
+const PERIOD: f64 = 0.01;
+/// Inlets are safe when they are this far open at most, outlets when they are this far open at least.
+const SHUT: f64 = 0.05;
+const OPEN: f64 = 0.5;
+
+/// Times are ms from when the run was struck.
+#[derive(Debug, Default)]
+pub struct Evidence {
+    /// When the last order arrived before the far end vented, or at all.
+    pub last_order_ms: f64,
+    /// When an order was last followed before that.
+    pub last_followed_ms: f64,
+    /// When the frame of the last pose before that was taken.
+    pub last_pose_ms: f64,
+    /// When the far end first vented; none where it did not.
+    pub vents_ms: Option<f64>,
+    /// When the valves were first safe after that: inlets shut, outlets at least half open.
+    pub valves_ms: Option<f64>,
+    /// When the beam was first off; none where it stayed on.
+    pub beam_ms: Option<f64>,
+    /// All reasons of actuation after it was struck.
+    pub reasons: u32,
+    /// Datagrams that the far end refused.
+    pub refused: u64,
+    /// Processes that did not end in order, by name.
+    pub died: BTreeSet<String>,
+    /// What the session says is missing.
+    pub gaps: Vec<String>,
+    /// Parts of the session.
+    pub parts: usize,
+    /// The longest that far end or rig stood still.
+    pub bedside_stood_ms: f64,
+    /// Where duties grew faster than they may when they were followed again.
+    pub jump: Option<String>,
+}
+
+/// A process is known by one of its operators.
+const PROCESSES: [(&str, &str); 3] = [("control", "valves"), ("perception", "head"), ("console", "console")];
+
+/// What is read of a session, in the order of its samples.
+#[derive(Default)]
+struct Tracks {
+    far: Vec<(u64, FarEndElement)>,
+    duties: BTreeMap<u64, DutiesElement>,
+    /// Whether the valves are safe.
+    rig: Vec<(u64, bool)>,
+    /// Stamps of poses, and when their frames were taken.
+    poses: Vec<(u64, u64)>,
+    reasons: Vec<(u64, u32)>,
+}
+
+impl Evidence {
+    /// Of the session in a folder of a bench, whose run was struck at a time, ns, and watched for a while.
+    pub fn read(place: &Path, struck: u64, watched: Duration) -> Result<Self, Failure> {
+        let sessions = place.join("s");
+        let folder = std::fs::read_dir(&sessions).map_err(Failure::failed)?.flatten().next();
+        let folder = folder.ok_or_else(|| Failure::failed("the run kept no session"))?.path();
+        let session = Session::open_any(&folder).map_err(Failure::failed)?;
+        let tracks = Tracks::read(&session)?;
+        let mut evidence = tracks.evidence(struck, struck + watched.as_nanos() as u64);
+        let unended = session.unended();
+        let died = PROCESSES.iter().filter(|(_, operator)| unended.iter().any(|(o, _)| o == operator));
+        evidence.died = died.map(|(process, _)| (*process).to_owned()).collect();
+        if let Completeness::Gaps(gaps) = session.completeness() {
+            evidence.gaps = gaps.iter().map(ToString::to_string).collect();
+        }
+        evidence.parts = std::fs::read_dir(&folder).map_err(Failure::failed)?.count();
+        Ok(evidence)
+    }
+}
+
+impl Tracks {
+    fn read(session: &Session) -> Result<Self, Failure> {
+        const TOPICS: [&str; 5] = ["far.state", "far.duties", "rig.state", "filter.state", "valves.state"];
+        let mut tracks = Self::default();
+        for recorded in session.samples_where(|t| TOPICS.contains(&t.name.as_str())) {
+            let recorded = recorded.map_err(Failure::failed)?;
+            let bytes = &recorded.sample;
+            match session.topics()[recorded.topic].name.as_str() {
+                "far.state" => {
+                    let view = view::<FarEnd>(bytes)?;
+                    tracks.far.extend(view.first().map(|state| (view.header.stamp, *state)));
+                }
+                "far.duties" => {
+                    let view = view::<Duties>(bytes)?;
+                    tracks.duties.extend(view.first().map(|duties| (view.header.stamp, *duties)));
+                }
+                "rig.state" => {
+                    let view = view::<RigState>(bytes)?;
+                    let Some(state) = view.first() else { continue };
+                    let valves = &state.opening[..2 * (state.bladders as usize).min(8)];
+                    let safe = valves.chunks_exact(2).all(|pair| pair[0] <= SHUT && pair[1] >= OPEN);
+                    tracks.rig.push((view.header.stamp, safe));
+                }
+                "filter.state" => {
+                    let view = view::<Track>(bytes)?;
+                    tracks.poses.push((view.header.stamp, view.header.origin));
+                }
+                _ => {
+                    let view = view::<Actuation>(bytes)?;
+                    tracks.reasons.extend(view.first().map(|a| (view.header.stamp, a.reasons | a.fault)));
+                }
+            }
+        }
+        Ok(tracks)
+    }
+
+    fn evidence(&self, struck: u64, until: u64) -> Evidence {
+        let after = |stamp: u64| (stamp as f64 - struck as f64) * 1e-6;
+        let watched = || self.far.iter().filter(|(stamp, _)| (struck..=until).contains(stamp));
+        let vents = watched().find(|(_, s)| s.doing() == FarEndDoing::Venting).map(|(stamp, _)| *stamp);
+        let end = vents.unwrap_or(until);
+        let before = || self.far.iter().filter(|(stamp, _)| *stamp <= end);
+        let followed = before().rfind(|(_, s)| s.doing() == FarEndDoing::Following);
+        let safe = vents.and_then(|vents| self.rig.iter().find(|(stamp, safe)| *stamp >= vents && *safe));
+        let poses = self.poses.iter().filter(|(stamp, _)| *stamp < end);
+        Evidence {
+            last_order_ms: before().next_back().map_or(f64::NAN, |(_, s)| after(s.arrived)),
+            last_followed_ms: followed.map_or(f64::NAN, |(stamp, _)| after(*stamp)),
+            last_pose_ms: poses.map(|(_, origin)| after(*origin)).fold(f64::NAN, f64::max),
+            vents_ms: vents.map(after),
+            valves_ms: safe.map(|(stamp, _)| after(*stamp)),
+            beam_ms: watched().find(|(_, s)| s.beam == 0).map(|(stamp, _)| after(*stamp)),
+            reasons: self.reasons.iter().filter(|(s, _)| *s >= struck).fold(0, |all, (_, r)| all | r),
+            refused: self.far.last().map_or(0, |(_, s)| s.refused),
+            bedside_stood_ms: longest_pause(self.far.iter().map(|(s, _)| *s), struck, until)
+                .max(longest_pause(self.rig.iter().map(|(s, _)| *s), struck, until)),
+            jump: self.jump(),
+            ..Evidence::default()
+        }
+    }
+
+    /// The first duty that grew faster than it may after something else than following.
+    fn jump(&self) -> Option<String> {
+        let mut rested = self.far.first()?.0;
+        for (stamp, state) in &self.far {
+            if state.doing() != FarEndDoing::Following {
+                // A sender that holds grows its duties from its last order to hold on, a far end from when nothing lived.
+                rested = if state.ends > *stamp { state.arrived } else { *stamp };
+                continue;
+            }
+            let Some(duties) = self.duties.get(stamp) else { continue };
+            let rest = (*stamp - rested) as f64 * 1e-9;
+            let most = GROWTH * (rest + PERIOD) + 1e-6;
+            if let Some((valve, duty)) = duties.duty.iter().enumerate().find(|(_, d)| **d > most) {
+                return Some(format!("valve {valve} is {duty:.3} open {:.1} ms after rest", rest * 1e3));
+            }
+        }
+        None
+    }
+}
+
+/// The longest time without a stamp, from the last one before `from` on, ms.
+fn longest_pause(stamps: impl Iterator<Item = u64>, from: u64, until: u64) -> f64 {
+    let mut last = None;
+    let mut longest = 0;
+    for stamp in stamps.take_while(|s| *s <= until) {
+        if let Some(last) = last.filter(|_| stamp >= from) {
+            longest = longest.max(stamp - last);
+        }
+        last = Some(stamp);
+    }
+    longest as f64 * 1e-6
+}
+
+fn view<S: Sample>(bytes: &[u8]) -> Result<View<'_, S>, Failure> {
+    Pieces::split(S::KIND, bytes).and_then(|p| p.view::<S>()).map_err(Failure::failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    /// Follows for 10 ms, holds, vents, and follows again, with this duty 10 ms after its last rest.
+    fn tracks(duty: f64) -> Tracks {
+        let mut tracks = Tracks::default();
+        for ms in 0..40 {
+            let doing = match ms {
+                10..12 => FarEndDoing::Holding,
+                12..30 => FarEndDoing::Venting,
+                _ => FarEndDoing::Following,
+            };
+            let beam = u32::from(ms < 10);
+            let arrived = ms.min(8) * MS;
+            tracks
+                .far
+                .push((ms * MS, FarEndElement { doing: doing as u32, beam, arrived, ..Default::default() }));
+            tracks.rig.push((ms * MS, (20..30).contains(&ms)));
+            let mut duties = DutiesElement::default();
+            duties.duty[2] = if ms == 39 { duty } else { 0.0 };
+            tracks.duties.insert(ms * MS, duties);
+        }
+        tracks
+    }
+
+    #[test]
+    fn times_are_those_of_the_first_vent_and_what_was_before_it() {
+        let e = tracks(0.0).evidence(5 * MS, 35 * MS);
+        assert_eq!((e.last_order_ms, e.last_followed_ms), (3.0, 4.0));
+        assert_eq!((e.beam_ms, e.vents_ms, e.valves_ms), (Some(5.0), Some(7.0), Some(15.0)));
+        assert!((e.bedside_stood_ms - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_duty_that_grows_faster_than_the_ramp_is_a_jump() {
+        assert_eq!(tracks(0.1999).jump(), None);
+        assert!(tracks(0.21).jump().unwrap_or_default().starts_with("valve 2"));
+    }
+}

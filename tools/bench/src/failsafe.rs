@@ -1,0 +1,186 @@
+//! `stillpoint bench failsafe`: how long it takes from the last order to the safe state when something dies or stops.
+
+use std::path::Path;
+
+use clap::Args;
+use serde::Serialize;
+use stillpoint_pipeline::operator::Registry;
+
+use super::casualty::{Due, Fault, Trial};
+use super::crew;
+use super::figures::median;
+use super::folder::Folder;
+use stillpoint::{Ended, Exit, Failure, print_json};
+
+/// From the last order that arrived, or from when the pose is stale, to the safe state, ms.
+const LIMIT_MS: f64 = 100.0;
+/// How long a pose is fresh: three frame periods, ms.
+const FRESH_MS: f64 = 300.0;
+/// Far end and rig stand for hardware that nobody else uses: a trial in which they stood still, and by the kernel's count
+/// waited for a core, for so long says nothing about them. It is made again, up to so many times as often as is asked for.
+const STOOD_MS: f64 = 10.0;
+const TRIES: usize = 3;
+
+/// Run the default pipeline, live, and kill or stop one of its processes, silence its camera, poison its pose or flood
+/// it with datagrams, at a random moment; then say from the session how long it took from the last order that arrived,
+/// or from when the pose was stale, until the far end vented and the rig's valves were safe: inlets shut, outlets open.
+/// The session has to say why, and what comes back has to be followed without a jump of the duties.
+#[derive(Args)]
+pub struct Failsafe {
+    /// Trials of each fault.
+    #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
+    trials: usize,
+    /// One fault alone, as the table calls it.
+    #[arg(long, value_name = "FAULT")]
+    fault: Option<String>,
+    /// Faults that are tried at a time, each on a run of its own.
+    #[arg(long, default_value_t = 1, value_parser = super::at_least::<usize>(1))]
+    threads: usize,
+    /// A short look: one trial of each.
+    #[arg(long)]
+    quick: bool,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Row {
+    fault: String,
+    due: Due,
+    trials: usize,
+    safe: usize,
+    /// Trials that were made again, because the bedside got no core.
+    starved: usize,
+    /// From the last order, or from when the pose was stale, to the far end's venting, ms.
+    ordered_ms: [f64; 2],
+    /// The same to the rig's valves being safe, ms.
+    valves_ms: [f64; 2],
+    /// To the end of the beam, ms.
+    beam_ms: [f64; 2],
+    first_failure: Option<String>,
+}
+
+impl Failsafe {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let folder = Folder::create(None)?;
+        let trials = if self.quick { 1 } else { self.trials };
+        let chosen = |f: &&Fault| self.fault.as_ref().is_none_or(|name| *name == f.name());
+        let faults: Vec<&Fault> = Fault::ALL.iter().filter(chosen).collect();
+        if faults.is_empty() {
+            let names: Vec<String> = Fault::ALL.iter().map(|f| f.name()).collect();
+            return Err(Failure::wrong(format!("there is no such fault; there are {}", names.join(", "))));
+        }
+        let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
+        let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;
+        let rows =
+            crew::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
+        if self.json {
+            print_json(&rows)?;
+        } else {
+            print(&rows);
+        }
+        Ok(if rows.iter().all(|r| r.safe == r.trials) { Exit::Done } else { Exit::Failed })
+    }
+}
+
+fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
+    let (mut ordered, mut valves, mut beam) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut safe, mut starved, mut first_failure) = (0, 0, None);
+    let mut number = 0;
+    while number < trials + starved {
+        let trial = Trial::of(fault, number as u64, folder, registry);
+        number += 1;
+        let trial = match trial {
+            Ok(trial) => trial,
+            Err(e) => {
+                first_failure.get_or_insert(format!("trial {number}: {}", e.text));
+                continue;
+            }
+        };
+        let e = &trial.evidence;
+        let from = match fault.due() {
+            Due::PoseStale => e.last_pose_ms + FRESH_MS,
+            Due::FollowingEnds => e.last_followed_ms,
+            _ => e.last_order_ms,
+        };
+        let since = |at: Option<f64>| at.map(|at| at - from);
+        let ends = since(e.valves_ms).is_some_and(|ms| ms <= LIMIT_MS) && e.beam_ms <= e.vents_ms;
+        let in_time = match fault.due() {
+            Due::GoesOn => e.vents_ms.is_none(),
+            Due::GoesOnOrEnds if e.vents_ms.is_none() => true,
+            _ => ends,
+        };
+        let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);
+        // What floods the bedside does not excuse it.
+        let no_core = e.bedside_stood_ms > STOOD_MS && trial.bedside_waited_ms > STOOD_MS;
+        if !good && no_core && !fault.is_flood() && starved < (TRIES - 1) * trials {
+            starved += 1;
+            continue;
+        }
+        safe += usize::from(good);
+        if !good && first_failure.is_none() {
+            let why = if trial.says_why(fault) { "" } else { "the session does not say why; " };
+            first_failure = Some(format!("trial {number}: {why}{trial:?}"));
+        }
+        ordered.extend(since(e.vents_ms));
+        valves.extend(since(e.valves_ms));
+        beam.extend(since(e.beam_ms));
+    }
+    Row {
+        fault: fault.name(),
+        due: fault.due(),
+        trials,
+        safe,
+        starved,
+        ordered_ms: spread(&ordered),
+        valves_ms: spread(&valves),
+        beam_ms: spread(&beam),
+        first_failure,
+    }
+}
+
+/// Median and greatest; NaN where there is nothing.
+fn spread(all: &[f64]) -> [f64; 2] {
+    if all.is_empty() {
+        return [f64::NAN; 2];
+    }
+    [median(all), all.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+fn print(rows: &[Row]) {
+    outln!(
+        "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   median and greatest, ms",
+        "fault",
+        "trials",
+        "safe",
+        "starved",
+        "far end vents",
+        "valves safe",
+        "beam off"
+    );
+    let pair = |[m, w]: [f64; 2]| if m.is_nan() { "-".to_owned() } else { format!("{m:.0}, {w:.0}") };
+    for r in rows {
+        outln!(
+            "{:<18} {:>6} {:>6} {:>7}   {:>16} {:>16} {:>16}   {}",
+            r.fault,
+            r.trials,
+            r.safe,
+            r.starved,
+            pair(r.ordered_ms),
+            pair(r.valves_ms),
+            pair(r.beam_ms),
+            match r.due {
+                Due::OrdersEnd => "since the last order",
+                Due::PoseStale => "since three frames after the last pose",
+                Due::FollowingEnds => "since an order was last followed",
+                Due::GoesOn => "goes on",
+                Due::GoesOnOrEnds => "goes on, or since the last order that got through",
+            }
+        );
+        if let Some(failure) = &r.first_failure {
+            outln!("  {failure}");
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! `stillpoint bench killed`: what a session keeps of a recorder that was killed.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use clap::Args;
+use rustix::process::{Pid, Signal, kill_process};
+use serde::Serialize;
+use stillpoint_pipeline::clock::realtime;
+use stillpoint_pipeline::live::status::OperatorFigures;
+use stillpoint_pipeline::live::{Fault, Run};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_recorder::{Compression, Session, recover_session, session_parts};
+
+use super::figures::median;
+use super::folder::Folder;
+use super::processes::Chance;
+use super::window::Window;
+use stillpoint::{Ended, Exit, Failure, print_json};
+
+/// A small sample often, a longer one now and then, and one that is computed: so little that no chunk is full before it is
+/// time to flush, which is when most is lost.
+const PIPELINE: &str = "
+stillpoint: 1
+name: bench-killed
+operators:
+  often: { use: bench.source, every: 2 ms, params: { words: 64 } }
+  large: { use: bench.source, every: 40 ms, params: { words: 400 } }
+  relay: { use: bench.relay, inputs: { load: often.load }, params: { words: 64 } }
+record: { topics: all }
+";
+/// What a killed recorder may take with it, ms.
+const LIMIT_MS: f64 = 1000.0;
+/// The latest moment of a kill, counted from the run's beginning, ms.
+const LATEST_MS: u64 = 2500;
+/// How long the next recorder is given before the run ends, ms.
+const AFTER: Duration = Duration::from_millis(300);
+/// The longest that a run may take.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Kill the recorder of a live run at a random moment, over and over, and say from what the session kept how far before
+/// the kill each topic ends, whether anything is missing before that, and whether the mended part opens in the format's
+/// own reader.
+#[derive(Args)]
+pub struct Killed {
+    /// Kills, each in a run of its own.
+    #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
+    kills: usize,
+    /// Where the sessions are written; they go when the bench is over.
+    #[arg(long, value_name = "FOLDER")]
+    folder: Option<std::path::PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What one kill left.
+struct Left {
+    /// From the end of the topic that ends first to the kill, ms.
+    lost_ms: f64,
+    /// No number is missing in any topic before its end.
+    whole: bool,
+    /// The format's own reader finds every message.
+    opens: bool,
+}
+
+#[derive(Serialize)]
+struct Outcome {
+    kills: usize,
+    /// Kills that took at most the last second, with nothing missing before it, and left a part that opens.
+    kept: usize,
+    whole: usize,
+    opens: usize,
+    median_lost_ms: f64,
+    most_lost_ms: f64,
+}
+
+impl Killed {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let folder = Folder::create(self.folder.as_deref())?;
+        let mut chance = Chance::new();
+        let all = (0..self.kills)
+            .map(|_| kill(&folder.free("session")?, &mut chance, registry))
+            .collect::<Result<Vec<Left>, Failure>>()?;
+        let lost: Vec<f64> = all.iter().map(|l| l.lost_ms).collect();
+        let outcome = Outcome {
+            kills: all.len(),
+            kept: all.iter().filter(|l| l.lost_ms <= LIMIT_MS && l.whole && l.opens).count(),
+            whole: all.iter().filter(|l| l.whole).count(),
+            opens: all.iter().filter(|l| l.opens).count(),
+            median_lost_ms: median(&lost),
+            most_lost_ms: lost.iter().copied().fold(0.0, f64::max),
+        };
+        if self.json {
+            print_json(&outcome)?;
+        } else {
+            outln!(
+                "{} of {} kills took at most the last second: {:.0} ms in the median, {:.0} ms at most; \
+                 {} whole before that, {} open in the format's own reader",
+                outcome.kept,
+                outcome.kills,
+                outcome.median_lost_ms,
+                outcome.most_lost_ms,
+                outcome.whole,
+                outcome.opens
+            );
+        }
+        Ok(if outcome.kept == outcome.kills { Exit::Done } else { Exit::Failed })
+    }
+}
+
+/// Tells the number of the recorder once the run is under way.
+struct Begun(Sender<Pid>);
+
+impl Run for Begun {
+    fn goes_on(&mut self, _: f64, _: &[OperatorFigures]) {}
+    fn failed(&mut self, _: &Fault) {}
+    fn started(&mut self, processes: &[(String, u32)]) {
+        let recorder = processes.iter().find(|(name, _)| name == "recorder");
+        if let Some(pid) = recorder.and_then(|(_, number)| Pid::from_raw(*number as i32)) {
+            let _ = self.0.send(pid);
+        }
+    }
+}
+
+/// One run whose recorder is killed.
+fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left, Failure> {
+    let moment = Duration::from_millis(chance.draw(LATEST_MS));
+    let stop = AtomicBool::new(false);
+    let window = Window {
+        pipeline: PIPELINE,
+        registry,
+        length: PATIENCE,
+        session: Some((session, Compression::Lz4)),
+        taps: &[],
+    };
+    let (begun, begins) = channel();
+    let struck = std::thread::scope(|scope| {
+        let over = &stop;
+        let striker = scope.spawn(move || {
+            let struck = strike(&begins, moment);
+            over.store(true, Ordering::Relaxed);
+            struck
+        });
+        let outcome = window.run_watched(&stop, &mut Begun(begun));
+        let struck = striker.join().unwrap_or_else(|_| Err(Failure::failed("the striker panicked")));
+        outcome.and(struck)
+    })?;
+    // As `run` does at its end.
+    recover_session(session).map_err(Failure::failed)?;
+    let parts = session_parts(session).map_err(Failure::failed)?;
+    let first = parts.first().ok_or_else(|| Failure::failed("the session has no part"))?;
+    let kept = Session::open(first).map_err(Failure::failed)?;
+    let mut left = Left { lost_ms: 0.0, whole: true, opens: opens(first)? };
+    for entries in kept.journals().values() {
+        let last = entries.last().map_or(0, |e| e.header.stamp);
+        left.lost_ms = left.lost_ms.max(struck.saturating_sub(last) as f64 / 1e6);
+    }
+    for topic in 0..kept.topics().len() {
+        left.whole &= kept.numbers(topic).zip(0..).all(|((_, sequence), due)| sequence == due);
+    }
+    Ok(left)
+}
+
+/// Waits until the run has begun and its moment has come, then kills the recorder. Gives the time, ns since the epoch.
+fn strike(begins: &Receiver<Pid>, moment: Duration) -> Result<u64, Failure> {
+    let recorder = begins.recv().map_err(|_| Failure::failed("the run did not begin"))?;
+    std::thread::sleep(moment);
+    let struck = realtime();
+    kill_process(recorder, Signal::KILL).map_err(Failure::failed)?;
+    std::thread::sleep(AFTER);
+    Ok(struck)
+}
+
+/// Whether the format's own reader finds every message that its summary counts.
+fn opens(part: &Path) -> Result<bool, Failure> {
+    let bytes = std::fs::read(part).map_err(Failure::failed)?;
+    let counted = mcap::Summary::read(&bytes).ok().flatten().and_then(|s| s.stats).map(|s| s.message_count);
+    let found = mcap::MessageStream::new(&bytes).map_or(0, |all| all.take_while(Result::is_ok).count());
+    Ok(counted == Some(found as u64))
+}

@@ -1,0 +1,90 @@
+//! The laws that a bench puts in the place of the pipeline's.
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::course::Plan;
+use stillpoint::EMBEDDED;
+
+/// A control law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Law {
+    /// Proportional and integral.
+    Pi,
+    /// Linear-quadratic with an integrator.
+    Lqg,
+    /// Model-reference adaptive.
+    Mrac,
+    /// The same over the features of the network that comes with the project.
+    MracLstm,
+}
+
+/// The network that comes with the project, by a name from the pipeline's file.
+pub const NETWORK: (&str, &[u8]) = (
+    "stages/control/data/controller-3dof.safetensors",
+    include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
+);
+
+impl Law {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Pi, Self::Lqg, Self::Mrac, Self::MracLstm];
+
+    /// Its kind of operator.
+    pub fn kind(self) -> &'static str {
+        match self {
+            Self::Pi => "control.pi",
+            Self::Lqg => "control.lqg",
+            Self::Mrac | Self::MracLstm => "control.mrac",
+        }
+    }
+}
+
+/// Name of the operator in the pipeline that has a law, and the law.
+pub fn in_pipeline() -> (&'static str, Law) {
+    let found = EMBEDDED.lines().find_map(|line| {
+        let law = Law::ALL.into_iter().find(|law| line.contains(&format!("use: {}", law.kind())))?;
+        Some((line.split(':').next()?.trim(), law))
+    });
+    found.unwrap_or(("law", Law::Pi))
+}
+
+/// The pipeline with a law, a rise of its reference model, and the seed of camera and person. Another law than the
+/// pipeline's has its own default gains.
+pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
+    let (name, now) = in_pipeline();
+    let changes = law.filter(|law| *law != now).and_then(|law| {
+        let line = EMBEDDED.lines().find(|line| line.contains(&format!("use: {},", now.kind())))?;
+        let (without_gains, _) = line.split_once(", params:")?;
+        Some((line.to_owned(), format!("{} }}", without_gains.replace(now.kind(), law.kind()))))
+    });
+    let whole = Plan::from_camera_to_valve();
+    let mut sets = vec![format!("{name}.rise={rise}"), format!("seed={seed}"), format!("rig.seed={seed}")];
+    if law == Some(Law::MracLstm) {
+        sets.extend([format!("{name}.features=lstm"), format!("{name}.model={}", NETWORK.0)]);
+    }
+    Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
+}
+
+/// A quarter of the camera's pixels.
+pub fn small() -> [String; 3] {
+    ["width=320 px", "height=240 px", "focal_length=283 px"].map(|set| format!("rig.camera.{set}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::course::Course;
+    use super::*;
+
+    #[test]
+    fn each_law_takes_the_pipelines_place() {
+        let registry = crate::registry();
+        let (name, now) = in_pipeline();
+        assert!(EMBEDDED.contains(&format!("  {name}: {{ use: {},", now.kind())));
+        for law in Law::ALL {
+            let plan = Plan { seconds: 0.1, ..plan(Some(law), "20 s", 1) };
+            assert_eq!(plan.changes.iter().any(|(_, to)| to.contains(law.kind())), law != now, "{law:?}");
+            assert_eq!(Course::of(&plan, &registry).unwrap().failed, [] as [&str; 0], "{law:?}");
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! `stillpoint bench robust`: the dissertation's step while something is not as it should be.
+
+use clap::Args;
+use serde::Serialize;
+use stillpoint_pipeline::operator::Registry;
+
+use super::cases::Case;
+use super::course::{Course, STEP, worst};
+use super::crew;
+use super::laws::{self, Law};
+use super::step::{MOVES, WITHIN};
+use stillpoint::{Ended, Exit, Failure, print_json};
+
+/// No bladder of the rig may be above it, Pa: the limit of `actuate.valves`.
+const PRESSURE: f64 = 40e3;
+/// Nor a duty.
+const DUTY: f64 = 1.0;
+/// What the gate tolerates, and what it lets an estimate be uncertain by: mm, degrees, degrees. With the beam on the
+/// truth is never farther off than both together.
+const ASTRAY: [f64; 3] = [1.0 + 0.5, 0.5 + 0.3, 0.5 + 0.3];
+/// The step comes at the latest so long after the start, s.
+pub const LEAD: f64 = 4.0;
+/// From so long after the step on the head should be there, s: the reference model of the pipeline rises in 5 s.
+pub const FROM: f64 = 20.0;
+/// The last part of the run, in which the beam is on or not, s.
+const LAST: f64 = 10.0;
+
+/// Take the simulated head along the dissertation's step, from camera to valve, while something is broken or not as the
+/// law was told, and say of each whether the head was tracked, degraded but safe, or gated and safe. What breaks does
+/// so while the head is on its way. Errors and pressures are the rig's own, not estimates.
+#[derive(Args)]
+pub struct Robust {
+    /// Seeds, from 1: the camera's noise, what the person does, and the moment at which things break.
+    #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
+    seeds: u64,
+    /// How long a run goes on after the step, s.
+    #[arg(long, default_value_t = 60.0, value_parser = super::positive)]
+    seconds: f64,
+    /// Only cases whose name begins so.
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Another law in the place of the pipeline's.
+    #[arg(long, value_enum)]
+    law: Option<Law>,
+    /// Change a parameter of the pipeline: `--set operator.param=value`.
+    #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
+    sets: Vec<String>,
+    /// A short look: one seed, 30 s, a quarter of the pixels.
+    #[arg(long)]
+    quick: bool,
+    /// Runs at a time.
+    #[arg(long, value_parser = super::at_least::<usize>(1))]
+    threads: Option<usize>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a run comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// It stayed within 0.5 mm, 0.2 degrees and 0.2 degrees of the target from 20 s after the step on.
+    Tracked,
+    /// It did not, and the beam was on at least now and then.
+    DegradedButSafe,
+    /// It did not, and the beam stayed off.
+    GatedAndSafe,
+    /// A limit was passed.
+    Unsafe,
+}
+
+impl Verdict {
+    fn words(self) -> &'static str {
+        match self {
+            Self::Tracked => "tracked",
+            Self::DegradedButSafe => "degraded but safe",
+            Self::GatedAndSafe => "gated and safe",
+            Self::Unsafe => "NOT SAFE",
+        }
+    }
+}
+
+/// One run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Found {
+    /// What it comes to.
+    pub verdict: Verdict,
+    /// Greatest |truth - target| from 20 s after the step on: mm, degrees, degrees.
+    pub worst: [f64; 3],
+    /// Part of the last 10 s with the beam on.
+    pub beam: f64,
+    /// Greatest |truth - target| with the beam on.
+    pub astray: [f64; 3],
+    /// Greatest pressure in the rig, Pa.
+    pub pressure: f64,
+    /// Greatest duty that was sent.
+    pub duty: f64,
+    /// Seconds for which actuation was armed, holding, venting, at fault.
+    pub states: std::collections::BTreeMap<&'static str, f64>,
+    /// What was passed, if anything.
+    pub passed: Vec<&'static str>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    case: String,
+    /// The worst of all seeds.
+    verdict: Verdict,
+    found: Vec<Found>,
+}
+
+impl Robust {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let chosen =
+            |c: &Case| self.cases.is_empty() || self.cases.iter().any(|name| c.name.starts_with(name));
+        let cases: Vec<Case> = Case::all().into_iter().filter(chosen).collect();
+        if cases.is_empty() {
+            let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
+            return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
+        }
+        let seeds = if self.quick { 1 } else { self.seeds };
+        let jobs: Vec<(&Case, u64)> = cases.iter().flat_map(|c| (1..=seeds).map(move |s| (c, s))).collect();
+        let seconds = if self.quick { 30.0 } else { self.seconds };
+        let found = crew::each(&jobs, crew::threads(self.threads), |(case, seed)| {
+            let mut case = (*case).clone();
+            case.sets.extend(self.sets.iter().cloned());
+            run(&case, *seed, self.law, seconds, self.quick, registry)
+        })?;
+        let rows: Vec<Row> = cases
+            .iter()
+            .zip(found.chunks(seeds as usize))
+            .map(|(case, found)| Row {
+                case: case.name.clone(),
+                verdict: found.iter().map(|f| f.verdict).max().unwrap_or(Verdict::Unsafe),
+                found: found.to_vec(),
+            })
+            .collect();
+        if self.json {
+            print_json(&rows)?
+        } else {
+            print(&rows)
+        }
+        let good = rows.iter().all(|r| r.verdict != Verdict::Unsafe);
+        Ok(if good { Exit::Done } else { Exit::Failed })
+    }
+}
+
+fn run(
+    case: &Case,
+    seed: u64,
+    law: Option<Law>,
+    seconds: f64,
+    small: bool,
+    registry: &Registry,
+) -> Result<Found, Failure> {
+    let mut plan = laws::plan(law, "5 s", seed);
+    plan.changes.extend(case.changes.iter().cloned());
+    plan.sets.extend(case.sets.iter().cloned());
+    if small {
+        plan.sets.extend(laws::small());
+    }
+    plan.sets.push(MOVES.to_owned());
+    if let Some(fault) = &case.fault {
+        // Another moment of the way each time: the valves are open by another bit.
+        let at = 3500 + 400 * (seed % 8);
+        plan.sets.push(format!("rig.faults=[{{ {fault}, at: {at} ms }}]"));
+    }
+    plan.seconds = LEAD + seconds;
+    let course = Course::of(&plan, registry)?;
+    if let Some(name) = course.failed.first() {
+        return Err(Failure::failed(format!("{}, seed {seed}: {name} failed", case.name)));
+    }
+    judge(&course).ok_or_else(|| Failure::failed(format!("{}, seed {seed}: no step came", case.name)))
+}
+
+fn judge(course: &Course) -> Option<Found> {
+    let at =
+        course.step_at().filter(|_| course.points.last().is_some_and(|p| p.target[2] > 0.9 * STEP[2]))?;
+    let end = course.points.last()?.time;
+    let worst = worst(course.since(at + FROM));
+    let last = course.since(end - LAST);
+    let beam = last.iter().filter(|p| p.beam).count() as f64 / last.len() as f64;
+    let beyond = |what: [f64; 3], limit: [f64; 3]| (0..3).any(|i| what[i].is_nan() || what[i] > limit[i]);
+    let limits = [
+        ("pressure", course.pressure.is_nan() || course.pressure > PRESSURE),
+        ("duty", course.duty_broken || course.duty > DUTY),
+        ("beam", beyond(course.astray, ASTRAY)),
+    ];
+    let passed: Vec<&str> = limits.iter().filter(|(_, passed)| *passed).map(|(name, _)| *name).collect();
+    let verdict = match (passed.is_empty(), beyond(worst, WITHIN)) {
+        (false, _) => Verdict::Unsafe,
+        (true, false) => Verdict::Tracked,
+        (true, true) if beam > 0.0 => Verdict::DegradedButSafe,
+        (true, true) => Verdict::GatedAndSafe,
+    };
+    Some(Found {
+        verdict,
+        worst,
+        beam,
+        astray: course.astray,
+        pressure: course.pressure,
+        duty: course.duty,
+        states: course.states.clone(),
+        passed,
+    })
+}
+
+fn print(rows: &[Row]) {
+    outln!(
+        "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9} {:>6}  seconds holding, venting, at fault",
+        "",
+        "",
+        "worst, mm deg deg",
+        "beam",
+        "worst with beam on",
+        "kPa",
+        "duty"
+    );
+    for row in rows {
+        let most = |of: &dyn Fn(&Found) -> f64| row.found.iter().map(of).fold(0.0, f64::max);
+        let three = |of: &dyn Fn(&Found) -> [f64; 3]| {
+            let [z, pitch, roll] = [0, 1, 2].map(|i| most(&|f| of(f)[i]));
+            format!("{z:.2} {pitch:.2} {roll:.2}")
+        };
+        let beams = row.found.iter().map(|f| f.beam);
+        let (least, greatest) = beams.fold((1.0f64, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
+        let seconds =
+            ["holding", "venting", "fault"].map(|s| most(&|f| f.states.get(s).copied().unwrap_or(0.0)));
+        let passed: Vec<&str> = row.found.iter().flat_map(|f| f.passed.iter().copied()).collect();
+        outln!(
+            "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9.1} {:>6.2}  {:.1}, {:.1}, {:.1} {}",
+            row.case,
+            row.verdict.words(),
+            three(&|f| f.worst),
+            format!("{:.0}-{:.0} %", 100.0 * least, 100.0 * greatest),
+            three(&|f| f.astray),
+            most(&|f| f.pressure) * 1e-3,
+            most(&|f| f.duty),
+            seconds[0],
+            seconds[1],
+            seconds[2],
+            passed.join(" ")
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A short look at one case: until a little after the head should be there.
+    fn look(name: &str) -> Found {
+        let case = Case::all().into_iter().find(|c| c.name == name).unwrap();
+        run(&case, 1, None, FROM + 2.0, true, &crate::registry()).unwrap()
+    }
+
+    #[test]
+    fn whatever_is_broken_no_limit_is_passed() {
+        let names = [
+            "head of 3 kg",
+            "head of 6 kg",
+            "stuck inlet of bladder 0",
+            "stuck outlet of bladder 1",
+            "leak of 0.5 mm in bladder 0",
+            "supply 20 % weaker",
+            "pose noise of 3 %",
+            "10 % of the frames lost",
+            "100 ms more of latency",
+        ];
+        let found = crew::each(&names, 2, |name| Ok(look(name))).unwrap();
+        for (name, found) in names.iter().zip(&found) {
+            assert!(found.verdict != Verdict::Unsafe, "{name}: {found:?}");
+            assert!(found.pressure > 5e3 && found.duty > 0.1, "{name}: the head was moved: {found:?}");
+        }
+        // What is broken shows; a law that was told another mass is no worse for it.
+        assert!(found.iter().any(|f| f.verdict != Verdict::Tracked));
+        assert_eq!([found[0].verdict, found[1].verdict], [Verdict::Tracked; 2], "{:?}", &found[..2]);
+    }
+
+    #[test]
+    fn a_limit_that_is_passed_is_no_good_and_a_head_that_is_off_is_gated_or_degraded() {
+        let course = |off: f64, beam: bool| {
+            let points = (0..1000).map(|k| {
+                let time = 0.1 * f64::from(k);
+                let target = if time < 3.0 { [0.0; 3] } else { STEP };
+                super::super::course::Point { time, moved: target.map(|t| t + off), target, beam }
+            });
+            Course { points: points.collect(), pressure: 20e3, duty: 0.5, ..Course::default() }
+        };
+        let verdict = |course: &Course| judge(course).unwrap().verdict;
+        assert_eq!(verdict(&course(0.1, true)), Verdict::Tracked);
+        assert_eq!(verdict(&course(0.3, true)), Verdict::DegradedButSafe);
+        assert_eq!(verdict(&course(0.3, false)), Verdict::GatedAndSafe);
+        assert_eq!(verdict(&Course { pressure: 41e3, ..course(0.1, true) }), Verdict::Unsafe);
+        assert_eq!(verdict(&Course { duty: 1.01, ..course(0.1, true) }), Verdict::Unsafe);
+        assert_eq!(verdict(&Course { duty_broken: true, ..course(0.1, true) }), Verdict::Unsafe);
+        assert_eq!(verdict(&Course { astray: [0.0, 0.9, 0.0], ..course(0.1, true) }), Verdict::Unsafe);
+        assert_eq!(verdict(&Course { pressure: f64::NAN, ..course(0.1, true) }), Verdict::Unsafe);
+    }
+}

@@ -1,0 +1,79 @@
+//! `stillpoint-bench` as a user meets it: it refuses arguments with which it measures nothing, and what it measures
+//! keeps what the design promises.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod failsafe;
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs the program in `folder`, with a folder of runs of its own.
+fn stillpoint_bench(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_stillpoint-bench"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("STILLPOINT_RUNS", folder.join("runs"))
+        .output()
+        .unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a measurement prints as JSON.
+fn told(folder: &Path, arguments: &[&str]) -> serde_json::Value {
+    let out = stillpoint_bench(folder, arguments);
+    assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
+    serde_json::from_slice(&out.stdout).unwrap()
+}
+
+#[test]
+fn arguments_with_which_a_bench_measures_nothing_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (bench, option, wrong) in [
+        ("hop", "windows", "0"),
+        ("hop", "length", "10"),
+        ("hop", "payload", "65"),
+        ("record", "windows", "0"),
+        ("record", "length", "100"),
+        ("replay", "seconds", "0"),
+        ("replay", "replays", "0"),
+        ("ledger", "samples", "0"),
+        ("ledger", "kill-every", "9"),
+        ("killed", "kills", "0"),
+        ("failsafe", "trials", "0"),
+        ("failsafe", "threads", "0"),
+        ("loop", "seconds", "0"),
+        ("loop", "rounds", "0"),
+        ("step", "seeds", "0"),
+        ("step", "seconds", "nan"),
+        ("step", "threads", "0"),
+        ("robust", "seeds", "0"),
+        ("robust", "seconds", "0"),
+        ("tune", "rounds", "0"),
+        ("tune", "held-out", "0"),
+    ] {
+        let out = stillpoint_bench(folder.path(), &[bench, &format!("--{option}"), wrong]);
+        let said = text(&out.stderr);
+        assert_eq!(out.status.code(), Some(2), "{bench} --{option} {wrong}: {said}");
+        assert!(said.contains(&format!("invalid value '{wrong}' for '--{option}")), "{said}");
+    }
+}
+
+#[test]
+fn a_ledger_without_kills_balances() {
+    let folder = tempfile::tempdir().unwrap();
+    let ledger = ["ledger", "--kill-every", "0", "--samples", "2000", "--json"];
+    let told = told(folder.path(), &ledger);
+    assert_eq!((&told["kills"], &told["balanced"]), (&0.into(), &true.into()));
+}
+
+#[test]
+fn ten_kills_of_the_recorder_at_random_moments_take_at_most_the_last_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = told(folder.path(), &["killed", "--kills", "10", "--folder", ".", "--json"]);
+    let ten = serde_json::json!(10);
+    assert_eq!((&told["kept"], &told["whole"], &told["opens"]), (&ten, &ten, &ten));
+}

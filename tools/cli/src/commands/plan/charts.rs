@@ -1,0 +1,136 @@
+//! Charts of a plan: histograms, and how the search went.
+
+use stillpoint_plan::objectives::follows;
+
+use super::ground::Ground;
+use super::outcome::Outcome;
+use super::request::Request;
+use super::search::Run;
+use super::table::angles;
+use stillpoint_report::chart::{Chart, Series, Style};
+
+/// Points of a histogram.
+const STEPS: usize = 300;
+
+/// Dose-volume histograms of the structures: lines as planned, dashes as it came with the case or in the other set-ups.
+pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>) -> Result<String, String> {
+    let planned = ground.on_grid.histograms(&outcome.gray[0]);
+    let reference = ground.reference.as_deref().map(|gray| ground.on_grid.histograms(gray));
+    let largest =
+        planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh.max()).fold(1.0, f64::max);
+    let up_to = 1.01 * largest;
+    let percent = |dvh: &stillpoint_plan::metrics::Dvh| {
+        let curve = dvh.curve(up_to, STEPS);
+        let end = curve.iter().position(|(_, v)| *v == 0.0).map_or(curve.len(), |at| at + 1);
+        curve[..end].iter().map(|(dose, volume)| (*dose, 100.0 * volume)).collect::<Vec<_>>()
+    };
+    let (mut series, mut colours) = (Vec::new(), Vec::new());
+    for (place, (structure, dvh)) in planned.iter().enumerate() {
+        series.push(Series { name: structure.name.clone(), points: percent(dvh), style: Style::Line });
+        colours.push(place);
+        if let Some((_, dvh)) = reference.iter().flatten().find(|(s, _)| s.name == structure.name) {
+            series.push(Series { name: String::new(), points: percent(dvh), style: Style::Dashed });
+            colours.push(place);
+        }
+    }
+    // The least and the most that each structure gets over the set-ups.
+    let moved: Vec<_> = outcome.gray[1..].iter().map(|gray| ground.on_grid.histograms(gray)).collect();
+    for (place, (structure, dvh)) in planned.iter().enumerate() {
+        if moved.is_empty() || !follows(structure.role) {
+            continue;
+        }
+        let all = || {
+            let others = moved.iter().flatten().filter(|(s, _)| s.name == structure.name).map(|(_, dvh)| dvh);
+            std::iter::once(dvh).chain(others)
+        };
+        for extreme in [f64::min as fn(f64, f64) -> f64, f64::max] {
+            let mut curve = vec![(0.0, f64::NAN); STEPS + 1];
+            for dvh in all() {
+                for (point, (dose, volume)) in curve.iter_mut().zip(dvh.curve(up_to, STEPS)) {
+                    *point = (dose, extreme(point.1, 100.0 * volume));
+                }
+            }
+            let end = curve.iter().position(|(_, v)| *v == 0.0).map_or(curve.len(), |at| at + 1);
+            curve.truncate(end);
+            series.push(Series { name: String::new(), points: curve, style: Style::Dashed });
+            colours.push(place);
+        }
+    }
+    let beside = match (&reference, moved.is_empty()) {
+        (Some(_), true) => "; dashed: the dose that came with the case",
+        (None, false) => "; dashed: least and most over the set-ups",
+        (Some(_), false) => "; dashed: the dose that came with the case, and least and most over the set-ups",
+        (None, true) => "",
+    };
+    let chart = Chart {
+        title: format!("{}, {}{beside}", request.case.name(), angles(&outcome.angles_deg)),
+        x: "dose, Gy".into(),
+        y: "volume that gets it at least, %".into(),
+        series,
+    };
+    chart.svg_with_legend_beside(960, 520, &colours)
+}
+
+/// Cost of each solve, and the best until then. Sets of fewer beams are shown where they do not dwarf the others.
+pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
+    let full = || run.history.iter().filter(|p| p.beams.beams().len() >= request.beams).map(|p| p.cost);
+    let most = if full().count() < 3 { f64::INFINITY } else { full().fold(0.0, f64::max) };
+    let costs = |name: String, wanted: &dyn Fn(usize) -> bool| {
+        let sets = run.history.iter().filter(|p| wanted(p.beams.beams().len()) && p.cost <= most);
+        Series { name, points: sets.map(|p| (p.solves as f64, p.cost)).collect(), style: Style::Dots }
+    };
+    let beams = request.beams;
+    let best = run.history.iter().map(|p| (p.solves as f64, p.best)).collect();
+    let mut series = vec![
+        Series {
+            name: "best until then".into(),
+            points: with_end(best, request.budget as f64),
+            style: Style::Steps,
+        },
+        costs(format!("a set of {beams}"), &|n| n == beams),
+        costs("a set of fewer".into(), &|n| n < beams),
+        costs("a set of more".into(), &|n| n > beams),
+    ];
+    series.retain(|s| !s.points.is_empty());
+    let chart = Chart {
+        title: format!("{}: {beams} beams by {}", request.case.name(), run.way.word()),
+        x: "solves".into(),
+        y: "objective".into(),
+        series,
+    };
+    chart.svg_with_legend_beside(960, 420, &[0, 1, 2, 3])
+}
+
+/// The best of each method over its solves.
+pub fn comparison(request: &Request, runs: &[Run]) -> Result<String, String> {
+    let series = |run: &Run| Series {
+        name: run.way.word().to_owned(),
+        points: with_end(
+            run.history.iter().map(|p| (p.solves as f64, p.best)).collect(),
+            request.budget as f64,
+        ),
+        style: Style::Steps,
+    };
+    let chart = Chart {
+        title: format!(
+            "{}: {} beams, every method with {} solves",
+            request.case.name(),
+            request.beams,
+            request.budget
+        ),
+        x: "solves".into(),
+        y: "best objective".into(),
+        series: runs.iter().map(series).collect(),
+    };
+    chart.svg_with_legend_beside(960, 480, &(0..runs.len()).collect::<Vec<_>>())
+}
+
+/// A search that ended early keeps what it found.
+fn with_end(mut points: Vec<(f64, f64)>, end: f64) -> Vec<(f64, f64)> {
+    if let Some(&(last, best)) = points.last()
+        && last < end
+    {
+        points.push((end, best));
+    }
+    points
+}

@@ -1,0 +1,204 @@
+//! `stillpoint replay`
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+use stillpoint_pipeline::graph::{Graph, Record};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pipeline::session::{HASHES, IDENTITY, RUN, identity};
+use stillpoint_pipeline::session_recorder::SessionRecorder;
+use stillpoint_pipeline::stdout::StdoutRedirect;
+use stillpoint_recorder::{Opening, Session};
+use stillpoint_report::facts::layout;
+use stillpoint_report::pipeline_of;
+use stillpoint_samples::Entry;
+
+use crate::compress::Compress;
+use crate::exit::{Ended, Exit, Failure, print_json};
+
+/// Run a session again from its journals, and compare every recorded topic byte by byte.
+#[derive(Args)]
+pub struct Replay {
+    /// The session: a folder of parts, or one file.
+    session: PathBuf,
+    /// Compare this operator alone.
+    #[arg(long, value_name = "OPERATOR", conflicts_with = "from")]
+    only: Option<String>,
+    /// Compare this operator and all downstream of it.
+    #[arg(long, value_name = "OPERATOR")]
+    from: Option<String>,
+    /// Write what was made again, every topic of it, as a session into this folder.
+    #[arg(long, value_name = "FOLDER")]
+    record: Option<PathBuf>,
+    /// How what is written is compressed. It can be made again at any time, so speed comes before size.
+    #[arg(long, value_enum, default_value_t = Compress::None, requires = "record")]
+    compression: Compress,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Gaps that are shown.
+const MOST_GAPS: usize = 5;
+
+/// Keeps nothing.
+pub struct Nobody;
+
+impl Observer for Nobody {
+    fn on_activation(&mut self, _: usize, _: &Entry, _: &[(usize, OwnedSample)]) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+impl Replay {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let session = Session::open(&self.session).map_err(Failure::failed)?;
+        let (graph, files) = pipeline_of(&session, registry)?;
+        self.warn_of_other_layouts(&session);
+        self.warn_of_other_machine(&session);
+        let selection = match (&self.only, &self.from) {
+            (Some(name), _) => Selection::Only(name.clone()),
+            (_, Some(name)) => Selection::From(name.clone()),
+            _ => Selection::All,
+        };
+        let graph = Arc::new(graph);
+        let aside = StdoutRedirect::to_stderr();
+        let begun = std::time::Instant::now();
+        let report = match &self.record {
+            None => replay(&session, &graph, &files, &selection, &mut Nobody).map_err(failed)?,
+            Some(folder) => {
+                let all = Graph { record: Record::All, ..(*graph).clone() };
+                let opening = opening_of(&session);
+                let mut session_recorder =
+                    SessionRecorder::create(folder, &all, &opening, self.compression.into())
+                        .map_err(Failure::failed)?;
+                let report =
+                    replay(&session, &graph, &files, &selection, &mut session_recorder).map_err(failed)?;
+                session_recorder.finish(None).map_err(Failure::failed)?;
+                report
+            }
+        };
+        drop(aside);
+        self.say(&report, begun.elapsed().as_secs_f64())
+    }
+
+    fn warn_of_other_layouts(&self, session: &Session) {
+        for t in session.topics() {
+            if let Some(layout) = layout(t) {
+                errln!("stillpoint: {} was recorded in {layout}", t.name);
+            }
+        }
+    }
+
+    fn warn_of_other_machine(&self, session: &Session) {
+        let here = identity();
+        let Some(there) = session.metadata().get(IDENTITY) else { return };
+        for (key, what) in [("build", "another build"), ("cpu_features", "a CPU with other features")] {
+            if there.get(key) != here.get(key) {
+                errln!(
+                    "stillpoint: the session was recorded by {what}; results may differ in the last place"
+                );
+            }
+        }
+    }
+
+    fn say(&self, report: &ReplayReport, wall: f64) -> Ended {
+        let exit = match report.differences {
+            0 if !report.open.is_empty() => Exit::Open,
+            0 if report.compared_nothing() => Exit::Nothing,
+            0 if report.is_identical() => Exit::Done,
+            0 => Exit::Open,
+            _ => Exit::Differs,
+        };
+        if self.json {
+            let mut value = serde_json::to_value(report).map_err(Failure::failed)?;
+            value["wall_seconds"] = wall.into();
+            value["identical_all"] = (report.is_identical() && !report.compared_nothing()).into();
+            print_json(&value)?;
+            return Ok(exit);
+        }
+        for (topic, count) in &report.identical {
+            outln!("{topic:<24} {count:>9} identical");
+        }
+        for (topic, count) in &report.recomputed {
+            outln!("{topic:<24} {count:>9} made again, not in the recording");
+        }
+        for (topic, count) in &report.measured {
+            outln!("{topic:<24} {count:>9} measured when it was recorded, not compared");
+        }
+        for open in &report.open {
+            outln!(
+                "{} incarnation {} is not exact from activation {} on: {}",
+                open.operator,
+                open.incarnation,
+                open.from_activation,
+                open.reason
+            );
+        }
+        for gap in report.gaps.iter().take(MOST_GAPS) {
+            outln!("the session says: {gap}");
+        }
+        if report.gaps.len() > MOST_GAPS {
+            outln!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
+        }
+        let speed = report.seconds / wall.max(1e-9);
+        let verdict = match &report.first_difference {
+            Some(first) => format!("{} differences; the first: {first}", report.differences),
+            None if report.compared_nothing() => {
+                "nothing could be compared: no activation of these operators is done again".to_string()
+            }
+            None if report.compared() == 0 && report.open.is_empty() => {
+                "the journals are the same; no sample could be compared: the recording keeps no topic of these operators"
+                    .to_string()
+            }
+            None if report.open.is_empty() && report.gaps.is_empty() => "identical".to_string(),
+            None if report.open.is_empty() => {
+                "identical as far as it was kept; the session is not complete".to_string()
+            }
+            None => {
+                format!("identical where it can be replayed; {} incarnations are open", report.open.len())
+            }
+        };
+        outln!(
+            "{verdict}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
+             ({speed:.1}x real time)",
+            report.activations,
+            report.compared(),
+            report.exact_incarnations,
+            report.seconds
+        );
+        Ok(exit)
+    }
+}
+
+/// A replay that cannot begin or go on.
+fn failed(error: ReplayError) -> Failure {
+    let exit = if matches!(error, ReplayError::Operator(..)) { Exit::Wrong } else { Exit::Failed };
+    Failure { exit, ..Failure::failed(error) }
+}
+
+/// What a session of a replay starts with: what the replayed one kept.
+pub fn opening_of(session: &Session) -> Opening {
+    let keep = [RUN, IDENTITY, HASHES];
+    Opening {
+        attachments: session
+            .attachments()
+            .values()
+            .filter(|a| a.name != stillpoint_recorder::LEDGER_ATTACHMENT)
+            .cloned()
+            .collect(),
+        metadata: session
+            .metadata()
+            .iter()
+            .filter(|(name, _)| keep.contains(&name.as_str()))
+            .map(|(name, entries)| (name.clone(), entries.clone()))
+            .collect(),
+        frames: session.frames().to_vec(),
+        clock: session.clock().first().copied(),
+    }
+}

@@ -1,0 +1,88 @@
+//! `stillpoint report`
+
+use std::fs::{OpenOptions, Permissions};
+use std::io::Write;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Map, Value, json};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_recorder::Session;
+use stillpoint_report::{Section, html, sections_of};
+
+use crate::exit::{Ended, Exit, Failure};
+
+/// Make a page of a session: tracks against the truth, pictures, rates, latencies, the ledger, faults, what was run.
+///
+/// The page is one file that needs no network. It can hold pictures of a face: its mode is 0600, as a session's.
+#[derive(Args)]
+pub struct Report {
+    /// The session: a folder of parts, or one file.
+    session: PathBuf,
+    /// Where the page is written. Without it, beside the session, with its name and `.html`.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Print every figure of the page as JSON; the page itself is then written only with --out.
+    #[arg(long)]
+    json: bool,
+    /// Pictures of each camera at most. Where the session has no face, plane or hull, they are made again for these from
+    /// the recorded images.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(0..=60))]
+    pictures: u16,
+}
+
+impl Report {
+    /// Does it.
+    pub fn execute(&self, registry: &Registry) -> Ended {
+        let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+        let sections = sections_of(&session, &self.session, registry, usize::from(self.pictures))
+            .map_err(Failure::failed)?;
+        let name = name(&self.session);
+        if self.json {
+            let value = to_json(&self.session, &sections);
+            outln!("{}", serde_json::to_string(&value).map_err(Failure::failed)?);
+        }
+        if !self.json || self.out.is_some() {
+            let path = self.out.clone().unwrap_or_else(|| beside(&self.session));
+            let about = format!("Report of a session of stillpoint {}", env!("CARGO_PKG_VERSION"));
+            let page = html::page(&name, &about, &sections);
+            write(&path, &page).map_err(|e| {
+                Failure::failed(format!("{}: {e}; choose another file with --out", path.display()))
+            })?;
+            if !self.json {
+                outln!("{} ({:.1} MB)", path.display(), page.len() as f64 / 1e6);
+            }
+        }
+        Ok(Exit::Done)
+    }
+}
+
+fn to_json(session: &Path, sections: &[Section]) -> Value {
+    let sections: Map<String, Value> = sections.iter().map(|s| (s.id.to_owned(), s.to_json())).collect();
+    json!({ "session": session.display().to_string(), "sections": sections })
+}
+
+/// The last part of the session's path.
+fn name(session: &Path) -> String {
+    let path = std::path::absolute(session).unwrap_or_else(|_| session.to_owned());
+    path.file_name().map_or_else(|| "session".to_owned(), |n| n.to_string_lossy().into_owned())
+}
+
+fn beside(session: &Path) -> PathBuf {
+    let file = format!("{}.html", name(session).trim_end_matches(".mcap"));
+    match std::path::absolute(session).ok().as_deref().and_then(Path::parent) {
+        Some(_) => session.parent().map_or_else(|| PathBuf::from(&file), |folder| folder.join(&file)),
+        None => PathBuf::from(file),
+    }
+}
+
+/// Writes the page for its owner alone, in place of one that is there.
+fn write(path: &Path, page: &str) -> std::io::Result<()> {
+    let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+    // One that is there keeps its mode when it is opened; a device has none of its own to set.
+    if file.metadata()?.is_file() {
+        file.set_permissions(Permissions::from_mode(0o600))?;
+    }
+    file.write_all(page.as_bytes())
+}

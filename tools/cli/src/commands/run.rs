@@ -1,0 +1,226 @@
+//! `stillpoint run`
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::session::identity;
+use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
+use stillpoint_pipeline::spec::{Machine, quantity};
+
+use crate::compress::Compress;
+use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::pipeline_file::{Checked, PipelineFile};
+use crate::program::launch;
+use crate::signals::{stop_flag, stop_flag_of_this_process};
+use crate::simulate::{Place, simulate};
+use crate::status_line::StatusLine;
+use crate::summary::Summary;
+
+/// Length of a run of the default pipeline.
+const DEFAULT_LENGTH: &str = "20 s";
+
+/// Run a pipeline and record it.
+#[derive(Args, Default)]
+pub struct Run {
+    #[command(flatten)]
+    pipeline: PipelineFile,
+    /// Longest time of the run in session time, such as `10s`. Without it a run goes on until all that feeds it has
+    /// finished, such as files that are read to their end, or until Ctrl-C; the default pipeline ends after 20 s.
+    #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
+    length: Option<String>,
+    /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
+    /// placed on none is on `main`. Without a pipeline, of the one in two programs that comes with the command.
+    #[arg(long, value_name = "NAME")]
+    host: Option<String>,
+    /// Who says when activations happen; the machine's clock where nothing is said.
+    #[arg(long, value_enum)]
+    clock: Option<Clock>,
+    /// Send the simulated schedule's activations to threads or processes, one at a time.
+    #[arg(long, value_enum, value_name = "PLACEMENT", num_args = 0..=1, default_missing_value = "processes")]
+    lock_step: Option<LockStep>,
+    /// Folder in which the session's folder is made.
+    #[arg(long, value_name = "FOLDER", default_value = "sessions")]
+    record: PathBuf,
+    /// Record nothing.
+    #[arg(long, conflicts_with = "record")]
+    no_record: bool,
+    /// Compression of the recording.
+    #[arg(long, value_enum, default_value_t)]
+    compression: Compress,
+    /// Print the report as JSON; of a pipeline that is refused, the faults, as `check --json` does.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Clock {
+    /// The machine's clock and arrivals, in processes.
+    Live,
+    /// Discrete events in this process, as fast as it goes.
+    Simulated,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LockStep {
+    /// A thread per operator.
+    Threads,
+    /// The processes of the pipeline.
+    Processes,
+}
+
+impl Run {
+    /// A live run of what the pipeline places on a host.
+    pub fn part(
+        pipeline: PipelineFile,
+        host: &str,
+        length: Option<String>,
+        record: PathBuf,
+        no_record: bool,
+        json: bool,
+    ) -> Self {
+        Self { pipeline, length, host: Some(host.to_owned()), record, no_record, json, ..Self::default() }
+    }
+
+    /// Does it.
+    pub fn execute(mut self, registry: &Registry) -> Ended {
+        if self.clock == Some(Clock::Live) && self.lock_step.is_some() {
+            return Err(Failure::wrong(
+                "--lock-step sends the activations of the simulated schedule: leave --clock live away, or --lock-step",
+            ));
+        }
+        if let Some(host) = &self.host {
+            if !self.is_live() {
+                return Err(Failure::wrong(
+                    "a part of a pipeline only runs live: leave --host away to run all of it in another way",
+                ));
+            }
+            self.pipeline.in_parts = true;
+            // Whoever reads the pipeline of this run reads of this part.
+            self.pipeline.sets.push(format!("host={host}"));
+        }
+        // In one process no core is asked for.
+        let in_processes = self.is_live() || self.lock_step == Some(LockStep::Processes);
+        let machine = match (self.is_live(), in_processes) {
+            (true, _) => Machine::here(),
+            (false, true) => Machine::here().in_session_time(),
+            (false, false) => Machine::default(),
+        };
+        let checked = match self.pipeline.check(registry, &machine) {
+            Ok(checked) => checked,
+            Err(refused) => return refused.end(self.json),
+        };
+        let length = match (&self.length, &self.pipeline.file) {
+            (Some(text), _) => Some(time(text)?),
+            (None, None) if self.host.is_none() => Some(time(DEFAULT_LENGTH)?),
+            (None, None) => None,
+            (None, Some(_)) => None,
+        };
+        let session =
+            if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
+        let is_live = self.is_live();
+        let report = if !is_live {
+            let length = length.ok_or_else(|| {
+                Failure::wrong(
+                    "a simulated run waits for nobody: say how long it may go on, such as `--for 10s`",
+                )
+            })?;
+            let place = match self.lock_step {
+                None => Place::Local,
+                Some(LockStep::Threads) => Place::Threads,
+                Some(LockStep::Processes) => Place::Processes,
+            };
+            let stop = stop_flag_of_this_process()?;
+            let kept = session.as_deref().map(|folder| (folder, self.compression.into()));
+            simulate(&checked, &self.pipeline.sets, place, length, kept, stop)?
+        } else {
+            self.live(registry, &checked, length, session.as_deref())?
+        };
+        let good = report.balanced
+            && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
+            && report.recording_failed.is_none();
+        let summary = Summary::new(&report, &checked.graph, is_live, session.as_deref());
+        if self.json {
+            print_json(&summary.to_json()?)?;
+        } else {
+            summary.print();
+        }
+        Ok(if good { Exit::Done } else { Exit::Failed })
+    }
+
+    fn is_live(&self) -> bool {
+        self.clock != Some(Clock::Simulated) && self.lock_step.is_none()
+    }
+
+    /// `Default` leaves the folder empty, where the command line would fill it in.
+    fn session_folder(&self) -> PathBuf {
+        if self.record.as_os_str().is_empty() { PathBuf::from("sessions") } else { self.record.clone() }
+    }
+
+    fn live(
+        &self,
+        registry: &Registry,
+        checked: &Checked,
+        length: Option<u64>,
+        session: Option<&Path>,
+    ) -> Result<RunReport, Failure> {
+        let stop = stop_flag()?;
+        if let Some(session) = session {
+            create_folder(session).map_err(Failure::failed)?;
+        }
+        let options = RunOptions {
+            source: checked.source.text.clone(),
+            file: checked.source.file.display().to_string(),
+            sets: self.pipeline.sets.clone(),
+            files: checked.source.files.clone(),
+            duration: length,
+            session: session.map(Path::to_path_buf),
+            compression: self.compression.into(),
+            launch: launch()?,
+            identity: identity(),
+        };
+        let mut line = StatusLine::new(registry, !self.json);
+        let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
+            .inspect_err(|_| session.into_iter().for_each(remove_folder))
+            .map_err(Failure::failed)?;
+        let report = supervisor.watch(&stop, &mut line);
+        line.close();
+        if let Some(session) = session {
+            // What a recorder that died left cut is mended before anyone opens it.
+            match stillpoint_recorder::recover_session(session) {
+                Ok(parts) => {
+                    for (part, mended) in parts {
+                        errln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+                    }
+                }
+                // The report comes first: the session can be mended later.
+                Err(e) => errln!("stillpoint: the session cannot be mended now: {e}"),
+            }
+        }
+        Ok(report)
+    }
+}
+
+/// A time with its unit, ns.
+fn time(text: &str) -> Result<u64, Failure> {
+    quantity::nanoseconds(text)
+        .map_err(|e| Failure::wrong(format!("--for {text}: {}; {}", e.message, e.help)))
+}
+
+/// The folder of the next session: the pipeline's name with the next free number.
+fn next_session(folder: &Path, checked: &Checked) -> Result<PathBuf, Failure> {
+    std::fs::create_dir_all(folder).map_err(|e| {
+        let place = folder.display();
+        Failure::failed(format!("{place}: {e}; choose another folder with --record, or --no-record"))
+    })?;
+    let name = &checked.graph.name;
+    (1..1_000_000u32).map(|n| folder.join(format!("{name}-{n:04}"))).find(|path| !path.exists()).ok_or_else(
+        || {
+            Failure::failed(format!(
+                "{}: no free number for a session; choose another folder with --record",
+                folder.display()
+            ))
+        },
+    )
+}

@@ -1,0 +1,236 @@
+//! `stillpoint train`
+
+mod sessions;
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+use stillpoint_control::channels::{Channel, Channels};
+use stillpoint_control::predictor::{Meaning, Predictor};
+use stillpoint_train::card::{About, Card, Data};
+use stillpoint_train::dataset::{Dataset, Sample};
+use stillpoint_train::excite::{Excitation, SCALE, record};
+use stillpoint_train::fit::{Epoch, Optimiser, Options, fit};
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+use stillpoint_report::chart::{Chart, Series, Style};
+
+/// Train what is learned offline.
+#[derive(Args)]
+pub struct Train {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Train the network whose features `control.mrac` adapts over.
+    Controller(Controller),
+}
+
+impl Train {
+    /// Does it.
+    pub fn execute(&self) -> Ended {
+        match &self.what {
+            What::Controller(controller) => controller.execute(),
+        }
+    }
+}
+
+/// Duties in parts of this go into the network: what valves do in control is small.
+const DUTY_SCALE: f64 = 0.1;
+/// Samples that the network goes over: they cover the lags of (4.26).
+const WINDOW: usize = 6;
+
+/// Train the network whose features `control.mrac` adapts over, on data of the simulated rig or of sessions.
+///
+/// It predicts how height, pitch and roll change from sample to sample. A fifth of the runs is kept for validation, and
+/// the numbers of the best epoch are written, with a card (`.json`, `.md`) and a picture of the losses (`.svg`).
+#[derive(Args)]
+struct Controller {
+    /// Where to write, without an ending: `PATH.safetensors`, `PATH.json`, `PATH.md`, `PATH.svg`.
+    #[arg(long, value_name = "PATH")]
+    out: PathBuf,
+    /// Train on this session in place of the rig; may be given again. It must have kept `--state` and `--duties`.
+    #[arg(long, value_name = "SESSION")]
+    session: Vec<PathBuf>,
+    /// Of sessions: where the head is, a topic of tracks.
+    #[arg(long, value_name = "TOPIC", default_value = "filter.state")]
+    state: String,
+    /// Of sessions: what the valves were told, a topic of duties.
+    #[arg(long, value_name = "TOPIC", default_value = "law.duties")]
+    duties: String,
+    /// How the gradient is followed.
+    #[arg(long, value_enum, default_value_t)]
+    optimiser: Follow,
+    /// Learning rate.
+    #[arg(long, value_name = "RATE", default_value_t = 5e-3)]
+    learning_rate: f64,
+    /// Windows of a batch.
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    batch: usize,
+    /// Probability with which a number between layers is dropped in training.
+    #[arg(long, value_name = "PART", default_value_t = 0.3)]
+    dropout: f64,
+    /// Most epochs.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    epochs: usize,
+    /// Epochs without a better validation after which training stops.
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    patience: usize,
+    /// Runs of the rig.
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    runs: usize,
+    /// Length of a run, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    seconds: f64,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Print the card as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Follow {
+    /// Stochastic gradient descent.
+    #[default]
+    Sgd,
+    /// Adam with decay of the weights.
+    Adamw,
+}
+
+impl Controller {
+    fn execute(&self) -> Ended {
+        let sample_time = Excitation::default().sample_time;
+        let (runs, data) = self.data(sample_time)?;
+        let options = Options {
+            optimiser: if self.optimiser == Follow::Sgd { Optimiser::Sgd } else { Optimiser::AdamW },
+            learning_rate: self.learning_rate,
+            batch: self.batch,
+            dropout: self.dropout,
+            epochs: self.epochs,
+            patience: self.patience,
+            seed: self.seed,
+            ..Options::default()
+        };
+        let set = Dataset::new(&runs, WINDOW, DUTY_SCALE, 0.2).map_err(Failure::failed)?;
+        let bar = progress(self.epochs as u64, "epoch")?;
+        let fitted = fit(&set, &options, |epoch| {
+            bar.set_message(format!("loss {:.4}, validation {:.4}", epoch.training, epoch.validation));
+            bar.inc(1);
+        })
+        .map_err(Failure::failed)?;
+        bar.finish_and_clear();
+        let channels =
+            Channels::new(&[Channel::Z, Channel::Pitch, Channel::Roll]).map_err(Failure::failed)?;
+        let meaning = Meaning {
+            channels,
+            scale: SCALE.to_vec(),
+            change: set.scale().to_vec(),
+            duty_scale: DUTY_SCALE,
+            bladders: 3,
+            sample_time: (sample_time * 1e9).round() as u64,
+            window: WINDOW,
+        };
+        let predictor = Predictor::new(fitted.network.clone(), meaning).map_err(Failure::failed)?;
+        let bytes = predictor.to_safetensors(&Default::default());
+        let about = About {
+            program: format!("stillpoint {}", env!("CARGO_PKG_VERSION")),
+            command: self.command(),
+            sha256: Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect(),
+            data,
+            windows: set.counts(),
+        };
+        let card = Card::of(&predictor, &fitted, &options, about);
+        let text = serde_json::to_string_pretty(&card).map_err(Failure::failed)? + "\n";
+        for (ending, content) in [
+            ("safetensors", bytes),
+            ("json", text.into_bytes()),
+            ("md", card.markdown().into_bytes()),
+            ("svg", losses(&fitted.epochs)?.into_bytes()),
+        ] {
+            write(&self.out, ending, &content)?;
+        }
+        if self.json {
+            print_json(&json!(card))?;
+        } else {
+            out!("{}", card.markdown());
+            outln!("\nwritten: {}.safetensors, .json, .md, .svg", self.out.display());
+        }
+        Ok(Exit::Done)
+    }
+
+    fn data(&self, sample_time: f64) -> Result<(Vec<Vec<Sample>>, Data), Failure> {
+        if !self.session.is_empty() {
+            let mut runs = Vec::new();
+            for path in &self.session {
+                runs.extend(sessions::runs(path, &self.state, &self.duties, sample_time)?);
+            }
+            let names = self.session.iter().map(|p| p.display().to_string()).collect();
+            return Ok((runs, Data::Sessions(names)));
+        }
+        let excitation = Excitation {
+            runs: self.runs,
+            seconds: self.seconds,
+            sample_time,
+            seed: self.seed,
+            ..Excitation::default()
+        };
+        let bar = progress(self.runs as u64, "run of the rig")?;
+        let runs = record(&excitation, |_| bar.inc(1)).map_err(Failure::failed)?;
+        bar.finish_and_clear();
+        Ok((runs, Data::Rig(excitation)))
+    }
+
+    /// The command that makes the same model again.
+    fn command(&self) -> String {
+        let mut words = vec!["stillpoint train controller".to_owned()];
+        words.extend(self.session.iter().map(|p| format!("--session {}", p.display())));
+        match self.session.is_empty() {
+            true => words.push(format!("--runs {} --seconds {}", self.runs, self.seconds)),
+            false => words.push(format!("--state {} --duties {}", self.state, self.duties)),
+        }
+        let optimiser = if self.optimiser == Follow::Sgd { "sgd" } else { "adamw" };
+        words.push(format!("--optimiser {optimiser} --learning-rate {}", self.learning_rate));
+        words.push(format!("--batch {} --dropout {}", self.batch, self.dropout));
+        words.push(format!("--epochs {} --patience {} --seed {}", self.epochs, self.patience, self.seed));
+        words.push(format!("--out {}", self.out.display()));
+        words.join(" ")
+    }
+}
+
+fn progress(length: u64, what: &str) -> Result<ProgressBar, Failure> {
+    let style = ProgressStyle::with_template(&format!("{what} {{pos}}/{{len}} {{wide_bar}} {{msg}} {{eta}}"));
+    Ok(ProgressBar::new(length).with_style(style.map_err(Failure::failed)?))
+}
+
+fn write(out: &Path, ending: &str, content: &[u8]) -> Result<(), Failure> {
+    let mut path = out.as_os_str().to_owned();
+    path.push(format!(".{ending}"));
+    let path = PathBuf::from(path);
+    std::fs::write(&path, content).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
+}
+
+/// The losses over the epochs.
+fn losses(epochs: &[Epoch]) -> Result<String, Failure> {
+    let series = |name: &str, style, of: fn(&Epoch) -> f64| Series {
+        name: name.to_owned(),
+        points: epochs.iter().map(|e| (e.number as f64, of(e))).collect(),
+        style,
+    };
+    let chart = Chart {
+        title: "Training of the controller's network".into(),
+        x: "epoch".into(),
+        y: "half the mean sum of squares".into(),
+        series: vec![
+            series("training, with dropout", Style::Line, |e| e.training),
+            series("validation", Style::Line, |e| e.validation),
+        ],
+    };
+    chart.svg(720, 400).map_err(Failure::failed)
+}

@@ -1,0 +1,69 @@
+//! How the command ends.
+
+use std::process::ExitCode;
+
+use stillpoint_report::SessionPipelineError;
+
+/// How the command ends; the number is its exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Exit {
+    /// Done.
+    Done = 0,
+    /// Failed, a recording was given up, or the ledger does not balance.
+    Failed = 1,
+    /// The command line or the pipeline is wrong.
+    Wrong = 2,
+    /// A replay differs from its recording.
+    Differs = 3,
+    /// A session cannot be replayed as a whole; the parts that can be replayed match.
+    Open = 4,
+    /// A replay compared nothing.
+    Nothing = 5,
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit as u8)
+    }
+}
+
+/// What went wrong, for people, and how the command ends by it.
+#[derive(Debug)]
+pub struct Failure {
+    /// What, where, why, and what to do; the name of the command goes before it.
+    pub text: String,
+    /// How the command ends.
+    pub exit: Exit,
+}
+
+impl Failure {
+    /// The command failed.
+    pub fn failed(text: impl std::fmt::Display) -> Self {
+        Self { text: text.to_string(), exit: Exit::Failed }
+    }
+
+    /// What the user gave is wrong.
+    pub fn wrong(text: impl std::fmt::Display) -> Self {
+        Self { text: text.to_string(), exit: Exit::Wrong }
+    }
+}
+
+impl From<SessionPipelineError> for Failure {
+    fn from(error: SessionPipelineError) -> Self {
+        match error {
+            SessionPipelineError::Faults(_) => Self::wrong(error),
+            _ => Self::failed(error),
+        }
+    }
+}
+
+/// How a subcommand ended.
+pub type Ended = Result<Exit, Failure>;
+
+/// Prints a value as JSON.
+pub fn print_json(value: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(Failure::failed)?;
+    outln!("{text}");
+    Ok(())
+}

@@ -1,0 +1,89 @@
+//! The `stillpoint` command.
+//!
+//! A program with operators of its own calls [`command`] with their lists, and has every subcommand:
+//!
+//! ```no_run
+//! # const MY_STAGES: &[stillpoint_pipeline::Stage] = &[];
+//! fn main() -> std::process::ExitCode {
+//!     stillpoint::command(&[MY_STAGES])
+//! }
+//! ```
+//!
+//! Each subcommand is a file or a folder of `commands/`. What several subcommands share is beside it:
+//!
+//! - `program`: how a program begins and ends, and its children: shared with `stillpoint-bench`
+//! - `exit`, `output`, `signals`: exit codes and failures, the two output streams, Ctrl-C
+//! - `pipeline_file`, `compress`, `quantity`: arguments of several subcommands
+//! - `simulate`, `status_line`, `summary`: parts of `run`
+//! - `attach`, `answer`: parts of `echo` and `send`
+//! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
+
+// The first module: the others use its macros.
+#[macro_use]
+pub mod output;
+
+mod answer;
+mod attach;
+mod commands;
+mod compress;
+mod exit;
+mod picture;
+mod pipeline_file;
+mod program;
+mod quantity;
+mod series;
+mod show;
+mod signals;
+mod simulate;
+mod status_line;
+mod summary;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use stillpoint_pipeline::operator::{Registry, Stage};
+
+use commands::Command;
+
+pub use attach::{Attached, Which};
+pub use commands::replay::{Nobody, opening_of};
+pub use commands::run::Run;
+pub use commands::send::deliver;
+pub use exit::{Ended, Exit, Failure, print_json};
+pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
+pub use program::{child, launch, program};
+
+#[derive(Parser)]
+#[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+/// The kinds of operators that come with the command, and those of `extra`.
+pub fn registry(extra: &[&[Stage]]) -> Registry {
+    let mut lists: Vec<&[Stage]> = vec![
+        stillpoint_pipeline::STAGES,
+        stillpoint_ingest::STAGES,
+        stillpoint_detect::STAGES,
+        stillpoint_segment::STAGES,
+        stillpoint_track::STAGES,
+        stillpoint_estimate::STAGES,
+        stillpoint_control::STAGES,
+        stillpoint_actuate::STAGES,
+        stillpoint_rig::STAGES,
+        stillpoint_sink::STAGES,
+    ];
+    lists.extend(extra);
+    Registry::new(&lists)
+}
+
+/// The body of the program: the command, or a child of one of its runs.
+pub fn command(extra: &[&[Stage]]) -> ExitCode {
+    let registry = registry(extra);
+    child(&registry).unwrap_or_else(|| {
+        program("stillpoint", |arguments: Arguments| {
+            arguments.command.unwrap_or_else(|| Command::Run(Run::default())).execute(&registry)
+        })
+    })
+}

@@ -1,0 +1,136 @@
+//! Reading and checking the file of a pipeline.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use stillpoint_operator::files::DiskFiles;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::spec::yaml::MOST_BYTES;
+use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
+
+use crate::exit::{Ended, Exit, Failure, print_json};
+
+/// The default pipeline, for a program that is started away from its source.
+pub const EMBEDDED: &str = include_str!("../../../pipeline.yaml");
+/// The files that it names.
+pub const EMBEDDED_FILES: &[(&str, &[u8])] =
+    &[("examples/data/rig.key", include_bytes!("../../../examples/data/rig.key"))];
+
+/// The pipeline in two programs that comes with the command, and what it names.
+const APART: &str = include_str!("../../../examples/head-3dof-apart.yaml");
+const APART_FILES: &[(&str, &[u8])] = &[("data/rig.key", include_bytes!("../../../examples/data/rig.key"))];
+
+/// Which pipeline, and what is changed in it.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PipelineFile {
+    /// The pipeline; without one `pipeline.yaml` of this folder, or the one that comes with the command.
+    pub file: Option<PathBuf>,
+    /// Change a parameter: `--set operator.param=value`.
+    #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
+    pub sets: Vec<String>,
+    /// A part of it is meant: without a file, of the one in two programs that comes with the command.
+    #[arg(skip)]
+    pub in_parts: bool,
+}
+
+/// A pipeline that was read.
+pub struct Source {
+    /// Its text.
+    pub text: String,
+    /// Name of its file: absolute, so that every process finds it.
+    pub file: PathBuf,
+    /// The files beside it.
+    pub files: DiskFiles,
+}
+
+/// A pipeline that was read and checked.
+pub struct Checked {
+    /// What was read.
+    pub source: Source,
+    /// The graph.
+    pub graph: Arc<Graph>,
+}
+
+/// Why a pipeline is refused.
+pub enum Refused {
+    /// Its file cannot be read.
+    Unreadable {
+        /// The file, as the user named it.
+        file: PathBuf,
+        /// Why.
+        reason: std::io::Error,
+    },
+    /// It has faults.
+    Faults(Faults),
+}
+
+impl Refused {
+    /// Ends the command: says it as `check --json` does, or to people.
+    pub fn end(self, json: bool) -> Ended {
+        let faults = match self {
+            Self::Unreadable { file, reason } if !json => {
+                return Err(Failure::wrong(format!("{}: {reason}; {NAME_ONE}", file.display())));
+            }
+            Self::Faults(faults) if !json => {
+                errln!("{faults}");
+                return Ok(Exit::Wrong);
+            }
+            Self::Unreadable { file, reason } => serde_json::json!([{
+                "file": file, "line": 1, "column": 1, "start": 0, "end": 0,
+                "code": Code::FileMissing.name(), "message": reason.to_string(), "help": NAME_ONE,
+            }]),
+            Self::Faults(faults) => faults.to_json(),
+        };
+        print_json(&serde_json::json!({ "pipeline": null, "operators": [], "faults": faults }))?;
+        Ok(Exit::Wrong)
+    }
+}
+
+/// What to do about a file that cannot be read.
+const NAME_ONE: &str = "name the file of a pipeline";
+
+/// The bytes of a file, which may have no end: as many as show that it is too long.
+fn read(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+impl PipelineFile {
+    /// Reads it.
+    pub fn read(&self) -> Result<Source, Refused> {
+        let default = PathBuf::from("pipeline.yaml");
+        let path = match &self.file {
+            Some(path) => path.clone(),
+            None if self.in_parts => {
+                let file = PathBuf::from("head-3dof-apart.yaml");
+                let files = DiskFiles::beside(&file).carrying(APART_FILES);
+                return Ok(Source { text: APART.to_string(), file, files });
+            }
+            None if default.is_file() => default,
+            None => {
+                let files = DiskFiles::beside(&default).carrying(EMBEDDED_FILES);
+                return Ok(Source { text: EMBEDDED.to_string(), file: default, files });
+            }
+        };
+        let bytes = read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
+        let text = spec::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
+        let file = std::path::absolute(&path).unwrap_or(path);
+        let files = DiskFiles::beside(&file);
+        Ok(Source { text, file, files })
+    }
+
+    /// Reads and checks. Faults name the file as the user did.
+    pub fn check(&self, registry: &Registry, machine: &Machine) -> Result<Checked, Refused> {
+        let source = self.read()?;
+        let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
+        let name = shown.display().to_string();
+        let graph = spec::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
+            .map_err(Refused::Faults)?;
+        Ok(Checked { source, graph: Arc::new(graph) })
+    }
+}

@@ -1,0 +1,174 @@
+//! The live status of a run, on a terminal.
+
+use std::io::IsTerminal;
+
+use stillpoint_pipeline::live::status::OperatorFigures;
+use stillpoint_pipeline::live::{Fault, contracts};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_shm::{Subscriber, Topic};
+
+use crate::attach::{Attached, Which};
+use crate::exit::Failure;
+use stillpoint_report::hold::Hold;
+
+/// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators.
+pub struct StatusLine<'a> {
+    registry: &'a Registry,
+    terminal: bool,
+    /// Lines on the screen.
+    shown: usize,
+    taps: Option<Taps>,
+}
+
+/// What says how the head is held, looked at as `echo` does.
+struct Taps {
+    hold: Hold,
+    // Dropped in this order: ports, then topics, then the node.
+    subscribers: Vec<(String, Subscriber)>,
+    _topics: Vec<Topic>,
+    _attached: Attached,
+}
+
+impl Taps {
+    fn open(registry: &Registry) -> Result<Self, Failure> {
+        let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
+        let hold = Hold::of(&attached.graph);
+        let (mut subscribers, mut topics) = (Vec::new(), Vec::new());
+        for name in hold.topics() {
+            let Some((operator, port)) = attached.graph.topic(name) else { continue };
+            let contract = contracts::output(&attached.graph, operator, port);
+            let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+            let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+            subscriber.connect().map_err(Failure::failed)?;
+            subscribers.push((name.to_owned(), subscriber));
+            topics.push(topic);
+        }
+        Ok(Self { hold, subscribers, _topics: topics, _attached: attached })
+    }
+
+    fn look(&mut self) -> Vec<String> {
+        for (topic, subscriber) in &self.subscribers {
+            while let Ok(Some(sample)) = subscriber.receive() {
+                self.hold.take(topic, sample.pieces());
+            }
+        }
+        self.hold.held().now()
+    }
+}
+
+impl<'a> StatusLine<'a> {
+    /// The status on standard error, where that is a terminal and it is `wanted`.
+    pub fn new(registry: &'a Registry, wanted: bool) -> Self {
+        Self { registry, terminal: wanted && std::io::stderr().is_terminal(), shown: 0, taps: None }
+    }
+
+    /// Takes it away for good.
+    pub fn close(mut self) {
+        self.clear();
+    }
+
+    /// Takes it away.
+    fn clear(&mut self) {
+        for line in 0..self.shown {
+            err!("{}\r\x1b[2K", if line > 0 { "\x1b[1A" } else { "" });
+        }
+        self.shown = 0;
+    }
+}
+
+impl stillpoint_pipeline::live::Run for StatusLine<'_> {
+    fn started(&mut self, _: &[(String, u32)]) {
+        if self.terminal {
+            // Without taps the run goes on as well.
+            self.taps = Taps::open(self.registry).ok();
+        }
+    }
+
+    fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
+        if !self.terminal {
+            return;
+        }
+        let mut parts = vec![format!("{seconds:.1} s, latencies from the acquisition on")];
+        parts.extend(self.taps.as_mut().map(Taps::look).unwrap_or_default());
+        let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
+        // A terminal that does not know how wide it is says 0.
+        let columns = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |w| usize::from(w.ws_col));
+        let width = if columns == 0 { 80 } else { columns.max(20) };
+        let lines = [wrapped(&parts, width - 1), wrapped(&figures, width - 1)].concat();
+        self.clear();
+        err!("{}", lines.join("\n"));
+        self.shown = lines.len();
+    }
+
+    fn failed(&mut self, fault: &Fault) {
+        self.clear();
+        errln!("stillpoint: {}: {}", fault.operator, fault.reason);
+    }
+}
+
+/// An operator's rate, how old what it sends is, and its losses.
+fn figures(o: &OperatorFigures) -> String {
+    let mut part = format!("{} {:.0} Hz", o.operator, o.rate_hz);
+    // The latency from the acquisition: of the whole chain up to here, not of this step alone.
+    if o.age_ms[0].is_finite() {
+        part += &format!(" {:.1} ms", o.age_ms[0]);
+    }
+    for (count, what) in [(o.lost, "lost"), (o.missed, "missed"), (o.errors + o.panics, "failed")] {
+        if count > 0 {
+            part += &format!(" {what} {count}");
+        }
+    }
+    part
+}
+
+/// Parts in lines of at most `width` characters; a part that is longer is cut.
+fn wrapped(parts: &[String], width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for part in parts {
+        let part: String = part.chars().take(width).collect();
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 2 + part.chars().count() <= width => {
+                *line += "  ";
+                *line += &part;
+            }
+            _ => lines.push(part),
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_operator_has_its_rate_its_latency_and_what_it_lost() {
+        let mut face = OperatorFigures {
+            operator: "face".into(),
+            activations: 100,
+            rate_hz: 10.0,
+            errors: 1,
+            panics: 1,
+            incarnations: 2,
+            sent: 98,
+            lost: 3,
+            ticks: 0,
+            missed: 0,
+            step_ms: [12.0, 20.0],
+            age_ms: [35.24, 50.0],
+        };
+        assert_eq!(figures(&face), "face 10 Hz 35.2 ms lost 3 failed 2");
+        // Nothing was sent yet.
+        face.age_ms = [f64::NAN; 2];
+        assert_eq!(figures(&face), "face 10 Hz lost 3 failed 2");
+    }
+
+    #[test]
+    fn parts_fill_lines_and_none_is_longer_than_the_screen_is_wide() {
+        let parts: Vec<String> =
+            ["filter 10 Hz", "law", "a part that is too long for it"].map(Into::into).into();
+        assert_eq!(wrapped(&parts, 17), ["filter 10 Hz  law", "a part that is to"]);
+        assert_eq!(wrapped(&parts, 200), [parts.join("  ")]);
+        assert!(wrapped(&[], 10).is_empty());
+    }
+}

@@ -1,0 +1,282 @@
+//! What is said at the end of a run.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::live::{Fault, RunReport};
+use stillpoint_pipeline::operator::Policy;
+use stillpoint_recorder::{Completeness, Session, session_parts};
+
+use crate::exit::Failure;
+use stillpoint_report::accuracy::{self, Accuracy};
+use stillpoint_report::hold::{Held, Hold};
+use stillpoint_report::refused::{self, Refused};
+use stillpoint_report::uncaptured::{self, Uncaptured};
+
+/// Failures that are shown.
+const MOST_FAULTS: usize = 10;
+
+/// A part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
+const SLOW: f64 = 0.05;
+
+/// How a run went, and what its session says of it.
+pub struct Summary<'a> {
+    report: &'a RunReport,
+    session: Option<&'a Path>,
+    held: Option<Held>,
+    accuracy: Option<Accuracy>,
+    /// Samples in the session, journals included, also in parts whose recorder died.
+    samples: u64,
+    /// Why the session is not complete.
+    gaps: Vec<String>,
+    refused: Vec<Refused>,
+    uncaptured: Vec<Uncaptured>,
+    too_slow: Vec<String>,
+}
+
+impl<'a> Summary<'a> {
+    /// Of a run of this graph; whether it was a live one.
+    pub fn new(report: &'a RunReport, graph: &Graph, is_live: bool, session: Option<&'a Path>) -> Self {
+        let opened = session.map(Session::open);
+        let readable = opened.as_ref().and_then(|o| o.as_ref().ok());
+        Self {
+            report,
+            session,
+            held: readable.and_then(|session| Hold::of_session(graph, session)),
+            accuracy: readable.and_then(accuracy::of_session),
+            samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
+            gaps: match opened.as_ref().map(|o| o.as_ref().map(Session::completeness)) {
+                None | Some(Ok(Completeness::Complete)) => Vec::new(),
+                Some(Ok(Completeness::Gaps(gaps))) => gaps.iter().map(ToString::to_string).collect(),
+                Some(Err(e)) => vec![e.to_string()],
+            },
+            refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
+            uncaptured: readable.map_or_else(Vec::new, |session| uncaptured::of_session(session, graph)),
+            too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
+        }
+    }
+
+    /// The report as JSON, with the session's path, how the head was held, the accuracy, the frames without a
+    /// result, and the trackers without a reference.
+    pub fn to_json(&self) -> Result<Value, Failure> {
+        let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
+        value["too_slow"] = json!(self.too_slow);
+        if let Some(session) = self.session {
+            value["session"] = session.display().to_string().into();
+            value["session_bytes"] = size_of(session).into();
+            value["samples"] = self.samples.into();
+            value["parts"] = parts(session).len().into();
+            value["complete"] = self.gaps.is_empty().into();
+            value["gaps"] = json!(self.gaps);
+            value["held"] = json!(self.held);
+            value["accuracy"] = json!(self.accuracy);
+            value["refused"] = json!(self.refused);
+            value["uncaptured"] = json!(self.uncaptured);
+        }
+        Ok(value)
+    }
+
+    /// Prints it for people.
+    pub fn print(&self) {
+        let report = self.report;
+        outln!("{}: {:.1} s of session time", report.pipeline, report.seconds);
+        if let Some(reason) = &report.ended_early {
+            outln!("ended early: {reason}");
+        }
+        for id in &report.swept {
+            outln!("swept what the dead run {id} had left");
+        }
+        print_operators(report);
+        print_faults(report);
+        print_ledger(report);
+        if !self.too_slow.is_empty() {
+            outln!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with something else:");
+        }
+        for slow in &self.too_slow {
+            outln!("  {slow}");
+        }
+        if let Some(held) = &self.held {
+            out!("\n{held}");
+        }
+        if let Some(accuracy) = &self.accuracy {
+            outln!("\n{accuracy}");
+        }
+        if !self.refused.is_empty() || !self.uncaptured.is_empty() {
+            outln!();
+        }
+        for uncaptured in &self.uncaptured {
+            outln!("{uncaptured}");
+        }
+        for refused in &self.refused {
+            outln!("{refused}");
+        }
+        if let Some(session) = self.session {
+            self.print_session(session);
+        }
+    }
+
+    fn print_session(&self, session: &Path) {
+        let report = self.report;
+        let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
+        let size = size_of(session) as f64 / 1e6;
+        let count = parts(session).len();
+        outln!();
+        if let Some(reason) = &report.recording_failed {
+            outln!("THE RECORDING FAILED: {reason}");
+        }
+        outln!(
+            "session {}: {size:.1} MB{}, {count} part{}, {} samples{}",
+            session.display(),
+            // A session of no length has no rate.
+            if report.seconds >= 1e-3 {
+                format!(" ({:.1} MB/s)", size / report.seconds)
+            } else {
+                String::new()
+            },
+            if count == 1 { "" } else { "s" },
+            self.samples,
+            if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
+        );
+        match self.gaps.split_first() {
+            None => outln!("complete: everything that a replay needs is there"),
+            Some((first, [])) => outln!("not complete: {first}"),
+            Some((first, more)) => {
+                outln!("not complete: {first}; and {} more: `stillpoint info` lists them", more.len());
+            }
+        }
+        outln!("replay it: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
+    }
+}
+
+/// What did not keep up: timers that missed ticks, and inputs of which not every sample caused the activation that it was
+/// to cause.
+fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut judge = |count: u64, of: u64, what: String| {
+        let part = count as f64 / of.max(1) as f64;
+        if part > SLOW {
+            found.push(format!("{what} {count} of {of} ({:.0} %)", part * 100.0));
+        }
+    };
+    for o in &report.operators {
+        judge(o.missed, o.ticks + o.missed, format!("{} missed ticks of its timer:", o.operator));
+    }
+    for node in &graph.operators {
+        let is_latest = |policy: Policy| matches!(policy, Policy::Latest);
+        // The newest sample is a cause where there is no other.
+        let causes = node.every.is_none() && node.inputs.iter().all(|i| is_latest(i.policy));
+        for (input, port) in node.inputs.iter().zip(node.stage.kind.inputs) {
+            let consumer = format!("{}.{}", node.name, port.name);
+            let Some(line) = report.ledger.iter().find(|line| line.consumer == consumer) else { continue };
+            let skipped = match (is_latest(input.policy), causes) {
+                (true, true) => line.overwritten + line.passed,
+                (true, false) => 0,
+                (false, _) => line.overwritten,
+            };
+            judge(skipped, line.sent, format!("{consumer} skipped samples of {}:", line.topic));
+        }
+    }
+    found
+}
+
+fn print_operators(report: &RunReport) {
+    outln!();
+    outln!(
+        "{:<16} {:>8} {:>8} {:>16} {:>16}  failures",
+        "operator",
+        "done",
+        "Hz",
+        "step ms p50 p99",
+        "age ms p50 p99"
+    );
+    for o in &report.operators {
+        let pair =
+            |p: [f64; 2]| if p[0].is_finite() { format!("{:.2} {:.2}", p[0], p[1]) } else { "-".to_string() };
+        let mut failures = Vec::new();
+        let mut say = |n: u64, what: &str| {
+            if n > 0 {
+                failures.push(format!("{n} {what}"));
+            }
+        };
+        say(o.errors, "errors");
+        say(o.panics, "panics");
+        say(u64::from(o.incarnations.saturating_sub(1)), "restarts");
+        say(o.missed, "ticks missed");
+        outln!(
+            "{:<16} {:>8} {:>8.1} {:>16} {:>16}  {}",
+            o.operator,
+            o.activations,
+            o.rate_hz,
+            pair(o.step_ms),
+            pair(o.age_ms),
+            failures.join(", ")
+        );
+    }
+}
+
+/// What failed, each once with how often.
+fn print_faults(report: &RunReport) {
+    let mut counts: Vec<(&Fault, u64)> = Vec::new();
+    for fault in &report.faults {
+        match counts.iter_mut().find(|(seen, _)| *seen == fault) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((fault, 1)),
+        }
+    }
+    if !counts.is_empty() {
+        outln!();
+    }
+    for (fault, count) in counts.iter().take(MOST_FAULTS) {
+        let often = if *count > 1 { format!(" ({count} times)") } else { String::new() };
+        outln!("failed: {}: {}{often}", fault.operator, fault.reason);
+    }
+    if counts.len() > MOST_FAULTS {
+        outln!("and {} other failures: --json lists all", counts.len() - MOST_FAULTS);
+    }
+}
+
+fn print_ledger(report: &RunReport) {
+    outln!();
+    outln!(
+        "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}",
+        "ledger: topic -> input",
+        "sent",
+        "received",
+        "passed",
+        "over",
+        "no mem",
+        "down",
+        "left"
+    );
+    for line in &report.ledger {
+        outln!(
+            "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}{}",
+            format!("{} -> {}", line.topic, line.consumer),
+            line.sent,
+            line.received,
+            line.passed,
+            line.overwritten,
+            line.pool_exhausted,
+            line.down,
+            line.left,
+            if line.balances() { String::new() } else { format!("  UNEXPLAINED {}", line.unexplained) }
+        );
+    }
+    outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
+}
+
+/// Samples of a session.
+fn samples(session: &Session) -> u64 {
+    (0..session.topics().len()).map(|topic| session.numbers(topic).count() as u64).sum()
+}
+
+/// The files of a session.
+fn parts(session: &Path) -> Vec<PathBuf> {
+    session_parts(session).unwrap_or_default()
+}
+
+/// Bytes of a session's files.
+fn size_of(session: &Path) -> u64 {
+    parts(session).iter().filter_map(|p| p.metadata().ok()).map(|m| m.len()).sum()
+}

@@ -1,0 +1,35 @@
+//! `stillpoint bench` starts `stillpoint-bench` from its own folder.
+
+use std::os::unix::fs::PermissionsExt;
+use std::process::Command;
+
+use crate::text;
+
+/// A copy of the command in a folder of its own, so that nothing lies beside it.
+fn copied(folder: &std::path::Path) -> Command {
+    let copy = folder.join("stillpoint");
+    std::fs::copy(env!("CARGO_BIN_EXE_stillpoint"), &copy).unwrap();
+    let mut command = Command::new(copy);
+    command.current_dir(folder);
+    command
+}
+
+#[test]
+fn without_the_program_that_measures_the_command_that_builds_it_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = copied(folder.path()).args(["bench", "hop", "--help"]).output().unwrap();
+    assert_eq!(out.status.code(), Some(1));
+    let said = text(&out.stderr);
+    assert!(said.contains("`cargo build --release -p stillpoint-bench`"), "{said}");
+}
+
+#[test]
+fn the_program_that_lies_beside_the_command_gets_all_arguments_and_gives_its_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = copied(folder.path());
+    let program = folder.path().join("stillpoint-bench");
+    std::fs::write(&program, "#!/bin/sh\necho \"$@\"\nexit 7\n").unwrap();
+    std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o700)).unwrap();
+    let out = command.args(["bench", "hop", "--windows", "2", "--help"]).output().unwrap();
+    assert_eq!((out.status.code(), text(&out.stdout).as_str()), (Some(7), "hop --windows 2 --help\n"));
+}

@@ -1,0 +1,74 @@
+//! Analysis of sessions: what a run came to, as figures, and the report of a session as one page that needs nothing else.
+//!
+//! A session is read once (`recording`), each section makes figures of it and then blocks ([`Section`]) of the figures,
+//! and the blocks become HTML ([`html::page`]). A new section is a file in `sections` and a line in its list.
+//!
+//! - `accuracy`, `hold`, `far_end`, `refused`, `uncaptured`, `target_refusals`: what the end of a run says of its session
+//! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; who feeds whom
+//! - `recording`, `rows`, `thinned`: what is read of a session; small samples over time; long rows in bounded memory
+//! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
+//! - `ramp`: what the gains of a filter do to noise and to a ramp
+//! - `views`, `again`, `overlay`: images with what was found in them; what had to be made again; the same as pictures
+//! - `sections`: one file for each section
+//! - `page`, `html`, `drawings`, `page.css`: sections and blocks; the page; its charts; its style
+//! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
+
+pub mod accuracy;
+mod again;
+#[cfg(test)]
+mod broken;
+pub mod chart;
+mod diagram;
+mod drawings;
+mod error;
+pub mod facts;
+mod far_end;
+pub mod hold;
+pub mod html;
+mod motion;
+pub mod numbers;
+mod offset;
+mod overlay;
+mod page;
+mod picture;
+mod ramp;
+mod ranking;
+mod recording;
+pub mod refused;
+mod rows;
+mod sections;
+mod session_pipeline;
+mod source;
+mod statistics;
+pub mod target_refusals;
+mod thinned;
+pub mod uncaptured;
+mod views;
+mod wiring;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_recorder::Session;
+
+pub use error::ReportError;
+pub use page::Section;
+pub use session_pipeline::{SessionPipelineError, pipeline_of};
+
+/// All sections of the report of a session that lies at `path`, with at most so many `pictures` of each camera.
+///
+/// # Errors
+/// Figures cannot become JSON, or a picture cannot become a file.
+pub fn sections_of(
+    session: &Session,
+    path: &Path,
+    registry: &Registry,
+    pictures: usize,
+) -> Result<Vec<Section>, ReportError> {
+    let pipeline = pipeline_of(session, registry)
+        .map(|(graph, files)| (Arc::new(graph), files))
+        .map_err(|reason| reason.to_string());
+    let source = source::Source { recording: recording::Recording::read(session, path), pipeline, pictures };
+    sections::ALL.iter().map(|section| section(&source)).collect()
+}

@@ -1,0 +1,188 @@
+//! What a page is made of: sections of blocks, whatever they look like in the end.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::ReportError;
+use crate::chart::Chart;
+
+/// A section of the page.
+#[derive(Debug)]
+pub struct Section {
+    /// Its name in links and in JSON.
+    pub id: &'static str,
+    /// Its heading.
+    pub title: &'static str,
+    /// Every number of it.
+    figures: Value,
+    /// What is shown, from top to bottom.
+    pub blocks: Vec<Block>,
+    /// Why there is nothing to show, where that is so.
+    pub missing: Option<String>,
+}
+
+/// A piece of a section.
+#[derive(Debug)]
+pub enum Block {
+    /// A heading within the section.
+    Heading(String),
+    /// A paragraph.
+    Text(String),
+    /// A paragraph that must not be passed over.
+    Warning(String),
+    /// A few numbers that stand out.
+    Tiles(Vec<Tile>),
+    /// A table.
+    Table(Table),
+    /// A chart, with what is to be said about it.
+    Chart(Chart, String),
+    /// A picture.
+    Picture(Picture),
+    /// A drawing that is an SVG document already, with what it shows.
+    Drawing(String, String),
+    /// A long text that opens when it is asked for.
+    Listing {
+        /// What it is.
+        title: String,
+        /// The text.
+        text: String,
+    },
+}
+
+/// A number that stands out.
+#[derive(Debug)]
+pub struct Tile {
+    /// What it is.
+    pub name: String,
+    /// The number with its unit.
+    pub value: String,
+    /// How it is to be taken.
+    pub mood: Mood,
+}
+
+/// How a word or a number is to be taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mood {
+    /// As it is.
+    Plain,
+    /// All is well.
+    Good,
+    /// Something is wrong.
+    Bad,
+}
+
+/// A table: a heading for each column, and rows of as many cells.
+#[derive(Debug, Default)]
+pub struct Table {
+    /// What it shows.
+    pub caption: String,
+    /// Headings, with units.
+    pub columns: Vec<String>,
+    /// Rows.
+    pub rows: Vec<Vec<Cell>>,
+}
+
+/// A cell of a table.
+#[derive(Debug)]
+pub enum Cell {
+    /// Words, from the left.
+    Text(String),
+    /// A number, from the right.
+    Number(String),
+    /// A number with a bar: a part of the longest, 0 to 1.
+    Bar(f64, String),
+    /// Words that say whether all is well.
+    State(Mood, String),
+    /// A small line over time.
+    Spark(Vec<(f64, f64)>),
+}
+
+/// A picture.
+#[derive(Debug)]
+pub struct Picture {
+    /// A PNG file.
+    pub png: Vec<u8>,
+    /// Pixels in a row, and rows.
+    pub size: [u32; 2],
+    /// What it shows, for those who do not see it.
+    pub alt: String,
+    /// What is to be said about it.
+    pub caption: String,
+}
+
+impl Section {
+    /// A section with nothing shown yet.
+    ///
+    /// # Errors
+    /// Its figures are no JSON.
+    pub fn new(id: &'static str, title: &'static str, figures: &impl Serialize) -> Result<Self, ReportError> {
+        let figures = serde_json::to_value(figures).map_err(ReportError::Figures)?;
+        Ok(Self { id, title, figures, blocks: Vec::new(), missing: None })
+    }
+
+    /// The section with another block.
+    pub fn with(mut self, block: Block) -> Self {
+        self.blocks.push(block);
+        self
+    }
+
+    /// The section with nothing to show, and why.
+    pub fn nothing(mut self, why: &str) -> Self {
+        self.missing = Some(why.to_owned());
+        self
+    }
+
+    /// Every number of the section: its figures, and the points of its charts.
+    pub fn to_json(&self) -> Value {
+        let charts = self.blocks.iter().filter_map(|block| match block {
+            Block::Chart(chart, _) => Some(json!(chart)),
+            _ => None,
+        });
+        let charts: Vec<_> = charts.collect();
+        json!({ "title": self.title, "missing": self.missing, "figures": self.figures, "charts": charts })
+    }
+}
+
+impl Table {
+    /// A table without rows.
+    pub fn new(caption: impl Into<String>, columns: &[&str]) -> Self {
+        let columns = columns.iter().map(ToString::to_string).collect();
+        Self { caption: caption.into(), columns, rows: Vec::new() }
+    }
+
+    /// Adds a row.
+    pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        self.rows.push(cells.into_iter().collect());
+    }
+}
+
+impl Cell {
+    /// Words.
+    pub fn text(words: impl Into<String>) -> Self {
+        Self::Text(words.into())
+    }
+
+    /// A number.
+    pub fn number(text: impl Into<String>) -> Self {
+        Self::Number(text.into())
+    }
+
+    /// A count that should be 0.
+    pub fn fault(count: u64) -> Self {
+        let text = crate::numbers::count(count);
+        if count == 0 { Self::Number(text) } else { Self::State(Mood::Bad, text) }
+    }
+}
+
+impl Tile {
+    /// A number that is neither good nor bad.
+    pub fn plain(name: &str, value: impl Into<String>) -> Self {
+        Self { name: name.to_owned(), value: value.into(), mood: Mood::Plain }
+    }
+
+    /// A word that says whether all is well.
+    pub fn state(name: &str, value: impl Into<String>, good: bool) -> Self {
+        let mood = if good { Mood::Good } else { Mood::Bad };
+        Self { name: name.to_owned(), value: value.into(), mood }
+    }
+}

@@ -1,0 +1,158 @@
+//! What was run with what: pipeline, parameters, seed, files, frames, build and processor.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+use serde_json::Value;
+use stillpoint_pipeline::session::{EXTRINSICS, FILES, HASHES, IDENTITY, PARAMS, PIPELINE, RUN, SETS};
+use stillpoint_recorder::Session;
+
+use crate::ReportError;
+use crate::diagram;
+use crate::numbers::{count, started};
+use crate::page::{Block, Cell, Section, Table};
+use crate::source::Source;
+
+#[derive(Serialize)]
+struct ProvenanceFigures {
+    run: BTreeMap<String, String>,
+    identity: BTreeMap<String, String>,
+    started_utc: Option<String>,
+    sets: Value,
+    params: Value,
+    files: Vec<File>,
+    frames: BTreeMap<String, String>,
+    pipeline: Option<String>,
+    /// Why this build cannot run the pipeline, where it cannot.
+    pipeline_is_foreign: Option<String>,
+}
+
+#[derive(Serialize)]
+struct File {
+    name: String,
+    bytes: usize,
+    sha256: Option<String>,
+}
+
+pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
+    let figures = figures(from);
+    let mut section = Section::new("provenance", "What was run with what", &figures)?;
+    let mut say = |block| section.blocks.push(block);
+    if let Some(reason) = &figures.pipeline_is_foreign {
+        say(Block::Warning(format!("This build cannot run the session's pipeline: {reason}")));
+    }
+    let mut facts = Table::new("", &["fact", "value"]);
+    let started = figures.started_utc.iter().map(|t| ("started".to_owned(), t.clone()));
+    let own = figures.run.iter().chain(&figures.identity).filter(|(name, _)| *name != "cpu_features");
+    for (name, value) in started.chain(own.map(|(n, v)| (words(n), v.clone()))) {
+        facts.row([Cell::text(name), Cell::text(value)]);
+    }
+    say(Block::Table(facts));
+    if let Some(svg) = diagram::svg(&from.recording.wiring) {
+        say(Block::Drawing(svg, "Who feeds whom, from left to right. A dashed line goes back.".into()));
+    }
+    if !figures.frames.is_empty() {
+        let mut table = Table::new("Frames", &["frame", "where"]);
+        figures.frames.iter().for_each(|(name, place)| table.row([Cell::text(name), Cell::text(place)]));
+        say(Block::Table(table));
+    }
+    if !figures.files.is_empty() {
+        let mut table =
+            Table::new("Files that parameters name, kept in the session", &["file", "bytes", "SHA-256"]);
+        for f in &figures.files {
+            let hash = f.sha256.as_deref().unwrap_or("");
+            table.row([Cell::text(&f.name), Cell::number(count(f.bytes as u64)), Cell::text(hash)]);
+        }
+        say(Block::Table(table));
+    }
+    for (title, text) in [
+        ("The pipeline as run", figures.pipeline.clone()),
+        ("Changed by --set", listed(&figures.sets)),
+        ("Every parameter, resolved", listed(&figures.params)),
+        ("Features of the processor", figures.identity.get("cpu_features").cloned()),
+    ] {
+        if let Some(text) = text {
+            say(Block::Listing { title: title.to_owned(), text });
+        }
+    }
+    Ok(section)
+}
+
+fn figures(from: &Source<'_>) -> ProvenanceFigures {
+    let session = from.recording.session;
+    let record = |name: &str| session.metadata().get(name).cloned().unwrap_or_default();
+    let json =
+        |name: &str| text(session, name).and_then(|t| serde_json::from_str(&t).ok()).unwrap_or(Value::Null);
+    let hashes = record(HASHES);
+    let files = session.attachments().values().filter_map(|a| {
+        let name = a.name.strip_prefix(FILES)?;
+        Some(File { name: name.to_owned(), bytes: a.bytes.len(), sha256: hashes.get(name).cloned() })
+    });
+    ProvenanceFigures {
+        run: record(RUN),
+        identity: record(IDENTITY),
+        started_utc: started(session),
+        sets: json(SETS),
+        params: json(PARAMS),
+        files: files.collect(),
+        frames: record(EXTRINSICS),
+        pipeline: text(session, PIPELINE),
+        pipeline_is_foreign: from.pipeline.as_ref().err().cloned(),
+    }
+}
+
+fn text(session: &Session, name: &str) -> Option<String> {
+    session.attachments().get(name).map(|a| String::from_utf8_lossy(&a.bytes).into_owned())
+}
+
+/// What there is, a line each; `None` where there is nothing.
+fn listed(value: &Value) -> Option<String> {
+    match value {
+        Value::Null => None,
+        Value::Array(items) if items.is_empty() => None,
+        Value::Array(items) => {
+            let lines = items.iter().map(|i| i.as_str().map_or_else(|| i.to_string(), str::to_owned));
+            Some(lines.collect::<Vec<_>>().join("\n"))
+        }
+        Value::Object(operators) => {
+            let mut lines = Vec::new();
+            for (operator, params) in operators {
+                flatten(operator, params, &mut lines);
+            }
+            Some(lines.join("\n"))
+        }
+        other => Some(other.to_string()),
+    }
+}
+
+/// Params as `operator.param: value`, one a line.
+fn flatten(name: &str, value: &Value, lines: &mut Vec<String>) {
+    match value {
+        Value::Object(inner) => {
+            inner.iter().for_each(|(key, value)| flatten(&format!("{name}.{key}"), value, lines));
+        }
+        value => lines.push(format!("{name}: {value}")),
+    }
+}
+
+fn words(name: &str) -> String {
+    match name {
+        "directed" => "simulated".to_owned(),
+        "build" => "SHA-256 of the program".to_owned(),
+        other => other.replace('_', " "),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn params_stand_one_a_line_with_their_operator() {
+        let params = json!({ "face": { "leaf": "5 mm", "inner": { "a": 1 } }, "sink": {} });
+        assert_eq!(listed(&params).unwrap(), "face.leaf: \"5 mm\"\nface.inner.a: 1");
+        assert_eq!((listed(&json!([])), listed(&Value::Null)), (None, None));
+        assert_eq!(listed(&json!(["a.b=1", "c.d=2"])).unwrap(), "a.b=1\nc.d=2");
+    }
+}

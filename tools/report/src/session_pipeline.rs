@@ -1,0 +1,49 @@
+//! The pipeline that a session keeps, checked against this build.
+
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::session::{PIPELINE, SETS};
+use stillpoint_pipeline::session_files::SessionFiles;
+use stillpoint_pipeline::spec::{self, Faults};
+use stillpoint_recorder::Session;
+
+/// Why the pipeline of a session cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionPipelineError {
+    /// The session has no such attachment.
+    #[error("the session keeps no {0}: it is no session of stillpoint, or its start is lost")]
+    Missing(&'static str),
+    /// An attachment is not what it should be.
+    #[error("{name} of the session: {reason}")]
+    Unreadable {
+        /// Name of the attachment.
+        name: &'static str,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The pipeline has faults for this build.
+    #[error("the session's pipeline does not fit this build:\n{0}")]
+    Faults(Faults),
+}
+
+/// The checked pipeline of a session, and the files that the session keeps.
+///
+/// # Errors
+/// The session keeps no pipeline, or one that this build refuses.
+pub fn pipeline_of(
+    session: &Session,
+    registry: &Registry,
+) -> Result<(Graph, SessionFiles), SessionPipelineError> {
+    let text = |name: &'static str| {
+        let kept = session.attachments().get(name).ok_or(SessionPipelineError::Missing(name))?;
+        String::from_utf8(kept.bytes.clone())
+            .map_err(|e| SessionPipelineError::Unreadable { name, reason: e.to_string() })
+    };
+    let source = text(PIPELINE)?;
+    let sets: Vec<String> = serde_json::from_str(&text(SETS)?)
+        .map_err(|e| SessionPipelineError::Unreadable { name: SETS, reason: e.to_string() })?;
+    let files = SessionFiles::of(session);
+    let graph =
+        spec::check(&source, PIPELINE, &sets, registry, &files).map_err(SessionPipelineError::Faults)?;
+    Ok((graph, files))
+}
