@@ -24,6 +24,16 @@ pub enum TagError {
         /// Why that will not do, and what will.
         why: &'static str,
     },
+    /// A contour of a structure set cannot be used.
+    #[error("contour {number} of {region:?}: {source}")]
+    Contour {
+        /// Its place among the region's contours, from 1.
+        number: usize,
+        /// Name of the region.
+        region: String,
+        /// What is wrong with it.
+        source: Box<TagError>,
+    },
 }
 
 /// A tag with the name that the standard gives it.

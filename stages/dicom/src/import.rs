@@ -5,18 +5,21 @@ use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::tags;
 use dicom_object::InMemDicomObject;
+use stillpoint_plan::Grid;
 use stillpoint_plan::case::{
     Case, CaseError, CaseParts, Imported, NameTable, Prescription, Structure, Uid, Uids,
 };
 use thiserror::Error;
 
+use crate::cut::{Cut, cut};
 use crate::dataset::ReadError;
 use crate::element::{TagError, uid};
 use crate::find::{DEEPEST, Found, find, read_error};
-use crate::raster::rasterise;
-use crate::roi::{self, Rois};
+use crate::raster::{Rastered, rasterise};
+use crate::roi::{self, Roi, Rois};
 use crate::series::{SeriesError, Volume, volume};
 use crate::slice::Slice;
+use crate::told::sentences;
 
 /// What the files do not say.
 #[derive(Clone, Debug)]
@@ -33,6 +36,8 @@ pub struct Request<'a> {
     pub fractions: Option<u32>,
     /// Isocentre, mm; without it, the centroid of all targets.
     pub isocentre_mm: Option<[f64; 3]>,
+    /// How much of an organ may lie beyond the images, cm3; 0 refuses every organ that is cut.
+    pub allowed_cut_cm3: f64,
 }
 
 /// Why a folder makes no case.
@@ -105,6 +110,9 @@ pub enum ImportError {
         /// The series of the images.
         series: Uid,
     },
+    /// The images end inside targets or organs.
+    #[error("the images end inside structures:{}", list(.0))]
+    Cut(Vec<String>),
     /// No file is of the case's study.
     #[error("{}: no file is of the study {study}: give the folder that the case was imported from", folder.display())]
     OtherStudy {
@@ -136,39 +144,13 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
     let volume = volume(slices)?;
     let Volume { grid, hu, study, frame_of_reference: frame } = volume;
     let rois = structure_set(folder, structures, &series, &frame)?;
-    let mut drawn = Vec::new();
-    let mut written = Vec::new();
-    for roi in &rois.rois {
-        let rastered = rasterise(&grid, &roi.contours);
-        if roi.lines > 0 {
-            notes.push(format!(
-                "{:?}: {} contours are points or open lines and hold no volume",
-                roi.name, roi.lines
-            ));
-        }
-        if rastered.planes_unused > 0 {
-            let planes = rastered.planes_unused;
-            notes.push(format!(
-                "{:?}: {planes} planes of contours lie outside the images, or closer than them, and are left out",
-                roi.name
-            ));
-        }
-        if rastered.mask.is_empty() {
-            notes.push(format!("{:?} holds no voxel and is left out", roi.name));
-            continue;
-        }
-        written.push((roi.name.as_str(), roi.role));
-        drawn.push(rastered.mask);
-    }
-    let named = request.names.apply(&written, &mut notes);
-    let structures =
-        named.into_iter().zip(drawn).map(|((name, role), mask)| Structure { name, role, mask }).collect();
+    let drawn = drawn(&rois.rois, &grid, request, &mut notes)?;
     let end: String = series.as_str().chars().rev().take(8).collect::<Vec<_>>().into_iter().rev().collect();
     let parts = CaseParts {
         name: request.name.clone().unwrap_or_else(|| format!("ct-{end}")),
         grid,
         hu,
-        structures,
+        structures: drawn,
         isocentre_mm: request.isocentre_mm,
         prescription: request.prescription.clone(),
         fractions: request.fractions,
@@ -178,6 +160,37 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
     };
     let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
     Ok(Imported { case, notes })
+}
+
+/// The structures as voxels, under the names and roles that they get.
+fn drawn(
+    rois: &[Roi],
+    grid: &Grid,
+    request: &Request<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Structure>, ImportError> {
+    let written: Vec<_> = rois.iter().map(|roi| (roi.name.as_str(), roi.role)).collect();
+    let named = request.names.apply(&written, notes);
+    let (mut structures, mut refused) = (Vec::new(), Vec::new());
+    for (roi, (name, role)) in rois.iter().zip(named) {
+        let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
+        match cut(&roi.name, role, &drawn, request.allowed_cut_cm3) {
+            Cut::Whole => {}
+            Cut::Said(text) => notes.push(text),
+            Cut::Refused(text) => {
+                refused.push(text);
+                continue;
+            }
+        }
+        notes.extend(sentences(&roi.name, &drawn, roi.lines));
+        if mask.is_empty() {
+            let volume_cm3 = drawn.drawn_cm3;
+            notes.push(format!("{:?} holds no voxel ({volume_cm3:.2} cm3) and is left out", roi.name));
+            continue;
+        }
+        structures.push(Structure { name, role, mask });
+    }
+    if refused.is_empty() { Ok(structures) } else { Err(ImportError::Cut(refused)) }
 }
 
 fn choose(folder: &Path, images: &[(PathBuf, Slice)], asked: Option<&Uid>) -> Result<Uid, ImportError> {

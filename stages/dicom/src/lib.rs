@@ -11,6 +11,8 @@
 //! - `series`: CT images to a volume
 //! - `roi`: the contours of a structure set
 //! - `raster`: contours to masks
+//! - `told`: what is said of a structure whose voxels are not plainly its contours
+//! - `cut`: structures that the end of the images cuts
 //! - `find`: the images and structure sets in a folder
 //! - `import`: a folder to a case
 //! - `identity`: whose plan it is, read again at export and never kept
@@ -20,6 +22,7 @@
 
 #![forbid(unsafe_code)]
 
+mod cut;
 mod dataset;
 mod dose;
 mod element;
@@ -32,6 +35,7 @@ mod raster;
 mod roi;
 mod series;
 mod slice;
+mod told;
 mod write;
 
 pub use dataset::{DataSet, ReadError};
@@ -41,7 +45,7 @@ pub use identity::Identity;
 pub use import::{ImportError, Request, import_folder};
 pub use layout::LayoutError;
 pub use plan::{Beam, Machine, Plan, plan_file};
-pub use raster::{Contour, Rastered, rasterise};
+pub use raster::{Beyond, Contour, ContourKind, Drawn, Rastered, rasterise};
 pub use roi::{Roi, Rois};
 pub use series::{SeriesError, Volume, volume};
 pub use slice::Slice;

@@ -8,7 +8,7 @@ use dicom_object::InMemDicomObject;
 use stillpoint_plan::case::{Role, Uid};
 
 use crate::element::{TagError, items, numbers, text, text_if_any, uid, whole, wrong};
-use crate::raster::Contour;
+use crate::raster::{Contour, ContourKind};
 
 /// Contours may leave their plane by this much, mm.
 const FLAT_MM: f64 = 0.05;
@@ -84,8 +84,13 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<Vec<Ro
                     why,
                 );
             }
-            for item in items(drawn, tags::CONTOUR_SEQUENCE) {
-                match contour(item, &roi.name)? {
+            for (place, item) in items(drawn, tags::CONTOUR_SEQUENCE).iter().enumerate() {
+                let of_region = |source| TagError::Contour {
+                    number: place + 1,
+                    region: roi.name.clone(),
+                    source: Box::new(source),
+                };
+                match contour(item).map_err(of_region)? {
                     Some(contour) => roi.contours.push(contour),
                     None => roi.lines += 1,
                 }
@@ -122,15 +127,16 @@ pub fn series(object: &InMemDicomObject) -> Result<Vec<Uid>, TagError> {
 }
 
 /// A closed contour; `None` for points and open lines.
-fn contour(item: &InMemDicomObject, name: &str) -> Result<Option<Contour>, TagError> {
+fn contour(item: &InMemDicomObject) -> Result<Option<Contour>, TagError> {
     let kind = text(item, tags::CONTOUR_GEOMETRIC_TYPE)?;
-    match kind.as_str() {
-        "CLOSED_PLANAR" | "CLOSED_PLANAR_XOR" | "CLOSEDPLANAR_XOR" => {}
+    let kind = match kind.as_str() {
+        "CLOSED_PLANAR" => ContourKind::Closed,
+        "CLOSED_PLANAR_XOR" | "CLOSEDPLANAR_XOR" => ContourKind::Xor,
         "POINT" | "OPEN_PLANAR" | "OPEN_NONPLANAR" => return Ok(None),
         _ => return wrong(tags::CONTOUR_GEOMETRIC_TYPE, kind, "CLOSED_PLANAR is due"),
-    }
+    };
     let values = numbers(item, tags::CONTOUR_DATA)?;
-    let found = || format!("{} numbers of {name}", values.len());
+    let found = || format!("{} numbers", values.len());
     if values.len() % 3 != 0 {
         return wrong(tags::CONTOUR_DATA, found(), "three numbers for each point are due");
     }
@@ -149,12 +155,12 @@ fn contour(item: &InMemDicomObject, name: &str) -> Result<Option<Contour>, TagEr
     if points.clone().any(|p| (p[2] - z_mm).abs() > FLAT_MM) {
         return wrong(
             tags::CONTOUR_DATA,
-            format!("oblique in {name}"),
+            "oblique",
             "contours must lie across the patient, in one plane each",
         );
     }
     if values.iter().any(|v| v.abs() > 1e5) {
-        return wrong(tags::CONTOUR_DATA, format!("more than 100 m away in {name}"), "positions are in mm");
+        return wrong(tags::CONTOUR_DATA, "more than 100 m away", "positions are in mm");
     }
-    Ok(Some(Contour { z_mm, xy_mm: points.map(|p| [p[0], p[1]]).collect() }))
+    Ok(Some(Contour { z_mm, xy_mm: points.map(|p| [p[0], p[1]]).collect(), kind }))
 }

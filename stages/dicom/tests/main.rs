@@ -7,3 +7,4 @@ mod fixture;
 mod import;
 mod planning_data;
 mod raster;
+mod volumes;

@@ -25,10 +25,10 @@ impl Mask {
         Self { len, words: vec![0; len.div_ceil(64)] }
     }
 
-    /// Exchanges whether a voxel of the volume is inside. An index beyond the volume changes nothing.
-    pub fn toggle(&mut self, index: usize) {
+    /// Puts a voxel of the volume inside. An index beyond the volume changes nothing.
+    pub fn insert(&mut self, index: usize) {
         if index < self.len {
-            self.words[index / 64] ^= 1 << (index % 64);
+            self.words[index / 64] |= 1 << (index % 64);
         }
     }
 

@@ -37,6 +37,10 @@ pub struct Import {
     /// DICOM: isocentre in the patient's frame, like `1.5mm,0mm,-20mm`; otherwise the centroid of all targets.
     #[arg(long, allow_hyphen_values = true)]
     isocentre: Option<String>,
+    /// DICOM: how much of an organ may lie beyond the end of the images, like `12.5cm3`; otherwise an organ that is cut is
+    /// refused. A target that is cut always is.
+    #[arg(long)]
+    allow_cut: Option<String>,
 }
 
 impl Import {
@@ -88,6 +92,7 @@ impl Import {
             ("--prescribe", !self.prescribe.is_empty()),
             ("--fractions", self.fractions.is_some()),
             ("--isocentre", self.isocentre.is_some()),
+            ("--allow-cut", self.allow_cut.is_some()),
         ];
         match given.iter().find(|(_, given)| *given) {
             Some((option, _)) => {
@@ -114,6 +119,13 @@ impl Import {
             None => None,
             Some(text) => Some(Uid::parse(text).map_err(Failure::wrong)?),
         };
+        let allowed_cut_cm3 = match &self.allow_cut {
+            None => 0.0,
+            Some(text) => match quantity(text, "cm3", text)? {
+                size if size >= 0.0 => size,
+                _ => return Err(Failure::wrong(format!("{text:?}: the size of a cut cannot be negative"))),
+            },
+        };
         Ok(Request {
             names,
             name: self.name.clone(),
@@ -121,6 +133,7 @@ impl Import {
             prescription,
             fractions: self.fractions,
             isocentre_mm,
+            allowed_cut_cm3,
         })
     }
 }
