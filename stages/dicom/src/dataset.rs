@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::element::TagError;
 use crate::layout::{Encoding, LayoutError, layout};
+use crate::repertoire::Repertoire;
 
 /// A data set, and how its pixels are written.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,8 +39,16 @@ impl DataSet {
             Encoding::Implicit => IMPLICIT_VR_LITTLE_ENDIAN.erased(),
             Encoding::Explicit => EXPLICIT_VR_LITTLE_ENDIAN.erased(),
         };
-        let object =
-            InMemDicomObject::read_dataset_with_ts(&bytes[layout.start..], &syntax).map_err(chain)?;
+        let parse = |bytes: &[u8]| InMemDicomObject::read_dataset_with_ts(bytes, &syntax).map_err(chain);
+        let named = layout.character_set.unwrap_or(0..0);
+        let object = match Repertoire::of(&String::from_utf8_lossy(&bytes[named.clone()])) {
+            None => parse(&bytes[layout.start..])?,
+            Some(repertoire) => {
+                let mut unnamed = bytes.to_vec();
+                unnamed[named].fill(b' ');
+                repertoire.decode(parse(&unnamed[layout.start..])?)
+            }
+        };
         Ok(Self { object, compressed: layout.compressed })
     }
 }

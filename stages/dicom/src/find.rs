@@ -1,31 +1,40 @@
 //! The files of a folder: images, structure sets, and others.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
+use stillpoint_plan::case::Uid;
 
 use crate::dataset::{DataSet, ReadError};
-use crate::element::{TagError, text, text_if_any};
+use crate::element::{TagError, text, text_if_any, uid};
 use crate::import::ImportError;
 use crate::layout::{LayoutError, PREAMBLE};
-use crate::slice::Slice;
 
 /// Exports nest a folder per patient, study and series.
 pub(crate) const DEEPEST: usize = 8;
 
 /// What a folder holds of a patient.
 pub(crate) struct Found {
-    /// CT images with their files.
-    pub images: Vec<(PathBuf, Slice)>,
+    /// CT images with their files, of one series.
+    pub images: Vec<(PathBuf, DataSet)>,
+    /// Their series.
+    pub series: Uid,
     /// Structure sets with their files.
     pub structures: Vec<(PathBuf, InMemDicomObject)>,
 }
 
-/// CT images and structure sets in a folder and the folders in it.
-pub(crate) fn find(folder: &Path, notes: &mut Vec<String>) -> Result<Found, ImportError> {
-    let mut found = Found { images: Vec::new(), structures: Vec::new() };
+/// The CT images of one series and the structure sets in a folder and the folders in it.
+///
+/// The series is the wanted one, else the only one. Of other series no more is read than what they are.
+pub(crate) fn find(
+    folder: &Path,
+    wanted: Option<&Uid>,
+    notes: &mut Vec<String>,
+) -> Result<Found, ImportError> {
+    let (mut images, mut structures) = (Vec::new(), Vec::new());
+    let mut all: BTreeMap<Uid, Series> = BTreeMap::new();
     let (mut foreign, mut other) = (0, BTreeSet::new());
     for path in files(folder)? {
         let bytes = read(&path)?;
@@ -40,7 +49,7 @@ pub(crate) fn find(folder: &Path, notes: &mut Vec<String>) -> Result<Found, Impo
         let class = text(&data.object, tags::SOP_CLASS_UID).map_err(tag)?;
         let modality = text_if_any(&data.object, tags::MODALITY).map_err(tag)?.unwrap_or_default();
         if class == uids::RT_STRUCTURE_SET_STORAGE {
-            found.structures.push((path, data.object));
+            structures.push((path, data.object));
         } else if modality == "CT" {
             if text_if_any(&data.object, tags::IMAGE_TYPE)
                 .map_err(tag)?
@@ -49,14 +58,20 @@ pub(crate) fn find(folder: &Path, notes: &mut Vec<String>) -> Result<Found, Impo
                 notes.push(format!("{} is a localizer and is left out", path.display()));
                 continue;
             }
-            let slice = Slice::read(&data).map_err(tag)?;
-            found.images.push((path, slice));
+            let series = uid(&data.object, tags::SERIES_INSTANCE_UID).map_err(tag)?;
+            let position = text_if_any(&data.object, tags::PATIENT_POSITION).map_err(tag)?;
+            let entry = all.entry(series.clone()).or_default();
+            entry.images += 1;
+            entry.position = position;
+            if wanted.is_none_or(|wanted| *wanted == series) {
+                images.push((path, data));
+            }
         } else {
             other.insert(if modality.is_empty() { class } else { modality });
         }
     }
-    if found.images.is_empty() {
-        other.extend(found.structures.first().map(|_| "RTSTRUCT".to_owned()));
+    if all.is_empty() {
+        other.extend(structures.first().map(|_| "RTSTRUCT".to_owned()));
         let kinds: Vec<_> =
             other.into_iter().chain((foreign > 0).then(|| format!("{foreign} other files"))).collect();
         let found = if kinds.is_empty() { "nothing".to_owned() } else { kinds.join(", ") };
@@ -69,7 +84,31 @@ pub(crate) fn find(folder: &Path, notes: &mut Vec<String>) -> Result<Found, Impo
         let kinds: Vec<_> = other.into_iter().collect();
         notes.push(format!("files of {} are left out: CT and RTSTRUCT are read", kinds.join(", ")));
     }
-    Ok(found)
+    Ok(Found { images, series: choose(folder, &all, wanted)?, structures })
+}
+
+/// What is said of a series.
+#[derive(Default)]
+struct Series {
+    images: usize,
+    position: Option<String>,
+}
+
+fn choose(folder: &Path, all: &BTreeMap<Uid, Series>, wanted: Option<&Uid>) -> Result<Uid, ImportError> {
+    let line = |(uid, series): (&Uid, &Series)| {
+        format!("{uid}: {} images, {}", series.images, series.position.as_deref().unwrap_or("no position"))
+    };
+    let told = || all.iter().map(line).collect();
+    match (wanted, all.len(), all.keys().next()) {
+        (Some(wanted), ..) if all.contains_key(wanted) => Ok(wanted.clone()),
+        (Some(wanted), ..) => Err(ImportError::NoSuchSeries {
+            folder: folder.to_owned(),
+            series: wanted.clone(),
+            found: told(),
+        }),
+        (None, 1, Some(only)) => Ok(only.clone()),
+        _ => Err(ImportError::SeveralSeries { folder: folder.to_owned(), series: told() }),
+    }
 }
 
 /// Whether a file that is no DICOM was meant as one: by its name, or because it ends within the zeros that a file begins

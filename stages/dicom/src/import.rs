@@ -1,6 +1,5 @@
 //! A folder to a case.
 
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use dicom_dictionary_std::tags;
@@ -15,6 +14,7 @@ use crate::cut::{Cut, cut};
 use crate::dataset::ReadError;
 use crate::element::{TagError, uid};
 use crate::find::{DEEPEST, Found, find, read_error};
+use crate::names;
 use crate::raster::{Rastered, rasterise};
 use crate::roi::{self, Roi, Rois};
 use crate::series::{SeriesError, Volume, volume};
@@ -138,11 +138,13 @@ fn list(entries: &[String]) -> String {
 /// The case in this folder and the folders in it: one CT series and the RTSTRUCT drawn on it.
 pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, ImportError> {
     let mut notes = Vec::new();
-    let Found { images, structures } = find(folder, &mut notes)?;
-    let series = choose(folder, &images, request.series.as_ref())?;
-    let slices: Vec<_> = images.into_iter().filter(|(_, slice)| slice.series == series).collect();
-    let volume = volume(slices)?;
-    let Volume { grid, hu, study, frame_of_reference: frame } = volume;
+    let Found { images, series, structures } = find(folder, request.series.as_ref(), &mut notes)?;
+    let mut slices = Vec::with_capacity(images.len());
+    for (path, data) in images {
+        let slice = Slice::read(&data).map_err(|source| read_error(&path, source))?;
+        slices.push((path, slice));
+    }
+    let Volume { grid, hu, study, frame_of_reference: frame, position } = volume(slices)?;
     let rois = structure_set(folder, structures, &series, &frame)?;
     let drawn = drawn(&rois.rois, &grid, request, &mut notes)?;
     let end: String = series.as_str().chars().rev().take(8).collect::<Vec<_>>().into_iter().rev().collect();
@@ -159,7 +161,7 @@ pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, I
         provenance: "DICOM CT and RTSTRUCT".to_owned(),
     };
     let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
-    Ok(Imported { case, notes })
+    Ok(Imported { case: case.lying(position), notes })
 }
 
 /// The structures as voxels, under the names and roles that they get.
@@ -169,12 +171,13 @@ fn drawn(
     request: &Request<'_>,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Structure>, ImportError> {
-    let written: Vec<_> = rois.iter().map(|roi| (roi.name.as_str(), roi.role)).collect();
+    let unique = names::unique(rois.iter().map(|roi| roi.name.as_str()), notes);
+    let written: Vec<_> = unique.iter().map(String::as_str).zip(rois.iter().map(|roi| roi.role)).collect();
     let named = request.names.apply(&written, notes);
     let (mut structures, mut refused) = (Vec::new(), Vec::new());
-    for (roi, (name, role)) in rois.iter().zip(named) {
+    for ((roi, own), (name, role)) in rois.iter().zip(&unique).zip(named) {
         let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
-        match cut(&roi.name, role, &drawn, request.allowed_cut_cm3) {
+        match cut(own, role, &drawn, request.allowed_cut_cm3) {
             Cut::Whole => {}
             Cut::Said(text) => notes.push(text),
             Cut::Refused(text) => {
@@ -182,28 +185,15 @@ fn drawn(
                 continue;
             }
         }
-        notes.extend(sentences(&roi.name, &drawn, roi.lines));
+        notes.extend(sentences(own, &drawn, roi.lines));
         if mask.is_empty() {
             let volume_cm3 = drawn.drawn_cm3;
-            notes.push(format!("{:?} holds no voxel ({volume_cm3:.2} cm3) and is left out", roi.name));
+            notes.push(format!("{:?} holds no voxel ({volume_cm3:.2} cm3) and is left out", own));
             continue;
         }
         structures.push(Structure { name, role, mask });
     }
     if refused.is_empty() { Ok(structures) } else { Err(ImportError::Cut(refused)) }
-}
-
-fn choose(folder: &Path, images: &[(PathBuf, Slice)], asked: Option<&Uid>) -> Result<Uid, ImportError> {
-    let series: BTreeSet<&Uid> = images.iter().map(|(_, slice)| &slice.series).collect();
-    let told = || series.iter().map(ToString::to_string).collect();
-    match (asked, series.len(), series.first()) {
-        (Some(asked), ..) if series.contains(asked) => Ok(asked.clone()),
-        (Some(asked), ..) => {
-            Err(ImportError::NoSuchSeries { folder: folder.to_owned(), series: asked.clone(), found: told() })
-        }
-        (None, 1, Some(&only)) => Ok(only.clone()),
-        _ => Err(ImportError::SeveralSeries { folder: folder.to_owned(), series: told() }),
-    }
 }
 
 /// The one structure set that was drawn on the series.

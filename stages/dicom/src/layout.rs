@@ -4,6 +4,8 @@
 //! as deep as it claims, can be brought down by a few bytes. So every length is first compared with the bytes that are
 //! left, and the depth is bounded. This also names the tag at which a file is cut off.
 
+use std::ops::Range;
+
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
 use dicom_core::{Tag, VR};
 use dicom_dictionary_std::{StandardDataDictionary, uids};
@@ -18,6 +20,7 @@ const UNDEFINED: u32 = u32::MAX;
 const ITEM: Tag = Tag(0xFFFE, 0xE000);
 const ITEM_END: Tag = Tag(0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = Tag(0xFFFE, 0xE0DD);
+const CHARACTER_SET: Tag = Tag(0x0008, 0x0005);
 const PIXEL_DATA: Tag = Tag(0x7FE0, 0x0010);
 
 /// How the elements are written.
@@ -38,6 +41,8 @@ pub struct Layout {
     pub encoding: Encoding,
     /// The transfer syntax, where the pixels are compressed.
     pub compressed: Option<String>,
+    /// Where the value of "Specific Character Set" is.
+    pub character_set: Option<Range<usize>>,
 }
 
 /// Why bytes are no data set.
@@ -93,7 +98,7 @@ pub enum LayoutError {
 
 /// Whether the lengths of this file hold together, and where its data set is.
 pub fn layout(bytes: &[u8]) -> Result<Layout, LayoutError> {
-    let mut walk = Walk { bytes, at: 0, last: Tag(0, 0) };
+    let mut walk = Walk { bytes, at: 0, last: Tag(0, 0), character_set: None };
     let layout = if bytes.get(PREAMBLE..PREAMBLE + 4) == Some(b"DICM") {
         walk.at = PREAMBLE + 4;
         let syntax = walk.meta()?;
@@ -102,11 +107,11 @@ pub fn layout(bytes: &[u8]) -> Result<Layout, LayoutError> {
         bare(bytes)?
     };
     walk.elements(bytes.len(), layout.encoding, 0, Until::End)?;
-    Ok(layout)
+    Ok(Layout { character_set: walk.character_set, ..layout })
 }
 
 fn of_syntax(start: usize, syntax: Option<String>) -> Result<Layout, LayoutError> {
-    let plain = |encoding| Ok(Layout { start, encoding, compressed: None });
+    let plain = |encoding| Ok(Layout { start, encoding, compressed: None, character_set: None });
     match syntax.as_deref() {
         // Implicit little endian is what DICOM means where it says nothing (PS3.5, 10.1).
         None | Some(uids::IMPLICIT_VR_LITTLE_ENDIAN) => plain(Encoding::Implicit),
@@ -115,7 +120,9 @@ fn of_syntax(start: usize, syntax: Option<String>) -> Result<Layout, LayoutError
             Err(LayoutError::Syntax(syntax.unwrap_or_default()))
         }
         // All others write explicit little endian around compressed pixels (PS3.5, A.4).
-        Some(_) => Ok(Layout { start, encoding: Encoding::Explicit, compressed: syntax }),
+        Some(_) => {
+            Ok(Layout { start, encoding: Encoding::Explicit, compressed: syntax, character_set: None })
+        }
     }
 }
 
@@ -131,13 +138,14 @@ fn bare(bytes: &[u8]) -> Result<Layout, LayoutError> {
         return Err(LayoutError::NotDicom);
     }
     let encoding = if explicit { Encoding::Explicit } else { Encoding::Implicit };
-    Ok(Layout { start: 0, encoding, compressed: None })
+    Ok(Layout { start: 0, encoding, compressed: None, character_set: None })
 }
 
 struct Walk<'a> {
     bytes: &'a [u8],
     at: usize,
     last: Tag,
+    character_set: Option<Range<usize>>,
 }
 
 /// What ends a run of elements.
@@ -201,6 +209,9 @@ impl Walk<'_> {
                 }
                 self.items(within, end, encoding, depth + 1)?;
             } else if let Some(after) = within {
+                if depth == 0 && head.tag == CHARACTER_SET {
+                    self.character_set = Some(self.at..after);
+                }
                 self.at = after;
             } else {
                 return Err(LayoutError::Wrong { tag: head.tag, at, why: "has no length" });

@@ -1,15 +1,18 @@
 //! DICOM in and out: CT and RTSTRUCT to cases, RTPLAN and RTDOSE of plans.
 //!
-//! Read: single-frame CT, little endian and uncompressed, axial, head first supine; structure sets of closed planar
-//! contours. What differs is refused with the file and the tag. No patient's name, ID or birth date enters a case; UIDs
-//! do.
+//! Read: single-frame axial CT, little endian, uncompressed, RLE or JPEG lossless, of patients head or feet first, supine
+//! or prone; structure sets of closed planar contours. What differs is refused with the file and the tag. No patient's
+//! name, ID or birth date enters a case; UIDs do.
 //!
 //! - `layout`: whether a file's lengths hold together, before a parser trusts them
 //! - `dataset`: the data set in a file's bytes
+//! - `repertoire`: texts in character sets that switch or hold backslashes
 //! - `element`: typed values of tags, with errors that name the tag
+//! - `pixels`: the stored words of an image, uncompressed or compressed without loss
 //! - `slice`: one CT image
 //! - `series`: CT images to a volume
 //! - `roi`: the contours of a structure set
+//! - `names`: names of regions as names of structures
 //! - `raster`: contours to masks
 //! - `told`: what is said of a structure whose voxels are not plainly its contours
 //! - `cut`: structures that the end of the images cuts
@@ -30,8 +33,11 @@ mod find;
 mod identity;
 mod import;
 mod layout;
+mod names;
+mod pixels;
 mod plan;
 mod raster;
+mod repertoire;
 mod roi;
 mod series;
 mod slice;

@@ -2,7 +2,7 @@
 
 use dicom_core::VR;
 use dicom_dictionary_std::{tags, uids};
-use stillpoint_plan::case::Prescription;
+use stillpoint_plan::case::{PatientPosition, Prescription};
 
 use crate::write::{Export, ExportError, Exported, Writer, fitting};
 
@@ -47,6 +47,8 @@ pub struct Plan<'a> {
     pub prescription: &'a [Prescription],
     /// Number of fractions.
     pub fractions: u32,
+    /// How the patient lies.
+    pub position: PatientPosition,
     /// Its beams.
     pub beams: &'a [Beam],
 }
@@ -72,7 +74,7 @@ pub fn plan_file(export: &Export<'_>, plan: &Plan<'_>) -> Result<Exported, Expor
     }
     file.sequence(tags::FRACTION_GROUP_SEQUENCE, vec![fraction_group(plan)?]);
     let mut setup = Writer::default();
-    setup.whole(tags::PATIENT_SETUP_NUMBER, 1).put(tags::PATIENT_POSITION, VR::CS, "HFS");
+    setup.whole(tags::PATIENT_SETUP_NUMBER, 1).put(tags::PATIENT_POSITION, VR::CS, plan.position.term());
     file.sequence(tags::PATIENT_SETUP_SEQUENCE, vec![setup]);
     let beams = plan.beams.iter().enumerate().map(|(i, b)| beam(i + 1, b, &plan.machine));
     file.sequence(tags::BEAM_SEQUENCE, beams.collect::<Result<_, _>>()?);
@@ -83,7 +85,9 @@ fn dose_reference(number: usize, prescription: &Prescription) -> Result<Writer, 
     let mut item = Writer::default();
     item.whole(tags::DOSE_REFERENCE_NUMBER, number);
     item.put(tags::DOSE_REFERENCE_STRUCTURE_TYPE, VR::CS, "SITE");
-    let name = fitting("description of a dose", &prescription.structure, 64)?;
+    // A backslash parts the values of a DICOM text.
+    let name = prescription.structure.replace('\\', "/");
+    let name = fitting("description of a dose", &name, 64)?;
     item.put(tags::DOSE_REFERENCE_DESCRIPTION, VR::LO, name);
     item.put(tags::DOSE_REFERENCE_TYPE, VR::CS, "TARGET");
     let dose = positive("a prescribed dose", prescription.dose_gy)?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use stillpoint_plan::Grid;
-use stillpoint_plan::case::Uid;
+use stillpoint_plan::case::{PatientPosition, Uid};
 use thiserror::Error;
 
 use crate::slice::Slice;
@@ -71,6 +71,8 @@ pub struct Volume {
     pub study: Uid,
     /// Their frame of reference.
     pub frame_of_reference: Uid,
+    /// How the patient lies.
+    pub position: PatientPosition,
 }
 
 /// The volume of these images of one series, in whatever order they come.
@@ -90,7 +92,8 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> 
     };
     let mut hu = Vec::with_capacity(slices.iter().map(|(_, s)| s.hu.len()).sum());
     slices.iter().for_each(|(_, slice)| hu.extend(&slice.hu));
-    Ok(Volume { grid, hu, study: first.study.clone(), frame_of_reference: first.frame_of_reference.clone() })
+    let (study, frame_of_reference) = (first.study.clone(), first.frame_of_reference.clone());
+    Ok(Volume { grid, hu, study, frame_of_reference, position: first.position })
 }
 
 /// The distance of the images, if it is one.
@@ -119,6 +122,7 @@ fn difference(a: &Slice, b: &Slice) -> Option<&'static str> {
         (a.study == b.study, "(0020,000D) StudyInstanceUID"),
         (a.series == b.series, "(0020,000E) SeriesInstanceUID"),
         (a.frame_of_reference == b.frame_of_reference, "(0020,0052) FrameOfReferenceUID"),
+        (a.position == b.position, "(0018,5100) PatientPosition"),
         (a.counts == b.counts, "the count of (0028,0010) Rows or (0028,0011) Columns"),
         (near(&a.spacing_mm, &b.spacing_mm), "(0028,0030) PixelSpacing"),
         (near(&a.position_mm[..2], &b.position_mm[..2]), "the corner in (0020,0032) ImagePositionPatient"),

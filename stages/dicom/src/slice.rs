@@ -2,10 +2,11 @@
 
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
-use stillpoint_plan::case::Uid;
+use stillpoint_plan::case::{PatientPosition, Uid};
 
 use crate::dataset::DataSet;
 use crate::element::{TagError, exactly, must_be, text, text_if_any, uid, whole, wrong};
+use crate::pixels::words;
 
 /// How far the rows and columns may be turned from the patient's axes, as a cosine: under 0.01 degrees.
 const OBLIQUE: f64 = 1e-4;
@@ -19,10 +20,12 @@ pub struct Slice {
     pub counts: [usize; 2],
     /// Distance of columns and of rows, mm.
     pub spacing_mm: [f64; 2],
-    /// Centre of the first voxel, mm.
+    /// Centre of the first voxel, mm: the one farthest to the right and to the front of the patient.
     pub position_mm: [f64; 3],
     /// Values, x fastest.
     pub hu: Vec<i16>,
+    /// How the patient lies.
+    pub position: PatientPosition,
     /// Study, series and frame of reference.
     pub study: Uid,
     /// The series.
@@ -42,12 +45,9 @@ impl Slice {
                 "single-frame CT images are read: export them as CT Image Storage",
             );
         }
-        if let Some(syntax) = compressed {
-            let why = "compressed pixels are not read: convert the images to explicit little endian (for example `gdcmconv --raw`)";
-            return wrong(tags::TRANSFER_SYNTAX_UID, syntax, why);
-        }
-        placed(object)?;
-        let position_mm = exactly(object, tags::IMAGE_POSITION_PATIENT)?;
+        let position = position(object)?;
+        let [against_x, against_y] = reversed(object)?;
+        let mut position_mm: [f64; 3] = exactly(object, tags::IMAGE_POSITION_PATIENT)?;
         let [row_mm, column_mm] = exactly(object, tags::PIXEL_SPACING)?;
         if !(row_mm > 0.0 && column_mm > 0.0) {
             return wrong(
@@ -60,11 +60,21 @@ impl Slice {
         let [Ok(columns), Ok(rows)] = counts.map(usize::try_from) else {
             return wrong(tags::ROWS, format!("{counts:?}"), "a count is due");
         };
+        let mut hu = hounsfield(object, compressed.as_deref(), columns, rows)?;
+        if against_x {
+            hu.chunks_exact_mut(columns).for_each(<[i16]>::reverse);
+            position_mm[0] -= (columns - 1) as f64 * column_mm;
+        }
+        if against_y {
+            hu = hu.chunks_exact(columns).rev().flatten().copied().collect();
+            position_mm[1] -= (rows - 1) as f64 * row_mm;
+        }
         Ok(Self {
             counts: [columns, rows],
             spacing_mm: [column_mm, row_mm],
             position_mm,
-            hu: hounsfield(object, columns, rows)?,
+            hu,
+            position,
             study: uid(object, tags::STUDY_INSTANCE_UID)?,
             series: uid(object, tags::SERIES_INSTANCE_UID)?,
             frame_of_reference: uid(object, tags::FRAME_OF_REFERENCE_UID)?,
@@ -72,32 +82,62 @@ impl Slice {
     }
 }
 
-/// Refuses patients who do not lie head first supine, and images that are not axial.
-fn placed(object: &InMemDicomObject) -> Result<(), TagError> {
-    let position = text(object, tags::PATIENT_POSITION)?;
-    if position != "HFS" {
-        let name = match position.as_str() {
-            "HFP" => "HFP, head first prone",
-            "FFS" => "FFS, feet first supine",
-            "FFP" => "FFP, feet first prone",
-            "HFDR" => "HFDR, head first on the right side",
-            "HFDL" => "HFDL, head first on the left side",
-            "FFDR" => "FFDR, feet first on the right side",
-            "FFDL" => "FFDL, feet first on the left side",
-            other => other,
-        };
-        return wrong(tags::PATIENT_POSITION, name, "plans are made for HFS, head first supine, alone");
-    }
-    let orientation: [f64; 6] = exactly(object, tags::IMAGE_ORIENTATION_PATIENT)?;
-    let axial = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    if orientation.iter().zip(axial).any(|(found, due)| (found - due).abs() > OBLIQUE) {
-        let why = "the image is oblique: rows must run to the left and columns to the back (1\\0\\0\\0\\1\\0); resample the series";
-        return wrong(tags::IMAGE_ORIENTATION_PATIENT, format!("{orientation:?}"), why);
-    }
-    Ok(())
+/// How the patient lies, where it is a position that can be planned.
+fn position(object: &InMemDicomObject) -> Result<PatientPosition, TagError> {
+    let term = text(object, tags::PATIENT_POSITION)?;
+    PatientPosition::of_term(&term).map_or_else(
+        || {
+            let name = match term.as_str() {
+                "HFDR" => "HFDR, head first on the right side",
+                "HFDL" => "HFDL, head first on the left side",
+                "FFDR" => "FFDR, feet first on the right side",
+                "FFDL" => "FFDL, feet first on the left side",
+                other => other,
+            };
+            wrong(
+                tags::PATIENT_POSITION,
+                name,
+                "HFS, HFP, FFS or FFP is due: supine or prone, head or feet first",
+            )
+        },
+        Ok,
+    )
 }
 
-fn hounsfield(object: &InMemDicomObject, columns: usize, rows: usize) -> Result<Vec<i16>, TagError> {
+/// Whether rows and columns run against x and y. Refuses images that are not across the patient.
+fn reversed(object: &InMemDicomObject) -> Result<[bool; 2], TagError> {
+    let found: [f64; 6] = exactly(object, tags::IMAGE_ORIENTATION_PATIENT)?;
+    let is = |due: [f64; 6]| found.iter().zip(due).all(|(found, due)| (found - due).abs() <= OBLIQUE);
+    for (row, column) in [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)] {
+        if is([row, 0.0, 0.0, 0.0, column, 0.0]) {
+            return Ok([row < 0.0, column < 0.0]);
+        }
+    }
+    let [a, b] = [[found[0], found[1], found[2]], [found[3], found[4], found[5]]];
+    let normal = [0, 1, 2].map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    });
+    let along = |axis: usize| normal[axis].abs() > 1.0 - OBLIQUE;
+    let why = match [along(0), along(1), along(2)] {
+        [true, ..] => "the image is sagittal: axial images are read; give the axial series",
+        [_, true, _] => "the image is coronal: axial images are read; give the axial series",
+        [.., true] => {
+            "the image is turned within its plane: rows and columns must run along x and y; resample the series"
+        }
+        _ => {
+            "the image is oblique: rows must run along x and columns along y (1\\0\\0\\0\\1\\0); resample the series"
+        }
+    };
+    wrong(tags::IMAGE_ORIENTATION_PATIENT, format!("{found:?}"), why)
+}
+
+fn hounsfield(
+    object: &InMemDicomObject,
+    compressed: Option<&str>,
+    columns: usize,
+    rows: usize,
+) -> Result<Vec<i16>, TagError> {
     must_be(object, tags::SAMPLES_PER_PIXEL, 1, "a CT has one sample per pixel")?;
     must_be(object, tags::BITS_ALLOCATED, 16, "16 bits per pixel are read")?;
     let photometric = text(object, tags::PHOTOMETRIC_INTERPRETATION)?;
@@ -129,20 +169,10 @@ fn hounsfield(object: &InMemDicomObject, columns: usize, rows: usize) -> Result<
         Some(element) => element.to_int::<i32>().ok().map(|p| value(p as u16)),
         None => None,
     };
-    let pixels = object.get(tags::PIXEL_DATA).ok_or(TagError::Missing(tags::PIXEL_DATA))?;
-    let bytes = match pixels.to_bytes() {
-        Ok(bytes) => bytes,
-        Err(_) => return wrong(tags::PIXEL_DATA, "a sequence", "uncompressed pixels are due"),
-    };
-    let size = columns.checked_mul(rows).and_then(|n| n.checked_mul(2));
-    // A value of odd length is padded by one byte.
-    if size.is_none_or(|size| size == 0 || bytes.len() < size || bytes.len() > size + 1) {
-        let found = format!("{} bytes for {columns} x {rows} pixels", bytes.len());
-        return wrong(tags::PIXEL_DATA, found, "two bytes for each pixel are due");
-    }
-    let mut hu = Vec::with_capacity(columns * rows);
-    for word in bytes.chunks_exact(2) {
-        let stored = value(u16::from_le_bytes([word[0], word[1]]));
+    let words = words(object, compressed, columns, rows)?;
+    let mut hu = Vec::with_capacity(words.len());
+    for word in words {
+        let stored = value(word);
         let exact = libm::round(slope * f64::from(stored) + intercept);
         hu.push(match exact {
             _ if Some(stored) == padding => AIR_HU,

@@ -14,6 +14,8 @@ use stillpoint_dicom::{DataSet, Rois, Slice, rasterise, volume};
 use stillpoint_plan::case::Uid;
 
 #[allow(dead_code)]
+mod compressed;
+#[allow(dead_code)]
 mod fixture;
 
 use fixture::{Encoding, FRAME, bare, ct, file, small_structures};
@@ -125,6 +127,19 @@ proptest! {
         if let Ok(volume) = volume(vec![(PathBuf::from("a"), slice), (PathBuf::from("b"), whole)]) {
             prop_assert_eq!(volume.hu.len(), volume.grid.len());
         }
+    }
+
+    #[test]
+    fn broken_compressed_images_are_refused_or_read_whole(
+        which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4), inside in prop::collection::vec(harm(), 0..4),
+    ) {
+        let (syntax, piece) = &compressed::pieces()[which];
+        let bytes = compressed::image(1, syntax, &harmed(piece.clone(), &inside));
+        // The pixels alone are harmed in every other case: else the lengths around them hide them.
+        let bytes = if inside.len() % 2 == 0 { harmed(bytes, &harms) } else { bytes };
+        let Ok(data) = DataSet::read(&bytes) else { return Ok(()) };
+        let Ok(slice) = Slice::read(&data) else { return Ok(()) };
+        prop_assert_eq!(slice.hu.len(), slice.counts[0] * slice.counts[1]);
     }
 
     #[test]

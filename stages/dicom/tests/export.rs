@@ -7,7 +7,7 @@ use stillpoint_dicom::{
     Beam, DataSet, Export, ExportError, Identity, Machine, Plan, PlannedDose, dose_file, plan_file, uids_of,
 };
 use stillpoint_plan::Grid;
-use stillpoint_plan::case::{ContentHash, NameTable, Prescription, Uid, Uids};
+use stillpoint_plan::case::{ContentHash, NameTable, PatientPosition, Prescription, Uid, Uids};
 
 use crate::fixture::folder;
 use crate::import::request;
@@ -41,7 +41,14 @@ fn prescription() -> Vec<Prescription> {
 
 fn plan<'a>(beams: &'a [Beam], prescription: &'a [Prescription]) -> Plan<'a> {
     let machine = Machine { name: "generic", energy_mv: 6.0, source_axis_mm: 1000.0 };
-    Plan { label: "greedy 5", machine, prescription, fractions: 39, beams }
+    Plan {
+        label: "greedy 5",
+        machine,
+        prescription,
+        fractions: 39,
+        position: PatientPosition::HeadFirstSupine,
+        beams,
+    }
 }
 
 #[test]

@@ -134,11 +134,16 @@ pub fn small_structures() -> InMemDicomObject {
 
 /// The file of a data set, explicit and with file meta information.
 pub fn file(object: &InMemDicomObject) -> Vec<u8> {
+    file_as(object, uids::EXPLICIT_VR_LITTLE_ENDIAN)
+}
+
+/// The file of a data set in this transfer syntax, which encodes as explicit little endian does.
+pub fn file_as(object: &InMemDicomObject, syntax: &str) -> Vec<u8> {
     let text = |tag| object.get(tag).map(|e| e.to_str().unwrap().into_owned()).unwrap_or_default();
     let meta = FileMetaTableBuilder::new()
         .media_storage_sop_class_uid(text(tags::SOP_CLASS_UID))
         .media_storage_sop_instance_uid(text(tags::SOP_INSTANCE_UID))
-        .transfer_syntax(uids::EXPLICIT_VR_LITTLE_ENDIAN);
+        .transfer_syntax(syntax);
     let mut bytes = Vec::new();
     object.clone().with_meta(meta).unwrap().write_all(&mut bytes).unwrap();
     bytes

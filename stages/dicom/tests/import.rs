@@ -134,6 +134,7 @@ fn images_that_make_no_volume_are_refused_with_file_and_tag() {
     for (tag, vr, value) in [
         (tags::STUDY_INSTANCE_UID, VR::UI, "1.2.77"),
         (tags::FRAME_OF_REFERENCE_UID, VR::UI, "1.2.77"),
+        (tags::PATIENT_POSITION, VR::CS, "HFP"),
         (tags::PIXEL_SPACING, VR::DS, "3\\2.1"),
     ] {
         let said = refusal(4, |o| put(o, tag, vr, value));
@@ -166,10 +167,12 @@ fn of_several_series_one_must_be_chosen() {
 #[test]
 fn images_of_other_kinds_and_positions_are_refused_by_tag_and_name() {
     for (tag, vr, value, expected) in [
-        (tags::PATIENT_POSITION, VR::CS, "FFS", "FFS, feet first supine"),
-        (tags::PATIENT_POSITION, VR::CS, "HFP", "HFP, head first prone"),
+        (tags::PATIENT_POSITION, VR::CS, "FFDR", "FFDR, feet first on the right side"),
+        (tags::PATIENT_POSITION, VR::CS, "HFDL", "HFDL, head first on the left side"),
         (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "1\\0\\0\\0\\0.98\\0.2", "oblique"),
-        (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\0\\0\\-1", "oblique"),
+        (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\0\\0\\-1", "sagittal"),
+        (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "1\\0\\0\\0\\0\\-1", "coronal"),
+        (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "0\\1\\0\\-1\\0\\0", "turned within its plane"),
         (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2", "another count is due"),
         (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2\\x", "finite numbers are due"),
         (tags::PIXEL_SPACING, VR::DS, "3\\0", "above 0 mm"),

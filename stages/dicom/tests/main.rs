@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod compressed;
 mod export;
 mod fixture;
 mod import;
 mod planning_data;
 mod raster;
+mod reading;
 mod volumes;

@@ -1,18 +1,21 @@
 //! From the couch to the patient: where a motion seen in the couch's frame takes the points of a plan.
 //!
-//! The patient lies head first and supine on a couch that is not turned (IEC 61217, patient support angle 0).
+//! The couch is not turned (IEC 61217, patient support angle 0). In the DICOM patient frame (x to the left, y to the
+//! back, z to the head) the axes of the couch are, by the patient's position:
 //!
-//! | axis of the couch (IEC 61217 table top; of `couch` in pipelines) | of the patient | DICOM patient frame |
-//! | --- | --- | --- |
-//! | x, to the right of one who faces the gantry | to the left | +x |
-//! | y, along the couch to the gantry | to the head | +z |
-//! | z, up | to the front | -y |
+//! | axis of the couch (IEC 61217 table top; `couch` in pipelines) | HFS | HFP | FFS | FFP |
+//! | --- | --- | --- | --- | --- |
+//! | x, to the right of a person who faces the gantry | +x | -x | -x | +x |
+//! | y, along the couch to the gantry | +z | +z | -z | -z |
+//! | z, up | -y | +y | -y | +y |
 //!
-//! So `patient_from_couch` is a quarter turn about x and no mirror: a right-handed turn by an angle about an axis stays one
-//! about the axis that it becomes. Gantry angles turn about the couch's y: the source of angle 0 is at +z, of 90 degrees at
+//! So `patient_from_couch` is a turn and no mirror: a right-handed turn by an angle about an axis stays one about the axis
+//! that it becomes. Gantry angles turn about the couch's y: the source of angle 0 is at +z, of 90 degrees at
 //! +x. The two frames have different origins; the isocentre is the point that is known in both.
 
 use nalgebra::{Matrix3, Vector3};
+
+use crate::case::PatientPosition;
 
 /// A rigid motion of points: `rotation * point + shift`, in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,9 +38,10 @@ impl Motion {
     }
 }
 
-/// Takes directions of the couch to those of the DICOM patient frame, head first supine.
-pub fn patient_from_couch() -> Matrix3<f64> {
-    Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0)
+/// Takes directions of the couch to those of the DICOM patient frame of a patient who lies like this.
+pub fn patient_from_couch(position: PatientPosition) -> Matrix3<f64> {
+    let supine = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
+    Matrix3::from_diagonal(&Vector3::from(position.signs())) * supine
 }
 
 /// A motion seen in the couch's frame, as it moves points of the DICOM patient frame.
@@ -47,10 +51,11 @@ pub fn patient_from_couch() -> Matrix3<f64> {
 /// isocentres; the motion `c -> R c + t` is then `p -> M R M^T (p - i) + i + M (R j + t - j)`.
 pub fn patient_motion(
     couch: &Motion,
+    position: PatientPosition,
     isocentre_in_couch_mm: Vector3<f64>,
     isocentre_mm: Vector3<f64>,
 ) -> Motion {
-    let m = patient_from_couch();
+    let m = patient_from_couch(position);
     let rotation = m * couch.rotation * m.transpose();
     // How far the point at the isocentre goes.
     let moved = m * (couch.apply(isocentre_in_couch_mm) - isocentre_in_couch_mm);
@@ -64,26 +69,42 @@ mod tests {
     use nalgebra::Rotation3;
     use proptest::prelude::*;
 
+    const HEAD_FIRST: PatientPosition = PatientPosition::HeadFirstSupine;
+
     fn vector() -> impl Strategy<Value = Vector3<f64>> {
         prop::array::uniform3(-500.0..500.0_f64).prop_map(Vector3::from)
     }
 
     #[test]
     fn the_axes_are_those_of_the_table() {
-        let m = patient_from_couch();
-        assert_eq!(m * Vector3::x(), Vector3::x(), "right of the couch is left of the patient");
-        assert_eq!(m * Vector3::y(), Vector3::z(), "to the gantry is to the head");
-        assert_eq!(m * Vector3::z(), -Vector3::y(), "up is to the front");
-        assert_eq!((m.determinant(), m * m.transpose()), (1.0, Matrix3::identity()));
+        use PatientPosition::{FeetFirstProne, FeetFirstSupine, HeadFirstProne, HeadFirstSupine};
+        let (left, back, head) = (Vector3::x(), Vector3::y(), Vector3::z());
+        for (position, right, to_gantry, up) in [
+            (HeadFirstSupine, left, head, -back),
+            (HeadFirstProne, -left, head, back),
+            (FeetFirstSupine, -left, -head, -back),
+            (FeetFirstProne, left, -head, back),
+        ] {
+            let m = patient_from_couch(position);
+            assert_eq!(m * Vector3::x(), right, "{position}");
+            assert_eq!(m * Vector3::y(), to_gantry, "{position}");
+            assert_eq!(m * Vector3::z(), up, "{position}");
+            assert_eq!((m.determinant(), m * m.transpose()), (1.0, Matrix3::identity()));
+        }
     }
 
     #[test]
     fn the_source_goes_round_the_couch_as_it_goes_round_the_patient() {
-        for gantry_deg in [0.0, 48.0, 90.0, 180.0, 275.0_f64] {
-            let (sin, cos) = gantry_deg.to_radians().sin_cos();
-            let seen = patient_from_couch() * Vector3::new(sin, 0.0, cos) * 1000.0;
-            let source = Vector3::from(BeamFrame::new(gantry_deg, [0.0; 3], 1000.0).source_mm());
-            assert!((seen - source).norm() < 1e-9, "{gantry_deg}");
+        for position in PatientPosition::ALL {
+            for gantry_deg in [0.0, 48.0, 90.0, 180.0, 275.0_f64] {
+                let (sin, cos) = gantry_deg.to_radians().sin_cos();
+                let seen = patient_from_couch(position) * Vector3::new(sin, 0.0, cos) * 1000.0;
+                let frame = BeamFrame::new(gantry_deg, position, [0.0; 3], 1000.0);
+                assert!((seen - Vector3::from(frame.source_mm())).norm() < 1e-9, "{position}, {gantry_deg}");
+                // What lies to the gantry is above the beam's centre, in every position.
+                let beam = frame.beam_from_patient((patient_from_couch(position) * Vector3::y()).into());
+                assert_eq!(beam[2], 1.0, "{position}, {gantry_deg}");
+            }
         }
     }
 
@@ -93,7 +114,7 @@ mod tests {
         let turn = Rotation3::from_axis_angle(&Vector3::x_axis(), 0.1);
         let couch = Motion { rotation: turn.into_inner(), shift_mm: Vector3::zeros() };
         let isocentre = Vector3::new(5.0, -20.0, 30.0);
-        let motion = patient_motion(&couch, Vector3::zeros(), isocentre);
+        let motion = patient_motion(&couch, HEAD_FIRST, Vector3::zeros(), isocentre);
         let moved = motion.apply(isocentre + Vector3::new(0.0, 0.0, 100.0)) - isocentre;
         let expected = Vector3::new(0.0, -100.0 * 0.1_f64.sin(), 100.0 * 0.1_f64.cos());
         assert!((moved - expected).norm() < 1e-9, "{moved}");
@@ -105,15 +126,17 @@ mod tests {
         fn a_point_goes_where_it_goes_in_the_couch(
             axis in vector(), angle in -3.0..3.0_f64, shift_mm in vector(),
             in_couch in vector(), in_patient in vector(), point in vector(),
+            position in prop::sample::select(PatientPosition::ALL.to_vec()),
         ) {
             let axis = nalgebra::Unit::try_new(axis, 1e-6).unwrap_or(Vector3::z_axis());
             let rotation = Rotation3::from_axis_angle(&axis, angle).into_inner();
             let couch = Motion { rotation, shift_mm };
-            let motion = patient_motion(&couch, in_couch, in_patient);
-            let patient = |c: Vector3<f64>| in_patient + patient_from_couch() * (c - in_couch);
+            let motion = patient_motion(&couch, position, in_couch, in_patient);
+            let patient = |c: Vector3<f64>| in_patient + patient_from_couch(position) * (c - in_couch);
             prop_assert!((motion.apply(patient(point)) - patient(couch.apply(point))).norm() < 1e-8);
             prop_assert!((motion.rotation.determinant() - 1.0).abs() < 1e-12);
-            prop_assert_eq!(patient_motion(&Motion::none(), in_couch, in_patient).rotation, Matrix3::identity());
+            let still = patient_motion(&Motion::none(), position, in_couch, in_patient);
+            prop_assert_eq!(still.rotation, Matrix3::identity());
         }
     }
 }

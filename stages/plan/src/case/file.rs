@@ -27,6 +27,7 @@ use thiserror::Error;
 use super::inflate::{InflateError, inflate};
 use super::mask::Mask;
 use super::patient::{Case, CaseError, CaseParts, Prescription, check_grid};
+use super::position::PatientPosition;
 use super::structure::{Role, Structure};
 use super::uid::Uids;
 use crate::Grid;
@@ -116,6 +117,8 @@ struct Header {
     reference_dose: bool,
     uids: Option<Uids>,
     provenance: String,
+    #[serde(default, skip_serializing_if = "PatientPosition::is_default")]
+    position: PatientPosition,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -230,7 +233,7 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Case, CaseFileError> {
     if found != expected {
         return Err(CaseFileError::Hash { expected, found });
     }
-    Ok(Case::new(CaseParts {
+    let case = Case::new(CaseParts {
         name: header.name,
         grid,
         hu,
@@ -241,7 +244,8 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Case, CaseFileError> {
         reference_dose_gy,
         uids: header.uids,
         provenance: header.provenance,
-    })?)
+    })?;
+    Ok(case.lying(header.position))
 }
 
 fn header(case: &Case) -> Result<Vec<u8>, CaseFileError> {
@@ -259,6 +263,7 @@ fn header(case: &Case) -> Result<Vec<u8>, CaseFileError> {
         reference_dose: case.reference_dose_gy().is_some(),
         uids: case.uids().cloned(),
         provenance: case.provenance().to_owned(),
+        position: case.position(),
     };
     let text = serde_json::to_vec(&header).map_err(|error| CaseFileError::Header(error.to_string()))?;
     match text.len() <= LARGEST_HEADER {

@@ -12,6 +12,7 @@
 //!
 //! - `patient`: a case and the rules that make one
 //! - `structure`: structures and their roles
+//! - `position`: how the patient lies on the couch
 //! - `mask`: which voxels belong to a structure
 //! - `uid`: the identifiers that a case keeps
 //! - `file`: the case file and its hash
@@ -29,6 +30,7 @@ mod names;
 mod nrrd;
 mod patient;
 mod phantom;
+mod position;
 mod structure;
 mod uid;
 
@@ -40,5 +42,6 @@ pub use names::{NameTable, NamesError, StandardName, name_fits};
 pub use nrrd::{NrrdError, Values, Volume, read_nrrd};
 pub use patient::{Case, CaseError, CaseParts, Prescription};
 pub use phantom::phantom;
+pub use position::PatientPosition;
 pub use structure::{Role, Structure};
 pub use uid::{Uid, UidError, Uids};

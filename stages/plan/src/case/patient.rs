@@ -5,12 +5,15 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::position::PatientPosition;
 use super::structure::{Role, Structure};
 use super::uid::Uids;
 use crate::Grid;
 
-/// Longest name of a case or a structure, in bytes: DICOM's long string.
+/// Longest name of a case or a structure, in characters: DICOM's long string.
 const LONGEST_NAME: usize = 64;
+/// What a name is of.
+const CASE: &str = "case";
 /// Voxel numbers are rows of the dose matrix, which are 32 bits.
 const MOST_VOXELS: usize = u32::MAX as usize;
 
@@ -51,12 +54,13 @@ pub struct CaseParts {
 
 /// A patient, ready to plan: what it holds fits together.
 ///
-/// Positions are millimetres in the DICOM patient frame of a head-first supine patient (x to the left, y to the back, z
-/// to the head). It holds no name, ID or birth date of a person.
+/// Positions are millimetres in the DICOM patient frame (x to the left, y to the back, z to the head), however the patient
+/// lies. It holds no name, ID or birth date of a person.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     parts: CaseParts,
     isocentre_mm: [f64; 3],
+    position: PatientPosition,
 }
 
 /// Why parts make no case.
@@ -64,7 +68,7 @@ pub struct Case {
 pub enum CaseError {
     /// A name is empty, long, or holds characters that are no text.
     #[error(
-        "{name:?} is no name for a {what}: give 1 to {LONGEST_NAME} bytes of printable text without slashes"
+        "{name:?} is no name for a {what}: give 1 to {LONGEST_NAME} characters of printable text{}", if *what == CASE { " without slashes" } else { "" }
     )]
     Name {
         /// Case or structure.
@@ -139,9 +143,9 @@ pub enum CaseError {
 }
 
 impl Case {
-    /// The case of these parts, if they fit together.
+    /// The case of these parts, if they fit together. The patient lies head first and supine.
     pub fn new(parts: CaseParts) -> Result<Self, CaseError> {
-        name("case", &parts.name)?;
+        name(CASE, &parts.name)?;
         check_grid(&parts.grid)?;
         let voxels = parts.grid.len();
         let length = |what: &str, found| match found == voxels {
@@ -169,7 +173,17 @@ impl Case {
         if !(0..3).all(inside) {
             return Err(CaseError::Isocentre(isocentre_mm));
         }
-        Ok(Self { parts, isocentre_mm })
+        Ok(Self { parts, isocentre_mm, position: PatientPosition::default() })
+    }
+
+    /// The same case of a patient who lies like this.
+    pub fn lying(self, position: PatientPosition) -> Self {
+        Self { position, ..self }
+    }
+
+    /// How the patient lies on the couch.
+    pub fn position(&self) -> PatientPosition {
+        self.position
     }
 
     /// Its name.
@@ -245,8 +259,10 @@ impl Case {
 }
 
 fn name(what: &'static str, name: &str) -> Result<(), CaseError> {
-    let text = name.trim() == name && !name.chars().any(|c| c.is_control() || c == '/' || c == '\\');
-    match text && (1..=LONGEST_NAME).contains(&name.len()) {
+    // The name of a case becomes that of a folder; those of structures stay text.
+    let is_slash = |c: char| what == CASE && (c == '/' || c == '\\');
+    let text = name.trim() == name && !name.chars().any(|c| c.is_control() || is_slash(c));
+    match text && (1..=LONGEST_NAME).contains(&name.chars().count()) {
         true => Ok(()),
         false => Err(CaseError::Name { what, name: name.chars().take(80).collect() }),
     }

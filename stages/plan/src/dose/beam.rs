@@ -32,7 +32,7 @@ const OBLIQUE: f64 = 1.05;
 pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
     let (params, machine) = (&engine.params, &engine.machine);
     let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
-    let planned = BeamFrame::new(gantry_deg, engine.isocentre_mm, sad_mm);
+    let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
     let bixels_mm = bixels::positions(&planned, &engine.target_mm, width_mm, engine.image_spacing_mm);
     if bixels_mm.len() > MOST_BIXELS {
         return Err(DoseError::Bixels { gantry_deg, found: bixels_mm.len(), most: MOST_BIXELS });
@@ -40,7 +40,7 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
 
     // In the frame of a patient who is moved, the isocentre goes the other way.
     let isocentre_mm = std::array::from_fn(|axis| engine.isocentre_mm[axis] - engine.shift_mm[axis]);
-    let frame = BeamFrame::new(gantry_deg, isocentre_mm, sad_mm);
+    let frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
     let central =
         bixels_mm.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or_default();
     let ssd_mm = skin_distance_mm(&params.grid, &engine.density, &frame, central).unwrap_or(sad_mm);

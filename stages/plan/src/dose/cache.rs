@@ -131,8 +131,17 @@ const METHOD: &[u8] = b"stillpoint pencil beam 1";
 /// Hash of everything that an engine's doses depend on.
 fn engine_key(engine: &DoseEngine) -> Key {
     // Every field is named, so that a new one is thought of here.
-    let DoseEngine { machine, params, isocentre_mm, density, voxels, target_mm, image_spacing_mm, shift_mm } =
-        engine;
+    let DoseEngine {
+        machine,
+        params,
+        isocentre_mm,
+        position,
+        density,
+        voxels,
+        target_mm,
+        image_spacing_mm,
+        shift_mm,
+    } = engine;
     let mut hash = Sha256::new();
     let mut part = |bytes: &[u8]| {
         hash.update((bytes.len() as u64).to_le_bytes());
@@ -144,6 +153,10 @@ fn engine_key(engine: &DoseEngine) -> Key {
         format!("{:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}", machine.file())
             .as_bytes(),
     );
+    // The doses of patients who lie head first and supine keep the names of their files.
+    if !position.is_default() {
+        part(position.term().as_bytes());
+    }
     part(zerocopy::IntoBytes::as_bytes(density.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(voxels.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(target_mm.as_slice()));

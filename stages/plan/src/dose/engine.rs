@@ -7,7 +7,7 @@ use super::depth::corners;
 use super::error::DoseError;
 use super::machine::Machine;
 use crate::Grid;
-use crate::case::{Case, Mask};
+use crate::case::{Case, Mask, PatientPosition};
 use crate::threads::on_threads;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
@@ -67,6 +67,8 @@ pub struct DoseEngine {
     pub(super) machine: Machine,
     pub(super) params: DoseParams,
     pub(super) isocentre_mm: [f64; 3],
+    /// How the patient lies.
+    pub(super) position: PatientPosition,
     /// Relative electron density on the dose grid.
     pub(super) density: Vec<f32>,
     /// Voxels of the dose grid inside the patient, rising.
@@ -97,7 +99,7 @@ impl DoseEngine {
             target: &target,
             isocentre_mm: case.isocentre_mm(),
         };
-        Self::new(&anatomy, machine, params)
+        Ok(Self { position: case.position(), ..Self::new(&anatomy, machine, params)? })
     }
 
     /// Makes a patient ready.
@@ -140,6 +142,7 @@ impl DoseEngine {
             target_mm,
             image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
             isocentre_mm: anatomy.isocentre_mm,
+            position: PatientPosition::default(),
             shift_mm: [0.0; 3],
             machine,
             params,

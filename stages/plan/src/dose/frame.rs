@@ -1,27 +1,31 @@
 //! The beam's eye: where a point of the patient lies as seen from the source.
 
+use crate::case::PatientPosition;
+
 /// The frame of one beam. Its origin is the radiation source, `y` runs from there through the isocentre, and for gantry
-/// angle 0 its axes are those of the DICOM patient frame. The patient lies head first and supine; the couch is at 0
-/// degrees.
+/// angle 0 its axes are those of the DICOM patient frame of a patient who lies head first and supine. For the other
+/// positions the axes are turned with [`PatientPosition::signs`]. The couch is at 0 degrees.
 ///
-/// The gantry angle is that of IEC 61217: at 0 degrees the source is in front of the patient, at 90 on his left.
+/// The gantry angle is that of IEC 61217: at 0 degrees the source is above the couch. A patient who lies head first and
+/// supine has it in front of him at 0 degrees and on his left at 90.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct BeamFrame {
     sin: f64,
     cos: f64,
     isocentre_mm: [f64; 3],
+    signs: [f64; 3],
     sad_mm: f64,
 }
 
 impl BeamFrame {
-    pub fn new(gantry_deg: f64, isocentre_mm: [f64; 3], sad_mm: f64) -> Self {
+    pub fn new(gantry_deg: f64, position: PatientPosition, isocentre_mm: [f64; 3], sad_mm: f64) -> Self {
         let (sin, cos) = libm::sincos(gantry_deg.to_radians());
-        Self { sin, cos, isocentre_mm, sad_mm }
+        Self { sin, cos, isocentre_mm, signs: position.signs(), sad_mm }
     }
 
     /// A point of the patient frame (mm), in the beam's.
     pub fn beam_from_patient(&self, point_mm: [f64; 3]) -> [f64; 3] {
-        let [x, y, z] = [0, 1, 2].map(|axis| point_mm[axis] - self.isocentre_mm[axis]);
+        let [x, y, z] = [0, 1, 2].map(|axis| self.signs[axis] * (point_mm[axis] - self.isocentre_mm[axis]));
         [self.cos * x + self.sin * y, self.cos * y - self.sin * x + self.sad_mm, z]
     }
 
@@ -29,7 +33,7 @@ impl BeamFrame {
     pub fn patient_from_beam(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let y = y - self.sad_mm;
         let turned = [self.cos * x - self.sin * y, self.sin * x + self.cos * y, z];
-        [0, 1, 2].map(|axis| turned[axis] + self.isocentre_mm[axis])
+        [0, 1, 2].map(|axis| self.signs[axis] * turned[axis] + self.isocentre_mm[axis])
     }
 
     /// Distance from the source to the isocentre, mm.
@@ -50,12 +54,13 @@ impl BeamFrame {
 
 #[cfg(test)]
 mod tests {
+    use super::PatientPosition::HeadFirstSupine;
     use super::*;
 
     #[test]
     fn source_goes_round_from_the_front_over_the_left_as_iec_61217_says() {
         let centre = [1.0, -2.0, 3.0];
-        let at = |deg| BeamFrame::new(deg, centre, 1000.0).source_mm();
+        let at = |deg| BeamFrame::new(deg, HeadFirstSupine, centre, 1000.0).source_mm();
         for (deg, expected) in [
             (0.0, [1.0, -1002.0, 3.0]),
             (90.0, [1001.0, -2.0, 3.0]),
@@ -69,9 +74,11 @@ mod tests {
 
     #[test]
     fn there_and_back_is_the_same_point() {
-        let frame = BeamFrame::new(123.0, [4.0, 5.0, 6.0], 1000.0);
-        let point = [10.0, -70.0, 33.0];
-        let back = frame.patient_from_beam(frame.beam_from_patient(point));
-        assert!((0..3).all(|i| (back[i] - point[i]).abs() < 1e-9));
+        for position in PatientPosition::ALL {
+            let frame = BeamFrame::new(123.0, position, [4.0, 5.0, 6.0], 1000.0);
+            let point = [10.0, -70.0, 33.0];
+            let back = frame.patient_from_beam(frame.beam_from_patient(point));
+            assert!((0..3).all(|i| (back[i] - point[i]).abs() < 1e-9));
+        }
     }
 }

@@ -4,5 +4,6 @@ mod broken;
 mod cache;
 mod generic;
 pub mod phantom;
+mod positions;
 mod reference;
 mod water;

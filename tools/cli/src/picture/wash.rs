@@ -73,8 +73,9 @@ fn colour(part: f64) -> [u8; 3] {
 /// A dashed line along the axis of a beam from the edge of the slice to the isocentre.
 fn beam(case: &Case, frame: &Frame, gantry_deg: f64, labelled: bool, picture: &mut Picture) {
     let (sin, cos) = libm::sincos(gantry_deg.to_radians());
-    // To the source: at 0 degrees in front of the patient, at 90 on his left.
-    let to_source = [sin, -cos, 0.0];
+    // To the source: head first and supine, at 0 degrees in front of the patient, at 90 on his left.
+    let signs = case.position().signs();
+    let to_source = [signs[0] * sin, -signs[1] * cos, 0.0];
     let [dx, dy] = [frame.axes[0], frame.axes[1]].map(|axis| to_source[axis]);
     let length = libm::hypot(dx, dy);
     if length < SEEN {

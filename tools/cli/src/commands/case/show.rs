@@ -69,6 +69,7 @@ fn told(case: &Case, hash: &str) -> serde_json::Value {
         "counts": case.grid().counts,
         "spacing_mm": case.grid().spacing_mm,
         "origin_mm": case.grid().origin_mm,
+        "position": case.position(),
         "isocentre_mm": case.isocentre_mm(),
         "structures": case.structures().iter().map(structure).collect::<Vec<_>>(),
         "prescription": case.prescription(),
@@ -90,6 +91,7 @@ fn print(case: &Case, hash: &str) {
         three(grid.spacing_mm),
         three(grid.origin_mm)
     );
+    outln!("patient {}", case.position());
     outln!("isocentre {} mm", three(case.isocentre_mm()));
     for p in case.prescription() {
         let fractions = case.fractions().map_or_else(String::new, |n| format!(" in {n} fractions"));

@@ -33,6 +33,7 @@ pub fn dicom(
             },
             prescription: request.case.prescription(),
             fractions: request.case.fractions().unwrap_or(1),
+            position: request.case.position(),
             beams: &beams,
         },
     )?;

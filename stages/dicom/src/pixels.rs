@@ -1,0 +1,144 @@
+//! The stored words of an image, uncompressed or compressed without loss.
+
+use std::io::Cursor;
+
+use dicom_core::value::Value;
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::InMemDicomObject;
+use jpeg_decoder::{CodingProcess, Decoder, PixelFormat};
+
+use crate::element::{TagError, wrong};
+
+/// The header of RLE data: a count and 15 places, 32 bits each (PS3.5, G.5).
+const RLE_HEADER: usize = 64;
+
+/// The words of an image with 16 bits for each of its pixels.
+pub(crate) fn words(
+    object: &InMemDicomObject,
+    compressed: Option<&str>,
+    columns: usize,
+    rows: usize,
+) -> Result<Vec<u16>, TagError> {
+    let element = object.get(tags::PIXEL_DATA).ok_or(TagError::Missing(tags::PIXEL_DATA))?;
+    let Some(count) = columns.checked_mul(rows).filter(|n| (1..1 << 30).contains(n)) else {
+        return wrong(tags::ROWS, format!("{rows} with {columns} columns"), "1 to 2^30 pixels are due");
+    };
+    let Some(syntax) = compressed else {
+        return plain(element.to_bytes().ok().as_deref(), columns, rows);
+    };
+    let Value::PixelSequence(sequence) = element.value() else {
+        return wrong(tags::PIXEL_DATA, "not compressed", "the transfer syntax is one of compressed pixels");
+    };
+    let fragments = sequence.fragments();
+    match syntax {
+        uids::RLE_LOSSLESS => match fragments {
+            [fragment] => run_lengths(fragment, count),
+            _ => wrong(tags::PIXEL_DATA, format!("{} pieces", fragments.len()), "RLE has one piece an image"),
+        },
+        uids::JPEG_LOSSLESS | uids::JPEG_LOSSLESS_SV1 => jpeg(&fragments.concat(), columns, rows),
+        _ => {
+            let why = "of compressed pixels RLE and JPEG lossless are read: convert the images to explicit little endian (for example `gdcmconv --raw`)";
+            wrong(tags::TRANSFER_SYNTAX_UID, syntax, why)
+        }
+    }
+}
+
+fn plain(bytes: Option<&[u8]>, columns: usize, rows: usize) -> Result<Vec<u16>, TagError> {
+    let Some(bytes) = bytes else {
+        return wrong(tags::PIXEL_DATA, "a sequence", "uncompressed pixels are due");
+    };
+    let size = 2 * columns * rows;
+    // A value of odd length is padded by one byte.
+    if bytes.len() < size || bytes.len() > size + 1 {
+        let found = format!("{} bytes for {columns} x {rows} pixels", bytes.len());
+        return wrong(tags::PIXEL_DATA, found, "two bytes for each pixel are due");
+    }
+    Ok(bytes.chunks_exact(2).map(|word| u16::from_le_bytes([word[0], word[1]])).collect())
+}
+
+/// RLE: the high bytes of all pixels, then the low bytes, each packed (PS3.5, G.3 and G.4).
+///
+/// The decoder of dicom-transfer-syntax-registry panics on broken data.
+fn run_lengths(fragment: &[u8], count: usize) -> Result<Vec<u16>, TagError> {
+    let broken = |why| wrong(tags::PIXEL_DATA, format!("RLE: {why}"), "export the image again");
+    let Some((header, _)) = fragment.split_at_checked(RLE_HEADER) else {
+        return broken("its header has 64 bytes");
+    };
+    let number = |place: usize| {
+        u32::from_le_bytes([header[place], header[place + 1], header[place + 2], header[place + 3]]) as usize
+    };
+    if number(0) != 2 {
+        return broken("an image of 16 bits has two segments");
+    }
+    let (high, low) = (number(4), number(8));
+    let (Some(high), Some(low)) = (fragment.get(high..low), fragment.get(low..)) else {
+        return broken("its segments lie outside of it");
+    };
+    match (unpack(high, count), unpack(low, count)) {
+        (Some(high), Some(low)) => {
+            Ok(high.into_iter().zip(low).map(|(high, low)| u16::from_be_bytes([high, low])).collect())
+        }
+        _ => broken("its segments hold too few pixels"),
+    }
+}
+
+/// The first `count` bytes of a packed segment.
+fn unpack(mut packed: &[u8], count: usize) -> Option<Vec<u8>> {
+    // A packed byte makes at most 64.
+    if count / 64 > packed.len() {
+        return None;
+    }
+    let mut bytes = Vec::with_capacity(count);
+    while bytes.len() < count {
+        let (&head, rest) = packed.split_first()?;
+        let left = count - bytes.len();
+        packed = match head {
+            0..=127 => {
+                let (literal, rest) = rest.split_at_checked(usize::from(head) + 1)?;
+                bytes.extend(literal.iter().take(left));
+                rest
+            }
+            128 => rest,
+            129..=255 => {
+                let (&byte, rest) = rest.split_first()?;
+                bytes.resize(bytes.len() + (257 - usize::from(head)).min(left), byte);
+                rest
+            }
+        };
+    }
+    Some(bytes)
+}
+
+fn jpeg(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagError> {
+    let broken = |why: String| wrong(tags::PIXEL_DATA, format!("JPEG: {why}"), "export the image again");
+    // A pixel takes a bit at least, and the decoder takes memory for all pixels that the header claims.
+    if columns * rows / 8 > bytes.len() {
+        return broken(format!("{} bytes for {columns} x {rows} pixels", bytes.len()));
+    }
+    let mut decoder = Decoder::new(Cursor::new(bytes));
+    decoder.set_max_decoding_buffer_size(2 * columns * rows);
+    if let Err(fault) = decoder.read_info() {
+        return broken(fault.to_string());
+    }
+    let Some(info) = decoder.info() else { return broken("it has no frame".to_owned()) };
+    if [usize::from(info.width), usize::from(info.height)] != [columns, rows] {
+        return broken(format!("{} x {} pixels, but {columns} x {rows} are due", info.width, info.height));
+    }
+    if info.coding_process != CodingProcess::Lossless {
+        return broken(format!("coded by the process {:?}, but lossless is due", info.coding_process));
+    }
+    let decoded = match decoder.decode() {
+        Ok(decoded) => decoded,
+        Err(fault) => return broken(fault.to_string()),
+    };
+    match info.pixel_format {
+        PixelFormat::L16 if decoded.len() == 2 * columns * rows => {
+            // The decoder writes words as the machine does.
+            Ok(decoded.chunks_exact(2).map(|word| u16::from_ne_bytes([word[0], word[1]])).collect())
+        }
+        PixelFormat::L8 if decoded.len() == columns * rows => {
+            Ok(decoded.into_iter().map(u16::from).collect())
+        }
+        other => broken(format!("pixels of the kind {other:?}")),
+    }
+}
