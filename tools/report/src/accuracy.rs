@@ -1,19 +1,24 @@
 //! How far the filtered head is from the rig's truth, out of a session.
 
-use std::collections::BTreeMap;
+use std::path::Path;
 
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use serde::Serialize;
-use stillpoint_recorder::{Session, Topic};
-use stillpoint_samples::{Pieces, Pose, PoseElement, Sample, Standing, Track, TrackElement};
+use stillpoint_recorder::Session;
+use stillpoint_samples::{Pose, PoseReport, Sample, SampleKind, Track};
 
-use crate::offset::mean_offset;
+use crate::motion::{Comparison, Pair, Truth, compare, pose};
+use crate::recording::{Part, Recording, Signal};
 use crate::wiring::{Stage, Wiring};
+
+/// The kinds of samples that the accuracy is made of: truths, tracks, and when a tracker took another reference.
+const KINDS: &[&SampleKind] = &[Pose::KIND, Track::KIND, PoseReport::KIND];
 
 /// Motion of the filtered head against the truth.
 ///
-/// A track has another place on the head, and other axes, than the rig: only motion can be compared. Where the track has
-/// rotations, one rigid offset between the two is taken out, the mean one; else the mean of both positions.
+/// A track follows another point of the head, and has other axes, than the truth of the rig: only motion can be compared.
+/// The mean offset of each reference of the tracker is removed first, as in the report: a rigid offset if the track has
+/// all six channels, else the mean of each channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
     /// The estimate's topic.
@@ -34,7 +39,7 @@ pub struct Accuracy {
 /// Rotation of the filtered head against the truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Turns {
-    /// Root mean square about each axis of the frame, degrees.
+    /// Root mean square of pitch (about x), roll (about y) and yaw (about z), degrees.
     pub rms_deg: [f64; 3],
     /// Largest angle, degrees.
     pub worst_deg: f64,
@@ -73,70 +78,22 @@ fn three(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// A place and a direction; NaN where they are not known.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    position: Vector3<f64>,
-    rotation: UnitQuaternion<f64>,
-}
-
-impl Place {
-    fn new(position: [f64; 3], [w, x, y, z]: [f64; 4]) -> Self {
-        let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
-        Self { position: position.into(), rotation }
-    }
-
-    fn of_pose(pose: &PoseElement) -> Self {
-        Self::new(pose.position, pose.orientation)
-    }
-
-    fn of_track(track: &TrackElement) -> Self {
-        Self::new(track.position, track.orientation)
-    }
-
-    fn pose(&self) -> Isometry3<f64> {
-        Isometry3::from_parts(self.position.into(), self.rotation)
-    }
-
-    /// All three rotations of a track are known.
-    fn is_turned(&self) -> bool {
-        self.rotation.coords.iter().all(|c| c.is_finite())
-    }
-}
-
 /// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not. Of several tracks it
-/// is that of the last in a chain.
+/// is that of the last in a chain. The comparison is the report's ([`compare`]).
 pub fn of_session(session: &Session) -> Option<Accuracy> {
-    let topics = session.topics();
-    let truth =
-        topics.iter().find(|t| t.name.ends_with(".truth") && t.type_name == Pose::KIND.type_name())?;
-    let is_track = |t: &&Topic| t.type_name == Track::KIND.type_name() && t.frame == truth.frame;
-    let tracks: Vec<&str> = topics.iter().filter(is_track).map(|t| t.name.as_str()).collect();
-    let last = last_of(&tracks, &Wiring::of(session));
-    let mut true_at: BTreeMap<u64, Place> = BTreeMap::new();
-    let mut tracked: BTreeMap<&str, Vec<(u64, Place)>> = BTreeMap::new();
-    for recorded in session.samples_where(|t| t.name == truth.name || last.contains(&t.name.as_str())) {
-        let recorded = recorded.ok()?;
-        let name = topics[recorded.topic].name.as_str();
-        if name == truth.name {
-            let view = Pieces::split(Pose::KIND, &recorded.sample).ok()?.view::<Pose>().ok()?;
-            true_at.insert(view.header.origin, Place::of_pose(view.first()?));
-        } else {
-            let view = Pieces::split(Track::KIND, &recorded.sample).ok()?.view::<Track>().ok()?;
-            let track = view.first()?;
-            if track.standing() != Standing::None {
-                tracked.entry(name).or_default().push((view.header.origin, Place::of_track(track)));
-            }
-        }
-    }
-    last.into_iter().find_map(|name| {
-        let places = tracked.get(name)?;
-        let pairs: Vec<_> = places.iter().filter_map(|(t, p)| Some((*true_at.get(t)?, *p))).collect();
-        of_pairs(name.to_owned(), &pairs)
+    // Neither the path nor any other sample has a part in it.
+    let recording = Recording::read_kinds(session, Path::new(""), KINDS);
+    let tracks: Vec<&Signal> =
+        recording.signals.iter().filter(|s| matches!(s.part, Part::Filtered | Part::Fused)).collect();
+    let names: Vec<&str> = tracks.iter().map(|s| s.topic.as_str()).collect();
+    let last = last_of(&names, &recording.wiring);
+    tracks.into_iter().filter(|s| last.contains(&s.topic.as_str())).find_map(|track| {
+        let truth = recording.truth_of(track)?;
+        of_comparison(&track.topic, &compare(&Truth::of(truth), track.states.items()))
     })
 }
 
-/// Those of the tracks that no operator makes another of.
+/// The tracks from which no operator makes another track.
 fn last_of<'a>(tracks: &[&'a str], wiring: &Wiring) -> Vec<&'a str> {
     let makes_another =
         |stage: &Stage, of: &str| stage.outputs.iter().any(|o| o != of && tracks.contains(&o.as_str()));
@@ -144,95 +101,113 @@ fn last_of<'a>(tracks: &[&'a str], wiring: &Wiring) -> Vec<&'a str> {
     tracks.iter().filter(is_last).copied().collect()
 }
 
-/// Compares pairs of truth and estimate; `None` where there are none.
-fn of_pairs(topic: String, pairs: &[(Place, Place)]) -> Option<Accuracy> {
-    let first = pairs.first()?.0;
-    let n = pairs.len() as f64;
-    let turned = pairs.iter().all(|(_, estimate)| estimate.is_turned());
-    let compared = if turned { about_offset(pairs) } else { Vec::new() };
-    let errors = if turned {
-        compared.iter().map(|(truth, e)| e.translation.vector - truth.translation.vector).collect()
-    } else {
-        errors_about_mean(pairs)
-    };
+/// The figures of a comparison; `None` where it has no pairs.
+fn of_comparison(topic: &str, found: &Comparison) -> Option<Accuracy> {
+    let pairs = &found.pairs;
+    let first = position(&pairs.first()?.truth);
+    let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
     // An axis that the track does not follow has no error.
-    let known = errors.iter().map(|e| e.map(|c| if c.is_nan() { 0.0 } else { c }));
-    let worst = known.map(|e| e.norm()).fold(0.0, f64::max);
-    let moved = pairs.iter().map(|(truth, _)| (truth.position - first.position).norm()).fold(0.0, f64::max);
-    let rms = |axis: usize| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt() * 1e3;
+    let error = |pair: &Pair| position(&pair.error).map(|e| if e.is_nan() { 0.0 } else { e });
+    let rms = |channel: usize| found.figures(topic, channel).map(|figures| figures.rms);
     Some(Accuracy {
-        topic,
+        topic: topic.to_owned(),
         samples: pairs.len(),
-        rms_mm: [0, 1, 2].map(|axis| Some(rms(axis)).filter(|rms| rms.is_finite())),
-        worst_mm: worst * 1e3,
-        moved_mm: moved * 1e3,
-        turns: turns(&compared),
+        rms_mm: [0, 1, 2].map(rms),
+        worst_mm: most(&mut pairs.iter().map(|p| error(p).norm())) * 1e3,
+        moved_mm: most(&mut pairs.iter().map(|p| (position(&p.truth) - first).norm())) * 1e3,
+        turns: turns(pairs, [rms(3), rms(4), rms(5)]),
     })
 }
 
-/// Errors of the position, m, each of truth and estimate about its own mean.
-fn errors_about_mean(pairs: &[(Place, Place)]) -> Vec<Vector3<f64>> {
-    let differences: Vec<_> =
-        pairs.iter().map(|(truth, estimate)| estimate.position - truth.position).collect();
-    let mean = differences.iter().sum::<Vector3<f64>>() / differences.len() as f64;
-    differences.iter().map(|difference| difference - mean).collect()
+fn position(channels: &[f64; 6]) -> Vector3<f64> {
+    Vector3::new(channels[0], channels[1], channels[2])
 }
 
-/// The estimates with the mean rigid offset put behind them, beside their truths.
-fn about_offset(pairs: &[(Place, Place)]) -> Vec<(Isometry3<f64>, Isometry3<f64>)> {
-    let poses: Vec<_> = pairs.iter().map(|(truth, estimate)| (truth.pose(), estimate.pose())).collect();
-    let offset = mean_offset(&poses).unwrap_or_default();
-    poses.into_iter().map(|(truth, estimate)| (truth, estimate * offset)).collect()
-}
-
-/// Errors of the rotation, with one constant rotation between the axes of the two taken out.
-fn turns(compared: &[(Isometry3<f64>, Isometry3<f64>)]) -> Option<Turns> {
-    let first = compared.first()?.0.rotation;
-    let errors: Vec<Vector3<f64>> =
-        compared.iter().map(|(truth, e)| (e.rotation * truth.rotation.inverse()).scaled_axis()).collect();
-    let n = compared.len() as f64;
-    let rms = |axis: usize| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt().to_degrees();
+/// The figures of the rotation, where every pair has all three angles.
+fn turns(pairs: &[Pair], rms: [Option<f64>; 3]) -> Option<Turns> {
+    let [Some(pitch), Some(roll), Some(yaw)] = rms else { return None };
+    let is_whole = |p: &Pair| p.truth[3..].iter().chain(&p.error[3..]).all(|angle| angle.is_finite());
+    if !pairs.iter().all(is_whole) {
+        return None;
+    }
+    let truth = |p: &Pair| pose(p.truth).rotation;
+    let estimate = |p: &Pair| pose(std::array::from_fn(|i| p.truth[i] + p.error[i])).rotation;
+    let first = truth(pairs.first()?);
     let most = |angles: &mut dyn Iterator<Item = f64>| angles.fold(0.0, f64::max).to_degrees();
     Some(Turns {
-        rms_deg: [0, 1, 2].map(rms),
-        worst_deg: most(&mut errors.iter().map(|e| e.norm())),
-        turned_deg: most(&mut compared.iter().map(|(truth, _)| truth.rotation.angle_to(&first))),
+        rms_deg: [pitch, roll, yaw],
+        worst_deg: most(&mut pairs.iter().map(|p| estimate(p).angle_to(&truth(p)))),
+        turned_deg: most(&mut pairs.iter().map(|p| truth(p).angle_to(&first))),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use stillpoint_samples::Standing;
+
     use super::*;
+    use crate::motion::numbers;
+    use crate::recording::State;
+    use crate::thinned::Thinned;
+
+    fn state(origin: usize, channels: [f64; 6]) -> State {
+        let covariance = std::array::from_fn(|i| if i % 7 == 0 { 1e-6 } else { 0.0 });
+        State { origin: origin as u64, channels, covariance, nis: f64::NAN, standing: Standing::Measured }
+    }
+
+    /// The accuracy of estimates at the times of these truths, with new references of the tracker at these times.
+    fn of(truth: &[[f64; 6]], estimate: &[[f64; 6]], references: &[u64]) -> Option<Accuracy> {
+        let states = |channels: &[[f64; 6]]| {
+            let mut kept = Thinned::default();
+            channels.iter().enumerate().for_each(|(k, c)| kept.push(state(k, *c)));
+            kept
+        };
+        let truth = Signal {
+            topic: "rig.truth".into(),
+            frame: None,
+            part: Part::Truth,
+            states: states(truth),
+            tracking: None,
+            references: references.to_vec(),
+        };
+        of_comparison("it", &compare(&Truth::of(&truth), states(estimate).items()))
+    }
 
     /// A head that nods about a point 0.1 m below the one that is compared, 0.1 rad at most.
-    fn nods() -> Vec<Place> {
-        (0..20)
-            .map(|i| {
-                let rotation =
-                    UnitQuaternion::from_scaled_axis(Vector3::x() * 0.1 * (f64::from(i) * 0.7).sin());
-                Place { position: rotation * Vector3::new(0.0, 0.0, 0.1), rotation }
-            })
-            .collect()
+    fn nods() -> Vec<[f64; 6]> {
+        let angle = |i: i32| 0.1 * (f64::from(i) * 0.7).sin();
+        let nod = |i| [0.0, -0.1 * angle(i).sin(), 0.1 * angle(i).cos(), angle(i), 0.0, 0.0];
+        (0..20).map(nod).collect()
     }
+
+    fn seen_from(truth: &[f64; 6], own: [f64; 6]) -> [f64; 6] {
+        numbers(&(pose(*truth) * pose(own)))
+    }
+
+    const NAN: f64 = f64::NAN;
 
     #[test]
     fn a_pose_of_another_place_on_the_head_is_exact() {
-        let axes = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.2, 1.0));
-        let elsewhere = |truth: &Place| Place {
-            position: truth.position + truth.rotation * Vector3::new(0.02, 0.05, -0.03),
-            rotation: truth.rotation * axes,
-        };
-        let pairs: Vec<_> = nods().iter().map(|truth| (*truth, elsewhere(truth))).collect();
-        let found = of_pairs("it".into(), &pairs).unwrap();
+        let elsewhere = |truth: &[f64; 6]| seen_from(truth, [0.02, 0.05, -0.03, 0.3, -0.2, 1.0]);
+        let estimates: Vec<_> = nods().iter().map(elsewhere).collect();
+        let found = of(&nods(), &estimates, &[]).unwrap();
         let turns = found.turns.unwrap();
-        assert!(found.worst_mm < 1e-9 && turns.worst_deg < 1e-6, "{} {turns:?}", found.worst_mm);
+        assert!(found.worst_mm < 1e-9 && turns.worst_deg < 1e-5, "{} {turns:?}", found.worst_mm);
         assert!(found.moved_mm > 9.0 && turns.turned_deg > 5.0, "{turns:?}");
         // By its position alone it is not.
-        let position =
-            |place: Place| Place { rotation: Place::new([0.0; 3], [f64::NAN; 4]).rotation, ..place };
-        let pairs: Vec<_> = pairs.into_iter().map(|(truth, e)| (truth, position(e))).collect();
-        let found = of_pairs("it".into(), &pairs).unwrap();
+        let positions: Vec<_> = estimates.iter().map(|e| [e[0], e[1], e[2], NAN, NAN, NAN]).collect();
+        let found = of(&nods(), &positions, &[]).unwrap();
         assert!(found.worst_mm > 1.0 && found.turns.is_none());
+    }
+
+    #[test]
+    fn each_capture_has_an_offset_of_its_own() {
+        let own = |k: usize| if k < 12 { [0.02, 0.05, -0.03, 0.3, -0.2, 1.0] } else { [0.0; 6] };
+        let estimates: Vec<_> = nods().iter().enumerate().map(|(k, t)| seen_from(t, own(k))).collect();
+        assert!(of(&nods(), &estimates, &[]).unwrap().worst_mm > 10.0);
+        let found = of(&nods(), &estimates, &[12]).unwrap();
+        assert!(found.worst_mm < 1e-9 && found.turns.as_ref().unwrap().worst_deg < 1e-5, "{found:?}");
+        assert_eq!(found.samples, 20);
     }
 
     #[test]
@@ -243,18 +218,15 @@ mod tests {
 
     #[test]
     fn errors_are_told_per_axis() {
-        let still = Place { position: Vector3::zeros(), rotation: UnitQuaternion::identity() };
-        let off = |i: i32| if i % 2 == 0 { 1e-3 } else { -1e-3 };
-        let moved = |i| Place {
-            position: Vector3::new(f64::NAN, off(i), 0.0),
-            rotation: Place::new([0.0; 3], [f64::NAN; 4]).rotation,
-        };
-        let found = of_pairs("it".into(), &(0..10).map(|i| (still, moved(i))).collect::<Vec<_>>()).unwrap();
+        let still = vec![[0.0; 6]; 10];
+        let off = |k: usize| if k % 2 == 0 { 1e-3 } else { -1e-3 };
+        let moved: Vec<_> = (0..10).map(|k| [NAN, off(k), 0.0, NAN, NAN, NAN]).collect();
+        let found = of(&still, &moved, &[]).unwrap();
         assert_eq!(found.rms_mm[0], None);
         assert!((found.rms_mm[1].unwrap() - 1.0).abs() < 1e-9 && found.rms_mm[2].unwrap().abs() < 1e-9);
-        let turned = |i| Place { rotation: UnitQuaternion::from_scaled_axis(Vector3::z() * off(i)), ..still };
-        let found = of_pairs("it".into(), &(0..10).map(|i| (still, turned(i))).collect::<Vec<_>>()).unwrap();
+        let turned: Vec<_> = (0..10).map(|k| [0.0, 0.0, 0.0, 0.0, 0.0, off(k)]).collect();
+        let found = of(&still, &turned, &[]).unwrap();
         assert!((found.turns.unwrap().rms_deg[2] - 1e-3_f64.to_degrees()).abs() < 1e-9);
-        assert!(of_pairs("it".into(), &[]).is_none());
+        assert!(of(&still, &[], &[]).is_none());
     }
 }

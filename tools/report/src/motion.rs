@@ -166,12 +166,14 @@ fn normalised(error: &Vector6<f64>, state: &State) -> Option<(f64, usize)> {
     Some((nees(&error, &covariance)?, known.iter().filter(|k| **k).count()))
 }
 
-fn pose(channels: [f64; 6]) -> Isometry3<f64> {
+/// The pose of six channels, m and rad.
+pub fn pose(channels: [f64; 6]) -> Isometry3<f64> {
     let [x, y, z, pitch, roll, yaw] = channels;
     PoseNumbers { position: [x, y, z], pitch, roll, yaw }.pose()
 }
 
-fn numbers(pose: &Isometry3<f64>) -> [f64; 6] {
+/// The six channels of a pose, m and rad.
+pub fn numbers(pose: &Isometry3<f64>) -> [f64; 6] {
     let n = PoseNumbers::of(pose);
     let [x, y, z] = n.position;
     [x, y, z, n.pitch, n.roll, n.yaw]

@@ -57,8 +57,13 @@ pub struct Recording<'s> {
 }
 
 impl<'s> Recording<'s> {
-    /// Reads a session. What cannot be read of it is counted, and left out.
+    /// Reads a session. Samples that cannot be read are counted and left out.
     pub fn read(session: &'s Session, path: &Path) -> Self {
+        Self::read_kinds(session, path, READ)
+    }
+
+    /// Reads only the samples of some kinds.
+    pub fn read_kinds(session: &'s Session, path: &Path, kinds: &[&SampleKind]) -> Self {
         let wiring = Wiring::of(session);
         let mut recording = Self {
             session,
@@ -80,7 +85,7 @@ impl<'s> Recording<'s> {
         };
         // By number of the topic: where its samples go.
         let places: Vec<Option<usize>> = session.topics().iter().map(|t| recording.open(t)).collect();
-        for recorded in session.samples_where(|t| is_any_of(t, READ)) {
+        for recorded in session.samples_where(|t| is_any_of(t, kinds)) {
             let said = recorded.map_err(|e| e.to_string()).and_then(|r| {
                 let topic = &session.topics()[r.topic];
                 recording.take(topic, places[r.topic], &r).map_err(|e| format!("{}: {e}", topic.name))

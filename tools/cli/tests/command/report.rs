@@ -7,7 +7,7 @@ use serde_json::Value;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{Pieces, Pose, Sample, Track};
 
-use crate::{root, stillpoint, text};
+use crate::{SMALL_CAMERA, root, stillpoint, text};
 
 /// Runs a pipeline with a small camera, simulated; the session's path and what the run said of it.
 fn run(folder: &Path, file: &str, seconds: &str, sets: &[&str]) -> (PathBuf, Value) {
@@ -130,6 +130,24 @@ fn the_report_of_a_session_has_the_figures_of_its_samples_on_a_page_that_stands_
     let charts: usize =
         json["sections"].as_object().unwrap().values().map(|s| s["charts"].as_array().unwrap().len()).sum();
     assert_eq!(page.matches("class=\"legend\"").count(), charts);
+}
+
+#[test]
+fn a_run_states_the_accuracy_of_its_report_also_over_several_captures() {
+    let folder = tempfile::tempdir().unwrap();
+    let (session, said) = run(folder.path(), "pipeline.yaml", "4s", &SMALL_CAMERA);
+    let (json, _) = report(folder.path(), &session);
+    let statuses = &json["sections"]["alignment"]["figures"]["trackers"][0]["statuses"];
+    let captured = statuses.as_array().unwrap().iter().find(|s| s[0] == "captured").unwrap();
+    assert!(captured[1].as_u64().unwrap() > 1, "{statuses}");
+    let errors = json["sections"]["errors"]["figures"]["errors"].as_array().unwrap().clone();
+    let accuracy = &said["accuracy"];
+    let [rms_mm, rms_deg] = [&accuracy["rms_mm"], &accuracy["turns"]["rms_deg"]];
+    for (place, channel) in ["x", "y", "z", "pitch", "roll", "yaw"].into_iter().enumerate() {
+        let stated = if place < 3 { &rms_mm[place] } else { &rms_deg[place - 3] };
+        let of_report = errors.iter().find(|e| e["topic"] == accuracy["topic"] && e["channel"] == channel);
+        assert_eq!(stated, &of_report.unwrap()["rms"], "{channel}: {accuracy}");
+    }
 }
 
 #[test]
