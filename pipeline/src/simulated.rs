@@ -74,7 +74,7 @@ pub enum SimulatedError {
 /// Runs a graph, which was checked from `source`, until its time is over, or all that feeds it has finished, or it is
 /// stopped, or an operator failed and the restart policy ends the run.
 ///
-/// While it runs, what operators print goes to standard error.
+/// While it runs, what operators print goes to standard error. `observer` sees every activation after the session has it.
 ///
 /// # Errors
 /// See [`SimulatedError`]. A run that began and ended early has a report that says why.
@@ -82,6 +82,7 @@ pub fn simulate(
     graph: &Arc<Graph>,
     source: &RunSource,
     options: SimulatedOptions,
+    observer: &mut dyn Observer,
 ) -> Result<RunReport, SimulatedError> {
     let _aside = StdoutRedirect::to_stderr();
     let files: Arc<dyn Files + Send + Sync> = Arc::new(source.files.clone());
@@ -111,6 +112,7 @@ pub fn simulate(
     let mut account = Account {
         graph: graph.clone(),
         session_recorder,
+        observer,
         ledger: Ledger::default(),
         status: Status::new(graph),
         faults: Vec::new(),
@@ -128,9 +130,10 @@ pub fn simulate(
 }
 
 /// What is kept of a run as it goes on.
-struct Account {
+struct Account<'a> {
     graph: Arc<Graph>,
     session_recorder: Option<SessionRecorder>,
+    observer: &'a mut dyn Observer,
     ledger: Ledger,
     status: Status,
     faults: Vec<Fault>,
@@ -138,7 +141,7 @@ struct Account {
     bytes: u64,
 }
 
-impl Account {
+impl Account<'_> {
     /// Ends the session, and says how the run went that ended at `end`, ns of session time.
     fn report(self, end: u64, ended: Result<(), RunError>) -> Result<RunReport, SimulatedError> {
         let ledger = self.ledger.lines(&self.graph);
@@ -170,7 +173,7 @@ impl Account {
     }
 }
 
-impl Observer for Account {
+impl Observer for Account<'_> {
     fn on_activation(
         &mut self,
         operator: usize,
@@ -181,10 +184,10 @@ impl Observer for Account {
         self.status.enter(operator, entry);
         self.samples += 1 + outputs.len() as u64;
         self.bytes += outputs.iter().map(|(_, p)| p.bytes.len() as u64).sum::<u64>();
-        match &mut self.session_recorder {
-            Some(session_recorder) => session_recorder.on_activation(operator, entry, outputs),
-            None => Ok(()),
+        if let Some(session_recorder) = &mut self.session_recorder {
+            session_recorder.on_activation(operator, entry, outputs)?;
         }
+        self.observer.on_activation(operator, entry, outputs)
     }
 
     fn failed(&mut self, operator: usize, reason: &str) {

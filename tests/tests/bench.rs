@@ -42,6 +42,16 @@ impl Done {
     }
 }
 
+impl Done {
+    /// The JSON of a run that went well except that its session is not complete.
+    pub fn incomplete(&self) -> Value {
+        assert_eq!(self.code(), 1, "{}\n{}", self.out, self.err);
+        let report = self.json();
+        assert_eq!((&report["complete"], &report["balanced"]), (&false.into(), &true.into()), "{report}");
+        report
+    }
+}
+
 /// A command that is under way.
 pub struct Running {
     child: Child,

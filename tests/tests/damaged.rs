@@ -133,3 +133,28 @@ fn a_restart_whose_time_is_wrong_harms_its_incarnation_alone() {
         assert_eq!(exact(&replay), exact(&whole) - 1, "{replay}");
     }
 }
+
+#[test]
+fn a_session_without_a_pipeline_is_never_called_complete() {
+    let bench = Bench::new();
+    let file = pipeline("wrong.yaml");
+    let run = ["run", text(&file), "--clock", "simulated", "--for", "200 ms", "--record", "s", "--json"];
+    let session = bench.path(bench.call(&run).good()["session"].as_str().unwrap());
+    for (name, missing) in [("without", true), ("empty", false)] {
+        let tampered = bench.path(name);
+        rewrite_all(&session, &tampered, |_, attachments| {
+            if missing {
+                attachments.retain(|a| a.name != "pipeline.yaml");
+            } else {
+                attachments.iter_mut().find(|a| a.name == "pipeline.yaml").unwrap().bytes.clear();
+            }
+        });
+        let replay = bench.call(&["replay", text(&tampered)]);
+        assert_ne!(replay.code(), 0, "{name}: {}", replay.out);
+        let info = bench.call(&["info", text(&tampered), "--json"]).good();
+        assert!(info["complete"] == false, "{name}: {}", info["gaps"]);
+        assert!(info["gaps"].to_string().contains("it cannot be replayed: "), "{name}: {}", info["gaps"]);
+        let said = bench.call(&["info", text(&tampered)]);
+        assert!(!said.out.contains("everything that a replay needs"), "{name}: {}", said.out);
+    }
+}

@@ -1,7 +1,7 @@
 //! The recording: what survives its recorder, and what is said where it cannot be made.
 
 use rustix::process::Signal;
-use serde_json::json;
+use serde_json::{Value, json};
 use stillpoint_recorder::Session;
 
 use crate::bench::{Bench, lives, pipeline, text, wait_for};
@@ -22,7 +22,7 @@ fn a_killed_recorder_loses_at_most_the_last_second_and_the_run_goes_on() {
     run.child("recorder", number);
     let second = bench.path("s/chain-0001/part-001.mcap");
     wait_for("the next part", || (second.metadata().ok()?.len() > 50_000).then_some(()));
-    let report = run.stop().good();
+    let report = run.stop().incomplete();
 
     let before: serde_json::Value = serde_json::from_str(entry.lines().next().unwrap()).unwrap();
     let last = cut.journals()["source"].last().unwrap().header.stamp;
@@ -74,7 +74,7 @@ fn after_a_recorder_was_killed_new_incarnations_are_exact() {
         run.child(name, before);
     }
     bench.wait_for_samples("sink.sum", 50);
-    let report = run.stop().good();
+    let report = run.stop().incomplete();
     let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]);
     assert_eq!(replay.json()["differences"], 0, "{}", replay.out);
     assert!(replay.json()["exact_incarnations"].as_u64().unwrap() >= 2, "{}", replay.out);
@@ -191,7 +191,7 @@ fn a_recorder_that_is_stopped_for_a_while_states_what_it_lost() {
     wait_for("1100 ticks", || (tick() > stopped + 1100).then_some(()));
     rustix::process::kill_process(recorder, Signal::CONT).unwrap();
     bench.wait_for_samples("sink.sum", 5);
-    let report = run.stop().good();
+    let report = run.stop().incomplete();
     let lost = &report["recorded"][0]["lost"];
     assert!(lost["source.value"].as_u64().unwrap() > 0, "{lost}");
     assert_eq!(report["balanced"], true);
@@ -200,4 +200,10 @@ fn a_recorder_that_is_stopped_for_a_while_states_what_it_lost() {
     assert_eq!(info["complete"], json!(false));
     let replay = bench.call(&["replay", session, "--json"]);
     assert_eq!((replay.code(), replay.json()["differences"].as_u64()), (4, Some(0)), "{}", replay.out);
+    let missing: u64 = replay.json()["missing"].as_object().unwrap().values().flat_map(Value::as_u64).sum();
+    let listed: u64 = lost.as_object().unwrap().values().flat_map(Value::as_u64).sum();
+    assert!(missing >= listed, "{missing} {listed}");
+    let said = bench.call(&["replay", session]);
+    let words = format!("; {missing} samples of recorded topics are not in the recording: ");
+    assert!(said.out.contains(&words), "{}", said.out);
 }

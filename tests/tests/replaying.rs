@@ -161,7 +161,12 @@ fn a_lost_output_of_a_whole_operator_is_made_again() {
         samples.retain(|s| s.topic != "other.sum" || s.sequence % 5 != 3);
     });
     let report = replay(&bench, text(&tampered)).good();
-    assert!(report["recomputed"]["other.sum"].as_u64().unwrap() > 5);
+    let again = report["recomputed"]["other.sum"].as_u64().unwrap();
+    assert!(again > 5);
+    assert_eq!(report["missing"], serde_json::json!({ "other.sum": again }));
+    let said = bench.call(&["replay", text(&tampered)]);
+    let verdict = format!("identical; {again} samples of recorded topics are not in the recording: ");
+    assert!(said.out.contains(&verdict), "{}", said.out);
     // Also where it is made for its consumer alone.
     for chosen in ["--only", "--from"] {
         let report = bench.call(&["replay", text(&tampered), "--json", chosen, "last"]).good();

@@ -1,6 +1,6 @@
 //! The topics of a graph, and how much memory they take.
 
-use stillpoint_samples::{ConsoleCommand, Diagnostics, Journal, Sample, SampleKind};
+use stillpoint_samples::{Actuation, ConsoleCommand, Diagnostics, FarEnd, Journal, Sample, SampleKind};
 use stillpoint_shm::Contract;
 
 use crate::graph::Graph;
@@ -33,7 +33,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let consumers: Vec<_> = graph.consumers(operator, port).collect();
     let deepest =
         consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
-    let recorded = if graph.is_recorded(operator, port) { recorder_depth(kind, output.capacity) } else { 1 };
+    let is_kept = graph.is_recorded(operator, port) || WATCHED.contains(&kind);
+    let recorded = if is_kept { recorder_depth(kind, output.capacity) } else { 1 };
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
     Contract {
         buffer,
@@ -46,6 +47,10 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
+
+/// States of valves, of which the end of every run names each vent and fault: their samples wait for the supervisor, also
+/// where nothing is recorded.
+const WATCHED: [&SampleKind; 2] = [Actuation::KIND, FarEnd::KIND];
 
 /// The deepest buffer of somebody who looks in.
 pub const TAP_DEPTH: usize = 2;

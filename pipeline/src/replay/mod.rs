@@ -17,9 +17,10 @@ mod replayer;
 mod report;
 mod selection;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use stillpoint_recorder::{Completeness, Role as TopicRole, Session};
+use stillpoint_recorder::{Completeness, Gap, Role as TopicRole, Session};
 
 pub use difference::Difference;
 use journal::Ordered;
@@ -55,7 +56,28 @@ pub fn replay(
     let measured = measured.map(|t| (t.name.clone(), t.samples)).collect();
     let gaps = match session.completeness() {
         Completeness::Complete => Vec::new(),
-        Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
+        Completeness::Gaps(gaps) => gaps,
     };
-    Ok(ReplayReport { seconds, gaps, measured, ..replayer.report() })
+    let report = replayer.report();
+    let missing = missing(session, &gaps, &report.recomputed);
+    let gaps = gaps.iter().map(ToString::to_string).collect();
+    Ok(ReplayReport { seconds, gaps, measured, missing, ..report })
+}
+
+/// By recorded topic: samples that the recorder lost or that had to be made again.
+fn missing(session: &Session, gaps: &[Gap], recomputed: &BTreeMap<String, u64>) -> BTreeMap<String, u64> {
+    let mut listed: BTreeMap<String, u64> = BTreeMap::new();
+    let unlisted =
+        gaps.iter().filter_map(|gap| if let Gap::Unlisted(lost) = gap { Some(lost) } else { None });
+    for lost in session.lost().iter().chain(unlisted) {
+        let count = listed.entry(lost.topic.clone()).or_default();
+        *count = count.saturating_add(lost.count);
+    }
+    for (topic, again) in recomputed {
+        if session.topic_number(topic).is_some() {
+            let known = listed.entry(topic.clone()).or_default();
+            *known = (*known).max(*again);
+        }
+    }
+    listed
 }

@@ -19,6 +19,8 @@ pub struct ReplayReport {
     pub identical: BTreeMap<String, u64>,
     /// By topic: samples that the recording does not hold; they were made again.
     pub recomputed: BTreeMap<String, u64>,
+    /// By recorded topic: samples that are not in the recording, whether they were made again or not.
+    pub missing: BTreeMap<String, u64>,
     /// By topic: samples that were measured. They are not compared.
     pub measured: BTreeMap<String, u64>,
     /// Samples that differ, or were made by no activation.
@@ -69,6 +71,11 @@ impl ReplayReport {
     /// Samples compared with the recording, and found the same.
     pub fn compared(&self) -> u64 {
         self.identical.values().sum()
+    }
+
+    /// Samples of recorded topics that are not in the recording.
+    pub fn missing(&self) -> u64 {
+        self.missing.values().fold(0, |sum, count| sum.saturating_add(*count))
     }
 
     /// Whether no activation was done again and compared, neither its entry nor its samples.

@@ -10,7 +10,7 @@ use stillpoint_report::SessionPipelineError;
 pub enum Exit {
     /// Done.
     Done = 0,
-    /// Failed, a recording was given up, or the ledger does not balance.
+    /// Failed, the session of the run is not complete, or the ledger does not balance.
     Failed = 1,
     /// The command line or the pipeline is wrong.
     Wrong = 2,

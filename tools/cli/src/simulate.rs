@@ -5,11 +5,16 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use stillpoint_pipeline::files::Snapshot;
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::RunReport;
 use stillpoint_pipeline::run_source::RunSource;
+use stillpoint_pipeline::sample_store::OwnedSample;
+use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::simulated::{self, SimulatedOptions};
 use stillpoint_recorder::Compression;
+use stillpoint_report::hold::{Held, Hold};
+use stillpoint_samples::{Entry, Pieces};
 
 use crate::exit::Failure;
 use crate::pipeline_file::Checked;
@@ -27,7 +32,7 @@ pub enum Place {
 }
 
 /// Runs a checked pipeline for `length` ns of session time, which starts at 0, or until all that feeds it has finished, or
-/// until `stop` is set.
+/// until `stop` is set. Beside the report it gives what the valves did, as far as the graph has valves.
 pub fn simulate(
     checked: &Checked,
     sets: &[String],
@@ -35,7 +40,7 @@ pub fn simulate(
     length: u64,
     session: Option<(&Path, Compression)>,
     stop: Arc<AtomicBool>,
-) -> Result<RunReport, Failure> {
+) -> Result<(RunReport, Held), Failure> {
     let source = RunSource {
         text: checked.source.text.clone(),
         file: checked.source.file.display().to_string(),
@@ -49,5 +54,33 @@ pub fn simulate(
     };
     let session = session.map(|(folder, compression)| (folder.to_path_buf(), compression));
     let options = SimulatedOptions { place, length, session, identity: identity(), stop };
-    simulated::simulate(&checked.graph, &source, options).map_err(Failure::failed)
+    let mut valves = Valves { graph: &checked.graph, hold: Hold::of_valves(&checked.graph) };
+    let report =
+        simulated::simulate(&checked.graph, &source, options, &mut valves).map_err(Failure::failed)?;
+    Ok((report, valves.hold.held()))
+}
+
+/// Observes the valves and their far ends.
+struct Valves<'a> {
+    graph: &'a Graph,
+    hold: Hold,
+}
+
+impl Observer for Valves<'_> {
+    fn on_activation(
+        &mut self,
+        operator: usize,
+        _: &Entry,
+        outputs: &[(usize, OwnedSample)],
+    ) -> Result<(), String> {
+        for (port, sample) in outputs {
+            let topic = &self.graph.operators[operator].outputs[*port].topic;
+            if self.hold.topics().any(|watched| watched == topic)
+                && let Ok(pieces) = Pieces::split(sample.kind, &sample.bytes)
+            {
+                self.hold.take(topic, pieces);
+            }
+        }
+        Ok(())
+    }
 }

@@ -1,7 +1,8 @@
-//! The live status of a run, on a terminal.
+//! What the command observes of a live run: the status on a terminal, and what the valves do.
 
 use std::io::IsTerminal;
 
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, contracts};
 use stillpoint_pipeline::operator::Registry;
@@ -9,18 +10,21 @@ use stillpoint_shm::{Subscriber, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
-use stillpoint_report::hold::Hold;
+use stillpoint_report::hold::{Held, Hold};
 
-/// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators.
+/// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators. Without a
+/// terminal it only observes the valves.
 pub struct StatusLine<'a> {
     registry: &'a Registry,
     terminal: bool,
+    /// Whether the pipeline has valves or far ends.
+    has_valves: bool,
     /// Lines on the screen.
     shown: usize,
     taps: Option<Taps>,
 }
 
-/// What says how the head is held, looked at as `echo` does.
+/// The topics that state how the head is held, read as `echo` reads them.
 struct Taps {
     hold: Hold,
     // Dropped in this order: ports, then topics, then the node.
@@ -30,15 +34,19 @@ struct Taps {
 }
 
 impl Taps {
-    fn open(registry: &Registry) -> Result<Self, Failure> {
+    fn open(registry: &Registry, hold_of: fn(&Graph) -> Hold) -> Result<Self, Failure> {
         let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
-        let hold = Hold::of(&attached.graph);
+        let hold = hold_of(&attached.graph);
+        let valves = Hold::of_valves(&attached.graph);
         let (mut subscribers, mut topics) = (Vec::new(), Vec::new());
         for name in hold.topics() {
             let Some((operator, port)) = attached.graph.topic(name) else { continue };
             let contract = contracts::output(&attached.graph, operator, port);
             let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
-            let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+            // No vent may be overwritten between two looks.
+            let is_valve = valves.topics().any(|valve| valve == name);
+            let depth = if is_valve { contract.buffer } else { contracts::TAP_DEPTH };
+            let subscriber = topic.subscriber(depth).map_err(Failure::failed)?;
             subscriber.connect().map_err(Failure::failed)?;
             subscribers.push((name.to_owned(), subscriber));
             topics.push(topic);
@@ -46,25 +54,28 @@ impl Taps {
         Ok(Self { hold, subscribers, _topics: topics, _attached: attached })
     }
 
-    fn look(&mut self) -> Vec<String> {
+    fn look(&mut self) -> Held {
         for (topic, subscriber) in &self.subscribers {
             while let Ok(Some(sample)) = subscriber.receive() {
                 self.hold.take(topic, sample.pieces());
             }
         }
-        self.hold.held().now()
+        self.hold.held()
     }
 }
 
 impl<'a> StatusLine<'a> {
-    /// The status on standard error, where that is a terminal and it is `wanted`.
-    pub fn new(registry: &'a Registry, wanted: bool) -> Self {
-        Self { registry, terminal: wanted && std::io::stderr().is_terminal(), shown: 0, taps: None }
+    /// The status of a run of this graph on standard error, if that is a terminal and the status is `wanted`.
+    pub fn new(registry: &'a Registry, graph: &Graph, wanted: bool) -> Self {
+        let has_valves = Hold::of_valves(graph).topics().next().is_some();
+        let terminal = wanted && std::io::stderr().is_terminal();
+        Self { registry, terminal, has_valves, shown: 0, taps: None }
     }
 
-    /// Takes it away for good.
-    pub fn close(mut self) {
+    /// Clears the status for good, and gives what was observed up to the end; nothing if the run could not be observed.
+    pub fn close(mut self) -> Option<Held> {
         self.clear();
+        self.taps.as_mut().map(Taps::look)
     }
 
     /// Takes it away.
@@ -78,18 +89,20 @@ impl<'a> StatusLine<'a> {
 
 impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     fn started(&mut self, _: &[(String, u32)]) {
-        if self.terminal {
+        if self.terminal || self.has_valves {
             // Without taps the run goes on as well.
-            self.taps = Taps::open(self.registry).ok();
+            let hold_of = if self.terminal { Hold::of } else { Hold::of_valves };
+            self.taps = Taps::open(self.registry, hold_of).ok();
         }
     }
 
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
+        let held = self.taps.as_mut().map(Taps::look);
         if !self.terminal {
             return;
         }
         let mut parts = vec![format!("{seconds:.1} s, latencies from the acquisition on")];
-        parts.extend(self.taps.as_mut().map(Taps::look).unwrap_or_default());
+        parts.extend(held.map(|held| held.now()).unwrap_or_default());
         let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
         // A terminal that does not know how wide it is says 0.
         let columns = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |w| usize::from(w.ws_col));

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::{Fault, RunReport};
-use stillpoint_pipeline::operator::Policy;
-use stillpoint_recorder::{Completeness, Session, session_parts};
+use stillpoint_pipeline::operator::{Policy, Registry};
+use stillpoint_recorder::{Session, session_parts};
 
 use crate::exit::Failure;
 use stillpoint_report::accuracy::{self, Accuracy};
+use stillpoint_report::facts::gaps_of;
 use stillpoint_report::hold::{Held, Hold};
 use stillpoint_report::refused::{self, Refused};
 use stillpoint_report::uncaptured::{self, Uncaptured};
@@ -36,19 +37,32 @@ pub struct Summary<'a> {
 }
 
 impl<'a> Summary<'a> {
-    /// Of a run of this graph; whether it was a live one.
-    pub fn new(report: &'a RunReport, graph: &Graph, is_live: bool, session: Option<&'a Path>) -> Self {
+    /// Of a run of this graph; `observed` while it ran, also without a session.
+    pub fn new(
+        report: &'a RunReport,
+        graph: &Graph,
+        registry: &Registry,
+        is_live: bool,
+        session: Option<&'a Path>,
+        observed: Option<Held>,
+    ) -> Self {
         let opened = session.map(Session::open);
         let readable = opened.as_ref().and_then(|o| o.as_ref().ok());
+        let mut held = readable.and_then(|session| Hold::of_session(graph, session));
+        match (&mut held, observed) {
+            (Some(held), Some(observed)) => held.add_missing(observed),
+            (None, observed) => held = observed,
+            (Some(_), None) => {}
+        }
         Self {
             report,
             session,
-            held: readable.and_then(|session| Hold::of_session(graph, session)),
+            held,
             accuracy: readable.and_then(accuracy::of_session),
             samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
-            gaps: match opened.as_ref().map(|o| o.as_ref().map(Session::completeness)) {
-                None | Some(Ok(Completeness::Complete)) => Vec::new(),
-                Some(Ok(Completeness::Gaps(gaps))) => gaps.iter().map(ToString::to_string).collect(),
+            gaps: match &opened {
+                None => Vec::new(),
+                Some(Ok(session)) => gaps_of(session, registry),
                 Some(Err(e)) => vec![e.to_string()],
             },
             refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
@@ -57,11 +71,17 @@ impl<'a> Summary<'a> {
         }
     }
 
+    /// Whether a replay of the session has all that it needs, or none was recorded.
+    pub fn is_complete(&self) -> bool {
+        self.gaps.is_empty()
+    }
+
     /// The report as JSON, with the session's path, how the head was held, the accuracy, the frames without a
     /// result, and the trackers without a reference.
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
+        value["held"] = json!(self.held);
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
             value["session_bytes"] = size_of(session).into();
@@ -69,7 +89,6 @@ impl<'a> Summary<'a> {
             value["parts"] = parts(session).len().into();
             value["complete"] = self.gaps.is_empty().into();
             value["gaps"] = json!(self.gaps);
-            value["held"] = json!(self.held);
             value["accuracy"] = json!(self.accuracy);
             value["refused"] = json!(self.refused);
             value["uncaptured"] = json!(self.uncaptured);
@@ -96,7 +115,7 @@ impl<'a> Summary<'a> {
         for slow in &self.too_slow {
             outln!("  {slow}");
         }
-        if let Some(held) = &self.held {
+        if let Some(held) = self.held.as_ref().map(ToString::to_string).filter(|text| !text.is_empty()) {
             out!("\n{held}");
         }
         if let Some(accuracy) = &self.accuracy {

@@ -1,6 +1,30 @@
-//! Facts of a session in words: how its recording ended, and the layout of its topics.
+//! Facts of a session in words: how its recording ended, what a replay lacks, and the layout of its topics.
 
-use stillpoint_recorder::{Session, Topic, TopicKind};
+use stillpoint_pipeline::operator::Registry;
+use stillpoint_pipeline::session_files::SessionFiles;
+use stillpoint_recorder::{Completeness, Session, Topic, TopicKind};
+
+use crate::session_pipeline::pipeline_of;
+
+/// Why a session is not complete: samples and entries that are missing, files that operators cannot read, and a pipeline
+/// that `replay` refuses. Empty if it is complete.
+pub fn gaps_of(session: &Session, registry: &Registry) -> Vec<String> {
+    let refused = pipeline_of(session, registry).err().map(|reason| reason.to_string());
+    gaps_with(session, refused.as_deref())
+}
+
+/// The same, given why the pipeline of the session is refused.
+pub(crate) fn gaps_with(session: &Session, refused: Option<&str>) -> Vec<String> {
+    let mut gaps: Vec<String> = match session.completeness() {
+        Completeness::Complete => Vec::new(),
+        Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
+    };
+    for (name, reason) in SessionFiles::of(session).lacking() {
+        gaps.push(format!("{name}: {reason}; operators that read it cannot be replayed"));
+    }
+    gaps.extend(refused.map(|reason| format!("it cannot be replayed: {reason}")));
+    gaps
+}
 
 /// How the recording ended, and what to do where it is to be mended.
 pub fn ending(session: &Session) -> String {

@@ -5,6 +5,8 @@ use std::fmt::{Display, Formatter};
 use serde::Serialize;
 use stillpoint_samples::{FarEndDoing, FarEndElement, Metric};
 
+use crate::episodes::{Episodes, Stretches};
+
 /// A far end over time.
 #[derive(Clone, Debug, Default)]
 pub struct FarEnds {
@@ -15,6 +17,7 @@ pub struct FarEnds {
     newest: Option<(u64, FarEndElement)>,
     begun: u64,
     on_for: u64,
+    vents: Stretches,
     reasons: Vec<Refused>,
 }
 
@@ -41,6 +44,8 @@ pub struct FarEnd {
     pub on_s: f64,
     /// How long it was watched, s.
     pub watched_s: f64,
+    /// Times in which it vented after its first datagram.
+    pub vents: Episodes,
 }
 
 /// Datagrams that were refused for one reason.
@@ -65,6 +70,9 @@ impl FarEnds {
             Some((since, before)) if before.beam != 0 => self.on_for += stamp.saturating_sub(*since),
             Some(_) => {}
         }
+        // Before the first datagram it vents because nobody has told it anything yet.
+        let is_venting = state.accepted > 0 && state.doing() == FarEndDoing::Venting;
+        self.vents.take(stamp, is_venting, String::new);
         self.newest = Some((stamp, *state));
     }
 
@@ -89,6 +97,7 @@ impl FarEnds {
             beam: state.beam != 0,
             on_s: self.on_for as f64 * 1e-9,
             watched_s: last.saturating_sub(self.begun) as f64 * 1e-9,
+            vents: self.vents.episodes(),
         })
     }
 }
@@ -130,7 +139,10 @@ impl Display for FarEnd {
             "{topic}: {doing}, beam {beam}; on {duty} ({on_s:.1} s) of {watched_s:.1} s; \
              accepted {accepted} datagrams, refused {refused} for the valves and {refused_beam} for the beam"
         )?;
-        if self.reasons.is_empty() { Ok(()) } else { write!(f, " ({})", self.why()) }
+        if !self.reasons.is_empty() {
+            write!(f, " ({})", self.why())?;
+        }
+        self.vents.line("vented").map_or(Ok(()), |vented| write!(f, "; {vented}"))
     }
 }
 

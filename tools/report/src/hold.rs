@@ -13,6 +13,7 @@ use stillpoint_samples::{
     GateReason, Pieces, Sample, SampleKind, Target, TargetElement, Track,
 };
 
+use crate::episodes::{ActuationEpisodes, Episodes};
 use crate::far_end::{FarEnd, FarEnds};
 use crate::target_refusals::{CHANNELS, Refusals};
 
@@ -31,8 +32,16 @@ const ANY: Tolerances = Tolerances {
 pub struct Hold {
     aims: Vec<Aimed>,
     gates: Vec<(String, Option<GateElement>)>,
-    valves: Vec<(String, Option<ActuationElement>)>,
+    valves: Vec<ValveStates>,
     far_ends: Vec<FarEnds>,
+}
+
+/// The states of actuation on one topic.
+#[derive(Default)]
+struct ValveStates {
+    topic: String,
+    newest: Option<ActuationElement>,
+    episodes: ActuationEpisodes,
 }
 
 /// A target and the estimate that stands against it: the one that its operator counts from.
@@ -71,7 +80,9 @@ impl Hold {
         Self {
             aims: aims.collect(),
             gates: sent(Gate::KIND).map(|(_, topic)| (topic, None)).collect(),
-            valves: sent(Actuation::KIND).map(|(_, topic)| (topic, None)).collect(),
+            valves: sent(Actuation::KIND)
+                .map(|(_, topic)| ValveStates { topic, ..ValveStates::default() })
+                .collect(),
             far_ends: sent(FarEndSample::KIND)
                 .map(|(node, topic)| {
                     let mut ports = node.outputs.iter().zip(node.stage.kind.outputs);
@@ -98,13 +109,18 @@ impl Hold {
         Some(hold.held())
     }
 
+    /// Only the valves and their far ends.
+    pub fn of_valves(graph: &Graph) -> Self {
+        Self { aims: Vec::new(), gates: Vec::new(), ..Self::of(graph) }
+    }
+
     /// The topics whose samples say it.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
         let gates = self.gates.iter().map(|(topic, _)| topic.as_str());
         let far_ends = self.far_ends.iter();
         let far_ends = far_ends.flat_map(|f| [Some(f.topic.as_str()), f.diagnostics.as_deref()]).flatten();
-        let valves = self.valves.iter().map(|(topic, _)| topic.as_str());
+        let valves = self.valves.iter().map(|v| v.topic.as_str());
         aims.chain(gates).chain(valves).chain(far_ends)
     }
 
@@ -133,9 +149,12 @@ impl Hold {
         if let (Some((_, newest)), Ok(view)) = (gate, pieces.view::<Gate>()) {
             *newest = view.first().copied();
         }
-        let valves = self.valves.iter_mut().find(|(name, _)| name == topic);
-        if let (Some((_, newest)), Ok(view)) = (valves, pieces.view::<Actuation>()) {
-            *newest = view.first().copied();
+        let valves = self.valves.iter_mut().find(|v| v.topic == topic);
+        if let (Some(valves), Ok(view)) = (valves, pieces.view::<Actuation>())
+            && let Some(state) = view.first()
+        {
+            valves.episodes.take(view.header.stamp, state);
+            valves.newest = Some(*state);
         }
         for far in &mut self.far_ends {
             if far.topic == topic
@@ -154,12 +173,10 @@ impl Hold {
     /// How it is held.
     pub fn held(&self) -> Held {
         let known = |(topic, newest): &(String, Option<GateElement>)| newest.map(|g| Beam::of(topic, &g));
-        let told =
-            |(topic, newest): &(String, Option<ActuationElement>)| newest.map(|a| Valves::of(topic, &a));
         Held {
             targets: self.aims.iter().map(Against::of).filter(Against::has_news).collect(),
             gates: self.gates.iter().filter_map(known).collect(),
-            valves: self.valves.iter().filter_map(told).collect(),
+            valves: self.valves.iter().filter_map(Valves::of).collect(),
             far_ends: self.far_ends.iter().filter_map(FarEnds::told).collect(),
         }
     }
@@ -236,6 +253,10 @@ pub struct Valves {
     pub faults: u64,
     /// What made the last.
     pub fault: Vec<&'static str>,
+    /// Times in which the valves were told to vent.
+    pub vents: Episodes,
+    /// Times in which it stood in a fault, over all its incarnations.
+    pub fault_times: Episodes,
     /// Commands to arm or to resume that were refused so far.
     pub refused: u64,
     /// What was missing at the last.
@@ -291,16 +312,19 @@ impl Beam {
 }
 
 impl Valves {
-    fn of(topic: &str, actuation: &ActuationElement) -> Self {
-        Self {
-            topic: topic.to_owned(),
+    fn of(states: &ValveStates) -> Option<Self> {
+        let actuation = states.newest?;
+        Some(Self {
+            topic: states.topic.clone(),
             state: actuation.state().word(),
             reasons: ActuationReason::words(actuation.reasons).collect(),
             faults: actuation.faults,
             fault: ActuationReason::words(actuation.fault).collect(),
+            vents: states.episodes.vents(),
+            fault_times: states.episodes.faults(),
             refused: actuation.refused,
             lacking: ActuationReason::words(actuation.lacking).collect(),
-        }
+        })
     }
 
     fn word(&self) -> String {
@@ -314,6 +338,16 @@ fn because(state: &str, reasons: &[&str]) -> String {
 }
 
 impl Held {
+    /// Adds the valves and far ends that another observation of the same run has and this one lacks.
+    pub fn add_missing(&mut self, other: Held) {
+        let is_new = |v: &Valves| self.valves.iter().all(|known| known.topic != v.topic);
+        let valves: Vec<Valves> = other.valves.into_iter().filter(is_new).collect();
+        self.valves.extend(valves);
+        let is_new = |far: &FarEnd| self.far_ends.iter().all(|known| known.topic != far.topic);
+        let far_ends: Vec<FarEnd> = other.far_ends.into_iter().filter(is_new).collect();
+        self.far_ends.extend(far_ends);
+    }
+
     /// How it is held at the moment, in parts of a line.
     pub fn now(&self) -> Vec<String> {
         let off = |o: &Off| format!("{} {:+.2} {}", o.channel, o.now, o.unit);
@@ -349,10 +383,11 @@ impl Display for Held {
             writeln!(f, "{topic}: beam {word}; allowed {duty} of {watched_s:.1} s, in {leases} leases")?;
         }
         for valves in &self.valves {
-            let Valves { topic, faults, fault, refused, lacking, .. } = valves;
-            let faults = because(&format!("faults {faults}"), fault);
+            let Valves { topic, vents, fault_times, refused, lacking, .. } = valves;
+            let vents = vents.line("vented").unwrap_or_else(|| "never vented".to_owned());
+            let faults = fault_times.line("in fault").unwrap_or_else(|| "no fault".to_owned());
             let refused = because(&format!("refused commands {refused}"), lacking);
-            writeln!(f, "{topic}: {}; {faults}; {refused}", valves.word())?;
+            writeln!(f, "{topic}: {}; {vents}; {faults}; {refused}", valves.word())?;
         }
         self.far_ends.iter().try_for_each(|far| writeln!(f, "{far}"))
     }

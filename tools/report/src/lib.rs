@@ -3,7 +3,7 @@
 //! A session is read once (`recording`), each section makes figures of it and then blocks ([`Section`]) of the figures,
 //! and the blocks become HTML ([`html::page`]). A new section is a file in `sections` and a line in its list.
 //!
-//! - `accuracy`, `hold`, `far_end`, `refused`, `uncaptured`, `target_refusals`: what the end of a run says of its session
+//! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `uncaptured`, `target_refusals`: what the end of a run says of its session
 //! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; who feeds whom
 //! - `recording`, `rows`, `thinned`: what is read of a session; small samples over time; long rows in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
@@ -20,6 +20,7 @@ mod broken;
 pub mod chart;
 mod diagram;
 mod drawings;
+mod episodes;
 mod error;
 pub mod facts;
 mod far_end;

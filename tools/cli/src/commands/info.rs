@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
+use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::{IDENTITY, RUN};
-use stillpoint_pipeline::session_files::SessionFiles;
-use stillpoint_recorder::{Completeness, LEDGER_ATTACHMENT, Session};
-use stillpoint_report::facts::{ending, layout};
+use stillpoint_recorder::{LEDGER_ATTACHMENT, Session};
+use stillpoint_report::facts::{ending, gaps_of, layout};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use stillpoint_report::numbers::started;
@@ -27,15 +27,9 @@ pub struct Info {
 
 impl Info {
     /// Does it.
-    pub fn execute(&self) -> Ended {
+    pub fn execute(&self, registry: &Registry) -> Ended {
         let session = Session::open_any(&self.session).map_err(Failure::failed)?;
-        let mut gaps: Vec<String> = match session.completeness() {
-            Completeness::Complete => Vec::new(),
-            Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
-        };
-        for (name, reason) in SessionFiles::of(&session).lacking() {
-            gaps.push(format!("{name}: {reason}; operators that read it cannot be replayed"));
-        }
+        let gaps = gaps_of(&session, registry);
         let ended = ending(&session);
         if self.json {
             let topics: Vec<_> = session

@@ -74,7 +74,7 @@ impl Command {
             Self::Rig(c) => c.execute(registry),
             Self::Check(c) => c.execute(registry),
             Self::Replay(c) => c.execute(registry),
-            Self::Info(c) => c.execute(),
+            Self::Info(c) => c.execute(registry),
             Self::Report(c) => c.execute(registry),
             Self::Recover(c) => c.execute(),
             Self::Operators(c) => c.execute(registry),

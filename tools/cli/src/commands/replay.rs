@@ -147,6 +147,11 @@ impl Replay {
             outln!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
         }
         let speed = report.seconds / wall.max(1e-9);
+        let missing = match report.missing() {
+            0 => String::new(),
+            1 => "; 1 sample of a recorded topic is not in the recording".to_owned(),
+            n => format!("; {n} samples of recorded topics are not in the recording"),
+        };
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
             None if report.compared_nothing() => {
@@ -165,7 +170,7 @@ impl Replay {
             }
         };
         outln!(
-            "{verdict}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
+            "{verdict}{missing}: {} activations, {} samples compared, {} incarnations exact, {:.1} s of session in {wall:.2} s \
              ({speed:.1}x real time)",
             report.activations,
             report.compared(),

@@ -8,6 +8,7 @@ use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_pipeline::spec::{Machine, quantity};
+use stillpoint_report::hold::Held;
 
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -120,7 +121,7 @@ impl Run {
         let session =
             if self.no_record { None } else { Some(next_session(&self.session_folder(), &checked)?) };
         let is_live = self.is_live();
-        let report = if !is_live {
+        let (report, observed) = if !is_live {
             let length = length.ok_or_else(|| {
                 Failure::wrong(
                     "a simulated run waits for nobody: say how long it may go on, such as `--for 10s`",
@@ -133,14 +134,16 @@ impl Run {
             };
             let stop = stop_flag_of_this_process()?;
             let kept = session.as_deref().map(|folder| (folder, self.compression.into()));
-            simulate(&checked, &self.pipeline.sets, place, length, kept, stop)?
+            let (report, held) = simulate(&checked, &self.pipeline.sets, place, length, kept, stop)?;
+            (report, Some(held))
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
+        let summary = Summary::new(&report, &checked.graph, registry, is_live, session.as_deref(), observed);
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
-            && report.recording_failed.is_none();
-        let summary = Summary::new(&report, &checked.graph, is_live, session.as_deref());
+            && report.recording_failed.is_none()
+            && summary.is_complete();
         if self.json {
             print_json(&summary.to_json()?)?;
         } else {
@@ -164,7 +167,7 @@ impl Run {
         checked: &Checked,
         length: Option<u64>,
         session: Option<&Path>,
-    ) -> Result<RunReport, Failure> {
+    ) -> Result<(RunReport, Option<Held>), Failure> {
         let stop = stop_flag()?;
         if let Some(session) = session {
             create_folder(session).map_err(Failure::failed)?;
@@ -180,12 +183,12 @@ impl Run {
             launch: launch()?,
             identity: identity(),
         };
-        let mut line = StatusLine::new(registry, !self.json);
+        let mut line = StatusLine::new(registry, &checked.graph, !self.json);
         let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
             .inspect_err(|_| session.into_iter().for_each(remove_folder))
             .map_err(Failure::failed)?;
         let report = supervisor.watch(&stop, &mut line);
-        line.close();
+        let observed = line.close();
         if let Some(session) = session {
             // What a recorder that died left cut is mended before anyone opens it.
             match stillpoint_recorder::recover_session(session) {
@@ -198,7 +201,7 @@ impl Run {
                 Err(e) => errln!("stillpoint: the session cannot be mended now: {e}"),
             }
         }
-        Ok(report)
+        Ok((report, observed))
     }
 }
 

@@ -244,6 +244,35 @@ fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
 }
 
 #[test]
+fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() {
+    let folder = tempfile::tempdir().unwrap();
+    // A person asks twice to vent; then the target's topic, which is a fault of nobody, goes on.
+    let script = "console.script=[{ at: 500 ms, say: capture }, { at: 1 s, say: confirm }, { at: 2 s, say: arm }, \
+                  { at: 2500 ms, say: vent }, { at: 3 s, say: resume }, { at: 3500 ms, say: vent }]";
+    let sets = [&SMALL_CAMERA[..], &[script]].concat();
+    let (_, recorded) = run(folder.path(), "pipeline.yaml", "4s", &sets);
+    let vents = &recorded["held"]["valves"][0]["vents"];
+    assert_eq!(vents["times"], 2, "{vents}");
+    assert!(vents["reasons"].to_string().contains("asked"), "{vents}");
+    assert_eq!(recorded["held"]["far_ends"][0]["vents"]["times"], 2, "{}", recorded["held"]["far_ends"]);
+    assert_eq!(recorded["held"]["valves"][0]["fault_times"]["times"], 0);
+    let file = root().join("pipeline.yaml").canonicalize().unwrap().display().to_string();
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+    let unrecorded =
+        |how: &[&str]| stillpoint(folder.path(), &[&["run", &file, "--no-record"], how, &sets[..]].concat());
+    // Simulated, in processes, and live: nothing is recorded, and the end is the same.
+    let out = unrecorded(&["--clock", "simulated", "--for", "4s", "--json"]);
+    let said: Value = serde_json::from_slice(&out.stdout).unwrap();
+    for part in ["valves", "far_ends"] {
+        assert_eq!(said["held"][part], recorded["held"][part]);
+    }
+    let out = unrecorded(&["--lock-step=processes", "--for", "4s"]);
+    assert!(text(&out.stdout).contains("vented 2 times, "), "{}{}", text(&out.stdout), text(&out.stderr));
+    let out = unrecorded(&["--for", "4s"]);
+    assert!(text(&out.stdout).contains("asked"), "{}{}", text(&out.stdout), text(&out.stderr));
+}
+
+#[test]
 fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let folder = tempfile::tempdir().unwrap();
     let (session, said) = run(folder.path(), "pipeline.yaml", "6s", &[]);

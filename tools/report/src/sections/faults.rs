@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use stillpoint_recorder::Completeness;
 use stillpoint_samples::{Cause, Outcome};
 
 use super::operators::is_activation;
 use crate::ReportError;
-use crate::facts::ending;
+use crate::facts::{ending, gaps_with};
 use crate::numbers::{count, fixed};
 use crate::page::{Block, Cell, Mood, Section, Table};
 use crate::recording::Recording;
@@ -72,12 +71,10 @@ pub struct Refused {
 }
 
 /// What went wrong.
-pub fn of(recording: &Recording<'_>) -> Faults {
+pub fn of(from: &Source<'_>) -> Faults {
+    let recording = &from.recording;
     let session = recording.session;
-    let gaps = match session.completeness() {
-        Completeness::Complete => Vec::new(),
-        Completeness::Gaps(gaps) => gaps.iter().map(ToString::to_string).collect(),
-    };
+    let gaps = gaps_with(session, from.pipeline.as_ref().err().map(String::as_str));
     let ended = ending(session);
     let lost = session.lost().iter().map(|l| Lost {
         topic: l.topic.clone(),
@@ -141,7 +138,7 @@ fn refusals(recording: &Recording<'_>) -> Vec<Refused> {
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
-    let faults = of(&from.recording);
+    let faults = of(from);
     let mut section = Section::new("faults", "Faults, restarts and losses", &faults)?;
     let mut say = |block| section.blocks.push(block);
     say(Block::Text(format!("The recording ended {}.", faults.ended)));

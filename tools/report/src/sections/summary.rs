@@ -40,7 +40,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let session = recording.session;
     let run = session.metadata().get(RUN);
     let fact = |name: &str| run.and_then(|r| r.get(name)).cloned();
-    let faults = faults::of(recording);
+    let faults = faults::of(from);
     let accounts = ledger::of(from);
     let parts = session_parts(&recording.path).unwrap_or_default();
     let best = compared(recording)
