@@ -17,6 +17,7 @@
 //! - `simulate`, `status_line`, `summary`: parts of `run`
 //! - `attach`, `answer`: parts of `echo` and `send`
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
+//! - `columns`: tables for a terminal
 
 // The first module: the others use its macros.
 #[macro_use]
@@ -24,6 +25,7 @@ pub mod output;
 
 mod answer;
 mod attach;
+mod columns;
 mod commands;
 mod compress;
 mod exit;

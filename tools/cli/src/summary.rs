@@ -8,6 +8,7 @@ use stillpoint_pipeline::live::{Fault, RunReport};
 use stillpoint_pipeline::operator::{Policy, Registry};
 use stillpoint_recorder::{Session, session_parts};
 
+use crate::columns::{Columns, Side};
 use crate::exit::Failure;
 use stillpoint_report::accuracy::{self, Accuracy};
 use stillpoint_report::facts::gaps_of;
@@ -256,22 +257,12 @@ fn print_faults(report: &RunReport) {
 }
 
 fn print_ledger(report: &RunReport) {
-    outln!();
-    outln!(
-        "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}",
-        "ledger: topic -> input",
-        "sent",
-        "received",
-        "passed",
-        "over",
-        "no mem",
-        "down",
-        "left"
-    );
+    let right = ["sent", "received", "passed", "overwritten", "no memory", "down", "left", "UNEXPLAINED"];
+    let head = [(Side::Left, "ledger: topic -> input")];
+    let mut table = Columns::new(head.into_iter().chain(right.map(|name| (Side::Right, name))));
+    let mut silent = 0;
     for line in &report.ledger {
-        outln!(
-            "{:<40} {:>9} {:>9} {:>8} {:>8} {:>8} {:>8} {:>6}{}",
-            format!("{} -> {}", line.topic, line.consumer),
+        let counts = [
             line.sent,
             line.received,
             line.passed,
@@ -279,8 +270,23 @@ fn print_ledger(report: &RunReport) {
             line.pool_exhausted,
             line.down,
             line.left,
-            if line.balances() { String::new() } else { format!("  UNEXPLAINED {}", line.unexplained) }
-        );
+        ];
+        if counts.iter().all(|count| *count == 0) && line.balances() {
+            silent += 1;
+            continue;
+        }
+        let unexplained = if line.balances() { "0".to_owned() } else { line.unexplained.to_string() };
+        let counts = counts.map(|count| count.to_string());
+        let name = format!("{} -> {}", line.topic, line.consumer);
+        table.row(std::iter::once(name).chain(counts).chain([unexplained]));
+    }
+    let none = table.fold_zeros();
+    out!("\n{table}");
+    if silent > 0 {
+        outln!("and {silent} inputs to which nothing was sent");
+    }
+    if !none.is_empty() {
+        outln!("zero on every input: {}", none.join(", "));
     }
     outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }

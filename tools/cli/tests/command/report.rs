@@ -270,6 +270,11 @@ fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() 
     assert!(text(&out.stdout).contains("vented 2 times, "), "{}{}", text(&out.stdout), text(&out.stderr));
     let out = unrecorded(&["--for", "4s"]);
     assert!(text(&out.stdout).contains("asked"), "{}{}", text(&out.stdout), text(&out.stderr));
+    // The tables fit a terminal, and inputs to which nothing was sent are counted.
+    let ledger =
+        text(&out.stdout).split("\nledger:").nth(1).unwrap().split("balance").next().unwrap().to_owned();
+    assert!(ledger.lines().all(|line| line.chars().count() <= 100), "{ledger}");
+    assert!(ledger.contains("inputs to which nothing was sent"), "{ledger}");
 }
 
 #[test]
@@ -297,6 +302,10 @@ fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     assert!((height - 11.5).abs() < 0.01, "{step}");
     assert!(!figures("duties")["topics"][0]["valves"].as_array().unwrap().is_empty());
     let bladders = figures("actuation")["bladders"].as_array().unwrap().clone();
+    let numbers: Vec<u64> = bladders.iter().map(|b| b["bladder"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, [0, 1, 2, 0, 1, 2], "as `send`, `reach` and the parameters of a rig count them");
+    let valve = figures("duties")["topics"][0]["valves"][0]["valve"].clone();
+    assert_eq!(valve, "bladder 0 in");
     assert!(bladders.iter().all(|b| (0.0..100.0).contains(&b["pressure_kpa"]["p50"].as_f64().unwrap())));
     let states = figures("actuation")["changes"].as_array().unwrap().clone();
     assert!(states.iter().any(|c| c["state"] == "armed"), "{states:?}");

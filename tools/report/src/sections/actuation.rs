@@ -27,6 +27,7 @@ struct ActuationFigures {
 #[derive(Serialize)]
 struct Bladder {
     topic: String,
+    /// Counted from 0, as in the parameters of a rig.
     bladder: usize,
     pressure_kpa: Spread,
     least_kpa: Option<f64>,
@@ -107,7 +108,7 @@ fn bladders(p: &Pressures) -> impl Iterator<Item = Bladder> {
         let values = || p.values.items().iter().map(|(_, all)| f64::from(all[bladder]) * 1e-3);
         Bladder {
             topic: p.topic.clone(),
-            bladder: bladder + 1,
+            bladder,
             pressure_kpa: Spread::of(values()),
             least_kpa: values().filter(|v| v.is_finite()).reduce(f64::min),
         }
@@ -119,7 +120,7 @@ fn chart(recording: &Recording<'_>, p: &Pressures) -> Block {
         let items = p.values.items().iter();
         let points: Vec<_> =
             items.map(|(t, all)| (recording.seconds(*t), f64::from(all[bladder]) * 1e-3)).collect();
-        let name = format!("bladder {}", bladder + 1);
+        let name = format!("bladder {bladder}");
         Series { name, points: for_a_line(&points, LINE), style: Style::Line }
     });
     let chart = Chart {

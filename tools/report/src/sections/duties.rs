@@ -39,9 +39,9 @@ struct Valve {
     saturated: f64,
 }
 
-/// The valve of this number: each bladder has an inlet, then an outlet.
+/// The valve of this number: each bladder, counted from 0, has an inlet, then an outlet.
 fn name(valve: usize) -> String {
-    format!("bladder {} {}", valve / 2 + 1, if valve.is_multiple_of(2) { "in" } else { "out" })
+    format!("bladder {} {}", valve / 2, if valve.is_multiple_of(2) { "in" } else { "out" })
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {

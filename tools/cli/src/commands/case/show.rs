@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::json;
 use stillpoint_plan::case::{Case, Structure, content_hash, read};
 
+use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::picture::{COLOURS, Plane, draw};
 
@@ -110,29 +111,23 @@ fn print(case: &Case, hash: &str) {
         outln!("structure set {}", uids.structure_set);
     }
     outln!();
-    outln!(
-        "{:<24} {:<16} {:>10} {:>18} {:>18} {:>18}  colour",
-        "structure",
-        "role",
-        "cm3",
-        "left mm",
-        "back mm",
-        "head mm"
-    );
+    let left = ["structure", "role"].map(|name| (Side::Left, name));
+    let right = ["cm3", "left mm", "back mm", "head mm"].map(|name| (Side::Right, name));
+    let mut table = Columns::new(left.into_iter().chain(right).chain([(Side::Left, "colour")]));
     for (place, structure) in case.structures().iter().enumerate() {
-        let ranges = match extent_mm(case, structure) {
+        let [left, back, head] = match extent_mm(case, structure) {
             Some(extent) => extent.map(|[low, high]| format!("{low:.1} to {high:.1}")),
             None => ["-"; 3].map(str::to_owned),
         };
-        outln!(
-            "{:<24} {:<16} {:>10.3} {:>18} {:>18} {:>18}  {}",
-            structure.name,
-            structure.role.word(),
-            case.volume_cm3(structure),
-            ranges[0],
-            ranges[1],
-            ranges[2],
-            COLOURS[place % COLOURS.len()].0
-        );
+        table.row([
+            structure.name.clone(),
+            structure.role.word().to_owned(),
+            format!("{:.3}", case.volume_cm3(structure)),
+            left,
+            back,
+            head,
+            COLOURS[place % COLOURS.len()].0.to_owned(),
+        ]);
     }
+    out!("{table}");
 }

@@ -6,6 +6,7 @@ use super::ground::Ground;
 use super::outcome::Outcome;
 use super::request::Request;
 use super::search::Run;
+use crate::columns::{Columns, Side};
 
 /// Prints what was found.
 pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Outcome<'_>) {
@@ -43,66 +44,52 @@ pub fn angles(angles_deg: &[f64]) -> String {
 }
 
 fn searches(request: &Request, runs: &[Run]) {
-    outln!("{:<12} {:>12} {:>7} {:>7} {:>8}  beams", "method", "objective", "solves", "prices", "s");
+    let right = ["objective", "solves", "prices", "s"].map(|name| (Side::Right, name));
+    let head = [(Side::Left, "method")].into_iter().chain(right).chain([(Side::Left, "beams")]);
+    let mut table = Columns::new(head);
     for run in runs {
         let beams = run.choice.best.beams.beams();
-        outln!(
-            "{:<12} {:>12.4} {:>7} {:>7} {:>8.1}  {}",
-            run.way.word(),
-            run.choice.best.cost,
-            run.history.len(),
-            run.prices,
-            run.seconds,
-            angles(&beams.iter().map(|beam| request.ring.angle_deg(*beam)).collect::<Vec<_>>())
-        );
+        table.row([
+            run.way.word().to_owned(),
+            format!("{:.4}", run.choice.best.cost),
+            run.history.len().to_string(),
+            run.prices.to_string(),
+            format!("{:.1}", run.seconds),
+            angles(&beams.iter().map(|beam| request.ring.angle_deg(*beam)).collect::<Vec<_>>()),
+        ]);
     }
+    out!("{table}");
 }
 
 fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
-    let name = widest(figures.iter());
-    out!(
-        "{:<name$} {:>9} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}",
-        "structure",
-        "cm3",
-        "D98",
-        "D95",
-        "D50",
-        "D10",
-        "D2",
-        "max",
-        "mean"
-    );
-    for dose in volumes_at_gy {
-        out!(" {:>6}", format!("V{dose}"));
-    }
-    outln!(" {:>6} {:>5} {:>5}", "V95%", "HI", "CI");
+    let doses = ["cm3", "D98", "D95", "D50", "D10", "D2", "max", "mean"].map(str::to_owned);
+    let volumes = volumes_at_gy.iter().map(|dose| format!("V{dose}"));
+    let right = doses.into_iter().chain(volumes).chain(["V95%", "HI", "CI"].map(str::to_owned));
+    let head = [(Side::Left, "structure".to_owned())];
+    let mut table = Columns::new(head.into_iter().chain(right.map(|name| (Side::Right, name))));
     for f in figures {
-        out!("{:<name$} {:>9.1}", f.name, f.volume_cm3);
-        for dose in [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.max_gy, f.mean_gy] {
-            out!(" {dose:>6.1}");
-        }
-        for volume in &f.volumes {
-            out!(" {:>6.1}", 100.0 * volume.fraction);
-        }
         let or_dash =
             |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-        outln!(
-            " {:>6} {:>5} {:>5}",
-            or_dash(f.covered.map(|c| 100.0 * c), 1),
-            or_dash(f.homogeneity, 2),
-            or_dash(f.conformity, 2)
-        );
+        let doses = [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.max_gy, f.mean_gy];
+        let percents = f.volumes.iter().map(|volume| 100.0 * volume.fraction);
+        let numbers = [f.volume_cm3].into_iter().chain(doses).chain(percents);
+        let target =
+            [or_dash(f.covered.map(|c| 100.0 * c), 1), or_dash(f.homogeneity, 2), or_dash(f.conformity, 2)];
+        let cells = numbers.map(|number| format!("{number:.1}")).chain(target);
+        table.row(std::iter::once(f.name.clone()).chain(cells));
     }
+    out!("{table}");
     outln!(
-        "D: doses in Gy that so many percent get at least; V: percent that gets so many Gy; V95%: percent of a target that gets \
-         95 % of its prescription;\nHI: (D2 - D98) / D50; CI: Paddick's conformity of the 95 % isodose"
+        "D98 is the dose in Gy that 98 % of the structure receive at least; V60 is the percentage that receives 60 Gy;\n\
+         V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
+         CI is Paddick's conformity index of the 95 % isodose"
     );
 }
 
 fn setups(outcome: &Outcome<'_>) {
     let Some(first) = outcome.moved.first() else { return };
-    let name = widest(first.iter());
-    outln!("{:<name$} {:>13} {:>13} {:>13} {:>13}", "structure", "D98", "D95", "D2", "mean");
+    let right = ["D98", "D95", "D2", "mean"].map(|name| (Side::Right, name));
+    let mut table = Columns::new([(Side::Left, "structure")].into_iter().chain(right));
     for f in first {
         let all = || {
             let planned = outcome.figures.iter().filter(|g| g.name == f.name);
@@ -114,17 +101,13 @@ fn setups(outcome: &Outcome<'_>) {
                 (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
             format!("{low:.1} to {high:.1}")
         };
-        outln!(
-            "{:<name$} {:>13} {:>13} {:>13} {:>13}",
-            f.name,
+        table.row([
+            f.name.clone(),
             range(|f| f.d98_gy),
             range(|f| f.d95_gy),
             range(|f| f.d2_gy),
-            range(|f| f.mean_gy)
-        );
+            range(|f| f.mean_gy),
+        ]);
     }
-}
-
-fn widest<'a>(figures: impl Iterator<Item = &'a StructureDose>) -> usize {
-    figures.map(|f| f.name.chars().count()).fold(9, usize::max)
+    out!("{table}");
 }
