@@ -8,6 +8,7 @@ use stillpoint_control::features::{Features, Learned};
 use stillpoint_control::mrac::{Mrac, MracDesign};
 use stillpoint_control::predictor::Predictor;
 use stillpoint_control::projection::Ball;
+use stillpoint_control::tracking::Errors;
 
 /// The network that comes with the project.
 const SHIPPED: &[u8] = include_bytes!("../data/controller-3dof.safetensors");
@@ -42,19 +43,20 @@ fn benches(criterion: &mut Criterion) {
             return;
         };
         let design = MracDesign {
-            pole: 0.11,
-            feedback: 3.0,
-            weight: 100.0,
-            learning: [1e-4; 3],
-            leak: 0.02,
+            feedback: 2.37,
+            learning: [0.05, 0.05, 1.0],
+            leak: 0.0005,
             ball: Ball { radius: 1.0, shell: 0.1 },
             dead_zone: vec![0.0; 3],
         };
         let Ok(mut law) = Mrac::design(design, effect, features) else { return };
         let mut net = [0.0; 3];
+        let errors = Errors { seen: &[0.01; 3], predicted: &[0.01; 3], speed: &[0.1; 3] };
         criterion.bench_function(&format!("mrac/{name}"), |b| {
             // A sample time of the network each step: the window is gone over each time.
-            b.iter(|| law.step(black_box(&[0.1; 3]), black_box(&[0.11; 3]), 0.1, &mut net));
+            b.iter(|| {
+                law.step(black_box(&[0.1; 3]), black_box(&[0.11; 3]), black_box(&errors), 0.1, &mut net)
+            });
         });
     }
 }

@@ -92,6 +92,15 @@ impl Effect {
     }
 }
 
+impl Effect {
+    /// The rates of the channels at these net duties.
+    pub fn moved(&self, net: &[f64], rates: &mut [f64]) {
+        for (i, rate) in rates.iter_mut().enumerate().take(self.channels()) {
+            *rate = net.iter().enumerate().map(|(j, v)| self.b[(i, j)] * v).sum();
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

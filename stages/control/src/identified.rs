@@ -16,6 +16,8 @@ pub struct Identified {
     input: f64,
     /// The state in which an output of 1 stays, as well as one does.
     rest: DVector<f64>,
+    /// The state beside that, and the input, that move the output by 1 in each sample time.
+    ramp: DVector<f64>,
 }
 
 /// Why a model cannot be used.
@@ -83,8 +85,10 @@ impl Identified {
             c: DMatrix::from_row_slice(1, n, model.c().as_slice()) / scale,
             k: DMatrix::from_column_slice(n, 1, model.k().as_slice()) * scale,
         };
+        let rest = resting_state(&plant);
         Ok(Self {
-            rest: resting_state(&plant),
+            ramp: ramp(&plant, &rest),
+            rest,
             plant,
             output: model.output().offset,
             scale,
@@ -104,11 +108,14 @@ impl Identified {
         (output - self.output) / self.scale
     }
 
-    /// The state in which the plant stays at this output, as well as it does.
-    pub fn at_rest(&self, y: f64, x: &mut [f64]) {
-        for (x, rest) in x.iter_mut().zip(self.rest.iter()) {
-            *x = rest * y;
+    /// The state of the plant at this output while the output moves by `speed` in each sample time, and the input that
+    /// keeps it so, as well as one does.
+    pub fn moving(&self, y: f64, speed: f64, x: &mut [f64]) -> f64 {
+        let n = self.rest.len();
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = self.rest[i] * y + self.ramp[i] * speed;
         }
+        self.ramp[n] * speed
     }
 
     /// The net duty of an input of the plant.
@@ -133,4 +140,41 @@ fn resting_state(plant: &Plant) -> DVector<f64> {
     let mut right = DVector::zeros(n + 1);
     right[n] = 1.0;
     rows.svd(true, true).solve(&right, 1e-12).unwrap_or_else(|_| DVector::zeros(n))
+}
+
+/// The least-squares solution of `(A - I) x + B u = x_r`, `C x = 0`, with x_r the state at rest of an output of 1: x, and
+/// behind it u. All states then move by x_r in a sample time.
+fn ramp(plant: &Plant, rest: &DVector<f64>) -> DVector<f64> {
+    let n = plant.a.nrows();
+    let mut rows = DMatrix::zeros(n + 1, n + 1);
+    rows.view_mut((0, 0), (n, n)).copy_from(&(&plant.a - DMatrix::identity(n, n)));
+    rows.view_mut((0, n), (n, 1)).copy_from(&plant.b);
+    rows.view_mut((n, 0), (1, n)).copy_from(&plant.c);
+    let mut right = DVector::zeros(n + 1);
+    right.rows_mut(0, n).copy_from(rest);
+    rows.svd(true, true).solve(&right, 1e-12).unwrap_or_else(|_| DVector::zeros(n + 1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::dmatrix;
+
+    #[test]
+    fn a_plant_that_integrates_is_moved_along_with_its_set_point() {
+        // y' = 0.3 v, v a lag of 0.8 behind u.
+        let plant = Plant {
+            a: dmatrix![1.0, 0.3; 0.0, 0.8],
+            b: dmatrix![0.0; 0.2],
+            c: dmatrix![1.0, 0.0],
+            k: dmatrix![0.5; 0.1],
+        };
+        let rest = resting_state(&plant);
+        let ramp = ramp(&plant, &rest);
+        let mut x = &rest * 2.0 + ramp.rows(0, 2) * 0.6;
+        for k in 0..10 {
+            assert!(((&plant.c * &x)[0] - 2.0 - 0.6 * f64::from(k)).abs() < 1e-9, "{x}");
+            x = &plant.a * &x + &plant.b * (ramp[2] * 0.6);
+        }
+    }
 }

@@ -4,6 +4,7 @@
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
 //! - [`squeeze`]: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
+//! - [`tracking`]: the error from it at the time of the pose, and when an order acts
 //! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
@@ -38,6 +39,7 @@ pub mod riccati;
 pub mod rig;
 pub mod squeeze;
 pub mod tensor_file;
+pub mod tracking;
 pub mod valves;
 
 use stillpoint_operator::Stage;

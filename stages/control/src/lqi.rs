@@ -1,12 +1,13 @@
 //! Linear-quadratic control with an integrator and an observer (4.12)-(4.17) corrected, SCIENCE D5-D7.
 //!
 //! ```text
-//! u(k) = -L [x^(k) - x_r; s(k)],   x^(k+1) = A x^ + B u + K (y - C x^),   s(k+1) = s(k) + r - y(k+1)
+//! u(k) = u_r - L [x^(k) - x_r; s(k)],   x^(k+1) = A x^ + B u + K (y - C x^),   s(k+1) = s(k) + r - y(k+1)
 //! ```
 //!
 //! L minimises the cost of the plant with its integrator, `[[A, 0], [-C A, I]]` and `[B; -C B]`. The dissertation has
 //! no integrator and no set-point: its law regulates to zero. With x_r, the state in which the plant would rest at the
-//! set-point, the law answers to a new set-point at once, and not only through its integrator; x_r = 0 is D7.
+//! set-point, the law answers to a new set-point at once, and not only through its integrator; x_r = 0 is D7. The input
+//! u_r moves the plant with a moving set-point (SCIENCE Y2).
 
 use nalgebra::{DMatrix, DVector, DVectorView};
 
@@ -59,6 +60,8 @@ pub struct Lqi {
     s: DVector<f64>,
     /// x_r.
     aim: DVector<f64>,
+    /// What moves the set-point, by itself.
+    feed: DVector<f64>,
     rested: bool,
     limits: [f64; 2],
     /// [x; s], the error and then the innovation, the next x.
@@ -105,6 +108,7 @@ impl Lqi {
             x: zeros(n),
             s: zeros(p),
             aim: zeros(n),
+            feed: zeros(m),
             rested: true,
             limits: [-1.0, 1.0],
             scratch,
@@ -152,6 +156,18 @@ impl Lqi {
         self.aim.copy_from_slice(x_r);
     }
 
+    /// Sets the input that moves the plant with a moving set-point. It is added to the input of the gain.
+    pub fn feed(&mut self, u_r: &[f64]) {
+        self.feed.copy_from_slice(u_r);
+    }
+
+    /// Writes the part of the input that the integrators make.
+    pub fn integrated(&self, u: &mut [f64]) {
+        for (i, u) in u.iter_mut().enumerate() {
+            *u = -product(&self.gain, i, self.x.len(), &self.s);
+        }
+    }
+
     /// Uses the output `y` at this time and the set-point `r`, and writes the input into `u`, within its limits. It
     /// does not allocate.
     ///
@@ -167,7 +183,7 @@ impl Lqi {
         }
         let mut part = 1.0_f64;
         for (i, u) in u.iter_mut().enumerate() {
-            *u = -product(&self.gain, i, 0, both);
+            *u = self.feed[i] - product(&self.gain, i, 0, both);
             let more = -product(&self.gain, i, n, error);
             part = part.min(room(*u, more, self.limits));
         }

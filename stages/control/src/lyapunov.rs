@@ -1,4 +1,7 @@
 //! The Lyapunov equation P A + A^T P = -Q (4.34).
+//!
+//! No controller uses this module: the reference vectors and the tests of this crate do. In the adaptive law's rates P is
+//! the identity (SCIENCE Y1).
 
 use nalgebra::{DMatrix, DVector};
 

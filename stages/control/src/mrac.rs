@@ -1,32 +1,30 @@
-//! Model-reference adaptive control (4.23)-(4.38) corrected, SCIENCE E2-E11.
+//! Model-reference adaptive control (4.23)-(4.38) corrected, SCIENCE E2-E11 and Y1.
 //!
 //! ```text
-//! u = B^-1 (a y_des - a m) - k a B^-1 e + K_y^T m + K_r^T y_des + Theta^T Phi,   e = m - y_m
+//! u = B^-1 (y_m' - f e^) + K_y^T m + K_r^T y_des + Theta^T Phi
+//! K' = -l x (B^-1 e)^T - sigma K          x = m, y_des or Phi, each with its own l
 //! ```
 //!
-//! with m and y_des the pose and the target, counted from where control began, in parts of each channel's scale. The
-//! first terms are what a plant of the nominal B needs; the adaptive ones learn what it needs beside that.
-
-use nalgebra::{DMatrix, DVector};
+//! with m and y_des the pose and the target, counted from where control began, in parts of each channel's scale, e the
+//! error from the reference model at the pose's own time and e^ the predicted one. The first terms are what a plant of
+//! the nominal B needs; the adaptive ones learn what it needs beside that.
+//!
+//! The dials are rates: an error dies out with f, in 1/s, and what a regressor of 1 has to make up for is learned with
+//! l, in 1/s^2, however fast the reference model is (`docs/science.md`, "The adaptive law in rates").
 
 use crate::adaptive::{Column, Gains, Law, ROOM};
 use crate::effect::Effect;
 use crate::features::Features;
-use crate::lyapunov::{LyapunovError, lyapunov};
 use crate::projection::Ball;
-use crate::reference::ReferenceModel;
+use crate::tracking::Errors;
 use crate::valves::clip;
 
 /// What the law is made from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MracDesign {
-    /// a, the pole of the reference model, 1/s.
-    pub pole: f64,
-    /// k, the factor by which an error from the model decays faster than the model itself.
+    /// f, the rate at which an error from the reference model decays, 1/s.
     pub feedback: f64,
-    /// Q = this times I, in P A_m + A_m^T P = -Q.
-    pub weight: f64,
-    /// Learning rates of K_y, K_r and Theta.
+    /// l of K_y, K_r and Theta, 1/s^2.
     pub learning: [f64; 3],
     /// sigma, 1/s.
     pub leak: f64,
@@ -36,12 +34,37 @@ pub struct MracDesign {
     pub dead_zone: Vec<f64>,
 }
 
+/// How far the head can be from the reference model, in scales.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorBound {
+    /// The error never stays above this, where nothing leaks and gains are free (4.38).
+    pub radius: f64,
+    /// Root of the mean of the squared error over a long time, with the leak.
+    pub root_mean_square: f64,
+}
+
+impl MracDesign {
+    /// The bound of the error (4.38) for a plant `m' = B u + d`, where `d = -M x + eps` with constant M over one of the
+    /// regressors, the rest `eps` at most `unexplained` and the norm of M `explained`, both in scales per second. `place`
+    /// says which regressor: 0, 1 or 2 for pose, target and features. It holds for poses that are not late, outside the
+    /// dead zone and inside the ball.
+    ///
+    /// With `V = |e|^2 + |M~|^2 / l`: `V' <= -2 f |e|^2 + 2 |e| eps + (sigma / l) (|M|^2 - |M~|^2)`.
+    #[must_use]
+    pub fn error_bound(&self, unexplained: f64, explained: f64, place: usize) -> ErrorBound {
+        let radius = unexplained / self.feedback;
+        let learning = self.learning[place];
+        // What is not learned at all is part of the rest.
+        let radius = if learning > 0.0 { radius } else { radius + explained / self.feedback };
+        let leaked =
+            if learning > 0.0 { self.leak * explained * explained / (learning * self.feedback) } else { 0.0 };
+        ErrorBound { radius, root_mean_square: libm::sqrt(radius * radius + leaked) }
+    }
+}
+
 /// Why there is no law.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MracError {
-    /// The reference model, or Q.
-    #[error("the reference model gives no adaptation: {0}")]
-    Lyapunov(#[from] LyapunovError),
     /// The dead zone has another number of channels.
     #[error("the dead zone has {found} numbers for {channels} channels")]
     DeadZone {
@@ -71,20 +94,17 @@ pub enum Learning {
 pub struct Mrac {
     design: MracDesign,
     effect: Effect,
-    p: DMatrix<f64>,
-    model: ReferenceModel,
     features: Features,
     k_y: Gains,
     k_r: Gains,
     theta: Gains,
-    rested: bool,
     m: Column,
     wanted: Column,
     phi: Column,
-    error: DVector<f64>,
-    weighed: DVector<f64>,
     rates: Vec<f64>,
+    compensation: Vec<f64>,
     drives: Vec<f64>,
+    adapted: Vec<f64>,
 }
 
 impl Mrac {
@@ -100,83 +120,76 @@ impl Mrac {
         if let Some(many) = [n, features.count(n)].into_iter().find(|many| *many > ROOM) {
             return Err(MracError::TooMany(many));
         }
-        let p = lyapunov(
-            &DMatrix::from_diagonal_element(n, n, -design.pole),
-            &DMatrix::from_diagonal_element(n, n, design.weight),
-        )?;
         let law = |learning| Law { learning, leak: design.leak, ball: Some(design.ball) };
         let [k_y, k_r, theta] = design.learning.map(|learning| Gains::new(law(learning), inputs));
         Ok(Self {
-            model: ReferenceModel::new(design.pole, n),
-            p,
             features,
             k_y,
             k_r,
             theta,
-            rested: true,
             m: Column::zeros(),
             wanted: Column::zeros(),
             phi: Column::zeros(),
-            error: DVector::zeros(n),
-            weighed: DVector::zeros(n),
             rates: vec![0.0; n],
+            compensation: vec![0.0; n],
             drives: vec![0.0; inputs],
+            adapted: vec![0.0; inputs],
             design,
             effect,
         })
     }
 
-    /// Starts the reference model at the state of the plant in the next step. The learned gains stay.
+    /// Clears the window of the features. The learned gains stay.
     pub fn restart(&mut self) {
-        self.rested = true;
         self.features.restart();
     }
 
     /// Uses the pose `m` and the target `wanted`, both counted from the start of control, in units of each channel's
-    /// scale, `dt` seconds after the last step. It writes net duties into `net`, within -1 to 1. It does not allocate.
-    pub fn step(&mut self, m: &[f64], wanted: &[f64], dt: f64, net: &mut [f64]) -> Learning {
+    /// scale, and the errors from the reference model, `dt` seconds after the last step. It writes net duties into `net`,
+    /// within -1 to 1. It does not allocate.
+    pub fn step(
+        &mut self,
+        m: &[f64],
+        wanted: &[f64],
+        errors: &Errors<'_>,
+        dt: f64,
+        net: &mut [f64],
+    ) -> Learning {
         let n = self.effect.channels();
         self.m.as_mut_slice()[..n].copy_from_slice(m);
         self.wanted.as_mut_slice()[..n].copy_from_slice(wanted);
-        if std::mem::take(&mut self.rested) {
-            self.model.start_at(m);
-        } else {
-            self.model.advance(wanted, dt);
-        }
         self.features.look(m, dt, self.phi.as_mut_slice());
-        let (a, k) = (self.design.pole, self.design.feedback);
-        for i in 0..n {
-            self.error[i] = m[i] - self.model.at()[i];
-            self.rates[i] = a * (wanted[i] - m[i]) - k * a * self.error[i];
+        for (i, rate) in self.rates.iter_mut().enumerate() {
+            *rate = errors.speed[i] - self.design.feedback * errors.predicted[i];
         }
         self.effect.duties(&self.rates, net);
-        for (j, v) in net.iter_mut().enumerate() {
-            *v += self.k_y.demand(j, &self.m)
+        for (j, (v, adapted)) in net.iter_mut().zip(&mut self.adapted).enumerate() {
+            *adapted = self.k_y.demand(j, &self.m)
                 + self.k_r.demand(j, &self.wanted)
                 + self.theta.demand(j, &self.phi);
+            *v += *adapted;
         }
         let beyond = clip(net);
         self.features.acted(net);
-        let quiet = self.error.iter().zip(&self.design.dead_zone).all(|(e, zone)| e.abs() <= *zone);
+        let quiet = errors.seen.iter().zip(&self.design.dead_zone).all(|(e, zone)| e.abs() <= *zone);
         if beyond > 0.0 {
             return Learning::Saturated;
         }
         if quiet {
             return Learning::DeadZone;
         }
-        // With Gamma = B^-1 B^-T for all gains, e^T P B Gamma is (B^-1 P e)^T.
-        self.weighed.gemv(1.0, &self.p, &self.error, 0.0);
-        self.effect.duties(self.weighed.as_slice(), &mut self.drives);
+        self.effect.duties(errors.seen, &mut self.drives);
         self.k_y.adapt(&self.m, &self.drives, dt);
         self.k_r.adapt(&self.wanted, &self.drives, dt);
         self.theta.adapt(&self.phi, &self.drives, dt);
         Learning::On
     }
 
-    /// m - y_m of the last step, in parts of each channel's scale.
-    #[must_use]
-    pub fn error(&self) -> &[f64] {
-        self.error.as_slice()
+    /// The rates of the channels by the net duties of the last step, and the part of them that was learned.
+    pub fn moved(&mut self, net: &[f64]) -> [&[f64]; 2] {
+        self.effect.moved(net, &mut self.rates);
+        self.effect.moved(&self.adapted, &mut self.compensation);
+        [&self.rates, &self.compensation]
     }
 
     /// K_y, K_r and Theta.

@@ -1,6 +1,7 @@
 //! Proportional and integral control of each channel through the inverse of the bladders' effect: the baseline.
 
 use crate::effect::Effect;
+use crate::tracking::Errors;
 use crate::valves::clip;
 
 /// Gains, the same for every channel.
@@ -12,15 +13,17 @@ pub struct PiGains {
     pub integral: f64,
 }
 
-/// v = B^-1 (k_p e + k_i int e), with e the target less the pose.
+/// v = B^-1 (y_m' - k_p e^ - k_i int e), with e the pose less the reference model, e^ the predicted error and y_m' the
+/// model's speed.
 #[derive(Clone, Debug)]
 pub struct Pi {
     gains: PiGains,
     effect: Effect,
-    /// Integral of the error, in scales times seconds.
+    /// Integral of the target less the pose, in scales times seconds.
     integral: Vec<f64>,
     before: Vec<f64>,
     rates: Vec<f64>,
+    compensation: Vec<f64>,
 }
 
 impl Pi {
@@ -28,10 +31,17 @@ impl Pi {
     #[must_use]
     pub fn new(gains: PiGains, effect: Effect) -> Self {
         let zeros = vec![0.0; effect.channels()];
-        Self { gains, effect, integral: zeros.clone(), before: zeros.clone(), rates: zeros }
+        Self {
+            gains,
+            effect,
+            integral: zeros.clone(),
+            before: zeros.clone(),
+            rates: zeros.clone(),
+            compensation: zeros,
+        }
     }
 
-    /// The integral of the error of each channel, in scales times seconds.
+    /// The integral of the target less the pose of each channel, in scales times seconds.
     #[must_use]
     pub fn integral(&self) -> &[f64] {
         &self.integral
@@ -42,26 +52,36 @@ impl Pi {
         self.integral.fill(0.0);
     }
 
-    /// Uses the pose `y` and the set-point `r`, `dt` seconds after the last step, and leaves net duties in `net`, within
-    /// -1 to 1. The integrals stand still where going on would only ask more of a valve that is wide open.
-    pub fn step(&mut self, y: &[f64], r: &[f64], dt: f64, net: &mut [f64]) {
+    /// Uses the errors, `dt` seconds after the last step, and leaves net duties in `net`, within -1 to 1. The integrals
+    /// stand still where going on would only ask more of a valve that is wide open.
+    pub fn step(&mut self, errors: &Errors<'_>, dt: f64, net: &mut [f64]) {
         self.before.copy_from_slice(&self.integral);
-        for (integral, (y, r)) in self.integral.iter_mut().zip(y.iter().zip(r)) {
-            *integral += dt * (r - y);
+        for (integral, seen) in self.integral.iter_mut().zip(errors.seen) {
+            *integral -= dt * seen;
         }
-        let going_on = self.demand(y, r, net);
+        let going_on = self.demand(errors, net);
         std::mem::swap(&mut self.integral, &mut self.before);
-        let standing = self.demand(y, r, net);
+        let standing = self.demand(errors, net);
         if going_on <= standing {
             std::mem::swap(&mut self.integral, &mut self.before);
-            self.demand(y, r, net);
+            self.demand(errors, net);
         }
     }
 
+    /// The rates of the channels by these net duties, and the part of them that the integrals ask for.
+    pub fn moved(&mut self, net: &[f64]) -> [&[f64]; 2] {
+        self.effect.moved(net, &mut self.rates);
+        for (compensation, integral) in self.compensation.iter_mut().zip(&self.integral) {
+            *compensation = self.gains.integral * integral;
+        }
+        [&self.rates, &self.compensation]
+    }
+
     /// The duties of the present integrals; returns how far beyond the limits they were.
-    fn demand(&mut self, y: &[f64], r: &[f64], net: &mut [f64]) -> f64 {
+    fn demand(&mut self, errors: &Errors<'_>, net: &mut [f64]) -> f64 {
         for (i, rate) in self.rates.iter_mut().enumerate() {
-            *rate = self.gains.proportional * (r[i] - y[i]) + self.gains.integral * self.integral[i];
+            *rate = errors.speed[i] - self.gains.proportional * errors.predicted[i]
+                + self.gains.integral * self.integral[i];
         }
         self.effect.duties(&self.rates, net);
         clip(net)
@@ -73,6 +93,12 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
 
+    /// A pose and a set-point that stands, seen at once.
+    fn step(law: &mut Pi, y: f64, r: f64, net: &mut [f64]) {
+        let error = [y - r];
+        law.step(&Errors { seen: &error, predicted: &error, speed: &[0.0] }, 0.1, net);
+    }
+
     fn law(rate: f64) -> Pi {
         let effect = Effect::new(DMatrix::from_element(1, 1, rate)).unwrap();
         Pi::new(PiGains { proportional: 1.0, integral: 0.15 }, effect)
@@ -82,7 +108,7 @@ mod tests {
     fn a_constant_drift_is_made_up_for() {
         let (mut law, mut y, mut net) = (law(0.5), 0.0, [0.0]);
         for _ in 0..1000 {
-            law.step(&[y], &[1.0], 0.1, &mut net);
+            step(&mut law, y, 1.0, &mut net);
             y += 0.1 * (0.5 * net[0] - 0.05);
         }
         assert!((y - 1.0).abs() < 1e-6, "{y}");
@@ -92,7 +118,7 @@ mod tests {
     fn a_target_far_away_does_not_wind_the_integral_up() {
         let (mut law, mut y, mut net, mut highest) = (law(0.1), 0.0, [0.0], 0.0_f64);
         for _ in 0..2000 {
-            law.step(&[y], &[5.0], 0.1, &mut net);
+            step(&mut law, y, 5.0, &mut net);
             y += 0.1 * 0.1 * net[0];
             highest = highest.max(y);
         }

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, Vector3};
 use stillpoint_control::effect::Effect;
 use stillpoint_control::pi::{Pi, PiGains};
 use stillpoint_control::reference::{ReferenceModel, pole_of_rise};
+use stillpoint_control::tracking::Errors;
 use stillpoint_control::valves::{clip, split};
 use stillpoint_mechanics::plant::{State, ThreeDof};
 use stillpoint_random::Random;
@@ -124,7 +125,9 @@ fn run(excitation: &Excitation, number: usize) -> Result<Vec<Sample>, TrainError
         let pose: [f64; 3] =
             std::array::from_fn(|i| (state.position[i] - start[i]) / SCALE[i] + noise * random.normal());
         model.advance(&target, sample_time);
-        law.step(&pose, model.at(), sample_time, &mut net);
+        let error: [f64; 3] = std::array::from_fn(|i| pose[i] - model.at()[i]);
+        // The excitation needs no feed-forward, and the pose is of this moment.
+        law.step(&Errors { seen: &error, predicted: &error, speed: &[0.0; 3] }, sample_time, &mut net);
         for (v, sines) in net.iter_mut().zip(&sines) {
             let wave = |s: &Sine| s.amplitude * libm::sin(std::f64::consts::TAU * s.frequency * t + s.phase);
             *v += sines.iter().map(wave).sum::<f64>();

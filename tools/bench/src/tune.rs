@@ -67,11 +67,11 @@ fn dials(law: Law) -> &'static [Dial] {
         dial("drift", "", 1e-3, 100.0, 1.0),
     ];
     const MRAC: &[Dial] = &[
-        dial("feedback", "", 0.3, 30.0, 3.0),
-        dial("learning_pose", "", 1e-6, 1.0, 1e-4),
-        dial("learning_target", "", 1e-6, 1.0, 1e-4),
-        dial("learning_features", "", 1e-6, 1.0, 1e-4),
-        dial("leak", " 1/s", 1e-4, 1.0, 0.02),
+        dial("feedback", " 1/s", 0.3, 10.0, 2.37),
+        dial("learn_pose", "", 1e-4, 10.0, 1e-3),
+        dial("learn_target", "", 1e-4, 10.0, 1e-3),
+        dial("learn_features", "", 1e-2, 30.0, 1.0),
+        dial("leak", " 1/s", 1e-4, 1.0, 5e-4),
     ];
     match law {
         Law::Pi => PI,

@@ -4,13 +4,15 @@ use stillpoint_operator::{Activation, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Output, Policy, SetupError, StepError};
 use stillpoint_samples::{
     Actuation, ActuationState, Diagnostics, Duties, DutiesElement, DutyReason, Metric, Sample, Standing,
-    Target, TargetStatus, Track,
+    Target, TargetStatus, Track, TrackElement,
 };
 
 use crate::channels::{Channel, difference};
 use crate::operators::freshness::Freshness;
 use crate::operators::params::CheckedPlant;
+use crate::reference::{ReferenceModel, pole_of_rise};
 use crate::squeeze::Squeeze;
+use crate::tracking::Tracking;
 use crate::valves::split;
 
 const STATE: usize = 0;
@@ -24,9 +26,9 @@ pub const INPUTS: &[Input] = &[
     Input {
         name: "state",
         sample: Track::KIND,
-        policy: Policy::Latest,
+        policy: Policy::Queue(4),
         required: true,
-        about: "The estimated pose of the head.",
+        about: "The estimated pose of the head. The law acts on its timer and when a new estimate arrives.",
     },
     Input {
         name: "target",
@@ -72,6 +74,8 @@ pub enum Look {
     Ready {
         /// Seconds since the law last acted; the timer's period where it did not.
         dt: f64,
+        /// The law starts here: its integrals must be cleared.
+        begins: bool,
         /// Reasons that do not stop the controller.
         reasons: u32,
     },
@@ -81,6 +85,10 @@ pub enum Look {
 pub struct ControllerShell {
     plant: CheckedPlant,
     squeeze: Squeeze,
+    /// The newest estimate, with its origin.
+    track: Option<(TrackElement, u64)>,
+    tracking: Tracking,
+    resting: bool,
     /// Of the samples that duties are made from; the pressures, which are made from duties, do not count.
     origin: Option<u64>,
     every: u64,
@@ -105,6 +113,7 @@ impl ControllerShell {
     /// There is no timer, its period is not below `stale`, or nobody says the pressures that have to be held.
     pub fn new(
         plant: CheckedPlant,
+        rise: f64,
         stale: u64,
         setup: &Setup<'_>,
         names: impl IntoIterator<Item = String>,
@@ -128,7 +137,11 @@ impl ControllerShell {
         }
         let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
         metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
+        let model = ReferenceModel::new(pole_of_rise(rise), plant.channels.count());
         Ok(Self {
+            tracking: Tracking::new(model, plant.delay),
+            resting: true,
+            track: None,
             plant,
             squeeze,
             origin: None,
@@ -156,65 +169,97 @@ impl ControllerShell {
 
     /// Looks at the samples of an activation.
     pub fn look(&mut self, activation: &Activation<'_>) -> Look {
+        self.keep(activation);
         self.feel(activation);
-        let look = self.read(activation);
-        match look {
-            Look::Idle(_) => self.acted_at = None,
-            Look::Ready { .. } => self.acted_at = Some(activation.nominal),
+        match self.read(activation) {
+            Err(reason) => {
+                self.acted_at = None;
+                self.resting = true;
+                Look::Idle(reason.bit())
+            }
+            Ok((pose_age, reasons)) => {
+                let gone = self.acted_at.map_or(self.every, |at| activation.nominal.saturating_sub(at));
+                self.acted_at = Some(activation.nominal);
+                let dt = gone.min(LONGEST * self.every) as f64 * 1e-9;
+                let n = self.plant.channels.count();
+                let begins = std::mem::take(&mut self.resting);
+                if begins {
+                    self.tracking.restart(&self.pose[..n]);
+                }
+                self.tracking.look(&self.pose[..n], pose_age, &self.target[..n], dt);
+                Look::Ready { dt, begins, reasons }
+            }
         }
-        look
+    }
+
+    /// Keeps a new estimate.
+    pub fn keep(&mut self, activation: &Activation<'_>) {
+        if let Some(state) = activation.input::<Track>(STATE)
+            && let Some(track) = state.first()
+        {
+            self.freshness.see(track, state.header.origin);
+            self.track = Some((*track, state.header.origin));
+        }
     }
 
     /// Takes the pressures, of valves that follow.
     fn feel(&mut self, activation: &Activation<'_>) {
         self.squeeze.rest();
-        self.origin = None;
-        let Some(actuation) = activation.input::<Actuation>(ACTUATION) else { return };
-        let state = activation.input::<Track>(STATE).map(|s| s.header.origin);
+        let state = self.track.map(|(_, origin)| origin);
         let target = activation.input::<Target>(TARGET).map(|t| t.header.origin);
         self.origin = Some(state.into_iter().chain(target).min().unwrap_or(activation.time));
+        let Some(actuation) = activation.input::<Actuation>(ACTUATION) else { return };
         if let Some(element) = actuation.first().filter(|a| a.state() == ActuationState::Armed) {
             self.squeeze.see(&element.pressure);
         }
     }
 
-    fn read(&mut self, activation: &Activation<'_>) -> Look {
-        let idle = |reason: DutyReason| Look::Idle(reason.bit());
+    /// Reads pose and target; returns the age of the pose, s, and what is out of order nonetheless.
+    fn read(&mut self, activation: &Activation<'_>) -> Result<(f64, u32), DutyReason> {
         self.age = f64::NAN;
-        let Some(state) = activation.input::<Track>(STATE) else { return idle(DutyReason::NoEstimate) };
-        let Some(track) = state.first() else { return idle(DutyReason::NoEstimate) };
-        self.freshness.see(track, state.header.origin);
+        let (track, origin) = self.track.as_ref().ok_or(DutyReason::NoEstimate)?;
         let age = self.freshness.age(activation.time);
         self.age = age.map_or(f64::NAN, |age| age as f64 * 1e-9);
         if track.standing() == Standing::None {
-            return idle(DutyReason::NoEstimate);
+            return Err(DutyReason::NoEstimate);
         }
         if age.is_none_or(|age| age > self.stale) {
-            return idle(DutyReason::Stale);
+            return Err(DutyReason::Stale);
         }
-        let Some(pose) = self.plant.channels.of_track(track) else { return idle(DutyReason::MissingChannel) };
+        let pose = self.plant.channels.of_track(track).ok_or(DutyReason::MissingChannel)?;
         let target = activation.input::<Target>(TARGET);
-        let Some(target) = target.as_ref().and_then(|t| t.first()) else { return idle(DutyReason::NoTarget) };
+        let target = target.as_ref().and_then(|t| t.first()).ok_or(DutyReason::NoTarget)?;
         if target.status() == TargetStatus::None {
-            return idle(DutyReason::NoTarget);
+            return Err(DutyReason::NoTarget);
         }
-        let Some(wanted) = self.plant.channels.of_target(target) else {
-            return idle(DutyReason::MissingChannel);
-        };
+        let wanted = self.plant.channels.of_target(target).ok_or(DutyReason::MissingChannel)?;
         if pose.iter().chain(&wanted).any(|v| !v.is_finite()) {
-            return idle(DutyReason::NotFinite);
+            return Err(DutyReason::NotFinite);
         }
         let start = *self.start.get_or_insert(pose);
         for (i, (channel, scale)) in self.plant.channels.iter().zip(&self.plant.scale).enumerate() {
             self.pose[i] = difference(channel, pose[i], start[i]) / scale;
             self.target[i] = difference(channel, wanted[i], start[i]) / scale;
         }
-        let gone = self.acted_at.map_or(self.every, |at| activation.nominal.saturating_sub(at));
         let refused = target.status() == TargetStatus::Refused;
-        Look::Ready {
-            dt: gone.min(LONGEST * self.every) as f64 * 1e-9,
-            reasons: if refused { DutyReason::TargetRefused.bit() } else { 0 },
-        }
+        let pose_age = activation.time.saturating_sub(*origin) as f64 * 1e-9;
+        Ok((pose_age, if refused { DutyReason::TargetRefused.bit() } else { 0 }))
+    }
+
+    /// The reference model, and how far the head is from it.
+    pub fn tracking(&self) -> &Tracking {
+        &self.tracking
+    }
+
+    /// Takes notice of what a law orders, as [`Tracking::acted`] does.
+    pub fn acted(&mut self, [moved, compensation]: [&[f64]; 2]) {
+        self.tracking.acted(moved, compensation);
+    }
+
+    /// The pose less the reference model, m or rad, and where the model is, in the frame of the state.
+    pub fn error_and_model(&self, channel: usize) -> [f64; 2] {
+        let error = self.tracking.errors().seen[channel] * self.plant.scale[channel];
+        [error, self.absolute(channel, self.tracking.model()[channel])]
     }
 
     /// The pose, counted from where control began, in scales.
@@ -257,6 +302,7 @@ impl ControllerShell {
     pub fn act(&mut self, outputs: &mut Outputs<'_>, net: &[f64], reasons: u32) -> Result<bool, StepError> {
         if net.iter().any(|v| !v.is_finite()) {
             self.acted_at = None;
+            self.resting = true;
             self.idle(outputs, reasons | DutyReason::NotFinite.bit())?;
             return Ok(false);
         }

@@ -4,12 +4,12 @@ use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
+use stillpoint_samples::Cause;
 
 use crate::identified::Identified;
 use crate::lqi::{Lqi, Plant, Weights};
 use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::{CheckedPlant, PlantParams};
-use crate::reference::{ReferenceModel, pole_of_rise};
 use crate::riccati::observer_gain;
 
 /// Parameters of `control.lqg`.
@@ -46,16 +46,21 @@ pub struct LqgParams {
 
 /// Linear-quadratic control with an integrator, an observer and a limit to what is integrated (SCIENCE D5-D7).
 ///
-/// The gain is that of the discrete Riccati equation for the plant with its integrators. The target is approached as the
-/// reference model of (4.24) does. Idle, with all valves shut, where estimate or target are missing, old or not finite;
+/// The gain is that of the discrete Riccati equation for the plant with its integrators, at the timer's period: it acts on
+/// its timer alone. The target is approached as the reference model of (4.24) does, whose speed is fed forward; without
+/// `model` the pose is predicted to when the order acts (SCIENCE Y2, Y3). Idle, with all valves shut, where estimate or target are missing, old or not finite;
 /// afterwards it begins from where the head is.
 pub struct ControlLqg {
     shell: ControllerShell,
     law: Lqi,
     identified: Option<Identified>,
-    model: ReferenceModel,
-    resting: bool,
     net: Vec<f64>,
+    /// The timer's period, s.
+    period: f64,
+    /// Input that moves the plant along with its set-point, then rates of the channels: all of them, and those that the
+    /// integrators ask for.
+    feed: Vec<f64>,
+    moved: [Vec<f64>; 2],
     /// Pose, set-point, and a state of the plant at rest, as the law counts them.
     y: Vec<f64>,
     r: Vec<f64>,
@@ -104,15 +109,16 @@ impl Operator for ControlLqg {
             .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
             .collect();
         Ok(Self {
-            model: ReferenceModel::new(pole_of_rise(params.rise), p),
             law,
             identified,
-            resting: true,
             net: vec![0.0; m],
+            period,
+            feed: vec![0.0; m],
+            moved: [vec![0.0; p], vec![0.0; p]],
             y: vec![0.0; p],
             r: vec![0.0; p],
             x: vec![0.0; n],
-            shell: ControllerShell::new(plant, params.stale, setup, names)?,
+            shell: ControllerShell::new(plant, params.rise, params.stale, setup, names)?,
         })
     }
 
@@ -121,63 +127,75 @@ impl Operator for ControlLqg {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (dt, reasons) = match self.shell.look(activation) {
-            Look::Ready { dt, reasons } => (dt, reasons),
-            Look::Idle(reasons) => {
-                self.resting = true;
-                return self.shell.idle(outputs, reasons);
-            }
+        if activation.cause != Cause::Timer {
+            // The gain is that of the timer's period.
+            self.shell.keep(activation);
+            return Ok(());
+        }
+        let (begins, reasons) = match self.shell.look(activation) {
+            Look::Ready { begins, reasons, .. } => (begins, reasons),
+            Look::Idle(reasons) => return self.shell.idle(outputs, reasons),
         };
-        let restarts = std::mem::take(&mut self.resting);
-        if restarts {
-            self.model.start_at(self.shell.pose());
-        }
-        self.model.advance(self.shell.target(), dt);
-        self.y.copy_from_slice(self.shell.pose());
-        self.r.copy_from_slice(self.model.at());
-        if let (Some(identified), Some(start)) = (&self.identified, self.shell.start()) {
-            // The model counts from its own offset, the shell from where control began.
-            let start = identified.counted(start[0]);
-            self.y[0] += start;
-            self.r[0] += start;
-        }
-        if restarts {
-            self.rest_at(Side::Pose);
+        self.count();
+        if begins {
+            match &self.identified {
+                Some(identified) => drop(identified.moving(self.y[0], 0.0, &mut self.x)),
+                None => self.x.copy_from_slice(&self.y),
+            }
             self.law.restart(&self.x);
         }
-        self.rest_at(Side::SetPoint);
+        let errors = self.shell.tracking().errors();
+        match &self.identified {
+            Some(identified) => {
+                self.feed[0] = identified.moving(self.r[0], errors.speed[0] * self.period, &mut self.x);
+            }
+            None => {
+                self.x.copy_from_slice(&self.r);
+                self.shell.plant().effect.duties(errors.speed, &mut self.feed);
+            }
+        }
         self.law.aim(&self.x);
+        self.law.feed(&self.feed);
         self.law.step(&self.y, &self.r, &mut self.net);
+        let effect = &self.shell.plant().effect;
+        let [moved, compensation] = &mut self.moved;
+        effect.moved(&self.net, moved);
+        self.law.integrated(&mut self.feed);
+        effect.moved(&self.feed, compensation);
+        self.shell.acted([&self.moved[0], &self.moved[1]]);
         if let Some(identified) = &self.identified {
             self.net[0] = identified.duty(self.net[0]);
         }
         for i in 0..self.y.len() {
-            let scale = self.shell.plant().scale[i];
-            self.shell.say(3 * i, (self.r[i] - self.y[i]) * scale);
-            self.shell.say(3 * i + 1, self.shell.absolute(i, self.model.at()[i]));
+            let [error, model] = self.shell.error_and_model(i);
+            self.shell.say(3 * i, -error);
+            self.shell.say(3 * i + 1, model);
             self.shell.say(3 * i + 2, self.law.integral()[i]);
         }
-        self.resting = !self.shell.act(outputs, &self.net, reasons)?;
-        Ok(())
+        self.shell.act(outputs, &self.net, reasons).map(drop)
     }
 }
 
-/// What the plant is to rest at.
-enum Side {
-    Pose,
-    SetPoint,
-}
-
 impl ControlLqg {
-    /// Leaves in `x` the state in which the plant rests where it is, or at the set-point.
-    fn rest_at(&mut self, side: Side) {
-        let y = match side {
-            Side::Pose => &self.y,
-            Side::SetPoint => &self.r,
-        };
-        match &self.identified {
-            Some(identified) => identified.at_rest(y[0], &mut self.x),
-            None => self.x.copy_from_slice(y),
+    /// Writes pose and set-point as the law counts them.
+    ///
+    /// Where the channels integrate, the set-point is the model when the order acts, and the pose is what it will be
+    /// then. An identified plant has the delay of its record in its states: there both are those of the pose's time.
+    fn count(&mut self) {
+        let tracking = self.shell.tracking();
+        let errors = tracking.errors();
+        match (&self.identified, self.shell.start()) {
+            (Some(identified), Some(start)) => {
+                // The model counts from its own offset, the shell from where control began.
+                self.r[0] = tracking.model()[0] + identified.counted(start[0]);
+                self.y[0] = self.r[0] + errors.seen[0];
+            }
+            _ => {
+                for (i, (r, y)) in self.r.iter_mut().zip(&mut self.y).enumerate() {
+                    *r = tracking.ahead()[i];
+                    *y = *r + errors.predicted[i];
+                }
+            }
         }
     }
 }

@@ -30,24 +30,30 @@ pub struct MracParams {
     /// Rise time of the reference model from 10 % to 90 % of a step of the target.
     #[param(unit = "s", default = "20 s", min = "0.1 s", max = "10 min")]
     pub rise: f64,
-    /// Factor by which an error from the reference model decays faster than the model itself.
-    #[param(default = 3, min = 0, max = 1000)]
+    /// Decay rate of an error from the reference model.
+    #[param(unit = "Hz", default = "2.37 1/s", min = "0 1/s", max = "100 1/s")]
     pub feedback: f64,
-    /// Factor of the identity in Q of the Lyapunov equation.
-    #[param(default = 100, above = 0, max = 1000000)]
-    pub weight: f64,
-    /// Learning rate of the gains on the pose, K_y.
-    #[param(default = 0.0001, min = 0, max = 1000)]
-    pub learning_pose: f64,
-    /// Learning rate of the gains on the target, K_r.
-    #[param(default = 0.0001, min = 0, max = 1000)]
-    pub learning_target: f64,
-    /// Learning rate of the weights of the features, Theta.
-    #[param(default = 0.0001, min = 0, max = 1000)]
-    pub learning_features: f64,
+    /// Learning rate of the gains on the pose, K_y, in 1/s2.
+    #[param(default = 0, min = 0, max = 1000)]
+    pub learn_pose: f64,
+    /// Learning rate of the gains on the target, K_r, in 1/s2.
+    #[param(default = 0, min = 0, max = 1000)]
+    pub learn_target: f64,
+    /// Learning rate of the weights of the features, Theta, in 1/s2. A feature of 1 and an error of one scale change the
+    /// demanded rate by this many scales per second in each second.
+    #[param(default = 1, min = 0, max = 1000)]
+    pub learn_features: f64,
     /// Decay rate of the gains (sigma-modification).
-    #[param(unit = "Hz", default = "0.02 1/s", min = "0 1/s", max = "100 1/s")]
+    #[param(unit = "Hz", default = "0.0005 1/s", min = "0 1/s", max = "100 1/s")]
     pub leak: f64,
+    /// Refused: `learn_pose` takes its place.
+    pub learning_pose: Option<f64>,
+    /// Refused: `learn_target` takes its place.
+    pub learning_target: Option<f64>,
+    /// Refused: `learn_features` takes its place.
+    pub learning_features: Option<f64>,
+    /// Refused: the learning rates need no weight.
+    pub weight: Option<f64>,
     /// Largest norm of the gains of a bladder on one regressor (projection), in full duties per scale.
     #[param(default = 1, above = 0, max = 1000)]
     pub greatest_gain: f64,
@@ -67,12 +73,14 @@ pub struct MracParams {
     pub stale: u64,
 }
 
-/// Model-reference adaptive control (4.23)-(4.38) as corrected in SCIENCE E2-E11.
+/// Model-reference adaptive control (4.23)-(4.38) as corrected in SCIENCE E2-E11 and Y1 to Y3.
 ///
-/// The nominal effect of the bladders makes the pose follow the reference model. Gains on the pose, the target and
-/// features of the motion learn the rest. The gains do not change while a valve is fully open, while the estimate is
-/// old, or inside the dead zone. The controller is idle, with all valves shut, if estimate or target are missing, old
-/// or not finite. After that the reference model begins at the present pose, and the learned gains stay.
+/// The nominal effect of the bladders makes the pose follow the reference model, whose speed is fed forward. The error
+/// from the model is the one at the time of the pose, predicted to the time at which the order acts. Gains on the pose,
+/// the target and features of the motion learn the rest. No rate depends on `rise`. The gains do not change while a valve
+/// is fully open, while the estimate is old, or inside the dead zone. The controller is idle, with all valves shut, if
+/// estimate or target are missing, old or not finite. After that the reference model begins at the present pose, and the
+/// learned gains stay.
 pub struct ControlMrac {
     shell: ControllerShell,
     law: Mrac,
@@ -96,6 +104,7 @@ impl Operator for ControlMrac {
     };
 
     fn validate(params: &MracParams) -> Result<(), ParamConflict> {
+        refuse_old_rates(params)?;
         params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
     }
 
@@ -105,10 +114,8 @@ impl Operator for ControlMrac {
         dead_zone.iter_mut().zip(&plant.scale).for_each(|(zone, scale)| *zone /= scale);
         let features = features(&params, &plant, setup)?;
         let design = MracDesign {
-            pole: pole_of_rise(params.rise),
             feedback: params.feedback,
-            weight: params.weight,
-            learning: [params.learning_pose, params.learning_target, params.learning_features],
+            learning: [params.learn_pose, params.learn_target, params.learn_features],
             leak: params.leak,
             ball: Ball { radius: params.greatest_gain, shell: 0.1 },
             dead_zone,
@@ -121,7 +128,7 @@ impl Operator for ControlMrac {
         let names: Vec<String> =
             NAMES.into_iter().map(str::to_owned).chain(of_channels).chain(predicted).collect();
         Ok(Self {
-            shell: ControllerShell::new(plant, params.stale, setup, names)?,
+            shell: ControllerShell::new(plant, params.rise, params.stale, setup, names)?,
             initial: law.clone(),
             law,
             net,
@@ -134,13 +141,17 @@ impl Operator for ControlMrac {
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let (dt, mut reasons) = match self.shell.look(activation) {
-            Look::Ready { dt, reasons } => (dt, reasons),
-            Look::Idle(reasons) => {
-                self.law.restart();
-                return self.shell.idle(outputs, reasons | DutyReason::Frozen.bit());
+            Look::Ready { dt, begins, reasons } => {
+                if begins {
+                    self.law.restart();
+                }
+                (dt, reasons)
             }
+            Look::Idle(reasons) => return self.shell.idle(outputs, reasons | DutyReason::Frozen.bit()),
         };
-        let learning = self.law.step(self.shell.pose(), self.shell.target(), dt, &mut self.net);
+        let errors = self.shell.tracking().errors();
+        let learning = self.law.step(self.shell.pose(), self.shell.target(), &errors, dt, &mut self.net);
+        self.shell.acted(self.law.moved(&self.net));
         if learning != Learning::On {
             reasons |= DutyReason::Frozen.bit();
         }
@@ -148,12 +159,11 @@ impl Operator for ControlMrac {
         for (place, gains) in self.law.gains().into_iter().enumerate() {
             self.shell.say(1 + place, gains.norm());
         }
-        let count = self.law.error().len();
+        let count = self.shell.pose().len();
         for i in 0..count {
-            let scale = self.shell.plant().scale[i];
-            let (error, pose) = (self.law.error()[i], self.shell.pose()[i]);
-            self.shell.say(NAMES.len() + 2 * i, error * scale);
-            self.shell.say(NAMES.len() + 2 * i + 1, self.shell.absolute(i, pose - error));
+            let [error, model] = self.shell.error_and_model(i);
+            self.shell.say(NAMES.len() + 2 * i, error);
+            self.shell.say(NAMES.len() + 2 * i + 1, model);
             if let Features::Learned(learned) = self.law.features() {
                 let change = learned.predicted_change(i).unwrap_or(f64::NAN);
                 self.shell.say(NAMES.len() + 2 * count + i, change);
@@ -164,6 +174,34 @@ impl Operator for ControlMrac {
         }
         Ok(())
     }
+}
+
+/// Refuses the parameters of older builds, with the values to write in their place: P of the Lyapunov equation, `weight`
+/// over twice the pole of the reference model, multiplied every learning rate.
+fn refuse_old_rates(params: &MracParams) -> Result<(), ParamConflict> {
+    let p = params.weight.unwrap_or(100.0) / (2.0 * pole_of_rise(params.rise));
+    let old: [(&'static [&'static str], &str, Option<f64>); 3] = [
+        (&["learning_pose"], "learn_pose", params.learning_pose),
+        (&["learning_target"], "learn_target", params.learning_target),
+        (&["learning_features"], "learn_features", params.learning_features),
+    ];
+    for (key, new, value) in old {
+        if let Some(value) = value {
+            let due = value * p;
+            let text = format!(
+                "`{}` depended on the rise of the reference model: write `{new}: {due:.3}`, which is the same rate, in 1/s2, at a \
+                 rise of {} s",
+                key.concat(),
+                params.rise
+            );
+            return Err(ParamConflict::inside(key, SetupError(text)));
+        }
+    }
+    if params.weight.is_some() {
+        let text = "`weight` is not used any more: remove it".to_owned();
+        return Err(ParamConflict::inside(&["weight"], SetupError(text)));
+    }
+    Ok(())
 }
 
 fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Result<Features, SetupError> {

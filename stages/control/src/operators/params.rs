@@ -100,6 +100,10 @@ pub struct PlantParams {
     /// Unit of each channel: errors of these sizes have equal weight.
     #[param(default = "{ x: 10 mm, y: 10 mm, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg, yaw: 5 deg }")]
     pub scale: PerChannel,
+    /// How long after an order the bladders begin to answer: the way to the valves and their lag. The error from the
+    /// reference model is predicted over it.
+    #[param(unit = "s", default = "30 ms", min = "0 s", max = "500 ms")]
+    pub delay: f64,
 }
 
 /// Most bladders that duties have room for.
@@ -114,6 +118,8 @@ pub struct CheckedPlant {
     pub scale: Vec<f64>,
     /// What the bladders do, in scales.
     pub effect: Effect,
+    /// From an order to the bladders' answer, s.
+    pub delay: f64,
 }
 
 impl PlantParams {
@@ -137,6 +143,6 @@ impl PlantParams {
         let places: Vec<usize> = channels.iter().map(Channel::place).collect();
         let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
         let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;
-        Ok(CheckedPlant { channels, scale, effect })
+        Ok(CheckedPlant { channels, scale, effect, delay: self.delay })
     }
 }

@@ -6,7 +6,6 @@ use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Time
 use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
 use crate::operators::params::PlantParams;
 use crate::pi::{Pi, PiGains};
-use crate::reference::{ReferenceModel, pole_of_rise};
 
 /// Parameters of `control.pi`.
 #[derive(Clone, Debug, Params)]
@@ -30,14 +29,13 @@ pub struct PiParams {
 
 /// Proportional and integral control of each channel through the inverse of the bladders' effect (SCIENCE E11).
 ///
-/// The target is approached as the reference model of (4.24) does. Where a valve is wide open the integrals stand still.
+/// The target is approached as the reference model of (4.24) does, whose speed is fed forward; the error from it is that of
+/// the pose's own time, predicted to when the order acts (SCIENCE Y2, Y3). Where a valve is wide open the integrals stand still.
 /// Idle, with all valves shut, where estimate or target are missing, old or not finite; afterwards it begins from where
 /// the head is, with integrals of zero.
 pub struct ControlPi {
     shell: ControllerShell,
     law: Pi,
-    model: ReferenceModel,
-    resting: bool,
     net: Vec<f64>,
 }
 
@@ -60,20 +58,13 @@ impl Operator for ControlPi {
         let plant = params.plant.checked()?;
         let gains = PiGains { proportional: params.proportional, integral: params.integral };
         let law = Pi::new(gains, plant.effect.clone());
-        let model = ReferenceModel::new(pole_of_rise(params.rise), plant.channels.count());
         let net = vec![0.0; plant.effect.bladders()];
         let names: Vec<String> = plant
             .channels
             .iter()
             .flat_map(|c| [named("error", c), named("model", c), format!("integral_{}", c.name())])
             .collect();
-        Ok(Self {
-            shell: ControllerShell::new(plant, params.stale, setup, names)?,
-            law,
-            model,
-            resting: true,
-            net,
-        })
+        Ok(Self { shell: ControllerShell::new(plant, params.rise, params.stale, setup, names)?, law, net })
     }
 
     fn capacities(params: &PiParams) -> Vec<usize> {
@@ -81,27 +72,21 @@ impl Operator for ControlPi {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        let (dt, reasons) = match self.shell.look(activation) {
-            Look::Ready { dt, reasons } => (dt, reasons),
-            Look::Idle(reasons) => {
-                self.resting = true;
-                return self.shell.idle(outputs, reasons);
-            }
+        let (dt, begins, reasons) = match self.shell.look(activation) {
+            Look::Ready { dt, begins, reasons } => (dt, begins, reasons),
+            Look::Idle(reasons) => return self.shell.idle(outputs, reasons),
         };
-        if std::mem::take(&mut self.resting) {
+        if begins {
             self.law.restart();
-            self.model.start_at(self.shell.pose());
         }
-        self.model.advance(self.shell.target(), dt);
-        self.law.step(self.shell.pose(), self.model.at(), dt, &mut self.net);
-        for i in 0..self.model.at().len() {
-            let scale = self.shell.plant().scale[i];
-            let model = self.model.at()[i];
-            self.shell.say(3 * i, (model - self.shell.pose()[i]) * scale);
-            self.shell.say(3 * i + 1, self.shell.absolute(i, model));
-            self.shell.say(3 * i + 2, self.law.integral()[i]);
+        self.law.step(&self.shell.tracking().errors(), dt, &mut self.net);
+        self.shell.acted(self.law.moved(&self.net));
+        for (i, integral) in self.law.integral().iter().enumerate() {
+            let [error, model] = self.shell.error_and_model(i);
+            self.shell.say(3 * i, -error);
+            self.shell.say(3 * i + 1, model);
+            self.shell.say(3 * i + 2, *integral);
         }
-        self.resting = !self.shell.act(outputs, &self.net, reasons)?;
-        Ok(())
+        self.shell.act(outputs, &self.net, reasons).map(drop)
     }
 }

@@ -184,6 +184,12 @@ fn controllers_refuse_what_does_not_fit_with_the_place() {
         ),
         ("control.pi", "every"),
         ("control.mrac, every: 10 ms, params: { rise: 20 }", "unit"),
+        ("control.mrac, every: 10 ms, params: { feedback: 4.39 }", "unit"),
+        (
+            "control.mrac, every: 10 ms, params: { rise: 5 s, learning_features: 0.00879 }",
+            "write `learn_features: 1.000`, which is the same rate",
+        ),
+        ("control.mrac, every: 10 ms, params: { weight: 100 }", "`weight` is not used any more"),
         ("control.mrac, every: 10 ms, params: { plant: { bladders: [{ z: 1 mm }] } }", "mm"),
     ] {
         let error = try_loop(&files, "", "", law, 1).map(|_| ()).unwrap_err();

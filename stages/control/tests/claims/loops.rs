@@ -42,9 +42,9 @@ fn every_law_brings_a_drifting_head_to_its_target_as_the_reference_model_says() 
         let run = closed_loop("", STEP, law, 80);
         let worst = worst_after(&run, 70.0);
         assert!(worst[0] < 0.5 && worst[1] < 0.2 && worst[2] < 0.2, "{law}: {worst:?}");
-        // What integrates the distance from the model overtakes it a little.
-        let allowed = if law == LAWS[2] { 0.5 } else { 3.5 };
-        assert!((rise(&run) - 20.0).abs() < allowed, "{law}: {}", rise(&run));
+        // The drift is not known at first, so the head lags a little and then catches up.
+        println!("{law}: rise {:.1} s", rise(&run));
+        assert!((rise(&run) - 20.0).abs() < 1.0, "{law}: {}", rise(&run));
         for (t, duties) in duties(&run).iter().skip(200) {
             assert_eq!((duties.idle, duties.reasons & DutyReason::Saturated.bit()), (0, 0), "{law} at {t}");
         }

@@ -3,6 +3,7 @@
 //! - `gains`: Riccati and Lyapunov equations, linear-quadratic control
 //! - `printed_gains`: the gains that the dissertation prints do nothing
 //! - `adaptive`: adaptive laws along the reference trajectories
+//! - `rates`: the adaptive law in rates, and its error bound
 //! - `rig_loop`: the adaptive loop on the rig of three bladders
 //! - `allocation`: steps that take nothing from the heap
 //! - `learned`: controllers with an identified plant or a trained network
@@ -22,6 +23,7 @@ mod loops;
 mod network;
 mod plants;
 mod printed_gains;
+mod rates;
 mod rig_loop;
 mod squeeze;
 mod vectors;

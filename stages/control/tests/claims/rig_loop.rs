@@ -6,6 +6,8 @@ use stillpoint_control::effect::Effect;
 use stillpoint_control::features::Features;
 use stillpoint_control::mrac::{Mrac, MracDesign};
 use stillpoint_control::projection::Ball;
+use stillpoint_control::reference::ReferenceModel;
+use stillpoint_control::tracking::Tracking;
 use stillpoint_control::valves::split;
 use stillpoint_mechanics::plant::{State, ThreeDof};
 
@@ -24,10 +26,9 @@ fn effect(plant: &ThreeDof, air: &Vector3<f64>, start: Vector3<f64>, scale: &[f6
 fn design(case: &Value) -> MracDesign {
     let given = &case["in"];
     MracDesign {
-        pole: number(&given["a"]),
-        feedback: 3.0,
-        weight: 100.0,
-        learning: [0, 1, 2].map(|i| number(&given["gamma_y_r_theta"][i])),
+        // The reference has multiples of the pole, and rates before P = 50 / a.
+        feedback: 4.0 * number(&given["a"]),
+        learning: [0, 1, 2].map(|i| number(&given["gamma_y_r_theta"][i]) * 50.0 / number(&given["a"])),
         leak: number(&given["sigma"]),
         ball: Ball { radius: 10.0, shell: 0.1 },
         dead_zone: vec![0.0; 3],
@@ -48,6 +49,9 @@ fn the_adaptive_loop_on_the_rig_follows_the_reference_run() {
         assert_matrix_close(&case, "B", effect.matrix(), &given["B0"]);
 
         let mut law = Mrac::design(design(&case), effect, Features::Tanh).unwrap();
+        // Orders act at once here, and poses are not late.
+        let mut tracking = Tracking::new(ReferenceModel::new(number(&given["a"]), 3), 0.0);
+        tracking.restart(&[0.0; 3]);
         let mut state = State::at_rest(start, air);
         let (period, end) = (number(&given["Ts"]), number(&given["t_end"]));
         let wanted = numbers(&given["y_des_scaled"]);
@@ -56,8 +60,9 @@ fn the_adaptive_loop_on_the_rig_follows_the_reference_run() {
         let steps = (end / period).round() as usize;
         for k in 0..steps {
             let m: Vec<f64> = (0..3).map(|i| (state.position[i] - start[i]) / scale[i]).collect();
-            law.step(&m, &wanted, period, &mut net);
-            let error = DVector::from_column_slice(law.error());
+            tracking.look(&m, 0.0, &wanted, if k == 0 { 0.0 } else { period });
+            law.step(&m, &wanted, &tracking.errors(), period, &mut net);
+            let error = DVector::from_column_slice(tracking.errors().seen);
             for i in 0..3 {
                 worst[i] = worst[i].max(error[i].abs());
                 if k >= steps - 100 {
