@@ -23,3 +23,20 @@ fn normalised<const N: usize>(e: &SVector<f64, N>, p: &SMatrix<f64, N, N>) -> Op
     let squared = e.dot(&p.cholesky()?.solve(e));
     squared.is_finite().then_some(squared)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector2};
+
+    #[test]
+    fn both_are_the_squared_length_in_units_of_the_covariance() {
+        // The inverse of [[4, 2], [2, 3]] is [[3, -2], [-2, 4]] / 8.
+        let (e, p) = (Vector2::new(1.0, -2.0), Matrix2::new(4.0, 2.0, 2.0, 3.0));
+        let due = (3.0 + 8.0 + 16.0) / 8.0;
+        assert!((nees(&e, &p).unwrap() - due).abs() < 1e-12);
+        let innovation = Innovation { residual: e, covariance: p };
+        assert!((nis(&innovation).unwrap() - due).abs() < 1e-12);
+        assert_eq!(nees(&e, &Matrix2::new(1.0, 2.0, 2.0, 1.0)), None);
+    }
+}

@@ -108,3 +108,43 @@ fn variance(gradient: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
     let n = gradient.len();
     (gradient.transpose() * covariance.view((0, 0), (n, n)) * gradient)[0].max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::dvector;
+
+    #[test]
+    fn deviations_of_gain_and_poles_are_those_of_finite_differences() {
+        let model = Companion {
+            last: dvector![-0.665, 1.65],
+            input: dvector![0.02, 0.047],
+            gain: dvector![0.4, 0.35],
+            start: dvector![0.3, 0.2],
+        };
+        // Parameters that go together, so that the signs of the gradient count.
+        let root =
+            DMatrix::from_fn(8, 8, |i, j| 1e-3 * (1.0 + ((3 * i + 5 * j) % 7) as f64 - 0.4 * i as f64));
+        let covariance = &root * root.transpose();
+        let theta = model.parameters();
+        let sd = |of: &dyn Fn(&Companion) -> f64| {
+            let gradient = DVector::from_fn(8, |i, _| {
+                let at = |d: f64| {
+                    let mut moved = theta.clone();
+                    moved[i] += d;
+                    of(&Companion::from_parameters(&moved))
+                };
+                (at(1e-6) - at(-1e-6)) / 2e-6
+            });
+            (gradient.transpose() * &covariance * gradient)[0].sqrt()
+        };
+        let zero = DMatrix::zeros(8, 8);
+        let gain = sd(&|m| dc_gain(m, &zero).map_or(f64::NAN, |g| g.value));
+        let found = dc_gain(&model, &covariance).unwrap();
+        assert!((found.sd / gain - 1.0).abs() < 1e-6, "{found:?} {gain}");
+        for (place, pole) in poles(&model, &covariance).iter().enumerate() {
+            let of = sd(&|m| poles(m, &zero)[place].modulus.value);
+            assert!((pole.modulus.sd / of - 1.0).abs() < 1e-5, "{pole:?} {of}");
+        }
+    }
+}

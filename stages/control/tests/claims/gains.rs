@@ -63,6 +63,33 @@ fn the_lqi_loop_follows_its_reference_trajectory() {
 }
 
 #[test]
+fn a_plant_at_the_resting_state_of_its_set_point_is_left_alone_and_one_that_follows_is_fed() {
+    let (a, b, c) = (dmatrix![1.0, 0.3; 0.0, 0.8], dmatrix![0.0; 0.2], dmatrix![1.0, 0.0]);
+    let plant = Plant { a: a.clone(), b: b.clone(), c, k: dmatrix![0.5; 0.1] };
+    let weights = Weights { state: DMatrix::identity(2, 2), integral: dmatrix![0.01], effort: dmatrix![0.1] };
+    let mut law = Lqi::design(plant, &weights).unwrap();
+    law.restart(&[3.0, 0.0]);
+    law.aim(&[3.0, 0.0]);
+    let mut u = [9.0];
+    for _ in 0..10 {
+        law.step(&[3.0], &[3.0], &mut u);
+        assert!(u[0].abs() < 1e-12, "{u:?}");
+    }
+    // The set-point moves by 0.06 a sample: v = 0.2, u = v. Nothing is left for gain and integrator.
+    let mut x = dmatrix![3.0; 0.2];
+    law.restart(x.as_slice());
+    for k in 0..50 {
+        let r = 3.0 + 0.06 * f64::from(k);
+        law.aim(&[r, 0.2]);
+        law.feed(&[0.2]);
+        law.step(&[x[0]], &[r], &mut u);
+        assert!((u[0] - 0.2).abs() < 1e-9, "{k}: {u:?}");
+        x = &a * &x + &b * u[0];
+    }
+    assert!(law.integral()[0].abs() < 1e-9);
+}
+
+#[test]
 fn a_limited_input_does_not_wind_the_integrator_up() {
     let plant = Plant { a: dmatrix![1.0], b: dmatrix![0.01], c: dmatrix![1.0], k: dmatrix![0.6] };
     let weights = Weights { state: dmatrix![1.0], integral: dmatrix![0.01], effort: dmatrix![0.1] };

@@ -293,3 +293,12 @@ fn offset_of_two_clocks_shows_in_the_motion() {
     let found = offset.estimate().unwrap();
     assert!((found.seconds - late).abs() < 3.0 * found.sd && found.sd < 0.001, "{found:?}");
 }
+
+#[test]
+fn filters_with_other_accelerations_share_the_geometric_mean() {
+    let noise =
+        |sd: f64, hold: f64| ProcessNoise { acceleration_sd: Vector1::new(sd), hold: Hold::Seconds(hold) };
+    let shared = CrossCovariance::<1, 2>::shared(&noise(2.0, 0.1), &noise(8.0, 0.4));
+    assert!((shared.acceleration_sd[0] - 4.0).abs() < 1e-12, "{shared:?}");
+    assert!(matches!(shared.hold, Hold::Seconds(hold) if (hold - 0.2).abs() < 1e-12), "{shared:?}");
+}

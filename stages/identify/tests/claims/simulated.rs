@@ -57,6 +57,21 @@ fn stated_deviations_are_those_of_the_estimates() {
 }
 
 #[test]
+fn noise_variance_and_parameter_deviations_are_those_of_the_normal_equations() {
+    let (u, y) = record(&bladder(), 0.05, 1500, 4);
+    let found = fit(&Record { input: &u, output: &y }, 2).unwrap();
+    let errors = found.model.predict(&u, &y).errors;
+    let variance = errors.iter().map(|e| e * e).sum::<f64>() / (1500.0 - 8.0);
+    assert!((found.noise_variance / variance - 1.0).abs() < 1e-9, "{} {variance}", found.noise_variance);
+    assert!((found.noise_variance / 0.0025 - 1.0).abs() < 0.15, "{}", found.noise_variance);
+    let covariance = found.model.normal(&u, &y).matrix.try_inverse().unwrap() * variance;
+    for (i, sd) in found.parameter_sd.iter().enumerate() {
+        let due = covariance[(i, i)].sqrt();
+        assert!((sd / due - 1.0).abs() < 1e-3, "parameter {i}: {sd} {due}");
+    }
+}
+
+#[test]
 fn errors_of_the_true_order_are_noise_and_those_of_a_lower_one_are_not() {
     let (mut whites, mut crosses) = (0, 0);
     let runs = 40;

@@ -117,6 +117,31 @@ mod tests {
         }
 
         #[test]
+        fn no_other_push_with_all_that_it_bears_is_nearer(
+            wanted in finger(),
+            least in 0.0..1.0f64,
+            sliding in 0.1..1.0f64,
+            spinning in 0.001..0.05f64,
+        ) {
+            let friction = Friction { sliding, spinning };
+            // Of all forces with this push, the nearest one.
+            let with = |push: f64| {
+                let tangential = libm::hypot(wanted.force.x, wanted.force.y);
+                let kept = (sliding * push / tangential).min(1.0);
+                FingerForce {
+                    force: Vector3::new(wanted.force.x * kept, wanted.force.y * kept, push),
+                    torque: wanted.torque.clamp(-spinning * push, spinning * push),
+                }
+            };
+            let found = friction.nearest(&wanted, least, 0.05);
+            prop_assert!(distance(&found, &with(found.force.z)) < 1e-9);
+            // The squared distance is convex in the push: neither a little more nor a little less is nearer.
+            for push in [0.999, 1.001].map(|part| (found.force.z * part).max(least)) {
+                prop_assert!(distance(&found, &wanted) <= distance(&with(push), &wanted) + 1e-9);
+            }
+        }
+
+        #[test]
         fn what_is_borne_is_its_own_nearest(wanted in finger()) {
             let friction = Friction { sliding: 0.6, spinning: 0.02 };
             let found = friction.nearest(&wanted, 0.0, 0.05);

@@ -146,4 +146,16 @@ mod tests {
             DMatrix::from_row_slice(3, 4, &[1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]);
         assert_eq!(null_space(&map).shape(), (4, 2));
     }
+
+    #[test]
+    fn least_forces_make_the_wrench_and_nothing_beside_it() {
+        let arms = [[0.08, 0.0, 0.01], [-0.07, 0.02, 0.0], [0.0, 0.06, 0.05], [0.01, -0.03, -0.08]];
+        let touches = arms.map(|arm| Touch { arm: arm.into(), normal: Vector3::new(0.0, 0.6, 0.8) });
+        let map = soft_fingers(&touches);
+        let wrench = Vector6::new(3.0, -2.0, 40.0, 0.5, 0.2, -0.3);
+        let forces = least_forces(&map, &wrench).unwrap();
+        let made = &map * &forces;
+        assert!((0..6).all(|i| (made[i] - wrench[i]).abs() < 1e-10), "{made}");
+        assert!((null_space(&map).transpose() * &forces).amax() < 1e-10);
+    }
 }

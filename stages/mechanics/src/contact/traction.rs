@@ -50,4 +50,16 @@ mod tests {
         assert_eq!(deformed_area(&flat, &Vector3::x()), None);
         assert_eq!(nominal_stress(&flat, &Matrix3::identity()), None);
     }
+
+    #[test]
+    fn a_torque_turns_from_the_arm_to_the_force_and_is_that_of_the_grasp_map() {
+        // A force along y at an arm along x turns about z, from x to y.
+        assert_eq!(
+            torque(&Vector3::new(0.1, 0.0, 0.0), &Vector3::new(0.0, 5.0, 0.0)),
+            Vector3::new(0.0, 0.0, 0.5)
+        );
+        let (arm, force) = (Vector3::new(0.03, -0.07, 0.05), Vector3::new(4.0, 1.0, -2.0));
+        let wrench = crate::contact::grasp::point(&arm) * force;
+        assert!((wrench.fixed_rows::<3>(3) - torque(&arm, &force)).amax() < 1e-15);
+    }
 }

@@ -52,3 +52,28 @@ pub fn acceleration<const D: usize, const B: usize>(
     let force = carried.map.transpose() * tau - terms.velocity * rate - terms.load;
     crate::linear::solve(terms.mass, force)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix1, Matrix2, Matrix2x1, Vector1, Vector2};
+
+    #[test]
+    fn every_term_of_the_carried_bodies_counts() {
+        let head = Terms { mass: Matrix1::new(2.0), velocity: Matrix1::new(0.5), load: Vector1::new(11.0) };
+        let bodies = Terms {
+            mass: Matrix2::new(1.0, 0.0, 0.0, 4.0),
+            velocity: Matrix2::new(0.1, 0.0, 0.0, 0.2),
+            load: Vector2::new(5.0, 7.0),
+        };
+        let carried = Carried { map: Matrix2x1::new(2.0, 3.0), map_rate: Matrix2x1::new(0.3, -0.1) };
+        let all = together(&head, &bodies, &carried);
+        // M_h + 4 * 1 + 9 * 4; C_h + (4 * 0.1 + 9 * 0.2) + (2 * 0.3 + 3 * 4 * -0.1); N_h + 2 * 5 + 3 * 7.
+        assert!((all.mass[0] - 42.0).abs() < 1e-12, "{all:?}");
+        assert!((all.velocity[0] - 2.1).abs() < 1e-12, "{all:?}");
+        assert!((all.load[0] - 42.0).abs() < 1e-12, "{all:?}");
+        // H^T tau = 2 * 20 + 3 * 30 = 130; less C' rate and the load.
+        let found = acceleration(&all, &carried, &Vector1::new(0.5), &Vector2::new(20.0, 30.0)).unwrap();
+        assert!((found[0] - (130.0 - 1.05 - 42.0) / 42.0).abs() < 1e-12, "{found}");
+    }
+}

@@ -247,4 +247,30 @@ mod tests {
         assert!(openings[500][0] > 1e-12 && openings[500][0] < 1e-10, "{:?}", openings[500]);
         assert_eq!(openings[999], [0.0; 2]);
     }
+
+    #[test]
+    fn a_leak_takes_air_out_of_a_bladder_as_its_hole_passes_it() {
+        let plant = OneDof::rig(5.0);
+        let state = State::at_rest(SVector::from([0.085]), plant.start_air());
+        let mut drive = plant.idle();
+        let flow = |drive: &Drive<1, 1>| plant.slope(&state.pack::<5>(), drive)[2];
+        assert_eq!(flow(&drive), 0.0);
+        drive.leak = [1e-7];
+        let pressed = plant.bladders(&state.position, &state.air)[0];
+        let inside = plant.air.atmosphere + pressed.pressure;
+        let out = Orifice::new(&plant.air).flow(1e-7, inside, plant.air.atmosphere);
+        assert!(out > 0.0 && flow(&drive) == -out, "{} {out}", flow(&drive));
+    }
+
+    #[test]
+    fn foam_pushes_by_its_depth_and_against_motion_but_never_pulls() {
+        let foam = Stop { gap: 0.06, stiffness: 2e4, damping: 300.0 };
+        let near = |found: f64, due: f64| assert!((found - due).abs() < 1e-9, "{found} {due}");
+        near(foam.force(0.059, 0.0), 20.0);
+        // The head sinks at 0.05 m/s: the foam pushes more; it rises: less, and no further than to nothing.
+        near(foam.force(0.059, -0.05), 35.0);
+        near(foam.force(0.059, 0.05), 5.0);
+        near(foam.force(0.059, 0.5), 0.0);
+        near(foam.force(0.061, -1.0), 0.0);
+    }
 }

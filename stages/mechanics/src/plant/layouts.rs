@@ -161,6 +161,7 @@ fn neck(height: f64, pitch: f64, roll: f64) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plant::State;
 
     #[test]
     fn eight_bladders_make_every_wrench_and_squeeze_without_one() {
@@ -171,6 +172,51 @@ mod tests {
         assert!(eigen.min() > 1e-3, "{eigen}");
         let squeeze = plant.jacobian.transpose() * SVector::<f64, 8>::repeat(1.0);
         assert!(squeeze.amax() < 1e-12, "{squeeze}");
+    }
+
+    #[test]
+    fn a_gap_of_the_eight_opens_as_the_touched_point_moves_away_from_its_plate() {
+        use nalgebra::Rotation3;
+        let plant = SixDof::rig(5.0);
+        for j in 0..8 {
+            let (arm, push) = around(j);
+            // All bladders push towards the head, from outside.
+            assert!(push.dot(&arm) < 0.0, "{j}");
+            for (axis, turn) in [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().enumerate() {
+                let h = 1e-6;
+                let moved = Rotation3::new(turn * h) * arm - Rotation3::new(turn * -h) * arm;
+                let opens = push.dot(&moved) / (2.0 * h);
+                assert!((plant.jacobian[(j, 3 + axis)] - opens).abs() < 1e-9, "{j} about {axis}");
+                assert!((plant.jacobian[(j, axis)] - push[axis]).abs() < 1e-15, "{j} along {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_head_between_the_eight_has_the_stated_inertia_stiffness_and_damping() {
+        // Without bladders: what is left are the head and the neck. Twice the mass has twice the inertia.
+        for share in [1.0, 0.5, 1.2] {
+            let mut plant = SixDof::rig(5.0 * share);
+            plant.jacobian = SMatrix::zeros();
+            let position = Vector6::new(0.01, -0.02, 0.03, 0.1, -0.2, 0.3);
+            let rate = Vector6::new(0.2, 0.1, -0.3, 0.5, 0.4, -0.6);
+            let mut state = State::<6, 8>::at_rest(position, plant.start_air());
+            state.rate = rate;
+            let slope = plant.slope(&state.pack::<36>(), &plant.idle());
+            let (stiffness, damping) =
+                ([500.0, 2000.0, 500.0, 5.0, 3.0, 5.0], [60.0, 120.0, 60.0, 0.8, 0.6, 0.8]);
+            let inertia = [5.0, 5.0, 5.0, 0.024, 0.016, 0.021];
+            for i in 0..6 {
+                let weight = if i == 2 { 5.0 * share * 9.81 } else { 0.0 };
+                let force = -stiffness[i] * position[i] - damping[i] * rate[i] - weight;
+                let expected = force / (inertia[i] * share);
+                assert!(
+                    (slope[6 + i] - expected).abs() < 1e-9 * expected.abs(),
+                    "{i}: {} {expected}",
+                    slope[6 + i]
+                );
+            }
+        }
     }
 
     #[test]
