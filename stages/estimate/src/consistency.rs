@@ -35,7 +35,13 @@ mod tests {
         let (e, p) = (Vector2::new(1.0, -2.0), Matrix2::new(4.0, 2.0, 2.0, 3.0));
         let due = (3.0 + 8.0 + 16.0) / 8.0;
         assert!((nees(&e, &p).unwrap() - due).abs() < 1e-12);
-        let innovation = Innovation { residual: e, covariance: p };
+        let innovation = Innovation {
+            residual: e,
+            covariance: p,
+            measured: [true; 2],
+            position_gain: SMatrix::zeros(),
+            velocity_gain: SMatrix::zeros(),
+        };
         assert!((nis(&innovation).unwrap() - due).abs() < 1e-12);
         assert_eq!(nees(&e, &Matrix2::new(1.0, 2.0, 2.0, 1.0)), None);
     }

@@ -154,7 +154,7 @@ fn from_any_air_the_head_comes_to_rest_where_the_forces_balance() {
     // the end of the trajectory is held against Newton's method on the static forces.
     for (mass, parts) in [(5.0, [1.0, 1.0, 1.0]), (4.0, [1.04, 0.98, 1.0]), (6.0, [1.05, 1.0, 1.06])] {
         let plant = ThreeDof::rig(mass);
-        let air = plant.start_air().component_mul(&parts.into());
+        let air = plant.start_air().component_mul(&SVector::from(parts));
         let rest = plant.equilibrium(&air, SVector::zeros()).unwrap();
         let mut state = State::at_rest(rest + SVector::from([0.004, 0.01, 0.05]), air);
         for _ in 0..8000 {
