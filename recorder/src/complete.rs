@@ -198,6 +198,14 @@ fn open_ends(session: &Session) -> Vec<Gap> {
             let entries = || session.index.range((topic, 0, 0)..=(topic, u32::MAX, u64::MAX));
             let last = entries().rfind(|(_, place)| place.part as usize <= number);
             let next = entries().find(|(_, place)| place.part as usize > number);
+            let begun = last.map_or(0, |((_, i, _), _)| i.saturating_add(1));
+            if let Some((&(_, later, _), _)) = next.filter(|((_, i, _), _)| *i > begun) {
+                gaps.push(Gap::Stated(format!(
+                    "`{}`, incarnation {begun} to {}: entries may not have been kept, since the recorder died",
+                    t.name,
+                    later - 1
+                )));
+            }
             let Some((&(_, incarnation, sequence), _)) = last else { continue };
             let goes_on = next.is_some_and(|((_, i, _), _)| *i == incarnation);
             let ended = session.journals().get(&t.operator).is_some_and(|entries| {

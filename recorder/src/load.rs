@@ -14,7 +14,7 @@ use crate::journal::entry_of;
 use crate::layout::TopicKind;
 use crate::opening::Attachment;
 use crate::part::{Part, PartChannel, Use};
-use crate::session::{Place, Session, Topic};
+use crate::session::{Place, SampleKey, Session, Topic};
 use crate::topic::{Described, Role, TOPIC_RECORD};
 
 impl Session {
@@ -170,8 +170,13 @@ impl Session {
                 };
                 if let Some((incarnation, sequence)) = channel.purpose.number(message)? {
                     let key = (number, incarnation, sequence);
-                    if self.index.contains_key(&key) {
+                    if let Some(known) = self.index.get(&key) {
                         let topic = &channel.channel.topic;
+                        if known.part < place.part && self.repeats(key, &channel.purpose, message) {
+                            // Mending the earlier part then drops it there.
+                            self.index.insert(key, place);
+                            return Ok(());
+                        }
                         return Err(format!(
                             "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
                         ));
@@ -191,6 +196,17 @@ impl Session {
             }
         }
         Ok(())
+    }
+
+    /// Whether a message is the sample that an earlier part holds: a recorder that is started again may write once more
+    /// what its predecessor wrote and did not note.
+    fn repeats(&self, key: SampleKey, purpose: &Use, message: &Message<'_>) -> bool {
+        let (topic, incarnation, sequence) = key;
+        let Use::Samples { form, shared } = purpose else { return false };
+        let kind = &self.topics[topic].kind;
+        let found = kind.decode(*form, shared, Envelope::of(message), message.data);
+        let Ok(Some(found)) = found else { return false };
+        self.holds(topic, incarnation, sequence, &found.to_bytes()).is_ok_and(|held| held == Some(true))
     }
 
     /// Checks that a message is the sample that its channel promises. Gives the entry that it is, where it is one.

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use fixture::{START, Tee, cloud, header, opening, pieces, pipeline, topic};
 use stillpoint_recorder::{
     Closing, Completeness, Compression, Ended, Gap, LEDGER_ATTACHMENT, Lost, PartWriter, Role, Session,
-    SessionError, TopicKind,
+    SessionError, TopicKind, recover_session,
 };
 use stillpoint_samples::{PointCloud, Sample};
 
@@ -95,6 +95,48 @@ fn a_recorder_that_died_goes_on_in_the_next_part() {
     assert_eq!(session.topics().len(), 1);
     assert_eq!(session.samples().count(), 4);
     assert_eq!(session.completeness(), Completeness::Complete);
+}
+
+/// A part of a recorder that died: all its samples were flushed.
+fn cut(numbers: &[u64], noise: u8) -> Vec<u8> {
+    let mut w = PartWriter::new(Vec::new(), Compression::Lz4, &opening()).unwrap();
+    let id = w.add_topic(topic("cam.cloud", PointCloud::KIND, Role::Source)).unwrap();
+    for n in numbers {
+        w.write(id, pieces(PointCloud::KIND, &cloud(header(*n), 2, 2, &[noise])), START).unwrap();
+    }
+    w.flush().unwrap();
+    let bytes = w.finish(&Closing::default()).unwrap();
+    // The data ends with the metadata record that says so, which a recorder that dies does not write.
+    let end = bytes.windows(14).position(|w| w == b"stillpoint.end").unwrap();
+    bytes[..end - 13].to_vec()
+}
+
+#[test]
+fn a_sample_that_the_next_part_holds_again_counts_once_and_is_mended_away() {
+    let second = part(Role::Source, &[1, 2, 3], &[]).finish(&Closing::default()).unwrap();
+    let session = open(vec![cut(&[0, 1, 2], 1), second.clone()]);
+    assert_eq!(session.completeness(), Completeness::Complete);
+    assert_eq!(session.topics()[0].samples, 4);
+    let numbers: Vec<u64> = session.samples().map(|s| s.unwrap().sequence).collect();
+    assert_eq!(numbers, [0, 1, 2, 3]);
+
+    let folder = tempfile::tempdir().unwrap();
+    let first = folder.path().join("part-000.mcap");
+    std::fs::write(&first, cut(&[0, 1, 2], 1)).unwrap();
+    std::fs::write(folder.path().join("part-001.mcap"), second).unwrap();
+    recover_session(folder.path()).unwrap();
+    assert_eq!(Session::open(&first).unwrap().samples().count(), 1);
+    let mended = Session::open(folder.path()).unwrap();
+    assert_eq!((mended.completeness(), mended.samples().count()), (Completeness::Complete, 4));
+}
+
+#[test]
+fn a_sample_that_the_next_part_holds_with_other_bytes_is_damage() {
+    let second = part(Role::Source, &[1, 2, 3], &[]).finish(&Closing::default()).unwrap();
+    let session = open(vec![cut(&[0, 1, 2], 9), second]);
+    let Completeness::Gaps(gaps) = session.completeness() else { panic!("two samples of one name") };
+    let twice = gaps.iter().filter(|g| g.to_string().contains("incarnation 0, stands there twice")).count();
+    assert_eq!(twice, 2, "{gaps:?}");
 }
 
 #[test]

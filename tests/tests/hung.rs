@@ -126,13 +126,13 @@ fn a_second_signal_ends_the_wait_for_it() {
 }
 
 #[test]
-fn a_recorder_that_is_killed_at_the_end_is_named() {
+fn a_recorder_that_is_killed_at_the_end_is_named_and_another_ends_the_session() {
     let bench = Bench::new();
     let (run, recorder) = with_a_hung_recorder(&bench);
     run.signal(Signal::TERM);
     signal(recorder, Signal::KILL);
-    let done = run.finish();
-    assert_eq!(done.code(), 1, "{}", done.err);
-    let report = done.json();
-    assert!(failure(&report).contains("signal: 9"), "{}", failure(&report));
+    let report = run.finish().good();
+    let fault = report["faults"].as_array().unwrap().iter().find(|f| f["operator"] == "recorder").unwrap();
+    assert!(fault["reason"].as_str().unwrap().contains("signal: 9"), "{fault}");
+    assert_eq!((&report["recording_failed"], &report["parts"]), (&json!(null), &json!(2)));
 }

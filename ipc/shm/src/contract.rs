@@ -29,8 +29,11 @@ pub struct Contract {
     pub publishers: usize,
     /// The most processes that use the topic at a time.
     pub nodes: usize,
-    /// Samples that the publisher's memory holds. The worst case over all subscribers would be far more.
+    /// Samples that the publisher's memory holds, its history aside. The worst case over all subscribers would be far
+    /// more.
     pub pool: usize,
+    /// The newest samples that a publisher keeps for a subscriber that asks for them when it connects.
+    pub history: usize,
 }
 
 impl Contract {
@@ -53,12 +56,28 @@ impl Contract {
             publishers: 4,
             nodes: 64,
             pool: 8,
+            history: 0,
         }
     }
 
     /// Bytes of shared memory that a publisher of this topic takes.
     pub fn pool_bytes(&self) -> usize {
+        self.sample_bytes() * self.samples()
+    }
+
+    /// Bytes of shared memory that a sample takes at most.
+    pub fn sample_bytes(&self) -> usize {
         // iceoryx2's own header precedes each sample.
-        (self.capacity * self.element_size + self.meta_size + 128) * self.pool
+        self.capacity * self.element_size + self.meta_size + 128
+    }
+
+    /// Samples that the publisher's memory holds. The newest are in buffers and in the history, and count once.
+    pub(crate) fn samples(&self) -> usize {
+        self.pool + self.history.saturating_sub(self.buffer)
+    }
+
+    /// The deepest buffer: a subscriber that asks for the history takes it at once.
+    pub(crate) fn deepest(&self) -> usize {
+        self.buffer.max(self.history)
     }
 }

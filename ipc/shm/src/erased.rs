@@ -59,8 +59,8 @@ pub(crate) fn create(
     builder(domain, name, contract)?
         // The oldest goes when a buffer is full: a publisher is never blocked by a consumer.
         .enable_safe_overflow(true)
-        .history_size(0)
-        .subscriber_max_buffer_size(contract.buffer)
+        .history_size(contract.history)
+        .subscriber_max_buffer_size(contract.deepest())
         .subscriber_max_borrowed_samples(contract.borrowed)
         .max_subscribers(contract.subscribers)
         .max_publishers(contract.publishers)
@@ -78,7 +78,7 @@ pub(crate) fn open(
 }
 
 pub(crate) fn publisher(data: &DataFactory, contract: &Contract) -> Result<ErasedPublisher, ShmError> {
-    let pool = contract.pool;
+    let pool = contract.samples();
     let length = match contract.shape {
         Shape::Fixed => 1,
         Shape::Slice => contract.capacity,
@@ -87,7 +87,7 @@ pub(crate) fn publisher(data: &DataFactory, contract: &Contract) -> Result<Erase
         .initial_max_slice_len(length)
         // Growth in flight costs milliseconds, and a dead sender's grown segment loses samples without a word.
         .allocation_strategy(AllocationStrategy::Static)
-        .max_loaned_samples(contract.pool)
+        .max_loaned_samples(pool)
         .override_sample_preallocation(move |worst| pool.min(worst))
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .create()
@@ -98,9 +98,11 @@ pub(crate) fn subscriber(
     data: &DataFactory,
     contract: &Contract,
     depth: usize,
+    history: usize,
 ) -> Result<ErasedSubscriber, ShmError> {
     data.subscriber_builder()
         .buffer_size(depth.max(1))
+        .history_request(history)
         .create()
         .map_err(|e| port_error(&contract.topic, PortKind::Subscriber, e))
 }

@@ -32,7 +32,9 @@ impl Topic {
         let name = service_name(contract)?;
         let data = erased::open(domain, &name, contract)?;
         let event = event_builder(domain, &name, contract).open().map_err(|e| topic_error(contract, e))?;
-        Ok(Self { contract: contract.clone(), data, event })
+        // Whether samples are kept is for the creator to say.
+        let history = data.static_config().history_size();
+        Ok(Self { contract: Contract { history, ..contract.clone() }, data, event })
     }
 
     /// What the users of the topic agree on.
@@ -47,7 +49,15 @@ impl Topic {
 
     /// A subscriber that keeps the newest `depth` samples. Samples sent before it has connected are not for it.
     pub fn subscriber(&self, depth: usize) -> Result<Subscriber, ShmError> {
-        Ok(Subscriber::new(erased::subscriber(&self.data, &self.contract, depth)?, &self.contract))
+        Ok(Subscriber::new(erased::subscriber(&self.data, &self.contract, depth, 0)?, &self.contract))
+    }
+
+    /// A subscriber with the deepest buffer, and its depth. It also receives what the publishers that live have kept from
+    /// before it connects to them ([`Contract::history`]).
+    pub fn subscriber_with_history(&self) -> Result<(Subscriber, usize), ShmError> {
+        let (depth, history) = (self.contract.deepest(), self.contract.history);
+        let port = erased::subscriber(&self.data, &self.contract, depth, history)?;
+        Ok((Subscriber::new(port, &self.contract), depth))
     }
 
     /// Wakes the listeners of the topic.

@@ -161,6 +161,37 @@ fn what_iceoryx2_refuses_is_said_in_words_with_what_to_do() {
     assert!(long.contains("cannot name a part of shared memory"), "{long}");
 }
 
+#[test]
+fn a_late_subscriber_has_the_newest_samples_that_were_kept_and_the_others_none() {
+    let room = room("history");
+    let domain = Domain::create(&room.root, &room.prefix, "test").unwrap();
+    let kept = Contract { history: 20, ..contract(2) };
+    let _created = Topic::create(&domain, &kept).unwrap();
+    // The creator alone says that samples are kept.
+    let topic = Topic::open(&domain, &contract(2)).unwrap();
+    assert_eq!(topic.contract().history, 20);
+    let publisher = topic.publisher().unwrap();
+    for sequence in 0..50 {
+        send(&publisher, sequence, 1);
+    }
+    for _ in 0..2 {
+        let (late, depth) = topic.subscriber_with_history().unwrap();
+        let other = topic.subscriber(2).unwrap();
+        publisher.connect().unwrap();
+        let mut seen = Vec::new();
+        while let Some(sample) = late.receive().unwrap() {
+            assert_eq!(
+                sample.pieces().check(PointCloud::KIND).unwrap().payload[0],
+                sample.header().sequence as u8
+            );
+            seen.push(sample.header().sequence);
+        }
+        assert_eq!((depth, seen), (20, (30..50).collect()));
+        assert!(other.receive().unwrap().is_none());
+    }
+    assert!(kept.pool_bytes() > contract(2).pool_bytes());
+}
+
 /// Objects of a domain in shared memory.
 fn objects(room: &Room) -> Vec<PathBuf> {
     let all = std::fs::read_dir("/dev/shm").unwrap().flatten();

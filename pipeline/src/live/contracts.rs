@@ -19,6 +19,15 @@ pub const JOURNAL_DEPTH: usize = 1024;
 /// Bytes of a topic that may wait for the recorder: at 200 MB/s enough for 40 ms in which it gets no core.
 const RECORDER_BYTES: usize = 8 << 20;
 
+/// Time for which publishers keep what replay needs, s: a flush, the death of the recorder and its restart fit into it.
+const KEPT_SECS: f64 = 2.0;
+/// Activations a second of an operator without a timer before it: what comes over a wire, for one.
+const UNKNOWN_RATE: f64 = 500.0;
+/// The fewest and the most samples that are kept.
+const KEPT: (usize, usize) = (64, 16_384);
+/// The most bytes that are kept of a topic, and of one whose rate is unknown: more than 2 s of a depth camera.
+const KEPT_BYTES: (usize, usize) = (256 << 20, 64 << 20);
+
 /// How many samples of a topic wait for the recorder.
 pub fn recorder_depth(kind: &SampleKind, capacity: usize) -> usize {
     let bytes = kind.meta_size() + capacity * kind.element_size;
@@ -103,16 +112,140 @@ pub fn inbox(graph: &Graph, operator: usize) -> Contract {
     }
 }
 
-/// Every contract of a graph.
-pub fn all(graph: &Graph) -> Vec<Contract> {
+/// Activations a second of an operator, as far as the timers before it tell: its own, else those of all that feed it.
+fn rate(graph: &Graph, operator: usize) -> Option<f64> {
+    let (mut seen, mut left) = (vec![false; graph.operators.len()], vec![operator]);
+    let mut rate = 0.0;
+    while let Some(at) = left.pop() {
+        if std::mem::replace(&mut seen[at], true) {
+            continue;
+        }
+        let node = &graph.operators[at];
+        rate += node.every.map_or(0.0, |every| 1e9 / every.max(1) as f64);
+        if node.every.is_none() || at != operator {
+            left.extend(node.inputs.iter().filter_map(|i| Some(i.edge?.operator)));
+        }
+    }
+    (rate > 0.0).then_some(rate)
+}
+
+/// How many samples of a topic of an operator are kept for a recorder that is started again.
+fn kept(graph: &Graph, operator: usize, contract: &Contract) -> usize {
+    let known = rate(graph, operator);
+    let count = (KEPT_SECS * known.unwrap_or(UNKNOWN_RATE)).ceil() as usize;
+    let bytes = if known.is_some() { KEPT_BYTES.0 } else { KEPT_BYTES.1 };
+    count.max(KEPT.0).min(KEPT.1).min((bytes / contract.sample_bytes().max(1)).max(1))
+}
+
+/// Every contract of a graph, and the operator whose journal or recorded topic it is.
+fn listed(graph: &Graph) -> Vec<(Contract, Option<usize>)> {
     let mut contracts = Vec::new();
     for (operator, node) in graph.operators.iter().enumerate() {
-        contracts.push(journal(graph, operator));
-        contracts.extend((0..node.outputs.len()).map(|port| output(graph, operator, port)));
-        contracts.extend(timing(graph, operator));
+        contracts.push((journal(graph, operator), Some(operator)));
+        contracts.extend((0..node.outputs.len()).map(|port| {
+            (output(graph, operator, port), graph.is_recorded(operator, port).then_some(operator))
+        }));
+        contracts.extend(timing(graph, operator).map(|contract| (contract, None)));
         if node.stage.kind.name == crate::console::KIND_NAME {
-            contracts.push(inbox(graph, operator));
+            contracts.push((inbox(graph, operator), None));
         }
     }
     contracts
+}
+
+/// Every contract of a graph, whose publishers keep nothing.
+pub fn all(graph: &Graph) -> Vec<Contract> {
+    listed(graph).into_iter().map(|(contract, _)| contract).collect()
+}
+
+/// Every contract of a graph that is recorded: the publishers keep their newest samples, for which they take `room` bytes
+/// more at most. Where the room does not suffice, all keep the samples of a shorter time; what fits into the buffer of
+/// the recorder takes no room.
+pub fn all_recorded(graph: &Graph, room: u64) -> Vec<Contract> {
+    let mut contracts = listed(graph);
+    for (contract, operator) in &mut contracts {
+        contract.history = operator.map_or(0, |operator| kept(graph, operator, contract));
+    }
+    let wanted: u64 = contracts.iter().map(|(c, _)| (beyond(c) * c.sample_bytes()) as u64).sum();
+    if wanted > room {
+        let share = room as f64 / wanted as f64;
+        for (contract, _) in &mut contracts {
+            let beyond = beyond(contract);
+            contract.history -= beyond - (beyond as f64 * share) as usize;
+        }
+    }
+    contracts.into_iter().map(|(contract, _)| contract).collect()
+}
+
+/// Samples that are kept beyond those for which the publisher has memory in any case.
+fn beyond(contract: &Contract) -> usize {
+    contract.history.saturating_sub(contract.buffer)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::operator::files::MemoryFiles;
+    use crate::operator::*;
+
+    struct Beat;
+
+    impl Operator for Beat {
+        type Params = ();
+        const KIND: Kind = Kind {
+            name: "test.beat",
+            about: "Does nothing.",
+            role: Role::Source,
+            inputs: &[],
+            outputs: &[],
+            timer: Timer::Required,
+        };
+
+        fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+            Ok(Self)
+        }
+
+        fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+            Ok(())
+        }
+    }
+
+    fn beats() -> Graph {
+        let text = "stillpoint: 1\nname: beats\noperators:\n  a: { use: test.beat, every: 1 ms }\n  b: { use: test.beat, \
+                    every: 1 s }\n  c: { use: test.beat, every: 10 us }\n";
+        let registry = Registry::new(&[&[Stage::of::<Beat>()]]);
+        crate::spec::check(text, "beats.yaml", &[], &registry, &MemoryFiles::default()).unwrap()
+    }
+
+    fn histories(contracts: &[Contract]) -> Vec<usize> {
+        contracts.iter().map(|c| c.history).collect()
+    }
+
+    fn bytes(contracts: &[Contract]) -> usize {
+        contracts.iter().map(Contract::pool_bytes).sum()
+    }
+
+    #[test]
+    fn a_recorded_run_keeps_two_seconds_within_bounds_and_another_keeps_nothing() {
+        let graph = beats();
+        let (plain, kept) = (all(&graph), all_recorded(&graph, u64::MAX));
+        assert_eq!(histories(&plain), [0; 3]);
+        assert_eq!(histories(&kept), [2000, KEPT.0, KEPT.1]);
+        // A history that fits into the buffer of the recorder takes nothing more.
+        let more = |i: usize| kept[i].pool_bytes() - plain[i].pool_bytes();
+        assert!(more(0) > 0 && more(1) == 0 && more(2) > 10 * more(0));
+    }
+
+    #[test]
+    fn a_small_shared_memory_keeps_less_and_never_less_than_fits_into_the_buffers() {
+        let graph = beats();
+        let plain = all(&graph);
+        for room in [0, 100_000, 1 << 20, 4 << 20] {
+            let kept = all_recorded(&graph, room as u64);
+            let more = bytes(&kept) - bytes(&plain);
+            assert!(more <= room && more as f64 > 0.9 * room as f64 - 10_000.0, "{more} of {room}");
+            assert!(kept[0].history >= JOURNAL_DEPTH && kept[1].history == KEPT.0);
+        }
+    }
 }

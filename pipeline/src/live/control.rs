@@ -172,6 +172,8 @@ pub enum ToRecorder {
         ledger: String,
         /// Reasons why the session is not complete, as far as the supervisor knows.
         gaps: Vec<String>,
+        /// How often a recorder of this run died.
+        recorder_deaths: u32,
         /// Why the run did not end as it should, if it did not.
         ended_early: Option<String>,
     },

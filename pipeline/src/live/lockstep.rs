@@ -13,7 +13,7 @@ use super::contracts;
 use super::control::{FromWorker, Hello, ToWorker, WireRecord, wire_refs};
 use super::error::LiveError;
 use super::journal::entry_of;
-use super::reservation::reserve;
+use super::reservation::{Kept, reserve};
 use super::run_folder::{RunFolder, sweep_dead};
 use crate::clock::SessionClock;
 use crate::graph::Graph;
@@ -40,7 +40,7 @@ impl Processes {
     pub fn start(graph: Arc<Graph>, launch: &Launch, source: &RunSource) -> Result<Self, LiveError> {
         sweep_dead()?;
         let folder = RunFolder::create()?;
-        reserve(&graph, &folder)?;
+        reserve(&graph, Kept::Nothing, &folder)?;
         let source = RunSource { files: source.files.copied_to(&folder.files())?, ..source.clone() };
         let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();

@@ -1,19 +1,26 @@
 //! The process that records: it polls, off the data path, and a second thread writes.
+//!
+//! - `writing`: the thread that writes
+//! - `flushed`: the numbers of the samples in the file, for a recorder that is started again
+
+mod flushed;
+mod writing;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
-use crossbeam_channel::{Receiver, Sender, unbounded};
+use crossbeam_channel::{Sender, unbounded};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use stillpoint_recorder::{
-    ClockSample, Closing, Encoded, PartWriter, Session, TopicId, TopicInfo, WriteError, create_part,
-    session_parts,
+    Closing, Encoded, PartWriter, Session, TopicId, TopicInfo, WriteError, create_part, session_parts,
 };
 use stillpoint_shm::{Domain, ShmError, Subscriber, Topic};
 
+use self::flushed::Flushed;
+use self::writing::{Item, Spare, Written, write};
 use super::contracts;
 use super::control::{Connect, FromWorker, HelloRecorder, RecorderReport, ToRecorder};
 use super::error::RecorderError;
@@ -21,7 +28,7 @@ use super::missed::missed;
 use super::pipe::{PipeError, PipeRead, orders, take_control, tell, wait_for};
 use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts};
-use crate::clock::{SessionClock, cpu_time, realtime};
+use crate::clock::{cpu_time, realtime};
 use crate::graph::Graph;
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
@@ -30,36 +37,10 @@ use crate::session_recorder::{SessionError, end_facts};
 /// How often shared memory is looked at, ns. Below the period of the fastest images: who sends finds the memory of the last
 /// sample free again, and warm.
 const PERIOD: i64 = 5_000_000;
-/// How often the file is flushed, ns: what is flushed survives a kill.
-const FLUSH_EVERY: u64 = 500_000_000;
-/// How often the clock's relation to realtime is noted, ns.
-const CLOCK_EVERY: u64 = 10_000_000_000;
 /// How long the recorder of a run whose supervisor died waits for the last process.
 const AFTER_THE_LAST: std::time::Duration = std::time::Duration::from_millis(100);
 /// Bytes that may wait for the disk.
 const MOST_WAITING: usize = 256 << 20;
-/// Buffers of a topic that are kept to be used again. They stay with their topic: a short sample must not hold the memory
-/// of a long one.
-const SPARE: usize = 8;
-
-/// Buffers that were written. The last one back is the first to go out again: it is the one in the caches, and those that
-/// nobody needs are never touched.
-#[derive(Clone, Default)]
-struct Spare(Arc<Mutex<Vec<Vec<u8>>>>);
-
-impl Spare {
-    fn take(&self) -> Vec<u8> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
-    }
-
-    fn put(&self, buffer: Vec<u8>) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() < SPARE {
-            kept.push(buffer);
-        }
-    }
-}
-
 /// The body of the recorder's process.
 pub fn recorder_main(registry: &Registry) -> ExitCode {
     if take_control().is_err() {
@@ -93,8 +74,10 @@ fn serve(registry: &Registry) -> Result<(), RecorderError> {
                     recorder.connect()?;
                     tell(&FromWorker::Connected { number })?;
                 }
-                PipeRead::Message(ToRecorder::Finish { ledger, gaps, ended_early }) => {
-                    let report = recorder.finish(Some(ledger), gaps, end_facts(ended_early.as_deref()))?;
+                PipeRead::Message(ToRecorder::Finish { ledger, gaps, recorder_deaths, ended_early }) => {
+                    let mut facts = end_facts(ended_early.as_deref());
+                    facts.insert("recorder_deaths".to_string(), recorder_deaths.to_string());
+                    let report = recorder.finish(Some(ledger), gaps, facts)?;
                     return Ok(tell(&FromWorker::Recorded(report))?);
                 }
                 PipeRead::Ended => {
@@ -125,12 +108,9 @@ struct Tap {
     spare: Spare,
     /// By incarnation: the number expected next.
     next: BTreeMap<u32, u64>,
+    /// The number expected first of an incarnation that is not in `next`; `None`: that of its first sample.
+    first: Option<u64>,
     _topic: Topic,
-}
-
-enum Item {
-    Sample { topic: TopicId, sample: Encoded, size: usize, log_time: u64, spare: Spare },
-    Lost { topic: TopicId, incarnation: u32, first: u64, count: u64 },
 }
 
 struct Recorder {
@@ -146,12 +126,6 @@ struct Recorder {
     cpu_before: u64,
 }
 
-struct Written {
-    part: PartWriter<std::fs::File>,
-    samples: u64,
-    bytes: u64,
-}
-
 impl Recorder {
     fn open(graph: &Graph, domain: &Domain, hello: &HelloRecorder) -> Result<Self, RecorderError> {
         let clock = hello.hello.clock;
@@ -160,6 +134,9 @@ impl Recorder {
         let start = opening(graph, &hello.hello.source, clock, hello.hello.directed, &hello.identity)?;
         let mut part =
             PartWriter::new(file, hello.compression, &start).map_err(|e| SessionError::no_room(&path, e))?;
+        let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
+        let before = if first_part { None } else { Flushed::load(&hello.hello.root) };
+        let mut flushed = Flushed::new(&hello.hello.root, before.as_ref());
         let mut taps = Vec::new();
         let kept = topic_infos(graph).into_iter().map(|(info, source)| match source {
             (operator, None) => (info, contracts::journal(graph, operator)),
@@ -170,25 +147,24 @@ impl Recorder {
             .filter_map(|(info, operator)| Some((info, contracts::timing(graph, operator)?)));
         for (info, contract) in kept.chain(measured) {
             let topic = Topic::open(domain, &contract)?;
-            let subscriber = topic.subscriber(contract.buffer)?;
+            let (subscriber, buffer) = topic.subscriber_with_history()?;
             let id = part.add_topic(info.clone())?;
+            let mut next = BTreeMap::new();
+            let mut first = first_part.then_some(0);
+            if topic.contract().history > 0 {
+                flushed.add(id, &info.name);
+                if let Some(before) = &before {
+                    (next, first) = (before.of(&info.name), Some(0));
+                }
+            }
             let spare = Spare::default();
-            taps.push(Tap {
-                subscriber,
-                buffer: contract.buffer,
-                info,
-                topic: id,
-                spare,
-                next: BTreeMap::new(),
-                _topic: topic,
-            });
+            taps.push(Tap { subscriber, buffer, info, topic: id, spare, next, first, _topic: topic });
         }
         part.flush()?;
-        let first_part = session_parts(&hello.session).is_ok_and(|parts| parts.len() == 1);
         let (items, inbox) = unbounded();
         let waiting = Arc::new(AtomicUsize::new(0));
         let counter = waiting.clone();
-        let writer = std::thread::spawn(move || write(part, &inbox, &counter, clock));
+        let writer = std::thread::spawn(move || write(part, &inbox, &counter, clock, flushed));
         Ok(Self {
             taps,
             items: Some(items),
@@ -232,12 +208,13 @@ impl Recorder {
             for _ in 0..tap.buffer {
                 let Some(sample) = tap.subscriber.receive()? else { break };
                 let header = sample.header();
-                // A later part cannot know where an incarnation that goes on stood; the journals show what is missing.
-                let next = tap.next.entry(header.incarnation).or_insert(if self.first_part {
-                    0
-                } else {
-                    header.sequence
-                });
+                // Where nothing is kept for a later part, it cannot know where an incarnation that goes on stood; the
+                // journals show what is missing.
+                let next = tap.next.entry(header.incarnation).or_insert(tap.first.unwrap_or(header.sequence));
+                if header.sequence < *next {
+                    // An earlier part has it: the publisher kept it, too.
+                    continue;
+                }
                 let mut lose = |first: u64, count: u64| {
                     *self.lost.entry(tap.info.name.clone()).or_insert(0) += count;
                     taken.push(Item::Lost {
@@ -324,51 +301,5 @@ impl Recorder {
             lost: std::mem::take(&mut self.lost),
             part: self.part.clone(),
         })
-    }
-}
-
-fn write(
-    mut part: PartWriter<std::fs::File>,
-    inbox: &Receiver<Vec<Item>>,
-    waiting: &AtomicUsize,
-    clock: SessionClock,
-) -> Result<Written, WriteError> {
-    let (mut samples, mut bytes) = (0, 0);
-    let (mut flushed, mut related) = (clock.now(), clock.now());
-    let mut dirty = false;
-    loop {
-        let items = match inbox.recv_timeout(std::time::Duration::from_nanos(FLUSH_EVERY / 2)) {
-            Ok(items) => items,
-            Err(crossbeam_channel::RecvTimeoutError::Timeout) => Vec::new(),
-            Err(crossbeam_channel::RecvTimeoutError::Disconnected) => {
-                return Ok(Written { part, samples, bytes });
-            }
-        };
-        dirty |= !items.is_empty();
-        for item in items {
-            match item {
-                Item::Sample { topic, sample, size, log_time, spare } => {
-                    part.write_encoded(topic, &sample, log_time)?;
-                    samples += 1;
-                    bytes += size as u64;
-                    waiting.fetch_sub(size, Ordering::Relaxed);
-                    spare.put(sample.into_buffer());
-                }
-                Item::Lost { topic, incarnation, first, count } => {
-                    part.note_lost(topic, incarnation, first, count, realtime())?;
-                }
-            }
-        }
-        let now = clock.now();
-        if now - related >= CLOCK_EVERY {
-            related = now;
-            part.clock(ClockSample { logical_ns: now, realtime_ns: realtime() })?;
-            dirty = true;
-        }
-        if dirty && now - flushed >= FLUSH_EVERY {
-            flushed = now;
-            dirty = false;
-            part.flush()?;
-        }
     }
 }

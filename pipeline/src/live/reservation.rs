@@ -23,6 +23,9 @@ const ROOM: &str = "room";
 /// In the folder of all runs: held by the run that looks for room.
 const LOCK: &str = ".room";
 
+/// Of the room that is left beside what the topics need: 1 of so many parts may hold what publishers keep.
+const KEPT_PART: u64 = 2;
+
 /// Files that a process of a run may have open at once: some of its own, and so many for each topic.
 const OWN_FILES: u64 = 24;
 const FILES_OF_A_TOPIC: u64 = 9;
@@ -86,11 +89,21 @@ fn others(promised: u64) -> String {
     }
 }
 
-/// Reserves the memory that the topics of a graph may take.
-pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), ReserveError> {
-    let topics = contracts::all(graph);
-    allow_files(topics.len() as u64)?;
-    let needed: u64 = topics.iter().map(|c| c.pool_bytes() as u64).sum();
+/// What the publishers of a run keep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// Nothing: the run is not recorded.
+    Nothing,
+    /// The newest samples of journals and recorded topics, for a recorder that is started again.
+    Newest,
+}
+
+/// Reserves the memory that the topics of a graph may take, and gives their contracts. Where shared memory is small, the
+/// publishers keep less, and the run begins nevertheless.
+pub fn reserve(graph: &Graph, kept: Kept, folder: &RunFolder) -> Result<Vec<Contract>, ReserveError> {
+    let plain = contracts::all(graph);
+    allow_files(plain.len() as u64)?;
+    let needed = bytes_of(&plain);
     let lock = folder.path().with_file_name(LOCK);
     let lock = OpenOptions::new()
         .create(true)
@@ -108,13 +121,22 @@ pub fn reserve(graph: &Graph, folder: &RunFolder) -> Result<(), ReserveError> {
             said.unwrap_or(0_u64).saturating_sub(taken(&prefix_of(id)))
         })
         .sum();
+    let mut left = u64::MAX;
     if let Ok(room) = rustix::fs::statvfs(SHARED) {
         let free = room.f_bavail.saturating_mul(room.f_frsize);
-        if needed.saturating_add(promised) > free {
-            return Err(too_small(&topics, needed, promised, free));
-        }
+        let taken = needed.saturating_add(promised);
+        left = free.checked_sub(taken).ok_or_else(|| too_small(&plain, needed, promised, free))?;
     }
-    std::fs::write(folder.path().join(ROOM), needed.to_string()).map_err(ReserveError::Note)
+    let topics = match kept {
+        Kept::Nothing => plain,
+        Kept::Newest => contracts::all_recorded(graph, left / KEPT_PART),
+    };
+    std::fs::write(folder.path().join(ROOM), bytes_of(&topics).to_string()).map_err(ReserveError::Note)?;
+    Ok(topics)
+}
+
+fn bytes_of(topics: &[Contract]) -> u64 {
+    topics.iter().map(|c| c.pool_bytes() as u64).sum()
 }
 
 /// Bytes of shared memory that a run has taken.

@@ -22,7 +22,7 @@ use super::control::{Hello, HelloRecorder, ToWorker};
 use super::error::LiveError;
 use super::journal::entry_of;
 use super::report::{Fault, Run, RunOptions, RunReport};
-use super::reservation::reserve;
+use super::reservation::{Kept, reserve};
 use super::run_folder::{RunCard, RunFolder, sweep_dead};
 use super::status::Status;
 use crate::clock::SessionClock;
@@ -91,7 +91,8 @@ impl Supervisor {
         let graph = Arc::new(Graph::clone(&graph).live());
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
-        reserve(&graph, &folder)?;
+        let kept = if options.session.is_some() { Kept::Newest } else { Kept::Nothing };
+        let contracts = reserve(&graph, kept, &folder)?;
         let source = RunSource {
             text: options.source.clone(),
             file: options.file.clone(),
@@ -100,8 +101,8 @@ impl Supervisor {
         };
         let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
-        for contract in contracts::all(&graph) {
-            topics.push(Topic::create(&domain, &contract)?);
+        for contract in &contracts {
+            topics.push(Topic::create(&domain, contract)?);
         }
         let mut journals = Vec::new();
         for operator in 0..graph.operators.len() {

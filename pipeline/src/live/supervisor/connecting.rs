@@ -59,6 +59,14 @@ impl Supervisor {
         self.recorder.as_ref().is_none_or(|r| !r.made || r.connected >= number)
     }
 
+    /// Waits until the recorder has made its ports. The wait ends early as that of [`Supervisor::wait_for_recorder`] does.
+    pub(super) fn wait_for_recorder_ports(&mut self, mut hurried: impl FnMut() -> bool) {
+        let Some(recorder) = &mut self.recorder else { return };
+        while !recorder.made && !recorder.is_gone() && recorder.silence() < RECORDER_PATIENCE && !hurried() {
+            recorder.wait(POLL_INTERVAL, &mut self.told, |c| c.made);
+        }
+    }
+
     /// Waits until the recorder has done an order to connect, and returns whether it has. The wait ends early if the
     /// recorder leaves the order open for too long, or if `hurried` is set.
     pub(super) fn wait_for_recorder(&mut self, number: u64, mut hurried: impl FnMut() -> bool) -> bool {

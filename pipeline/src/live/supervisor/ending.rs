@@ -53,8 +53,10 @@ impl Supervisor {
             (early, true) => early,
             (_, false) => Some(format!("{} did not stop when told, and was killed", late.join(", "))),
         };
-        let number = self.connect_all();
-        let records = self.wait_for_recorder(number, || signals.abandon_wait());
+        let mut records = self.connect_recorder(&mut signals);
+        if !records && self.restart_dead_recorder() {
+            records = self.connect_recorder(&mut signals);
+        }
         self.read_journals();
         self.tell_faults(run);
         let ledger = self.ledger.lines(&self.graph);
@@ -120,18 +122,18 @@ impl Supervisor {
         late
     }
 
-    /// The gaps of the session that the supervisor knows of.
+    /// Has every process connect for the last time, and the recorder with them. Whether the recorder has.
+    fn connect_recorder(&mut self, signals: &mut StopSignals) -> bool {
+        // A publisher hands over what it keeps when it connects: the recorder's ports are there before.
+        self.wait_for_recorder_ports(|| signals.abandon_wait());
+        let number = self.connect_all();
+        self.wait_for_recorder(number, || signals.abandon_wait())
+    }
+
+    /// The gaps of the session that the supervisor knows of. Samples that a recorder lost when it died are counted by
+    /// their numbers, in the session.
     fn gaps(&self, report: &RunReport) -> Vec<String> {
-        let died = (self.recorder_deaths > 0).then(|| {
-            let often = if self.recorder_deaths == 1 {
-                "once".to_string()
-            } else {
-                format!("{} times", self.recorder_deaths)
-            };
-            format!("the recorder died {often}; what it had not flushed is missing")
-        });
-        let unbalanced = (!report.balanced).then(|| "the ledger does not balance".to_string());
-        died.into_iter().chain(unbalanced).collect()
+        (!report.balanced).then(|| "the ledger does not balance".to_string()).into_iter().collect()
     }
 
     /// Whether a worker was ordered to stop and runs on. A worker that never began has nothing to stop.
@@ -159,6 +161,7 @@ impl Supervisor {
             recorder.tell(&ToRecorder::Finish {
                 ledger,
                 gaps: self.gaps(report),
+                recorder_deaths: self.recorder_deaths,
                 ended_early: report.ended_early.clone().filter(|reason| reason != "stopped"),
             });
         }

@@ -150,8 +150,8 @@ impl Supervisor {
         Ok(())
     }
 
-    /// A recorder that dies goes on in the next part of the session. The run does not end by it: the session says what
-    /// is missing.
+    /// A recorder that dies is started again and goes on in the next part of the session, with what the publishers kept
+    /// since the last flush. The run does not end by it; the session says what is missing nevertheless.
     fn reap_recorder(&mut self, now: u64) {
         let Some(child) = self.recorder.take() else { return };
         self.recorder_exit = Some(self.reap_and_reconnect(child, None, 0));
@@ -159,6 +159,24 @@ impl Supervisor {
         if let Answer::Again { at } = self.recorder_restarts.failed(now) {
             self.recorder_due = Some(at);
         }
+    }
+
+    /// Starts a recorder that died at once, also before its restart is due: the run ends, and with the publishers goes
+    /// what they keep for it. Whether another was started.
+    pub(super) fn restart_dead_recorder(&mut self) -> bool {
+        self.listen();
+        if self.recorder.as_ref().is_some_and(Child::is_gone) {
+            self.reap_recorder(self.clock.now());
+        }
+        if self.recorder.is_some() || self.options.session.is_none() {
+            return false;
+        }
+        self.recorder_due = None;
+        let started = self.start_recorder();
+        if let Err(error) = &started {
+            self.recorder_exit = Some(error.to_string());
+        }
+        started.is_ok()
     }
 
     /// Processes whose ports are made since the last look: everyone connects to them, then they begin.
