@@ -48,11 +48,8 @@ pub mod simulated;
 pub mod spec;
 pub mod stdout;
 
-pub use stillpoint_operator as operator;
-pub use stillpoint_operator::{
-    Activation, Choice, Operator, Outputs, Params, Registry, Setup, Stage, activation, frames, outputs,
-    outside, params, pattern,
-};
+use stillpoint_operator as operator;
+use stillpoint_operator::{Stage, activation, frames, outputs, outside, params};
 
 /// The kinds of operators that come with every pipeline.
 pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, far_end::DEPTH, far_end::GREY];

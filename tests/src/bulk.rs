@@ -1,9 +1,7 @@
 //! Operators for loads: samples of any size, and a consumer that only counts them.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{CloudShape, PointCloud, Sample};
 
 /// Parameters of [`Bulk`].

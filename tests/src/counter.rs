@@ -1,8 +1,8 @@
 //! Operators that send numbers.
 
 use rand::Rng;
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Diagnostics, Metric, Sample};
 
 /// What a counter does wrong.

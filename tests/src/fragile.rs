@@ -1,7 +1,7 @@
 //! An operator that may not be made.
 
-use stillpoint_pipeline::operator::{Kind, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Kind, Role, SetupError, StepError, Timer};
 
 /// How it fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]

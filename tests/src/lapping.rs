@@ -1,9 +1,7 @@
 //! An operator whose stages are measured.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Diagnostics, Sample};
 
 use crate::mixer::busy;

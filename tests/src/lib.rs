@@ -21,7 +21,7 @@ mod post;
 mod printing;
 mod wide;
 
-use stillpoint_pipeline::Stage;
+use stillpoint_operator::Stage;
 
 /// The kit's kinds of operators.
 pub const STAGES: &[Stage] = &[

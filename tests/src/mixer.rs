@@ -1,9 +1,7 @@
 //! Operators with several inputs.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Diagnostics, Metric, Sample};
 
 /// Parameters of the mixers.

@@ -1,9 +1,7 @@
 //! Operators at the two ends of a link.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Datagram, Diagnostics, Metric, Sample};
 
 /// Sends the number of its activation as a datagram, at each tick.

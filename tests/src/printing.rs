@@ -1,7 +1,7 @@
 //! An operator that prints.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Diagnostics, Metric, Sample};
 
 /// Parameters of [`Printing`].

@@ -1,7 +1,7 @@
 //! An operator with more outputs than a word has bits.
 
-use stillpoint_pipeline::operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Diagnostics, Metric, Sample};
 
 /// Outputs of [`Wide`].

@@ -6,7 +6,7 @@ use super::*;
 use crate::graph::{Edge, InputNode, OperatorNode};
 use crate::operator::{FrameRule, Kind, Operator, Role, SetupError, Stage, StepError, Timer};
 use crate::params::CheckedParams;
-use crate::{Activation, Outputs, Setup};
+use stillpoint_operator::{Activation, Outputs, Setup};
 
 struct Nothing;
 

@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use crate::operator::files::MemoryFiles;
     use crate::operator::{Kind, Operator, Registry, Role, SetupError, Stage, StepError, Timer};
-    use crate::{Activation, Outputs, Setup};
+    use stillpoint_operator::{Activation, Outputs, Setup};
 
     /// Ends at its first activation.
     struct Short;

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::clock::realtime;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FarEndDoing, RigFault, Verb};
 
 use super::evidence::Evidence;

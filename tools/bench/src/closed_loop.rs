@@ -5,8 +5,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::{contracts, entry_of};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{Entry, JournalRef, RefKind};
 use stillpoint_shm::Topic;
 

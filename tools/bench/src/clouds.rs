@@ -2,10 +2,8 @@
 //! loss and random number behind it.
 
 use rand::Rng;
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{CloudShape, Point, PointCloud, Sample};
 
 /// The kinds.

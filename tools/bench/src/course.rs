@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Events, Observer};

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 use serde::Serialize;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
 use super::crew;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 use super::bare::Chain;
 use super::cores::{self, Layout};

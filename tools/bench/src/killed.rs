@@ -8,10 +8,10 @@ use std::time::Duration;
 use clap::Args;
 use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::clock::realtime;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_recorder::{Compression, Session, recover_session, session_parts};
 
 use super::figures::median;

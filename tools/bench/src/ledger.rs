@@ -6,10 +6,10 @@ use std::time::Duration;
 use clap::Args;
 use rustix::process::{Signal, kill_process};
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::ledger::LedgerLine;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run};
-use stillpoint_pipeline::operator::Registry;
 
 use super::processes::{Chance, children};
 use super::window::Window;

@@ -61,7 +61,7 @@ use std::process::ExitCode;
 use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
 use stillpoint::Ended;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 /// Measure how fast and how exact this build is on this machine.
 #[derive(Parser)]

@@ -1,9 +1,7 @@
 //! `bench.poison`: a pose that is no number, once a person says so.
 
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Setup, Stage};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup, Stage};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{ConsoleCommand, Sample, Track};
 
 const STATE: usize = 0;

@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{FarEnd, FarEndDoing, FarEndElement, Verb};
 
 use super::RUN;

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::clock::cpu_time;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_recorder::{CHUNK_SIZE, Compression, Session};
 use stillpoint_samples::{Cause, Entry, HEADER_SIZE};
 use zerocopy::IntoBytes;

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::clock::cpu_time;
 use stillpoint_pipeline::graph::{Graph, Record};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayReport, Selection, replay};
 use stillpoint_pipeline::session_recorder::SessionRecorder;
 use stillpoint_recorder::{Completeness, Compression, Session};

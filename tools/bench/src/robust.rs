@@ -2,7 +2,7 @@
 
 use clap::Args;
 use serde::Serialize;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 use super::cases::Case;
 use super::course::{Course, STEP, worst};

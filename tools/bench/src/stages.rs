@@ -1,10 +1,8 @@
 //! The bench's own kinds of operators. Only the children of a bench know them: no pipeline of a user can name them.
 
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_pipeline::clock::SessionClock;
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_samples::{Layout, Sample, SampleKind, Shape};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 

@@ -4,7 +4,7 @@
 use clap::Args;
 use serde::Serialize;
 use stillpoint_control::response::{TargetStep, response};
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::spec::quantity;
 
 use super::course::{Course, STEP, from_model, worst};

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run, RunOptions, RunReport, Supervisor, contracts};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::spec;
 use stillpoint_recorder::Compression;

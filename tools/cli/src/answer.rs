@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_samples::{Refusal, Sample, Target, TargetElement, Verb};
 use stillpoint_shm::{Subscriber, Topic};
 

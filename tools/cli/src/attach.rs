@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use clap::Args;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::run_folder::{RunCard, going_on};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec;
 use stillpoint_shm::Domain;
 

@@ -3,7 +3,7 @@
 //! A program with operators of its own calls [`command`] with their lists, and has every subcommand:
 //!
 //! ```no_run
-//! # const MY_STAGES: &[stillpoint_pipeline::Stage] = &[];
+//! # const MY_STAGES: &[stillpoint_operator::Stage] = &[];
 //! fn main() -> std::process::ExitCode {
 //!     stillpoint::command(&[MY_STAGES])
 //! }
@@ -43,7 +43,7 @@ mod summary;
 use std::process::ExitCode;
 
 use clap::Parser;
-use stillpoint_pipeline::operator::{Registry, Stage};
+use stillpoint_operator::{Registry, Stage};
 
 use commands::Command;
 

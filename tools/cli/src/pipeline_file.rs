@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
+use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::spec::yaml::MOST_BYTES;
 use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
 

@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use clap::Parser;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::{Launch, recorder_main, worker_main};
-use stillpoint_pipeline::operator::Registry;
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::output;

@@ -2,10 +2,10 @@
 
 use std::io::IsTerminal;
 
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, contracts};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_shm::{Subscriber, Topic};
 
 use crate::attach::{Attached, Which};

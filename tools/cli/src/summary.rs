@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use stillpoint_operator::{Policy, Registry};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::{Fault, RunReport};
-use stillpoint_pipeline::operator::{Policy, Registry};
 use stillpoint_recorder::{Session, session_parts};
 
 use crate::columns::{Columns, Side};

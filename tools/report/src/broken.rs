@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rand::{Rng, RngExt, SeedableRng};
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_recorder::{
     Closing, Compression, Opening, PartWriter, Role, Session, Source as Bytes, TopicInfo,
 };

@@ -1,6 +1,6 @@
 //! Facts of a session in words: how its recording ended, what a replay lacks, and the layout of its topics.
 
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_recorder::{Completeness, Session, Topic, TopicKind};
 

@@ -50,7 +50,7 @@ mod wiring;
 use std::path::Path;
 use std::sync::Arc;
 
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_recorder::Session;
 
 pub use error::ReportError;

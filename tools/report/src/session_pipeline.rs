@@ -1,7 +1,7 @@
 //! The pipeline that a session keeps, checked against this build.
 
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::{PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::spec::{self, Faults};

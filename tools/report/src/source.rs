@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use stillpoint_pipeline::frames::{Frame, Frames, Rigid};
+use stillpoint_operator::frames::{Frame, Frames, Rigid};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::session_files::SessionFiles;
 

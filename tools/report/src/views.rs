@@ -240,7 +240,7 @@ fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Res
     Ok(View { origin, image, face, plane, hull, hull_area, rejection })
 }
 
-fn moved(p: [f32; 3], transform: Option<stillpoint_pipeline::frames::Rigid>) -> [f32; 3] {
+fn moved(p: [f32; 3], transform: Option<stillpoint_operator::frames::Rigid>) -> [f32; 3] {
     transform.map_or(p, |t| t.apply(p.map(f64::from)).map(|c| c as f32))
 }
 

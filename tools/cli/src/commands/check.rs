@@ -1,7 +1,7 @@
 //! `stillpoint check`
 
 use clap::Args;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::spec::Machine;
 
 use crate::exit::{Ended, Exit, print_json};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::session::{IDENTITY, RUN};
 use stillpoint_recorder::{LEDGER_ATTACHMENT, Session};
 use stillpoint_report::facts::{ending, gaps_of, layout};

@@ -23,7 +23,7 @@ mod train;
 mod train;
 
 use clap::Subcommand;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 use crate::exit::Ended;
 

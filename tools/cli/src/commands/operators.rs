@@ -2,8 +2,8 @@
 
 use clap::Args;
 use serde_json::{Value, json};
-use stillpoint_pipeline::operator::{Registry, Role, Stage, Timer};
-use stillpoint_pipeline::params::{ParamField, ParamType};
+use stillpoint_operator::params::{ParamField, ParamType};
+use stillpoint_operator::{Registry, Role, Stage, Timer};
 use stillpoint_pipeline::spec::near::nearest;
 use stillpoint_pipeline::spec::reference::{frame_of, policy_of, reference, reference_of, type_of};
 

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::Args;
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::graph::{Graph, Record};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::replay::{ReplayError, ReplayReport, Selection, replay};
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::Observer;

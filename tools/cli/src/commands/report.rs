@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Map, Value, json};
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 use stillpoint_recorder::Session;
 use stillpoint_report::{Section, html, sections_of};
 

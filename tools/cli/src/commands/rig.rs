@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use stillpoint_pipeline::operator::Registry;
+use stillpoint_operator::Registry;
 
 use crate::commands::run::Run;
 use crate::exit::Ended;

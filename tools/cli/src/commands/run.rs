@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use stillpoint_operator::Registry;
 use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
-use stillpoint_pipeline::operator::Registry;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_pipeline::spec::{Machine, quantity};
