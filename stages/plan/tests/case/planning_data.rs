@@ -14,15 +14,14 @@ fn import(json: &Path) -> Case {
 #[test]
 fn every_case_of_the_data_is_read_with_its_isocentre_at_the_centroid() {
     let Some(root) = reference::folder("planning") else { return };
-    let mut files: Vec<PathBuf> = ["tg119", "openkbp", "pelvis_000", "pelvis"]
-        .iter()
-        .flat_map(|folder| std::fs::read_dir(root.join(folder)).unwrap())
-        .map(|entry| entry.unwrap().path())
-        .filter(|path| path.extension().is_some_and(|e| e == "json"))
-        .collect();
-    files.sort();
-    assert_eq!(files.len(), 21);
-    for file in files {
+    let cases = |folder: &str| {
+        let all = std::fs::read_dir(root.join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        let mut files: Vec<PathBuf> = all.filter(|p| p.extension().is_some_and(|e| e == "json")).collect();
+        files.sort();
+        assert!(!files.is_empty(), "{folder}");
+        files.into_iter().take(16)
+    };
+    for file in ["tg119", "openkbp", "pelvis_000", "pelvis"].into_iter().flat_map(cases) {
         let case = import(&file);
         let body = case.external().unwrap();
         let (mut sum, mut count) = ([0.0; 3], 0.0);
