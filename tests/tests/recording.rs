@@ -22,7 +22,7 @@ fn a_killed_recorder_leaves_all_but_the_last_second_in_its_part_and_all_in_the_s
     run.child("recorder", number);
     let second = bench.path("s/chain-0001/part-001.mcap");
     wait_for("the next part", || (second.metadata().ok()?.len() > 50_000).then_some(()));
-    let report = run.stop().incomplete();
+    let report = run.stop().good();
 
     let before: serde_json::Value = serde_json::from_str(entry.lines().next().unwrap()).unwrap();
     let last = cut.journals()["source"].last().unwrap().header.stamp;
@@ -85,7 +85,7 @@ fn after_a_recorder_was_killed_new_incarnations_are_exact() {
         run.child(name, before);
     }
     bench.wait_for_samples("sink.sum", 50);
-    let report = run.stop().incomplete();
+    let report = run.stop().good();
     let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]);
     assert_eq!(replay.json()["differences"], 0, "{}", replay.out);
     assert!(replay.json()["exact_incarnations"].as_u64().unwrap() >= 2, "{}", replay.out);
