@@ -24,7 +24,7 @@ fn a_command_arrives_is_recorded_and_replays() {
     }
     let vent = bench.call(&["send", "console.vent"]);
     assert!(
-        vent.code() == 0 && vent.out.contains("; nobody takes console.vent in this pipeline"),
+        vent.code() == 0 && vent.out.contains("; no operator of this pipeline takes console.vent"),
         "{}",
         vent.out
     );

@@ -119,7 +119,7 @@ fn a_fault_that_there_is_not_is_named_before_it_is_sent() {
     for (what, words) in [
         (&["leek", "0"][..], "did you mean leak?"),
         (&[], "which fault?"),
-        (&["leak", "one"], "`one` is no number"),
+        (&["leak", "one"], "`one` is not a number"),
         (&["leak", "0", "nan"], "all of them finite"),
     ] {
         let done = bench.call(&[&["send", "console.fault"], what].concat());

@@ -9,7 +9,7 @@ fn what_contradicts_itself_is_refused() {
     let bench = Bench::new();
     let file = pipeline("chain.yaml");
     for (both, said) in [
-        (&["--clock", "live", "--lock-step", "threads"][..], "leave --clock live away"),
+        (&["--clock", "live", "--lock-step", "threads"][..], "remove --clock live or --lock-step"),
         (&["--no-record", "--record", "s"], "cannot be used with"),
     ] {
         let done = bench.call(&[&["run", text(&file), "--for", "100 ms"], both].concat());

@@ -1,4 +1,4 @@
-//! What becomes of a target that a person asks for: what the operators say that take it.
+//! The answers of operators to a target that a person asks for.
 
 use std::time::{Duration, Instant};
 
@@ -11,37 +11,37 @@ use crate::attach::{Attached, Which};
 use crate::exit::Failure;
 use stillpoint_report::target_refusals::words;
 
-/// How long an operator may be silent.
+/// Time within which an operator has to answer.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// How often its topic is looked at.
+/// Interval at which its topic is read.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// Somebody who listens to an operator that takes targets of people.
+/// Reads the answers of one operator that takes targets of people.
 pub struct Listener {
     name: String,
     subscriber: Subscriber,
     _topic: Topic,
-    /// How many targets it had been asked for; none where it was silent.
+    /// Targets that it had been asked for before; none if it was silent.
     asked: Option<u32>,
 }
 
-/// What an operator says to a target.
+/// The answer of an operator to a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// It goes there.
+    /// The operator takes the target.
     Taken,
-    /// It does not, for this reason.
+    /// The operator refuses the target, for this reason.
     Refused(String),
-    /// Nothing.
+    /// The operator did not answer.
     Silence,
 }
 
 impl Answer {
-    /// In a line, of the operator's topic.
+    /// The answer as a line that names the topic of the operator.
     pub fn line(&self, topic: &str) -> String {
         match self {
             Self::Taken => format!("{topic}: taken"),
-            Self::Refused(why) => format!("{topic}: refused, because {why}; the target before stands"),
+            Self::Refused(why) => format!("{topic}: refused, because {why}; the previous target is kept"),
             Self::Silence => format!(
                 "{topic}: no answer within {} s; `stillpoint echo {topic}` shows `asked`, `status` and `refusal`",
                 PATIENCE.as_secs()
@@ -50,7 +50,7 @@ impl Answer {
     }
 }
 
-/// Listens to all that take targets of a console, before one is sent.
+/// Opens a listener for each operator that takes targets of a console, before a target is sent.
 pub fn listen(registry: &Registry, which: &Which, console: &str) -> Result<Vec<Listener>, Failure> {
     let Attached { graph, domain, .. } = which.attach(registry)?;
     let port = Verb::ALL.iter().position(|(_, verb)| *verb == Verb::Target).unwrap_or_default();
@@ -72,19 +72,19 @@ pub fn listen(registry: &Registry, which: &Which, console: &str) -> Result<Vec<L
 }
 
 impl Listener {
-    /// The topic it listens to.
+    /// The topic that it reads.
     pub fn topic(&self) -> &str {
         &self.name
     }
 
-    /// What the operator says to the target that was asked for since.
+    /// The answer of the operator to the target that was sent since.
     pub fn answer(&self) -> Result<Answer, Failure> {
         let Some(before) = self.asked else { return Ok(Answer::Silence) };
         let told = self.wait(|target| target.asked != before)?;
         Ok(told.as_ref().map_or(Answer::Silence, answer))
     }
 
-    /// The next target that is so.
+    /// The next target for which `is_so` holds.
     fn wait(&self, is_so: impl Fn(&TargetElement) -> bool) -> Result<Option<TargetElement>, Failure> {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {

@@ -1,4 +1,4 @@
-//! Joining a run that is going on, as somebody who looks in or sends.
+//! Joining a running pipeline, to read its topics or to send a command.
 
 use std::path::Path;
 
@@ -11,10 +11,10 @@ use stillpoint_shm::Domain;
 
 use crate::exit::Failure;
 
-/// Which run.
+/// The choice of a run.
 #[derive(Args, Clone, Debug, Default)]
 pub struct Which {
-    /// Process number of the run's supervisor, or name of its pipeline, where several are going on.
+    /// PID of the run's supervisor, or the name of its pipeline; needed if several runs are active.
     #[arg(long, value_name = "PID|NAME")]
     pub run: Option<String>,
 }
@@ -25,12 +25,12 @@ pub struct Attached {
     pub graph: Graph,
     /// Its domain.
     pub domain: Domain,
-    /// Root folder of the domain: gone when the run is over.
+    /// Root folder of the domain; it is removed when the run ends.
     pub root: std::path::PathBuf,
 }
 
 impl Which {
-    /// Whether the run with this root folder still goes on: a supervisor that was killed leaves the folder behind.
+    /// Whether the run with this root folder is still active. A supervisor that was killed leaves the folder behind.
     pub fn is_going_on(&self, root: &Path) -> bool {
         root.parent().is_some_and(stillpoint_pipeline::live::run_folder::is_going_on)
     }
@@ -46,7 +46,9 @@ impl Which {
             [] if cards.is_empty() => {
                 return Err(Failure::failed("no pipeline is running: start one with `stillpoint run`"));
             }
-            [] => return Err(Failure::failed(format!("no such run; going on: {}", list(&cards)))),
+            [] => {
+                return Err(Failure::failed(format!("there is no such run; active runs: {}", list(&cards))));
+            }
             _ => {
                 return Err(Failure::failed(format!(
                     "several runs are going on: choose one with --run: {}",

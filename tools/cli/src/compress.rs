@@ -1,4 +1,4 @@
-//! How a session is compressed, as an argument.
+//! The argument that chooses the compression of a session.
 
 use clap::ValueEnum;
 use stillpoint_recorder::Compression;

@@ -18,7 +18,7 @@ pub enum Exit {
     Differs = 3,
     /// A session cannot be replayed as a whole; the parts that can be replayed match.
     Open = 4,
-    /// A replay compared nothing.
+    /// A replay compared nothing: no activation of the selected operators can be replayed.
     Nothing = 5,
 }
 
@@ -28,10 +28,10 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// What went wrong, for people, and how the command ends by it.
+/// Why a command failed, for people, and its exit code.
 #[derive(Debug)]
 pub struct Failure {
-    /// What, where, why, and what to do; the name of the command goes before it.
+    /// What is wrong, where, why, and what to do. The name of the command is printed in front of it.
     pub text: String,
     /// How the command ends.
     pub exit: Exit,
@@ -43,7 +43,7 @@ impl Failure {
         Self { text: text.to_string(), exit: Exit::Failed }
     }
 
-    /// What the user gave is wrong.
+    /// The input of the user is wrong.
     pub fn wrong(text: impl std::fmt::Display) -> Self {
         Self { text: text.to_string(), exit: Exit::Wrong }
     }

@@ -1,6 +1,6 @@
 //! The `stillpoint` command.
 //!
-//! A program with operators of its own calls [`command`] with their lists, and has every subcommand:
+//! A program with its own operators calls [`command`] with their lists and has every subcommand:
 //!
 //! ```no_run
 //! # const MY_STAGES: &[stillpoint_operator::Stage] = &[];
@@ -9,7 +9,7 @@
 //! }
 //! ```
 //!
-//! Each subcommand is a file or a folder of `commands/`. What several subcommands share is beside it:
+//! Each subcommand is a file or a folder of `commands/`. Code that several subcommands share stands beside that folder:
 //!
 //! - `program`: how a program begins and ends, and its children: shared with `stillpoint-bench`
 //! - `exit`, `output`, `signals`: exit codes and failures, the two output streams, Ctrl-C
@@ -62,7 +62,7 @@ struct Arguments {
     command: Option<Command>,
 }
 
-/// The kinds of operators that come with the command, and those of `extra`.
+/// The kinds of operators of the command, and those of `extra`.
 pub fn registry(extra: &[&[Stage]]) -> Registry {
     let mut lists: Vec<&[Stage]> = vec![
         stillpoint_pipeline::STAGES,
@@ -80,7 +80,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
     Registry::new(&lists)
 }
 
-/// The body of the program: the command, or a child of one of its runs.
+/// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
     let registry = registry(extra);
     child(&registry).unwrap_or_else(|| {

@@ -1,22 +1,22 @@
-//! What the command says, on standard output and on standard error.
+//! Text on standard output and standard error.
 //!
-//! The macros stand in for those of the same names in `std`, which panic where a stream is closed or a disk full. A run
-//! does not end because nobody looks: who went away is told nothing more, and what else could not be written is said at
-//! the end, and the command has failed.
+//! The print macros of `std` panic if a stream is closed or a disk is full. These macros do not, because a run must not
+//! end when its reader leaves. A closed pipe is ignored; any other failure to write is reported when the command ends, and
+//! the command fails.
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, Write};
 use std::sync::Mutex;
 
-/// The first reason for which standard output could not be written, a reader who went away excepted.
+/// The first reason for which standard output could not be written, except a closed pipe.
 static UNWRITTEN: Mutex<Option<io::Error>> = Mutex::new(None);
 
-/// Writes to standard output; a failure to write is told when the command ends.
+/// Writes to standard output; a failure to write is reported when the command ends.
 #[macro_export]
 macro_rules! out {
     ($($words:tt)*) => { _ = $crate::output::out(format_args!($($words)*)) };
 }
-/// The same, and a line's end.
+/// The same, with a newline.
 #[macro_export]
 macro_rules! outln {
     () => { $crate::out!("\n") };
@@ -27,25 +27,25 @@ macro_rules! outln {
 macro_rules! err {
     ($($words:tt)*) => { $crate::output::err(format_args!($($words)*)) };
 }
-/// The same, and a line's end.
+/// The same, with a newline.
 #[macro_export]
 macro_rules! errln {
     () => { $crate::err!("\n") };
     ($($words:tt)*) => { $crate::err!("{}\n", format_args!($($words)*)) };
 }
 
-/// Says something on standard output; whether it could be written.
+/// Writes to standard output; false if it could not be written.
 pub fn out(words: Arguments<'_>) -> bool {
     kept(io::stdout().write_fmt(words))
 }
 
-/// Says something on standard error. Where that cannot be written there is nowhere to say so.
+/// Writes to standard error. A failure is ignored, because there is no other stream for it.
 pub fn err(words: Arguments<'_>) {
     let mut stderr = io::stderr();
     let _ = stderr.write_fmt(words).and_then(|()| stderr.flush());
 }
 
-/// Keeps why standard output could not be written; whether it could.
+/// Stores why standard output could not be written; true if it could.
 pub fn kept(written: io::Result<()>) -> bool {
     let Err(reason) = written else { return true };
     if reason.kind() != ErrorKind::BrokenPipe
@@ -56,7 +56,7 @@ pub fn kept(written: io::Result<()>) -> bool {
     false
 }
 
-/// Writes what is left; why something could not be written, if so.
+/// Flushes standard output; gives the first failure to write, if there was one.
 pub fn finish() -> Option<io::Error> {
     kept(io::stdout().flush());
     UNWRITTEN.lock().ok()?.take()

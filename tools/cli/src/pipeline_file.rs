@@ -14,25 +14,25 @@ use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// The default pipeline, for a program that is started away from its source.
+/// The default pipeline, for a program that runs outside its source folder.
 pub const EMBEDDED: &str = include_str!("../../../pipeline.yaml");
 /// The files that it names.
 pub const EMBEDDED_FILES: &[(&str, &[u8])] =
     &[("examples/data/rig.key", include_bytes!("../../../examples/data/rig.key"))];
 
-/// The pipeline in two programs that comes with the command, and what it names.
+/// The embedded pipeline in two programs, and the files that it names.
 const APART: &str = include_str!("../../../examples/head-3dof-apart.yaml");
 const APART_FILES: &[(&str, &[u8])] = &[("data/rig.key", include_bytes!("../../../examples/data/rig.key"))];
 
-/// Which pipeline, and what is changed in it.
+/// The pipeline to use and the parameters to override.
 #[derive(Args, Clone, Debug, Default)]
 pub struct PipelineFile {
-    /// The pipeline; without one `pipeline.yaml` of this folder, or the one that comes with the command.
+    /// The pipeline file. Default: `pipeline.yaml` in this folder, else the pipeline embedded in the command.
     pub file: Option<PathBuf>,
-    /// Change a parameter: `--set operator.param=value`.
+    /// Override a parameter: `--set operator.param=value`.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     pub sets: Vec<String>,
-    /// A part of it is meant: without a file, of the one in two programs that comes with the command.
+    /// The command runs one part of the pipeline. Without a file, the embedded pipeline in two programs is used.
     #[arg(skip)]
     pub in_parts: bool,
 }
@@ -49,7 +49,7 @@ pub struct Source {
 
 /// A pipeline that was read and checked.
 pub struct Checked {
-    /// What was read.
+    /// The source.
     pub source: Source,
     /// The graph.
     pub graph: Arc<Graph>,
@@ -69,7 +69,7 @@ pub enum Refused {
 }
 
 impl Refused {
-    /// Ends the command: says it as `check --json` does, or to people.
+    /// Ends the command: prints the reason as `check --json` does, or as text for people.
     pub fn end(self, json: bool) -> Ended {
         let faults = match self {
             Self::Unreadable { file, reason } if !json => {
@@ -90,10 +90,10 @@ impl Refused {
     }
 }
 
-/// What to do about a file that cannot be read.
-const NAME_ONE: &str = "name the file of a pipeline";
+/// Advice for a file that cannot be read.
+const NAME_ONE: &str = "give the path of a pipeline file";
 
-/// The bytes of a file, which may have no end: as many as show that it is too long.
+/// The bytes of a file. The file may have no end, so at most as many bytes are read as show that it is too long.
 fn read(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?.take(MOST_BYTES as u64 + 1).read_to_end(&mut bytes)?;

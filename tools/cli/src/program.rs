@@ -1,4 +1,4 @@
-//! How a program of this folder begins and ends, and how its runs start their children.
+//! The start and the end of a program, and the start of its child processes.
 
 use std::process::ExitCode;
 
@@ -14,16 +14,16 @@ const WORKER: &str = "__worker";
 /// First argument of the recorder of a run.
 const RECORDER: &str = "__recorder";
 
-/// How a run starts its children: as this program, with a first argument that [`child`] knows.
+/// How a run starts its child processes: this program with a first argument that [`child`] knows.
 ///
 /// # Errors
-/// The path of this program cannot be had.
+/// The path of this program is not known.
 pub fn launch() -> Result<Launch, Failure> {
     let program = std::env::current_exe().map_err(Failure::failed)?;
     Ok(Launch { program, worker: WORKER, recorder: RECORDER })
 }
 
-/// Runs this process as a worker or a recorder, if its first argument says so. Gives the exit code then.
+/// Runs this process as a worker or a recorder if its first argument says so, and gives the exit code.
 pub fn child(registry: &Registry) -> Option<ExitCode> {
     match std::env::args_os().nth(1)?.to_str()? {
         WORKER => Some(worker_main(registry)),
@@ -32,7 +32,7 @@ pub fn child(registry: &Registry) -> Option<ExitCode> {
     }
 }
 
-/// Parses the arguments, executes them, and tells on standard error, after the program's `name`, why it failed.
+/// Parses and executes the arguments. Prints the reason of a failure on standard error after the `name` of the program.
 pub fn program<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> ExitCode {
     quiet_panics();
     let ended = match A::try_parse() {
@@ -52,14 +52,14 @@ pub fn program<A: Parser>(name: &str, execute: impl FnOnce(A) -> Ended) -> ExitC
     if exit == Exit::Done { Exit::Failed.into() } else { exit.into() }
 }
 
-/// Replaces the message of panics. The panic of an operator is contained and journalled, and the run reports it: a
-/// message here would only repeat that. Any other panic is a fault of stillpoint and is told as one.
+/// Replaces the message of panics. A panic of an operator is contained and journalled, and the run reports it, so no
+/// message is printed here. Any other panic is reported as a fault of stillpoint.
 fn quiet_panics() {
     std::panic::set_hook(Box::new(|panic| {
         if !stillpoint_pipeline::instance::is_stepping() {
             let text = panic.payload_as_str().unwrap_or_default();
             let place = panic.location().map(ToString::to_string).unwrap_or_default();
-            errln!("stillpoint: a fault of stillpoint itself at {place}: {text}");
+            errln!("stillpoint: internal fault of stillpoint at {place}: {text}");
         }
     }));
 }

@@ -2,7 +2,7 @@
 
 use crate::exit::Failure;
 
-/// A number with this unit; `whole` is the text that it is a part of.
+/// Parses a number with this unit; `whole` is the argument that contains it, for the error.
 pub fn quantity(part: &str, unit: &str, whole: &str) -> Result<f64, Failure> {
     let number = part.trim().strip_suffix(unit).and_then(|n| n.trim().parse::<f64>().ok());
     number

@@ -9,12 +9,12 @@ use stillpoint_samples::{Diagnostics, Field, Pieces, Primitive, Sample, SampleKi
 
 use crate::exit::Failure;
 
-/// Which time of a sample counts.
+/// The time of a sample that is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// When it was made: a command has its effect from then on.
+    /// When the sample was made: a command takes effect from then on.
     Stamp,
-    /// When what is behind it was acquired.
+    /// When the data behind the sample was acquired.
     Origin,
 }
 
@@ -30,8 +30,8 @@ pub struct Series {
     pub without_number: usize,
 }
 
-/// Reads `operator.port:field` of a session; `field.2` is the third number of an array, and of diagnostics the field is
-/// the name of a metric.
+/// Reads `operator.port:field` from a session. `field.2` is the third number of an array; for diagnostics, the field is the
+/// name of a metric.
 pub fn of_session(session: &Session, signal: &str, clock: Clock) -> Result<Series, Failure> {
     let (topic, field) = signal.split_once(':').unwrap_or((signal, ""));
     let topics = session.topics();
@@ -45,7 +45,10 @@ pub fn of_session(session: &Session, signal: &str, clock: Clock) -> Result<Serie
         )));
     };
     let Some(kind) = found.kind.kind() else {
-        return Err(Failure::wrong(format!("{topic} is no kind of this build: {}", found.type_name)));
+        return Err(Failure::wrong(format!(
+            "{topic}: this build does not know the type {}",
+            found.type_name
+        )));
     };
     let place = Place::of(kind, topic, field)?;
     let mut series =
@@ -78,7 +81,7 @@ impl Place {
     fn of(kind: &'static SampleKind, topic: &str, path: &str) -> Result<Self, Failure> {
         if *kind == *Diagnostics::KIND {
             return match path {
-                "" => Err(Failure::wrong(format!("say which metric of {topic}: `{topic}:NAME`"))),
+                "" => Err(Failure::wrong(format!("name a metric of {topic}: `{topic}:NAME`"))),
                 name => Ok(Self::Metric(name.to_string())),
             };
         }
@@ -193,7 +196,7 @@ pub fn of_table(text: &str, columns: [&str; 2], step: u64) -> Result<[Series; 2]
     Ok(both)
 }
 
-/// SHA-256 of a session's parts, one behind the other, or of one file; in hexadecimal.
+/// SHA-256 of the concatenated parts of a session, or of one file; in hexadecimal.
 pub fn sha256(path: &Path) -> Result<String, Failure> {
     let failed = |path: &Path, e: std::io::Error| Failure::failed(format!("{}: {e}", path.display()));
     let mut hash = Sha256::new();

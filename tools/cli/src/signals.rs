@@ -9,24 +9,24 @@ use signal_hook::iterator::Signals;
 
 use crate::exit::Failure;
 
-/// Signals come in pairs: a terminal that is closed hangs up twice, by shell and kernel, and `timeout` signals the process
-/// and its group. What follows on one that counted this soon is its repeat.
+/// Signals come in pairs: when a terminal closes, both shell and kernel send SIGHUP, and `timeout` signals the process and
+/// its group. A signal within this time after one that counted is a repeat.
 const REPEAT: Duration = Duration::from_secs(1);
 
-/// A flag that the signals set, and a repeat does not.
+/// A flag that each signal sets, except a repeat.
 pub fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     heard(|_| ())
 }
 
-/// The same for work in this process, which may never come to look at the flag: a signal after one that nobody took ends
-/// the process then.
+/// The same for work in this process. The work may never look at the flag, so a further signal while the flag is still set
+/// ends the process.
 pub fn stop_flag_of_this_process() -> Result<Arc<AtomicBool>, Failure> {
     heard(|signal| {
         let _ = signal_hook::low_level::emulate_default_handler(signal);
     })
 }
 
-/// A flag that the signals set; `unheard` is called for one that finds it set still.
+/// A flag that the signals set; `unheard` is called for a signal that finds the flag still set.
 fn heard(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = Signals::new(those_that_stop()).map_err(Failure::failed)?;
@@ -42,7 +42,7 @@ fn heard(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// Whether a signal is more than the repeat of the one that `counted` last.
+/// Whether a signal is not a repeat of the signal that `counted` last.
 fn counts(counted: &mut Option<Instant>, now: Instant) -> bool {
     let new = counted.is_none_or(|at| now.duration_since(at) > REPEAT);
     if new {
@@ -51,7 +51,7 @@ fn counts(counted: &mut Option<Instant>, now: Instant) -> bool {
     new
 }
 
-/// Who starts a command with `nohup` wants it to go on.
+/// The signals that stop the command. SIGHUP is left out if it is ignored, as under `nohup`.
 fn those_that_stop() -> Vec<i32> {
     let mut signals = vec![SIGINT, SIGTERM];
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

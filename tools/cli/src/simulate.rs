@@ -31,8 +31,8 @@ pub enum Place {
     Processes,
 }
 
-/// Runs a checked pipeline for `length` ns of session time, which starts at 0, or until all that feeds it has finished, or
-/// until `stop` is set. Beside the report it gives what the valves did, as far as the graph has valves.
+/// Runs a checked pipeline for `length` ns of session time, which starts at 0. The run ends earlier when all its sources
+/// have finished or `stop` is set. Gives the report, and the states of the valves and far ends, if the graph has any.
 pub fn simulate(
     checked: &Checked,
     sets: &[String],

@@ -78,7 +78,7 @@ impl<'a> StatusLine<'a> {
         self.taps.as_mut().map(Taps::look)
     }
 
-    /// Takes it away.
+    /// Erases the status.
     fn clear(&mut self) {
         for line in 0..self.shown {
             err!("{}\r\x1b[2K", if line > 0 { "\x1b[1A" } else { "" });
@@ -90,7 +90,7 @@ impl<'a> StatusLine<'a> {
 impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     fn started(&mut self, _: &[(String, u32)]) {
         if self.terminal || self.has_valves {
-            // Without taps the run goes on as well.
+            // The run continues without taps.
             let hold_of = if self.terminal { Hold::of } else { Hold::of_valves };
             self.taps = Taps::open(self.registry, hold_of).ok();
         }
@@ -101,7 +101,7 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         if !self.terminal {
             return;
         }
-        let mut parts = vec![format!("{seconds:.1} s, latencies from the acquisition on")];
+        let mut parts = vec![format!("{seconds:.1} s, latencies since the acquisition")];
         parts.extend(held.map(|held| held.now()).unwrap_or_default());
         let figures = operators.iter().filter(|o| o.activations > 0).map(figures).collect::<Vec<_>>();
         // A terminal that does not know how wide it is says 0.
@@ -119,10 +119,10 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     }
 }
 
-/// An operator's rate, how old what it sends is, and its losses.
+/// The rate of an operator, the age of its outputs, and its losses.
 fn figures(o: &OperatorFigures) -> String {
     let mut part = format!("{} {:.0} Hz", o.operator, o.rate_hz);
-    // The latency from the acquisition: of the whole chain up to here, not of this step alone.
+    // The latency since the acquisition: of the whole chain up to this operator, not of this step alone.
     if o.age_ms[0].is_finite() {
         part += &format!(" {:.1} ms", o.age_ms[0]);
     }
@@ -134,7 +134,7 @@ fn figures(o: &OperatorFigures) -> String {
     part
 }
 
-/// Parts in lines of at most `width` characters; a part that is longer is cut.
+/// Joins parts to lines of at most `width` characters; a longer part is cut.
 fn wrapped(parts: &[String], width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for part in parts {

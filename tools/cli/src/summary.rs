@@ -1,4 +1,4 @@
-//! What is said at the end of a run.
+//! The summary at the end of a run.
 
 use std::path::{Path, PathBuf};
 
@@ -16,19 +16,19 @@ use stillpoint_report::hold::{Held, Hold};
 use stillpoint_report::refused::{self, Refused};
 use stillpoint_report::uncaptured::{self, Uncaptured};
 
-/// Failures that are shown.
+/// Number of failures that are shown.
 const MOST_FAULTS: usize = 10;
 
-/// A part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
+/// The part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
 const SLOW: f64 = 0.05;
 
-/// How a run went, and what its session says of it.
+/// The figures of a run and of its session.
 pub struct Summary<'a> {
     report: &'a RunReport,
     session: Option<&'a Path>,
     held: Option<Held>,
     accuracy: Option<Accuracy>,
-    /// Samples in the session, journals included, also in parts whose recorder died.
+    /// Number of samples in the session, with journals and with the parts whose recorder died.
     samples: u64,
     /// Why the session is not complete.
     gaps: Vec<String>,
@@ -38,7 +38,7 @@ pub struct Summary<'a> {
 }
 
 impl<'a> Summary<'a> {
-    /// Of a run of this graph; `observed` while it ran, also without a session.
+    /// The summary of a run of this graph. `observed` comes from the run itself, so it exists without a session, too.
     pub fn new(
         report: &'a RunReport,
         graph: &Graph,
@@ -77,8 +77,8 @@ impl<'a> Summary<'a> {
         self.gaps.is_empty()
     }
 
-    /// The report as JSON, with the session's path, how the head was held, the accuracy, the frames without a
-    /// result, and the trackers without a reference.
+    /// The report as JSON, with the path of the session, how the head was held, the accuracy, the frames without a result,
+    /// and the trackers without a reference.
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
@@ -105,13 +105,13 @@ impl<'a> Summary<'a> {
             outln!("ended early: {reason}");
         }
         for id in &report.swept {
-            outln!("swept what the dead run {id} had left");
+            outln!("removed the leftovers of the dead run {id}");
         }
         print_operators(report);
         print_faults(report);
         print_ledger(report);
         if !self.too_slow.is_empty() {
-            outln!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with something else:");
+            outln!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with other work:");
         }
         for slow in &self.too_slow {
             outln!("  {slow}");
@@ -159,18 +159,17 @@ impl<'a> Summary<'a> {
             if lost > 0 { format!(", {lost} NOT KEPT") } else { String::new() }
         );
         match self.gaps.split_first() {
-            None => outln!("complete: everything that a replay needs is there"),
+            None => outln!("complete: the session holds everything that a replay needs"),
             Some((first, [])) => outln!("not complete: {first}"),
             Some((first, more)) => {
-                outln!("not complete: {first}; and {} more: `stillpoint info` lists them", more.len());
+                outln!("not complete: {first}; `stillpoint info` lists {} more gaps", more.len());
             }
         }
-        outln!("replay it: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
+        outln!("to replay: stillpoint replay {0}    (cargo run --release -- replay {0})", session.display());
     }
 }
 
-/// What did not keep up: timers that missed ticks, and inputs of which not every sample caused the activation that it was
-/// to cause.
+/// The timers that missed ticks, and the inputs on which some samples did not cause the activation that they should cause.
 fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
     let mut found = Vec::new();
     let mut judge = |count: u64, of: u64, what: String| {
@@ -235,7 +234,7 @@ fn print_operators(report: &RunReport) {
     }
 }
 
-/// What failed, each once with how often.
+/// Prints each failure once, with its count.
 fn print_faults(report: &RunReport) {
     let mut counts: Vec<(&Fault, u64)> = Vec::new();
     for fault in &report.faults {
@@ -252,7 +251,7 @@ fn print_faults(report: &RunReport) {
         outln!("failed: {}: {}{often}", fault.operator, fault.reason);
     }
     if counts.len() > MOST_FAULTS {
-        outln!("and {} other failures: --json lists all", counts.len() - MOST_FAULTS);
+        outln!("and {} other failures; --json lists all of them", counts.len() - MOST_FAULTS);
     }
 }
 
@@ -286,7 +285,7 @@ fn print_ledger(report: &RunReport) {
         outln!("and {silent} inputs to which nothing was sent");
     }
     if !none.is_empty() {
-        outln!("zero on every input: {}", none.join(", "));
+        outln!("columns that are zero on every input: {}", none.join(", "));
     }
     outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }

@@ -79,7 +79,7 @@ fn three(value: f64) -> String {
 }
 
 /// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not. Of several tracks it
-/// is that of the last in a chain. The comparison is the report's ([`compare`]).
+/// is that of the last in a chain. The report and this function share one comparison.
 pub fn of_session(session: &Session) -> Option<Accuracy> {
     // Neither the path nor any other sample has a part in it.
     let recording = Recording::read_kinds(session, Path::new(""), KINDS);

@@ -1,4 +1,4 @@
-//! `stillpoint bench`: starts `stillpoint-bench`, a program of its own, which lies beside this one.
+//! `stillpoint bench`: starts `stillpoint-bench`, a separate program in the same folder.
 
 use std::ffi::OsString;
 use std::os::unix::process::CommandExt;
@@ -12,7 +12,7 @@ use crate::exit::{Ended, Failure};
 /// Name of the program that measures.
 const PROGRAM: &str = "stillpoint-bench";
 
-/// Measure how fast and how exact this build is on this machine, with the program `stillpoint-bench`.
+/// Measure the speed and accuracy of this build on this machine, with the program `stillpoint-bench`.
 #[derive(Args)]
 #[command(disable_help_flag = true)]
 pub struct Bench {
@@ -22,7 +22,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Becomes the program that measures.
+    /// Replaces this process by the program that measures.
     pub fn execute(&self) -> Ended {
         let command = std::env::current_exe().map_err(Failure::failed)?;
         let program = command.with_file_name(PROGRAM);
@@ -35,7 +35,7 @@ impl Bench {
         }
         if is_older(&program, &command) {
             errln!(
-                "stillpoint: {PROGRAM} is older than this command: `cargo build --release -p {PROGRAM}` builds it again"
+                "stillpoint: {PROGRAM} is older than this command: run `cargo build --release -p {PROGRAM}` to update it"
             );
         }
         let reason = Command::new(&program).args(&self.arguments).exec();

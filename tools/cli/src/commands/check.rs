@@ -7,7 +7,7 @@ use stillpoint_pipeline::spec::Machine;
 use crate::exit::{Ended, Exit, print_json};
 use crate::pipeline_file::PipelineFile;
 
-/// Check a pipeline for this machine and show every fault of it.
+/// Check a pipeline for this machine and show all its faults.
 #[derive(Args)]
 pub struct Check {
     #[command(flatten)]
@@ -18,7 +18,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let graph = match self.pipeline.check(registry, &Machine::here()) {
             Ok(checked) => checked.graph,

@@ -18,12 +18,12 @@ use crate::exit::{Ended, Exit, Failure};
 use crate::show;
 use crate::signals::stop_flag;
 
-/// Show the samples of a topic of a running pipeline or of a session, one JSON line each.
+/// Print the samples of a topic of a running pipeline or a session, one line of JSON each.
 #[derive(Args)]
 pub struct Echo {
-    /// The topic, `operator.port`; `operator.journal` for a journal, `operator.timing` for laps.
+    /// The topic: `operator.port`; `operator.journal` for a journal; `operator.timing` for laps.
     topic: String,
-    /// End after so many samples.
+    /// End after this number of samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
     /// Read a session instead of a running pipeline.
@@ -34,7 +34,7 @@ pub struct Echo {
 }
 
 impl Echo {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         match &self.session {
             Some(path) => self.recorded(path),
@@ -100,7 +100,7 @@ impl Echo {
     }
 }
 
-/// The contract of a topic of a graph, and what its samples are.
+/// The contract of a topic of a graph, and the kind of its samples.
 fn find(graph: &Graph, topic: &str) -> Result<(Contract, &'static SampleKind), Failure> {
     if let Some((operator, port)) = graph.topic(topic) {
         let kind = graph.operators[operator].stage.kind.outputs[port].sample;
@@ -126,7 +126,7 @@ fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
     Failure::wrong(format!("there is no topic `{topic}`{near}; there are {}", all.join(", ")))
 }
 
-/// Prints one line of JSON; whether somebody still reads.
+/// Prints one line of JSON. False if the reader of standard output has gone.
 fn print(value: &serde_json::Value) -> bool {
     crate::output::out(format_args!("{value}\n"))
 }

@@ -13,31 +13,31 @@ use stillpoint_recorder::Session;
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::series::{self, Clock, Series};
 
-/// Fit a model to what went into a system and came out, from a session.
+/// Fit a model to the recorded input and output of a system.
 ///
-/// The model is x(k+1) = A x + B u + K e, y = C x + e, fitted by the prediction-error method. Samples are brought to one
-/// sample time first: the output is interpolated, the input holds its last value, and the longest stretch of the output
-/// without a gap is used.
+/// The model is x(k+1) = A x + B u + K e, y = C x + e, fitted by the prediction-error method. First, both signals are
+/// resampled to one sample time: the output is interpolated, the input holds its last value, and the longest stretch of
+/// the output without a gap is used.
 #[derive(Args)]
 pub struct Identify {
-    /// The session: a folder of parts, or one file. A file `*.csv` is a table with named columns.
+    /// The session (a folder of parts, or one file), or a table: a file `*.csv` with named columns.
     recording: PathBuf,
-    /// What went in: `operator.port:field`, such as `valves.command:duty.0`; of a table a column.
+    /// The input: `operator.port:field`, such as `valves.command:duty.0`; for a table, a column.
     #[arg(long, value_name = "SIGNAL")]
     input: String,
-    /// What came out: `operator.port:field`, such as `filter.state:position.2`; of a table a column.
+    /// The output: `operator.port:field`, such as `filter.state:position.2`; for a table, a column.
     #[arg(long, value_name = "SIGNAL")]
     output: String,
     /// Number of states.
     #[arg(long, value_name = "N")]
     order: usize,
-    /// Sample time, such as `33 ms`. Without it, the median interval of the output; a table needs it.
+    /// Sample time, such as `33 ms`. Default: the median interval of the output. A table requires it.
     #[arg(long, value_name = "TIME")]
     sample_time: Option<String>,
-    /// What the signals are counted from.
+    /// The offset that is subtracted from the signals.
     #[arg(long, value_enum, default_value_t)]
     offset: Offset,
-    /// Write the model here, as JSON for a controller.
+    /// Write the model to this file, as JSON for a controller.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Print JSON.
@@ -50,7 +50,7 @@ enum Offset {
     /// Their means.
     #[default]
     Mean,
-    /// Their first values: a system that rests when the recording begins.
+    /// Their first values, for a system that is at rest when the recording begins.
     First,
     /// Zero.
     None,
@@ -67,7 +67,7 @@ impl Offset {
 }
 
 impl Identify {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let step = self.sample_time.as_deref().map(time).transpose()?;
         let [input, output] = self.read(step)?;
@@ -128,7 +128,7 @@ impl Identify {
 
     fn read(&self, step: Option<u64>) -> Result<[Series; 2], Failure> {
         if self.recording.extension().is_some_and(|e| e == "csv") {
-            let step = step.ok_or_else(|| Failure::wrong("a table has no times: give --sample-time"))?;
+            let step = step.ok_or_else(|| Failure::wrong("a table has no times: add --sample-time"))?;
             let text = std::fs::read_to_string(&self.recording)
                 .map_err(|e| Failure::failed(format!("{}: {e}", self.recording.display())))?;
             return series::of_table(&text, [&self.input, &self.output], step);
@@ -146,7 +146,7 @@ fn time(text: &str) -> Result<u64, Failure> {
         .map_err(|e| Failure::wrong(format!("--sample-time {text}: {}; {}", e.message, e.help)))
 }
 
-/// A number with the bounds of 95 %.
+/// A number with its 95 % bounds.
 fn within(e: &Estimate) -> String {
     format!("{:.6e} +- {:.1e}", e.value, 1.96 * e.sd)
 }
@@ -158,7 +158,7 @@ fn place(pole: &Pole) -> String {
     }
 }
 
-/// Why no controller can have the model, and what to do.
+/// Why the model is of no use for a controller, and what to do.
 fn unstable(found: &Found) -> Option<String> {
     let is_unstable = |p: &&Pole| p.stability() == Stability::Unstable;
     let pole =
@@ -172,7 +172,7 @@ fn unstable(found: &Found) -> Option<String> {
     ))
 }
 
-/// What makes a model doubtful.
+/// Reasons to doubt a model.
 fn warnings(found: &Found) -> Vec<String> {
     let integrating = found.poles.iter().filter(|p| p.stability() == Stability::Integrating).map(|pole| {
         format!(
@@ -240,7 +240,7 @@ fn print(
     outln!("loss {:.6e}, standard deviation of e {:.6e}", found.loss, found.noise_variance.sqrt());
     match &found.dc_gain {
         Some(gain) => outln!("DC gain {}   (95 %)", within(gain)),
-        None => outln!("no DC gain: the output of an unstable model settles nowhere"),
+        None => outln!("no DC gain: the model is unstable, and its output does not settle"),
     }
     for pole in &found.poles {
         outln!("pole {}, {} i, modulus {}", within(&pole.re), within(&pole.im), within(&pole.modulus));

@@ -15,7 +15,7 @@ use stillpoint_report::numbers::started;
 /// Digits of a build's hash that are shown to people.
 const SHOWN_OF_BUILD: usize = 12;
 
-/// Show what a session holds, and whether it is complete.
+/// Show the contents of a session and whether it is complete.
 #[derive(Args)]
 pub struct Info {
     /// The session: a folder of parts, or one file.
@@ -26,7 +26,7 @@ pub struct Info {
 }
 
 impl Info {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let session = Session::open_any(&self.session).map_err(Failure::failed)?;
         let gaps = gaps_of(&session, registry);
@@ -66,7 +66,7 @@ impl Info {
         }
         outln!("ended {ended}");
         for (operator, incarnation) in session.unended() {
-            outln!("`{operator}`, incarnation {incarnation}, did not end in order: its journal stops");
+            outln!("`{operator}`, incarnation {incarnation}: the journal stops without an end");
         }
         outln!();
         outln!("{:<28} {:>9} {:>10}  type", "topic", "samples", "MB");
@@ -87,10 +87,16 @@ impl Info {
         }
         outln!();
         for l in session.lost() {
-            outln!("{}, incarnation {}: {} lost from number {}", l.topic, l.incarnation, l.count, l.first);
+            outln!(
+                "{}, incarnation {}: {} samples lost from sequence {} on",
+                l.topic,
+                l.incarnation,
+                l.count,
+                l.first
+            );
         }
         if gaps.is_empty() {
-            outln!("complete: everything that a replay needs is there");
+            outln!("complete: the session holds everything that a replay needs");
         } else {
             outln!("not complete:");
             for gap in &gaps {
@@ -101,7 +107,7 @@ impl Info {
     }
 }
 
-/// What was run, when, and by what, as far as the session says so.
+/// The pipeline, the start time and the build, as far as the session states them.
 fn facts(session: &Session) -> Vec<String> {
     let fact = |record: &str, key: &str| session.metadata().get(record)?.get(key).cloned();
     let run = |key| fact(RUN, key);

@@ -32,37 +32,37 @@ use crate::exit::Ended;
 pub enum Command {
     /// Run a pipeline and record it.
     Run(run::Run),
-    /// Run the far end of a pipeline as a program of its own.
+    /// Run the far end of a pipeline as a separate program.
     Rig(rig::Rig),
-    /// Check a pipeline and show every fault of it.
+    /// Check a pipeline and show all its faults.
     Check(check::Check),
-    /// Run a session again from its journals, and compare every recorded topic byte by byte.
+    /// Replay a session from its journals and compare every recorded topic byte by byte.
     Replay(replay::Replay),
-    /// Show what a session holds, and whether it is complete.
+    /// Show the contents of a session and whether it is complete.
     Info(info::Info),
-    /// Make a page of a session: tracks, pictures, rates, latencies, the ledger, faults, what was run.
+    /// Write a report of a session: tracks, pictures, rates, latencies, ledger, faults, provenance.
     Report(report::Report),
-    /// Mend a session whose recorder was cut off.
+    /// Repair a session whose recorder was cut off.
     Recover(recover::Recover),
-    /// Show the kinds of operators, or one of them.
+    /// List the kinds of operators, or describe one.
     Operators(operators::Operators),
-    /// Print the JSON Schema of pipelines.
+    /// Print the JSON Schema of pipeline files.
     Schema(schema::Schema),
-    /// Map which targets a rig can hold.
+    /// Print a map of the targets that a rig can hold.
     Reach(reach::Reach),
-    /// Send a person's command into a running pipeline.
+    /// Send a command to a running pipeline.
     Send(send::Send),
-    /// Fit a model to what went into a system and came out, from a session.
+    /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
-    /// Train what is learned offline.
+    /// Train the network of a controller offline.
     Train(train::Train),
-    /// Show the samples of a topic of a running pipeline or of a session.
+    /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),
-    /// Import, make and show patients to plan.
+    /// Import, generate and show the patients of plans.
     Case(case::Case),
-    /// Choose the beams of a case and their fluence.
+    /// Choose the beams of a case and optimise their fluence.
     Plan(Box<plan::Plan>),
-    /// Measure how fast and how exact this build is on this machine.
+    /// Measure the speed and accuracy of this build on this machine.
     Bench(bench::Bench),
 }
 

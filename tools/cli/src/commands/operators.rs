@@ -9,7 +9,7 @@ use stillpoint_pipeline::spec::reference::{frame_of, policy_of, reference, refer
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// Show the kinds of operators, or one of them.
+/// List the kinds of operators, or describe one.
 #[derive(Args)]
 pub struct Operators {
     /// The kind, such as `segment.face`.
@@ -17,13 +17,13 @@ pub struct Operators {
     /// Print the whole reference page.
     #[arg(long)]
     all: bool,
-    /// Print JSON: of each kind its ports and parameters.
+    /// Print the ports and parameters of each kind as JSON.
     #[arg(long, conflicts_with = "all")]
     json: bool,
 }
 
 impl Operators {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         match &self.kind {
             Some(name) => match registry.get(name) {
@@ -47,7 +47,7 @@ impl Operators {
     }
 }
 
-/// A kind of operator for programs: what the reference page says of it.
+/// A kind of operator as JSON: the contents of the reference page.
 fn described(stage: &Stage) -> Value {
     let kind = &stage.kind;
     let inputs = kind.inputs.iter().map(|i| {
@@ -78,7 +78,7 @@ fn described(stage: &Stage) -> Value {
     })
 }
 
-/// A parameter; those of a group stand in it.
+/// A parameter; a group holds its own parameters.
 fn param(field: &ParamField) -> Value {
     let nested = match field.ty {
         ParamType::Group(fields) => fields,

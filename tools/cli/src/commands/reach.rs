@@ -9,46 +9,45 @@ use stillpoint_pipeline::spec::quantity::si;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// Where a channel is looked at when nobody says from where to where: m and rad.
+/// Default range of a channel, m and rad.
 const SPANS: [[f64; 2]; 6] =
     [[-0.06, 0.06], [-0.12, 0.12], [-0.05, 0.1], [-0.7, 0.7], [-0.8, 0.8], [-1.0, 1.0]];
 
-/// Map which targets a rig can hold, as `control.target` with `rig:` judges them: the whole straight way from where the
-/// head rests at the start, with no bladder that pulls and none beyond its pressure or its stretch. Two coordinates go over
-/// the map, from left to right and upwards; the others stay.
+/// Print a map of the targets that a rig can hold, as `control.target` with `rig:` judges them: no bladder may pull or
+/// exceed its pressure or its stretch anywhere on the straight way from the initial rest position. Two coordinates vary
+/// over the map, one from left to right and one upwards; the others are constant.
 #[derive(Args)]
 pub struct Reach {
     /// The rig.
     #[arg(default_value = "three_bladders", value_parser = PossibleValuesParser::new(RIGS.map(|rig| rig.name)))]
     rig: String,
-    /// A coordinate that goes over the map, `z`, or with its least and its greatest distance from the start,
-    /// `z=-20 mm..40 mm`; twice.
+    /// A coordinate that varies over the map, such as `z`, or with its range of distances from the start, such as
+    /// `z=-20 mm..40 mm`. Give it twice.
     #[arg(long = "over", value_name = "CHANNEL[=FROM..TO]")]
     over: Vec<String>,
-    /// Where another coordinate stays, such as `pitch=1.35 deg`; 0 where it is not said.
+    /// The constant value of another coordinate, such as `pitch=1.35 deg`; the default is 0.
     #[arg(long = "at", value_name = "CHANNEL=DISTANCE")]
     at: Vec<String>,
     /// Mass of the head.
     #[arg(long, default_value = "5 kg")]
     head_mass: String,
-    /// Places from left to right.
+    /// Number of places from left to right.
     #[arg(long, default_value_t = 61, value_parser = clap::value_parser!(u16).range(2..=1000))]
     columns: u16,
-    /// Places upwards.
+    /// Number of places upwards.
     #[arg(long, default_value_t = 25, value_parser = clap::value_parser!(u16).range(2..=1000))]
     rows: u16,
-    /// Print JSON, with what stands in the way of each place.
+    /// Print JSON, with the limit that excludes each place.
     #[arg(long)]
     json: bool,
 }
 
-/// What goes over the map of a rig where nobody says it: the height, and the roll where the rig has it. With one coordinate
-/// the map is a line.
+/// The default coordinates of the map: the height, and the roll if the rig moves it. With one coordinate the map is a line.
 fn over_by_itself(spec: &RigSpec) -> [Channel; 2] {
     [Channel::Z, if spec.channels.contains(&Channel::Roll.place()) { Channel::Roll } else { Channel::Z }]
 }
 
-/// A coordinate that goes over the map.
+/// A coordinate that varies over the map.
 #[derive(Clone, Debug, Serialize)]
 struct Axis {
     channel: &'static str,
@@ -62,11 +61,11 @@ struct Axis {
     scale: f64,
 }
 
-/// What stands in the way of a place.
+/// The limit that excludes a place.
 #[derive(Clone, Debug, Serialize)]
 struct Wall {
     bladder: Option<usize>,
-    /// How far the way can be held, 0 to 1.
+    /// The part of the way that can be held, 0 to 1.
     part: f64,
     why: String,
 }
@@ -79,15 +78,15 @@ struct Map {
     across: Axis,
     /// Upwards.
     up: Axis,
-    /// Where the other coordinates stay, mm and degrees.
+    /// The constant values of the other coordinates, mm and degrees.
     at: std::collections::BTreeMap<&'static str, f64>,
     held: usize,
-    /// Row by row, from the least of `up`; nothing where a place can be held.
+    /// Row by row, from the smallest value of `up`; none if a place can be held.
     map: Vec<Vec<Option<Wall>>>,
 }
 
 impl Reach {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let map = self.map()?;
         if self.json {
@@ -102,7 +101,7 @@ impl Reach {
         let mass = number("--head-mass", &self.head_mass, "kg")?;
         if !(1.0..=10.0).contains(&mass) {
             return Err(Failure::wrong(format!(
-                "--head-mass {}: give one from 1 kg to 10 kg",
+                "--head-mass {}: the mass must be from 1 kg to 10 kg",
                 self.head_mass
             )));
         }
@@ -139,7 +138,7 @@ impl Reach {
         let said: Vec<String> = match self.over.len() {
             0 => over_by_itself(spec).map(|channel| channel.name().to_owned()).to_vec(),
             2 => self.over.clone(),
-            _ => return Err(Failure::wrong("--over: name two coordinates, such as `--over z --over roll`")),
+            _ => return Err(Failure::wrong("--over: give two coordinates, such as `--over z --over roll`")),
         };
         let counts =
             [self.columns, if self.over.is_empty() && spec.channels.len() == 1 { 1 } else { self.rows }];
@@ -177,7 +176,7 @@ fn channel(rig: &Rig, name: &str, said: &str) -> Result<Channel, Failure> {
         .ok_or_else(|| Failure::wrong(format!("`{said}`: the rig moves {}", moved())))
 }
 
-/// What a channel is shown in, and what of that one m or rad is.
+/// The unit in which a channel is shown, and its number per m or rad.
 fn scale(channel: Channel) -> (&'static str, f64) {
     if channel.unit() == "m" { ("mm", 1e3) } else { ("deg", 1f64.to_degrees()) }
 }
@@ -191,7 +190,7 @@ fn print(map: &Map) {
     let at: Vec<String> = map.at.iter().map(|(name, value)| format!(", {name} at {value:.2}")).collect();
     let all = across.values.len() * up.values.len();
     outln!(
-        "a head of {} kg{}: {} of {all} places can be held (.); a digit is the bladder in the way, counted from 0",
+        "a head of {} kg{}: {} of {all} places can be held (.); a digit is the limiting bladder, counted from 0",
         map.head_mass_kg,
         at.concat(),
         map.held

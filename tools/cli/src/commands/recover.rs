@@ -8,7 +8,7 @@ use stillpoint_recorder::recover_session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// Mend a session whose recorder was cut off.
+/// Repair a session whose recorder was cut off.
 #[derive(Args)]
 pub struct Recover {
     /// The session: a folder of parts, or one file.
@@ -19,7 +19,7 @@ pub struct Recover {
 }
 
 impl Recover {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let mended = recover_session(&self.session).map_err(Failure::failed)?;
         if self.json {

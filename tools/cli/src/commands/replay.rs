@@ -20,21 +20,21 @@ use stillpoint_samples::Entry;
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
 
-/// Run a session again from its journals, and compare every recorded topic byte by byte.
+/// Replay a session from its journals and compare every recorded topic byte by byte.
 #[derive(Args)]
 pub struct Replay {
     /// The session: a folder of parts, or one file.
     session: PathBuf,
-    /// Compare this operator alone.
+    /// Compare only this operator.
     #[arg(long, value_name = "OPERATOR", conflicts_with = "from")]
     only: Option<String>,
-    /// Compare this operator and all downstream of it.
+    /// Compare this operator and all operators downstream of it.
     #[arg(long, value_name = "OPERATOR")]
     from: Option<String>,
-    /// Write what was made again, every topic of it, as a session into this folder.
+    /// Write every topic that the replay computes as a session into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
-    /// How what is written is compressed. It can be made again at any time, so speed comes before size.
+    /// Compression of the written session. The replay can be repeated at any time, so the default favours speed.
     #[arg(long, value_enum, default_value_t = Compress::None, requires = "record")]
     compression: Compress,
     /// Print JSON.
@@ -45,7 +45,7 @@ pub struct Replay {
 /// Gaps that are shown.
 const MOST_GAPS: usize = 5;
 
-/// Keeps nothing.
+/// An observer that keeps nothing.
 pub struct Nobody;
 
 impl Observer for Nobody {
@@ -55,7 +55,7 @@ impl Observer for Nobody {
 }
 
 impl Replay {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let session = Session::open(&self.session).map_err(Failure::failed)?;
         let (graph, files) = pipeline_of(&session, registry)?;
@@ -101,7 +101,7 @@ impl Replay {
         for (key, what) in [("build", "another build"), ("cpu_features", "a CPU with other features")] {
             if there.get(key) != here.get(key) {
                 errln!(
-                    "stillpoint: the session was recorded by {what}; results may differ in the last place"
+                    "stillpoint: the session was recorded by {what}; results may differ in the last digit"
                 );
             }
         }
@@ -126,14 +126,14 @@ impl Replay {
             outln!("{topic:<24} {count:>9} identical");
         }
         for (topic, count) in &report.recomputed {
-            outln!("{topic:<24} {count:>9} made again, not in the recording");
+            outln!("{topic:<24} {count:>9} recomputed, not in the recording");
         }
         for (topic, count) in &report.measured {
             outln!("{topic:<24} {count:>9} measured when it was recorded, not compared");
         }
         for open in &report.open {
             outln!(
-                "{} incarnation {} is not exact from activation {} on: {}",
+                "{}, incarnation {}, cannot be replayed exactly from activation {} on: {}",
                 open.operator,
                 open.incarnation,
                 open.from_activation,
@@ -141,7 +141,7 @@ impl Replay {
             );
         }
         for gap in report.gaps.iter().take(MOST_GAPS) {
-            outln!("the session says: {gap}");
+            outln!("gap in the session: {gap}");
         }
         if report.gaps.len() > MOST_GAPS {
             outln!("and {} more gaps: `stillpoint info` lists them", report.gaps.len() - MOST_GAPS);
@@ -155,18 +155,21 @@ impl Replay {
         let verdict = match &report.first_difference {
             Some(first) => format!("{} differences; the first: {first}", report.differences),
             None if report.compared_nothing() => {
-                "nothing could be compared: no activation of these operators is done again".to_string()
+                "nothing could be compared: no activation of these operators can be replayed".to_string()
             }
             None if report.compared() == 0 && report.open.is_empty() => {
-                "the journals are the same; no sample could be compared: the recording keeps no topic of these operators"
+                "the journals match; no sample could be compared, because the recording has no topic of these operators"
                     .to_string()
             }
             None if report.open.is_empty() && report.gaps.is_empty() => "identical".to_string(),
             None if report.open.is_empty() => {
-                "identical as far as it was kept; the session is not complete".to_string()
+                "the recorded parts match; the session is not complete".to_string()
             }
             None => {
-                format!("identical where it can be replayed; {} incarnations are open", report.open.len())
+                format!(
+                    "the parts that can be replayed match; {} incarnations cannot be replayed to their end",
+                    report.open.len()
+                )
             }
         };
         outln!(
@@ -181,13 +184,13 @@ impl Replay {
     }
 }
 
-/// A replay that cannot begin or go on.
+/// The failure of a replay that cannot begin or continue.
 fn failed(error: ReplayError) -> Failure {
     let exit = if matches!(error, ReplayError::Operator(..)) { Exit::Wrong } else { Exit::Failed };
     Failure { exit, ..Failure::failed(error) }
 }
 
-/// What a session of a replay starts with: what the replayed one kept.
+/// The opening of the session that a replay writes: the attachments and metadata of the replayed session.
 pub fn opening_of(session: &Session) -> Opening {
     let keep = [RUN, IDENTITY, HASHES];
     Opening {

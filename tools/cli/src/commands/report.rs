@@ -13,27 +13,27 @@ use stillpoint_report::{Section, html, sections_of};
 
 use crate::exit::{Ended, Exit, Failure};
 
-/// Make a page of a session: tracks against the truth, pictures, rates, latencies, the ledger, faults, what was run.
+/// Write a report of a session: tracks against the truth, pictures, rates, latencies, ledger, faults, provenance.
 ///
-/// The page is one file that needs no network. It can hold pictures of a face: its mode is 0600, as a session's.
+/// The report is one HTML file that needs no network. It can hold pictures of a face, so its mode is 0600.
 #[derive(Args)]
 pub struct Report {
     /// The session: a folder of parts, or one file.
     session: PathBuf,
-    /// Where the page is written. Without it, beside the session, with its name and `.html`.
+    /// The file to write. Default: the name of the session with `.html`, beside the session.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print every figure of the page as JSON; the page itself is then written only with --out.
+    /// Print every figure of the report as JSON; the HTML file is then written only with --out.
     #[arg(long)]
     json: bool,
-    /// Pictures of each camera at most. Where the session has no face, plane or hull, they are made again for these from
-    /// the recorded images.
+    /// Maximum number of pictures per camera. If the session lacks faces, planes or hulls, they are computed again from
+    /// the recorded images of these pictures.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(0..=60))]
     pictures: u16,
 }
 
 impl Report {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let session = Session::open_any(&self.session).map_err(Failure::failed)?;
         let sections = sections_of(&session, &self.session, registry, usize::from(self.pictures))
@@ -77,7 +77,7 @@ fn beside(session: &Path) -> PathBuf {
     }
 }
 
-/// Writes the page for its owner alone, in place of one that is there.
+/// Writes the page readable by its owner only, and replaces an existing one.
 fn write(path: &Path, page: &str) -> std::io::Result<()> {
     let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
     // One that is there keeps its mode when it is opened; a device has none of its own to set.

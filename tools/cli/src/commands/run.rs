@@ -27,39 +27,39 @@ const DEFAULT_LENGTH: &str = "20 s";
 pub struct Run {
     #[command(flatten)]
     pipeline: PipelineFile,
-    /// Longest time of the run in session time, such as `10s`. Without it a run goes on until all that feeds it has
-    /// finished, such as files that are read to their end, or until Ctrl-C; the default pipeline ends after 20 s.
+    /// Maximum length of the run in session time, such as `10s`. Without it, a run ends when all its sources have
+    /// finished (for example, when every file has been read) or on Ctrl-C; the default pipeline ends after 20 s.
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     length: Option<String>,
-    /// Run only what the pipeline places on this host, live; the other hosts' programs are reached by its links. What is
-    /// placed on none is on `main`. Without a pipeline, of the one in two programs that comes with the command.
+    /// Run live only the operators that the pipeline places on this host; links connect them to the programs of the other
+    /// hosts. Operators without a host are on `main`. Without FILE, the embedded pipeline in two programs is used.
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
-    /// Who says when activations happen; the machine's clock where nothing is said.
+    /// Which clock decides when activations happen; the default is `live`.
     #[arg(long, value_enum)]
     clock: Option<Clock>,
-    /// Send the simulated schedule's activations to threads or processes, one at a time.
+    /// Run the simulated schedule in threads or processes, one activation at a time.
     #[arg(long, value_enum, value_name = "PLACEMENT", num_args = 0..=1, default_missing_value = "processes")]
     lock_step: Option<LockStep>,
-    /// Folder in which the session's folder is made.
+    /// Folder in which the session folder is created.
     #[arg(long, value_name = "FOLDER", default_value = "sessions")]
     record: PathBuf,
-    /// Record nothing.
+    /// Do not record a session.
     #[arg(long, conflicts_with = "record")]
     no_record: bool,
     /// Compression of the recording.
     #[arg(long, value_enum, default_value_t)]
     compression: Compress,
-    /// Print the report as JSON; of a pipeline that is refused, the faults, as `check --json` does.
+    /// Print the report as JSON. If the pipeline has faults, print them as `check --json` does.
     #[arg(long)]
     json: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Clock {
-    /// The machine's clock and arrivals, in processes.
+    /// The clock of the machine and the arrival of samples; operators run in processes.
     Live,
-    /// Discrete events in this process, as fast as it goes.
+    /// Discrete events in this process, as fast as possible.
     Simulated,
 }
 
@@ -67,12 +67,12 @@ enum Clock {
 enum LockStep {
     /// A thread per operator.
     Threads,
-    /// The processes of the pipeline.
+    /// The processes that the pipeline file names.
     Processes,
 }
 
 impl Run {
-    /// A live run of what the pipeline places on a host.
+    /// A live run of the operators that the pipeline places on a host.
     pub fn part(
         pipeline: PipelineFile,
         host: &str,
@@ -84,24 +84,24 @@ impl Run {
         Self { pipeline, length, host: Some(host.to_owned()), record, no_record, json, ..Self::default() }
     }
 
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(mut self, registry: &Registry) -> Ended {
         if self.clock == Some(Clock::Live) && self.lock_step.is_some() {
             return Err(Failure::wrong(
-                "--lock-step sends the activations of the simulated schedule: leave --clock live away, or --lock-step",
+                "--lock-step uses the simulated schedule: remove --clock live or --lock-step",
             ));
         }
         if let Some(host) = &self.host {
             if !self.is_live() {
                 return Err(Failure::wrong(
-                    "a part of a pipeline only runs live: leave --host away to run all of it in another way",
+                    "--host runs live only: remove --host to run the whole pipeline simulated or in lock-step",
                 ));
             }
             self.pipeline.in_parts = true;
-            // Whoever reads the pipeline of this run reads of this part.
+            // Every process that reads the pipeline of this run sees this part only.
             self.pipeline.sets.push(format!("host={host}"));
         }
-        // In one process no core is asked for.
+        // A run in one process claims no cores.
         let in_processes = self.is_live() || self.lock_step == Some(LockStep::Processes);
         let machine = match (self.is_live(), in_processes) {
             (true, _) => Machine::here(),
@@ -123,9 +123,7 @@ impl Run {
         let is_live = self.is_live();
         let (report, observed) = if !is_live {
             let length = length.ok_or_else(|| {
-                Failure::wrong(
-                    "a simulated run waits for nobody: say how long it may go on, such as `--for 10s`",
-                )
+                Failure::wrong("a simulated run needs a maximum length, such as `--for 10s`")
             })?;
             let place = match self.lock_step {
                 None => Place::Local,
@@ -156,7 +154,7 @@ impl Run {
         self.clock != Some(Clock::Simulated) && self.lock_step.is_none()
     }
 
-    /// `Default` leaves the folder empty, where the command line would fill it in.
+    /// `Default` leaves the folder empty; the command line fills it in.
     fn session_folder(&self) -> PathBuf {
         if self.record.as_os_str().is_empty() { PathBuf::from("sessions") } else { self.record.clone() }
     }
@@ -190,15 +188,15 @@ impl Run {
         let report = supervisor.watch(&stop, &mut line);
         let observed = line.close();
         if let Some(session) = session {
-            // What a recorder that died left cut is mended before anyone opens it.
+            // A part that a dead recorder left cut is repaired before any program opens it.
             match stillpoint_recorder::recover_session(session) {
                 Ok(parts) => {
                     for (part, mended) in parts {
-                        errln!("stillpoint: {} was cut and is mended: {mended}", part.display());
+                        errln!("stillpoint: {} was cut off and has been repaired: {mended}", part.display());
                     }
                 }
-                // The report comes first: the session can be mended later.
-                Err(e) => errln!("stillpoint: the session cannot be mended now: {e}"),
+                // The report comes first: the session can be repaired later.
+                Err(e) => errln!("stillpoint: the session cannot be repaired now: {e}"),
             }
         }
         Ok((report, observed))
@@ -215,13 +213,13 @@ fn time(text: &str) -> Result<u64, Failure> {
 fn next_session(folder: &Path, checked: &Checked) -> Result<PathBuf, Failure> {
     std::fs::create_dir_all(folder).map_err(|e| {
         let place = folder.display();
-        Failure::failed(format!("{place}: {e}; choose another folder with --record, or --no-record"))
+        Failure::failed(format!("{place}: {e}; choose another folder with --record, or use --no-record"))
     })?;
     let name = &checked.graph.name;
     (1..1_000_000u32).map(|n| folder.join(format!("{name}-{n:04}"))).find(|path| !path.exists()).ok_or_else(
         || {
             Failure::failed(format!(
-                "{}: no free number for a session; choose another folder with --record",
+                "{}: every session number is taken; choose another folder with --record",
                 folder.display()
             ))
         },

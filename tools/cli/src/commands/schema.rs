@@ -6,12 +6,12 @@ use stillpoint_pipeline::spec::schema::schema;
 
 use crate::exit::{Ended, Exit, print_json};
 
-/// Print the JSON Schema of pipelines.
+/// Print the JSON Schema of pipeline files.
 #[derive(Args)]
 pub struct Schema {}
 
 impl Schema {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         print_json(&schema(registry))?;
         Ok(Exit::Done)

@@ -15,17 +15,17 @@ use crate::answer::{self, Answer};
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
 
-/// How long the console may take to send a command on.
+/// Time within which the console has to send a command on.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// Send a person's command into a running pipeline. It becomes a sample that is recorded and replayed. Of a target it says
-/// whether it was taken, or refused and why; a refusal ends with 1.
+/// Send a command to a running pipeline. The command becomes a sample that is recorded and replayed. For a target, the
+/// command prints whether the target was taken or refused, and why; a refusal exits with 1.
 #[derive(Args)]
 pub struct Send {
     /// Console and verb, such as `console.arm`.
     command: String,
-    /// Up to six values, SI units. Of a fault: its name (or `mend`), the number of the valve or bladder, the diameter of a
-    /// leak or what is left of supply or duties, and for how many seconds.
+    /// Up to six values in SI units. For a fault: its name (or `mend`), the number of the valve or bladder counted from 0,
+    /// the diameter of a leak or the fraction of supply or duties that is left, and the duration in seconds.
     #[arg(allow_negative_numbers = true)]
     values: Vec<String>,
     #[command(flatten)]
@@ -33,7 +33,7 @@ pub struct Send {
 }
 
 impl Send {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let named = self.command.split_once('.').filter(|(console, _)| !console.is_empty());
         let (console, word) = named.ok_or_else(|| {
@@ -67,7 +67,7 @@ impl Send {
     }
 }
 
-/// Sends a command, and says what became of it.
+/// Sends a command and returns a line about its effect.
 pub fn deliver(
     registry: &Registry,
     which: &Which,
@@ -101,7 +101,7 @@ pub fn deliver(
     payload.copy_from_slice(command.as_bytes());
     let reached = publisher.send(loan).map_err(Failure::failed)?;
     if reached == 0 {
-        return Err(Failure::failed(format!("{console} does not listen: is its process running?")));
+        return Err(Failure::failed(format!("{console} does not receive commands: is its process running?")));
     }
     // The sample lives in this process until the console has it, and only what the console sends is recorded.
     let begun = Instant::now();
@@ -113,14 +113,14 @@ pub fn deliver(
                 let sent = format!("sent {word} (sample {number} of {})", contract.topic);
                 return Ok(match graph.consumers(operator, port).next() {
                     Some(_) => sent,
-                    None => format!("{sent}; nobody takes {word} in this pipeline"),
+                    None => format!("{sent}; no operator of this pipeline takes {word}"),
                 });
             }
         }
         std::thread::sleep(Duration::from_millis(2));
     }
     Err(Failure::failed(format!(
-        "{console} has not sent {word} on within {} s, and may still do so: is its process running?",
+        "{console} has not sent {word} within {} s, but may still do so: is its process running?",
         PATIENCE.as_secs()
     )))
 }
@@ -141,15 +141,16 @@ fn find(graph: &Graph, name: &str, word: &str) -> Result<usize, Failure> {
     }))
 }
 
-/// What mends all that `fault` broke.
+/// The name that removes all faults.
 const MEND: &str = "mend";
 
 impl Send {
     /// The values as numbers; the first of a fault is its name.
     fn numbers(&self, verb: Verb) -> Result<Vec<f64>, Failure> {
         let number = |text: &String| {
-            text.parse()
-                .map_err(|_| Failure::wrong(format!("`{text}` is no number: values are numbers in SI units")))
+            text.parse().map_err(|_| {
+                Failure::wrong(format!("`{text}` is not a number: values are numbers in SI units"))
+            })
         };
         let (name, rest) = match self.values.split_first() {
             Some((name, rest)) if verb == Verb::Fault => (name, rest),
@@ -168,7 +169,7 @@ impl Send {
         std::iter::once(Ok(kind)).chain(rest.iter().map(number)).collect()
     }
 
-    /// Whether these are as many values as the verb takes.
+    /// Whether the number of values fits the verb.
     fn counted(&self, verb: Verb, values: &[f64]) -> Result<(), Failure> {
         let of_one_part = [RigFault::StuckValve, RigFault::Leak].map(|fault| f64::from(fault as u32));
         let (least, most, takes) = match (verb, values.first()) {
@@ -177,9 +178,11 @@ impl Send {
             (Verb::Fault, Some(fault)) if of_one_part.contains(fault) => (
                 2,
                 4,
-                "the number of the valve or bladder, then the diameter of a leak, and for how many seconds",
+                "the number of the valve or bladder from 0, then the diameter of a leak, and the duration in seconds",
             ),
-            (Verb::Fault, _) => (1, 4, "at most a part, what is left, and for how many seconds"),
+            (Verb::Fault, _) => {
+                (1, 4, "at most a number, the fraction that is left, and the duration in seconds")
+            }
             _ => (0, 0, "no values"),
         };
         if (least..=most).contains(&values.len()) {
@@ -193,5 +196,5 @@ impl Send {
 
 fn faults() -> String {
     let words: Vec<&str> = RigFault::ALL.iter().map(|(word, _)| *word).collect();
-    format!("there are {}, and `{MEND}` for all of them", words.join(", "))
+    format!("there are {}, and `{MEND}` to remove all of them", words.join(", "))
 }

@@ -9,9 +9,9 @@ use stillpoint_plan::case::{Imported, NameTable, Prescription, Uid, import_descr
 use crate::exit::{Ended, Exit, Failure};
 use crate::quantity::quantity;
 
-/// Make a case file of a DICOM folder (CT and RTSTRUCT), or of NRRD volumes with their JSON.
+/// Make a case file from a DICOM folder (CT and RTSTRUCT), or from NRRD volumes with their JSON.
 ///
-/// No patient's name, ID or birth date is kept; UIDs are.
+/// The case file keeps UIDs, but no name, ID or birth date of the patient.
 #[derive(Args)]
 pub struct Import {
     /// A folder with a CT series and its RTSTRUCT, or the JSON beside NRRD volumes, or a folder with one such JSON.
@@ -19,32 +19,32 @@ pub struct Import {
     /// The case file to write.
     #[arg(long)]
     out: PathBuf,
-    /// A JSON table of structure names that goes before the one that comes with stillpoint.
+    /// JSON table of structure names; its entries take precedence over the built-in table.
     #[arg(long)]
     names: Option<PathBuf>,
-    /// DICOM: name of the case. Give none that tells who it is.
+    /// DICOM: name of the case. Choose a name that does not identify the patient.
     #[arg(long)]
     name: Option<String>,
-    /// DICOM: the UID of the CT series to take, where the folder holds several.
+    /// DICOM: UID of the CT series, if the folder holds several.
     #[arg(long)]
     series: Option<String>,
-    /// DICOM: the dose of a target over all fractions, like `PTV=78Gy`; give it once for each target.
+    /// DICOM: total dose of a target over all fractions, such as `PTV=78Gy`; give it once for each target.
     #[arg(long)]
     prescribe: Vec<String>,
     /// DICOM: number of fractions.
     #[arg(long)]
     fractions: Option<u32>,
-    /// DICOM: isocentre in the patient's frame, like `1.5mm,0mm,-20mm`; otherwise the centroid of all targets.
+    /// DICOM: isocentre in the patient's frame, such as `1.5mm,0mm,-20mm`. Default: the centroid of all targets.
     #[arg(long, allow_hyphen_values = true)]
     isocentre: Option<String>,
-    /// DICOM: how much of an organ may lie beyond the end of the images, like `12.5cm3`; otherwise an organ that is cut is
-    /// refused. A target that is cut always is.
+    /// DICOM: volume of an organ that may lie beyond the end of the images, such as `12.5cm3`. Without it, an organ that is
+    /// cut is refused. A target that is cut is always refused.
     #[arg(long)]
     allow_cut: Option<String>,
 }
 
 impl Import {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let names = self.name_table()?;
         let Imported { case, notes } = match described(&self.from)? {
@@ -146,7 +146,7 @@ fn prescription(text: &str) -> Result<Prescription, Failure> {
     Ok(Prescription { structure: name.trim().to_owned(), dose_gy: quantity(dose, "Gy", text)? })
 }
 
-/// The JSON of NRRD volumes, if that is what is meant.
+/// The JSON of NRRD volumes, if the path names one.
 fn described(from: &Path) -> Result<Option<PathBuf>, Failure> {
     if !from.is_dir() {
         return Ok(Some(from.to_owned()));

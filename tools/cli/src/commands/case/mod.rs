@@ -1,4 +1,4 @@
-//! `stillpoint case`: patients in, one file each out, and looked at.
+//! `stillpoint case`: imports, generates and shows patients, one file for each.
 //!
 //! - `import`: DICOM or NRRD with JSON, to a case file
 //! - `phantom`: the project's own pelvis
@@ -12,7 +12,7 @@ use clap::{Args, Subcommand};
 
 use crate::exit::Ended;
 
-/// Import, make and show patients to plan.
+/// Import, generate and show the patients of plans.
 #[derive(Args)]
 pub struct Case {
     #[command(subcommand)]
@@ -21,16 +21,16 @@ pub struct Case {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Make a case file of a DICOM folder (CT and RTSTRUCT), or of NRRD volumes with their JSON.
+    /// Make a case file from a DICOM folder (CT and RTSTRUCT), or from NRRD volumes with their JSON.
     Import(import::Import),
-    /// Make the case file of a synthetic male pelvis from a seed.
+    /// Generate the case file of a synthetic male pelvis from a seed.
     Phantom(phantom::Phantom),
-    /// Show the structures of a case, and draw its central slices.
+    /// Show the structures of a case and draw its central slices.
     Show(show::Show),
 }
 
 impl Case {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         match &self.command {
             Command::Import(c) => c.execute(),

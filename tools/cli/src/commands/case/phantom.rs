@@ -7,19 +7,19 @@ use stillpoint_plan::case::{phantom, write};
 
 use crate::exit::{Ended, Exit, Failure};
 
-/// Make the case file of a synthetic male pelvis from a seed.
+/// Generate the case file of a synthetic male pelvis from a seed.
 #[derive(Args)]
 pub struct Phantom {
-    /// The folder to write `pelvis-SEED.case` into.
+    /// The folder in which `pelvis-SEED.case` is written.
     #[arg(long)]
     out: PathBuf,
-    /// Which man; seed 0 is the one that plans use where no case is named.
+    /// Seed of the phantom. Plans without a case use seed 0.
     #[arg(long, default_value_t = 0)]
     seed: u64,
 }
 
 impl Phantom {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let case = phantom(self.seed).map_err(Failure::failed)?;
         let fault = |e| Failure::failed(format!("{}: {e}", self.out.display()));

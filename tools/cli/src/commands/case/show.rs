@@ -10,12 +10,12 @@ use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::picture::{COLOURS, Plane, draw};
 
-/// Show the structures of a case, and draw its central slices.
+/// Show the structures of a case and draw its central slices.
 #[derive(Args)]
 pub struct Show {
     /// The case file.
     case: PathBuf,
-    /// A folder for pictures of the slices through the isocentre, in three planes.
+    /// Folder for pictures of the slices through the isocentre, in three planes.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Print JSON.
@@ -24,7 +24,7 @@ pub struct Show {
 }
 
 impl Show {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let case = read(&self.case).map_err(Failure::failed)?;
         let hash = content_hash(&case).map_err(Failure::failed)?.to_string();
@@ -99,7 +99,7 @@ fn print(case: &Case, hash: &str) {
         outln!("prescribed {} Gy to {}{fractions}", p.dose_gy, p.structure);
     }
     if case.reference_dose_gy().is_some() {
-        outln!("a dose came with it");
+        outln!("the case contains a reference dose");
     }
     if let Some(uids) = case.uids() {
         outln!(

@@ -57,15 +57,17 @@ pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>)
         }
     }
     let beside = match (&reference, moved.is_empty()) {
-        (Some(_), true) => "; dashed: the dose that came with the case",
-        (None, false) => "; dashed: least and most over the set-ups",
-        (Some(_), false) => "; dashed: the dose that came with the case, and least and most over the set-ups",
+        (Some(_), true) => "; dashed: the reference dose of the case",
+        (None, false) => "; dashed: minimum and maximum over the set-ups",
+        (Some(_), false) => {
+            "; dashed: the reference dose of the case, and minimum and maximum over the set-ups"
+        }
         (None, true) => "",
     };
     let chart = Chart {
         title: format!("{}, {}{beside}", request.case.name(), angles(&outcome.angles_deg)),
         x: "dose, Gy".into(),
-        y: "volume that gets it at least, %".into(),
+        y: "volume with at least this dose, %".into(),
         series,
     };
     chart.svg_with_legend_beside(960, 520, &colours)
@@ -83,13 +85,13 @@ pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
     let best = run.history.iter().map(|p| (p.solves as f64, p.best)).collect();
     let mut series = vec![
         Series {
-            name: "best until then".into(),
+            name: "best so far".into(),
             points: with_end(best, request.budget as f64),
             style: Style::Steps,
         },
         costs(format!("a set of {beams}"), &|n| n == beams),
-        costs("a set of fewer".into(), &|n| n < beams),
-        costs("a set of more".into(), &|n| n > beams),
+        costs("a smaller set".into(), &|n| n < beams),
+        costs("a larger set".into(), &|n| n > beams),
     ];
     series.retain(|s| !s.points.is_empty());
     let chart = Chart {

@@ -58,9 +58,9 @@ impl<'a> Ground<'a> {
         let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
         let mut notes = std::mem::take(&mut aims.notes);
-        notes.extend(doses.replaced().map(|fault| format!("a kept dose was computed again: {fault}")));
+        notes.extend(doses.replaced().map(|fault| format!("a cached dose was computed again: {fault}")));
         if case.fractions().is_none() {
-            notes.push("the case does not say how many fractions; the RTPLAN has one".to_owned());
+            notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
         }
         Ok(Self {
             on_grid: OnGrid::new(case, &grid),

@@ -30,11 +30,11 @@ use outcome::Outcome;
 use request::Request;
 use search::{Run, Way};
 
-/// Choose the beams of a case and their fluence.
+/// Choose the beams of a case and optimise their fluence.
 ///
-/// Without a case it plans the pelvis of seed 0 that comes with stillpoint. Beams stand 20 degrees apart or more on a
-/// ring of 90 angles. It writes a folder: plan.json, dvh.svg, objective.svg, the dose over the slices through the
-/// isocentre (PNG), rtplan.dcm and rtdose.dcm. No plan that it makes may treat a patient.
+/// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.
+/// The output is a folder: plan.json, dvh.svg, objective.svg, the dose over the slices through the isocentre (PNG),
+/// rtplan.dcm and rtdose.dcm. No plan of this command may be used to treat a patient.
 #[derive(Args)]
 pub struct Plan {
     /// The case file; see `stillpoint case`.
@@ -42,26 +42,26 @@ pub struct Plan {
     /// Number of beams.
     #[arg(long, default_value_t = 5)]
     beams: usize,
-    /// Most sets of beams that are solved.
+    /// Maximum number of sets of beams that are solved.
     #[arg(long, default_value_t = 40)]
     budget: usize,
-    /// How beams are chosen.
+    /// Method of choosing beams.
     #[arg(long, value_enum, default_value_t = Way::Exchange)]
     method: Way,
-    /// Gantry angles to plan with, like `0,40,80`, degrees: nothing is chosen.
+    /// Gantry angles in degrees, such as `0,40,80`; no search is run.
     #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare"])]
     angles: Option<String>,
-    /// Choose by every method, each with the whole budget, and keep the best plan.
+    /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]
     compare: bool,
-    /// Optimise the mean over set-ups: as planned, and moved by this much along each axis both ways. 3 mm where no
-    /// length is given.
+    /// Optimise the mean over set-ups: the planned one, and the patient shifted by this length along each axis in both
+    /// directions. Without a length, the shift is 3 mm.
     #[arg(long, value_name = "SHIFT", num_args = 0..=1, default_missing_value = "3mm")]
     robust: Option<String>,
-    /// A JSON table of objectives that goes before the one that comes with stillpoint.
+    /// JSON table of objectives; its entries take precedence over the built-in table.
     #[arg(long, value_name = "FILE")]
     objectives: Option<PathBuf>,
-    /// A machine file in place of the generic 6 MV machine that comes with stillpoint.
+    /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
     /// Spacing of the dose grid.
@@ -70,19 +70,19 @@ pub struct Plan {
     /// Width of a bixel.
     #[arg(long, value_name = "LENGTH", default_value = "10mm")]
     bixel: String,
-    /// The folder to write; `plans/CASE` where none is given.
+    /// Output folder; the default is `plans/CASE`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// The folder in which doses are kept between plans; some 10 MB a beam.
+    /// Folder in which doses are cached between plans, about 10 MB per beam.
     #[arg(long, value_name = "DIR", default_value = "doses")]
     doses: PathBuf,
-    /// Write the patient's name, ID, birth date and sex, from the DICOM folder of the case, into the exported DICOM.
+    /// Copy the name, ID, birth date and sex of the patient from this DICOM folder into the exported DICOM.
     #[arg(long, value_name = "DICOM_DIR")]
     keep_identity: Option<PathBuf>,
-    /// Seed of the methods that draw.
+    /// Seed of the random methods.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Threads; any number gives the same plan. All cores where none is given.
+    /// Number of threads; the plan does not depend on it. Default: all cores.
     #[arg(long)]
     threads: Option<std::num::NonZeroUsize>,
     /// Print JSON.
@@ -91,7 +91,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let request = Request::new(self)?;
         folder::make_ready(&request.out)?;
@@ -117,7 +117,7 @@ impl Plan {
             print_json(&told)?;
         } else {
             table::print(&request, &ground, &runs, &outcome);
-            outln!("\ndoses {ready_s:.1} s, choice and fluence {chosen_s:.1} s");
+            outln!("\ntime: doses {ready_s:.1} s, search and fluence {chosen_s:.1} s");
             for file in files {
                 outln!("{}", file.display());
             }

@@ -1,4 +1,4 @@
-//! What is asked for, checked before any work is done.
+//! The checked request for a plan.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ use crate::quantity::quantity;
 /// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
 const RING: (u16, u16) = (90, 5);
 
-/// A request that holds together.
+/// A consistent request.
 pub struct Request {
     /// The patient.
     pub case: Case,
@@ -29,11 +29,11 @@ pub struct Request {
     pub beams: usize,
     /// Most solves of a method.
     pub budget: usize,
-    /// The ways to choose, with what each is called.
+    /// The methods of choosing beams, with their names.
     pub methods: Vec<(Way, Method)>,
     /// Shifts of the patient (mm), the planned set-up first.
     pub setups_mm: Vec<[f64; 3]>,
-    /// What is wanted.
+    /// The objectives.
     pub objectives: ObjectiveTable,
     /// The machine.
     pub machine: Machine,
@@ -47,11 +47,11 @@ pub struct Request {
     pub doses: PathBuf,
     /// Whose plan it is, in the exported DICOM.
     pub identity: Identity,
-    /// Seed of the methods that draw.
+    /// Seed of the random methods.
     pub seed: u64,
     /// Threads.
     pub threads: NonZeroUsize,
-    /// Whether people look on.
+    /// Whether progress is shown.
     pub quiet: bool,
 }
 
@@ -67,7 +67,7 @@ impl Request {
         let (beams, methods) = methods(given, ring)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         if given.budget == 0 {
-            return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve a beam"));
+            return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
         }
         let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
         Ok(Self {
@@ -112,15 +112,15 @@ fn methods(given: &Plan, ring: Ring) -> Result<(usize, Vec<(Way, Method)>), Fail
         let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
         let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
         let angles = angles.filter(|angles| angles.iter().all(|a| a.is_finite())).ok_or_else(|| {
-            Failure::wrong(format!(
-                "--angles {text}: degrees with commas between them are due, like 0,72,144"
-            ))
+            Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
         })?;
         let off =
             angles.iter().find(|a| (ring.angle_deg(ring.nearest(**a)) - a.rem_euclid(360.0)).abs() > 1e-6);
         if let Some(off) = off {
             let step = ring.step_deg();
-            return Err(Failure::wrong(format!("--angles {off}: angles are multiples of {step} degrees")));
+            return Err(Failure::wrong(format!(
+                "--angles {off}: angles must be multiples of {step} degrees"
+            )));
         }
         return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
     }
@@ -143,7 +143,9 @@ fn setups(shift: Option<&str>) -> Result<Vec<[f64; 3]>, Failure> {
     let Some(text) = shift else { return Ok(setups) };
     let shift = quantity(text, "mm", &format!("--robust {text}"))?;
     if !(shift > 0.0 && shift <= 50.0) {
-        return Err(Failure::wrong(format!("--robust {text}: a shift is above 0 mm and at most 50 mm")));
+        return Err(Failure::wrong(format!(
+            "--robust {text}: the shift must be above 0 mm and at most 50 mm"
+        )));
     }
     for axis in 0..3 {
         for way in [-shift, shift] {
@@ -174,7 +176,7 @@ fn identity(folder: Option<&Path>, case: &Case) -> Result<Identity, Failure> {
     let Some(folder) = folder else { return Ok(Identity::none()) };
     let uids = case.uids().ok_or_else(|| {
         Failure::wrong(format!(
-            "--keep-identity: {} does not come from DICOM, so it is nobody's",
+            "--keep-identity: {} does not come from DICOM, so it has no identity",
             case.name()
         ))
     })?;

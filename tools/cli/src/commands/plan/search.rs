@@ -1,4 +1,4 @@
-//! The ways to choose beams, each with its progress.
+//! The methods of choosing beams, each with its progress.
 
 use std::time::Instant;
 
@@ -14,21 +14,21 @@ use crate::exit::Failure;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Way {
-    /// Equally spaced beams, every rotation.
+    /// Equally spaced beams; every rotation is tried.
     Equidistant,
-    /// Angles in common use for the pelvis; equally spaced ones for other numbers of beams than 5 and 7.
+    /// The usual angles for the pelvis with 5 or 7 beams; equally spaced beams for other numbers.
     Class,
-    /// The best of sets drawn uniformly.
+    /// The best of uniformly drawn sets.
     Random,
-    /// One beam after the other, by price.
+    /// Beams are added one by one, by price.
     Greedy,
-    /// From the greedy set, one beam for another while that is better.
+    /// Starts from the greedy set and exchanges single beams as long as the objective improves.
     Exchange,
-    /// From the greedy set, random exchanges, worse ones too while it is hot.
+    /// Simulated annealing: starts from the greedy set and makes random exchanges.
     Annealing,
-    /// Grows by price beyond the number wanted, takes away what carries least, and again.
+    /// Column generation: adds beams by price beyond the requested number, removes those with the least weight, and repeats.
     Columns,
-    /// Angles that were given.
+    /// The angles of the command line.
     #[value(skip)]
     Given,
 }
@@ -64,7 +64,7 @@ impl Way {
 pub struct Run {
     /// How beams were chosen.
     pub way: Way,
-    /// What was found.
+    /// The best set of beams.
     pub choice: Choice,
     /// Every solve.
     pub history: Vec<Progress>,
@@ -74,7 +74,7 @@ pub struct Run {
     pub seconds: f64,
 }
 
-/// Runs every method that is asked for, each with the whole budget.
+/// Runs every requested method, each with the whole budget.
 pub fn all(request: &Request, ground: &Ground<'_>) -> Result<Vec<Run>, Failure> {
     request.methods.iter().map(|(way, method)| run(request, ground, *way, method)).collect()
 }

@@ -16,7 +16,7 @@ pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Out
     }
     let best = &outcome.run.choice.best;
     outln!(
-        "\n{}: {} by {}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
+        "\n{}: beams {} by {}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
         request.case.name(),
         angles(&outcome.angles_deg),
         outcome.run.way.word(),
@@ -28,11 +28,11 @@ pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Out
     outln!();
     structures(&outcome.figures, &ground.volumes_at_gy);
     if let Some(reference) = &outcome.reference {
-        outln!("\nthe dose that came with the case, on the same grid:\n");
+        outln!("\nthe reference dose of the case, on the same grid:\n");
         structures(reference, &ground.volumes_at_gy);
     }
     if !outcome.moved.is_empty() {
-        outln!("\nover {} set-ups, the planned one with them:\n", request.setups_mm.len());
+        outln!("\nranges over {} set-ups, including the planned one:\n", request.setups_mm.len());
         setups(outcome);
     }
 }

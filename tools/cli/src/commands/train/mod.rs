@@ -32,7 +32,7 @@ enum What {
 }
 
 impl Train {
-    /// Does it.
+    /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         match &self.what {
             What::Controller(controller) => controller.execute(),
