@@ -428,7 +428,7 @@ fn a_model_is_fitted_to_a_table() {
     let arguments =
         ["identify", "t.csv", "--input", "u", "--output", "y", "--order", "1", "--offset", "none"];
     let refused = stillpoint(folder.path(), &arguments);
-    assert!(text(&refused.stderr).contains("give --sample-time"));
+    assert!(text(&refused.stderr).contains("add --sample-time"));
     let out = stillpoint(folder.path(), &[&arguments[..], &["--sample-time", "10 ms"]].concat());
     let said = text(&out.stdout);
     assert!(out.status.success() && said.contains("DC gain 3.0") && said.contains("10.000 ms"), "{said}");

@@ -143,7 +143,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(out.contains("give another folder with --out"), "{out}");
     assert!(!folder.path().join("doses").exists(), "nothing is computed before it is known where to write");
     assert!(said(&["--robust", "0mm"]).contains("above 0 mm"));
-    assert!(said(&["--budget", "0"]).contains("at least one solve a beam"));
+    assert!(said(&["--budget", "0"]).contains("at least one solve per beam"));
     assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
     assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
 }

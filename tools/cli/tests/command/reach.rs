@@ -48,7 +48,7 @@ fn what_cannot_be_mapped_is_said_with_what_to_write() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, words) in [
         (&["--over", "x", "--over", "z"][..], "the rig moves z, pitch, roll"),
-        (&["--over", "z"], "name two coordinates"),
+        (&["--over", "z"], "give two coordinates"),
         (&["--over", "z", "--over", "z"], "named twice"),
         (&["--over", "z=1 mm", "--over", "roll"], "z=-20 mm..40 mm"),
         (&["--at", "pitch=1"], "pitch=1"),
