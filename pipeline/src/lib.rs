@@ -16,6 +16,7 @@
 //! A run:
 //! - `live`: processes, supervisor, recorder; `simulated`: simulated and lock-step runs; `replay`: the journal's schedule
 //! - `clock`: session time; `ledger`: the account of every edge; `stdout`: standard output while operators run
+//! - `limits`: the limits of the system that a run may meet
 //!
 //! A session:
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
@@ -32,6 +33,7 @@ mod hosts;
 pub mod instance;
 mod intake;
 pub mod ledger;
+pub mod limits;
 mod link;
 pub mod live;
 pub mod placement;

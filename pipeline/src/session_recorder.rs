@@ -11,6 +11,7 @@ use stillpoint_samples::Entry;
 use zerocopy::IntoBytes;
 
 use crate::graph::Graph;
+use crate::limits::named;
 use crate::sample_store::OwnedSample;
 use crate::schedule::Observer;
 use crate::session::topic_infos;
@@ -57,7 +58,7 @@ pub enum SessionError {
         reason: std::io::Error,
     },
     /// A part takes no more.
-    #[error("{}: {reason}; make room, or choose another folder with --record", part.display())]
+    #[error("{}: {reason}{}; make room, or choose another folder with --record", part.display(), named(reason))]
     NoRoom {
         /// The part.
         part: PathBuf,

@@ -93,7 +93,7 @@ pub fn simulate(
             &mut local
         }
         Place::Threads => {
-            threads = Threads::new(graph.clone(), &files);
+            threads = Threads::new(graph.clone(), &files).map_err(SimulatedError::NotBegun)?;
             &mut threads
         }
         Place::Processes(launch) => {

@@ -1,6 +1,7 @@
 //! What `run` refuses before it begins, and what it says where the machine refuses.
 
 use std::os::unix::fs::DirBuilderExt;
+use std::os::unix::process::CommandExt;
 
 use crate::bench::{Bench, pipeline, text};
 
@@ -54,4 +55,61 @@ fn few_files_at_once_are_named_as_what_lacks() {
     // What a process may raise itself is raised.
     let done = with_limit("-S -n 60");
     assert_eq!(done.code(), 0, "{}", done.err);
+}
+
+/// The end of a run under a limit of the shell, as a user whom limits bind: root is exempt from that of processes.
+fn run_with_limit(bench: &Bench, limit: &str, options: &[&str]) -> Option<crate::bench::Done> {
+    const NOBODY: u32 = 65534;
+    let kit = bench.command(&[]).get_program().to_owned();
+    let mut command = std::process::Command::new("bash");
+    command.args(["-c", &format!("ulimit {limit}; exec \"$@\""), "bash"]).arg(&kit);
+    command.args(["run", text(&pipeline("chain.yaml"))]).args(options);
+    command.env("STILLPOINT_RUNS", bench.runs()).current_dir(bench.path("."));
+    if rustix::process::getuid().is_root() {
+        if kit.to_str().is_some_and(|p| p.starts_with("/root/")) {
+            println!("skipped: the command lies where only root can read");
+            return None;
+        }
+        for path in [bench.path(""), bench.runs()] {
+            std::os::unix::fs::chown(path, Some(NOBODY), Some(NOBODY)).unwrap();
+        }
+        command.uid(NOBODY).gid(NOBODY);
+    }
+    Some(bench.begin(command).finish())
+}
+
+#[test]
+fn too_few_processes_are_named_as_what_lacks() {
+    // The first thread of the command, a process of the run, a thread of such a process.
+    for count in ["1", "3", "5"] {
+        let bench = Bench::new();
+        let limit = format!("-u {count}");
+        let Some(done) = run_with_limit(&bench, &limit, &["--for", "100 ms"]) else { return };
+        assert_eq!(done.code(), 1, "{count}: {}", done.err);
+        let said = format!("this user may have {count} processes and threads at once: raise `ulimit -u`");
+        assert!(done.err.contains(&said) && !done.err.contains("panicked"), "{count}: {}", done.err);
+        assert!(bench.run_ids().is_empty());
+    }
+    let bench = Bench::new();
+    let options = ["--lock-step", "threads", "--for", "100 ms", "--no-record"];
+    let Some(done) = run_with_limit(&bench, "-u 2", &options) else { return };
+    assert_eq!(done.code(), 1, "{}", done.err);
+    assert!(done.err.contains("cannot be started: ") && done.err.contains("`ulimit -u`"), "{}", done.err);
+}
+
+#[test]
+fn a_file_size_that_is_too_small_is_named_as_what_lacks() {
+    let bench = Bench::new();
+    let Some(done) = run_with_limit(&bench, "-f 100", &["--for", "100 ms"]) else { return };
+    assert_eq!((done.code(), done.err.lines().count()), (1, 1), "{}", done.err);
+    assert!(done.err.contains("a file may have at most ") && done.err.contains("`ulimit -f"), "{}", done.err);
+    // The recording is larger than one file may be. A live run goes on, in the next part.
+    for (clock, seconds) in [("simulated", "20 s"), ("live", "6 s")] {
+        let bench = Bench::new();
+        let options = ["--clock", clock, "--for", seconds, "--record", "s"];
+        let Some(done) = run_with_limit(&bench, "-f 800", &options) else { return };
+        assert!(clock == "live" || done.code() == 1, "{}", done.err);
+        let said = ["File too large", "a file may have at most ", "raise `ulimit -f`"];
+        assert!(said.iter().all(|said| done.err.contains(said)), "{clock}: {}", done.err);
+    }
 }

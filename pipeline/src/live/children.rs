@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use super::control::{Connect, FromWorker};
 use super::pipe::{PipeRead, PipeReader, say};
+use crate::limits::StartError;
 
 /// How long a child that is no longer wanted may take to end in order.
 const LAST_PATIENCE: Duration = Duration::from_secs(5);
@@ -38,7 +39,7 @@ pub enum ChildError {
         /// The program.
         program: PathBuf,
         /// What the system says.
-        reason: std::io::Error,
+        reason: StartError,
     },
     /// It has ended.
     #[error("process {0} has ended")]
@@ -101,8 +102,11 @@ impl Child {
         name: &str,
         hello: &T,
     ) -> Result<Self, ChildError> {
-        let refused =
-            |reason| ChildError::Start { process: name.to_string(), program: launch.program.clone(), reason };
+        let refused = |reason: std::io::Error| ChildError::Start {
+            process: name.to_string(),
+            program: launch.program.clone(),
+            reason: StartError(reason),
+        };
         let mut process = Command::new(&launch.program)
             .arg(role)
             // For those who look at a list of processes.

@@ -11,6 +11,7 @@ use super::reservation::ReserveError;
 use super::run_folder::RunFolderError;
 use super::wire::LinkError;
 use crate::files::FileError;
+use crate::limits::StartError;
 use crate::operator::SetupError;
 use crate::placement::PlacementError;
 use crate::session::OpeningError;
@@ -38,6 +39,9 @@ pub enum WorkerError {
     /// An activation that a schedule decided.
     #[error(transparent)]
     Placement(#[from] PlacementError),
+    /// A thread cannot be started.
+    #[error("a thread cannot be started: {0}")]
+    Thread(#[from] StartError),
     /// The process cannot run where the config says.
     #[error("{0}")]
     Affinity(String),
@@ -133,7 +137,7 @@ macro_rules! through_worker {
         }
     )*};
 }
-through_worker!(PipeError, ShmError, RunFolderError);
+through_worker!(PipeError, ShmError, RunFolderError, StartError);
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]

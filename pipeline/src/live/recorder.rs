@@ -30,6 +30,7 @@ use super::run_folder::hold;
 use super::worker::{graph_of, ignore_interrupts};
 use crate::clock::{cpu_time, realtime};
 use crate::graph::Graph;
+use crate::limits::start_thread;
 use crate::operator::Registry;
 use crate::session::{opening, timing_infos, topic_infos};
 use crate::session_recorder::{SessionError, end_facts};
@@ -160,11 +161,11 @@ impl Recorder {
             let spare = Spare::default();
             taps.push(Tap { subscriber, buffer, info, topic: id, spare, next, first, _topic: topic });
         }
-        part.flush()?;
+        part.flush().map_err(|e| SessionError::no_room(&path, e))?;
         let (items, inbox) = unbounded();
         let waiting = Arc::new(AtomicUsize::new(0));
         let counter = waiting.clone();
-        let writer = std::thread::spawn(move || write(part, &inbox, &counter, clock, flushed));
+        let writer = start_thread(move || write(part, &inbox, &counter, clock, flushed))?;
         Ok(Self {
             taps,
             items: Some(items),
@@ -283,7 +284,7 @@ impl Recorder {
         while self.drain()? {}
         self.items = None;
         let mut written = match self.writer.take().map(std::thread::JoinHandle::join) {
-            Some(Ok(written)) => written?,
+            Some(Ok(written)) => written.map_err(|e| SessionError::no_room(&self.part, e))?,
             _ => return Err(RecorderError::WriterPanicked),
         };
         let mut gaps = gaps;
@@ -292,7 +293,7 @@ impl Recorder {
         }
         let closing =
             Closing { ledger: ledger.map(String::into_bytes), gaps, facts, realtime_ns: realtime() };
-        let file = written.part.finish(&closing)?;
+        let file = written.part.finish(&closing).map_err(|e| SessionError::no_room(&self.part, e))?;
         file.sync_all().map_err(|e| SessionError::refused(&self.part, e))?;
         Ok(RecorderReport {
             samples: written.samples,

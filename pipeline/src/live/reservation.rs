@@ -26,6 +26,9 @@ const LOCK: &str = ".room";
 /// Of the room that is left beside what the topics need: 1 of so many parts may hold what publishers keep.
 const KEPT_PART: u64 = 2;
 
+/// Bytes that iceoryx2 adds to the memory of a topic, at most.
+const OWN_BYTES: u64 = 1 << 16;
+
 /// Files that a process of a run may have open at once: some of its own, and so many for each topic.
 const OWN_FILES: u64 = 24;
 const FILES_OF_A_TOPIC: u64 = 9;
@@ -48,6 +51,19 @@ pub enum ReserveError {
     )]
     Files {
         /// Files that a process may have open.
+        needed: u64,
+        /// The limit.
+        allowed: u64,
+    },
+    /// The memory of a topic is a file, and such a file would be too large.
+    #[error(
+        "the shared memory of {topic} is a file of {} MiB, and a file may have at most {allowed} bytes here: say \
+         `ulimit -f unlimited`, or raise the limit of the service that starts the run (`LimitFSIZE`)", mib(*needed)
+    )]
+    FileSize {
+        /// Name of the largest topic.
+        topic: String,
+        /// Bytes that its memory may take.
         needed: u64,
         /// The limit.
         allowed: u64,
@@ -131,6 +147,7 @@ pub fn reserve(graph: &Graph, kept: Kept, folder: &RunFolder) -> Result<Vec<Cont
         Kept::Nothing => plain,
         Kept::Newest => contracts::all_recorded(graph, left / KEPT_PART),
     };
+    check_file_size(&topics, getrlimit(Resource::Fsize).current)?;
     std::fs::write(folder.path().join(ROOM), bytes_of(&topics).to_string()).map_err(ReserveError::Note)?;
     Ok(topics)
 }
@@ -163,6 +180,17 @@ fn too_few_files(topics: u64, limit: Option<u64>) -> Option<ReserveError> {
     let needed = OWN_FILES + FILES_OF_A_TOPIC * topics;
     let allowed = limit.filter(|limit| *limit < FEW_FILES && *limit < needed)?;
     Some(ReserveError::Files { needed, allowed })
+}
+
+/// Memory that cannot grow to its size ends the process that makes it, or fails without a reason.
+fn check_file_size(topics: &[Contract], allowed: Option<u64>) -> Result<(), ReserveError> {
+    let largest = topics.iter().max_by_key(|c| c.pool_bytes());
+    let (Some(largest), Some(allowed)) = (largest, allowed) else { return Ok(()) };
+    let needed = largest.pool_bytes() as u64 + OWN_BYTES;
+    if needed <= allowed {
+        return Ok(());
+    }
+    Err(ReserveError::FileSize { topic: largest.topic.clone(), needed, allowed })
 }
 
 /// Whether shared memory is full, or as good as full.

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::control::FromWorker;
 use super::pipe::tell;
 use crate::graph::Graph;
+use crate::limits::{StartError, start_thread};
 
 /// Ends the process when a step takes longer than its operator's deadline.
 pub struct Watch {
@@ -17,13 +18,14 @@ pub struct Watch {
 
 impl Watch {
     /// Begins to watch, if any of the operators has a deadline.
-    pub fn start(graph: &Arc<Graph>, operators: &[usize]) -> Option<Self> {
-        let shortest = operators.iter().filter_map(|o| graph.operators[*o].deadline).min()?;
+    pub fn start(graph: &Arc<Graph>, operators: &[usize]) -> Result<Option<Self>, StartError> {
+        let deadlines = operators.iter().filter_map(|o| graph.operators[*o].deadline);
+        let Some(shortest) = deadlines.min() else { return Ok(None) };
         let now = Arc::new(AtomicU64::new(0));
         let started = std::time::Instant::now();
         let (word, graph) = (now.clone(), graph.clone());
         let period = std::time::Duration::from_nanos((shortest / 4).clamp(1_000_000, 50_000_000));
-        std::thread::spawn(move || {
+        start_thread(move || {
             loop {
                 std::thread::sleep(period);
                 let value = word.load(Ordering::Relaxed);
@@ -47,8 +49,8 @@ impl Watch {
                         .ok();
                 }
             }
-        });
-        Some(Self { now, started })
+        })?;
+        Ok(Some(Self { now, started }))
     }
 
     /// A step of this operator begins.

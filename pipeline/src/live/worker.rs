@@ -18,6 +18,7 @@ use super::wire::{TransportOf, transport_of};
 use crate::clock::{SessionClock, float_state_is_standard};
 use crate::files::Snapshot;
 use crate::graph::Graph;
+use crate::limits::{fail_at_the_limit_of_file_sizes, start_thread};
 use crate::operator::Registry;
 
 /// How long a worker that always finds work does not look at its control pipe, ns.
@@ -55,8 +56,9 @@ pub fn worker_main_over(registry: &Registry, transport_of: TransportOf) -> ExitC
     }
 }
 
-/// Keeps SIGINT, SIGTERM and SIGHUP from ending this process: the pipe's end does.
+/// Keeps SIGINT, SIGTERM and SIGHUP from ending this process, which ends when its pipe ends; and SIGXFSZ.
 pub(super) fn ignore_interrupts() {
+    fail_at_the_limit_of_file_sizes();
     // A flag that nobody reads: the signal is taken and has no effect.
     let nobody = Arc::new(std::sync::atomic::AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM, signal_hook::consts::SIGHUP] {
@@ -96,7 +98,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
         .ok_or_else(|| WorkerError::NoProcess(hello.process.clone()))?
         .clone();
     let outlives = process.outlives;
-    std::thread::spawn(move || end_with_supervisor(outlives));
+    start_thread(move || end_with_supervisor(outlives))?;
     place(process.core, process.priority).map_err(|e| WorkerError::Affinity(e.to_string()))?;
     let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
@@ -117,7 +119,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
             &mut listeners,
         )?);
     }
-    let watch = Watch::start(&graph, &process.operators);
+    let watch = Watch::start(&graph, &process.operators)?;
     let control = orders.fd().try_clone_to_owned().map_err(PipeError::Input)?;
     let mut worker = Worker {
         graph,

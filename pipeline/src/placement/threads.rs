@@ -8,6 +8,7 @@ use stillpoint_samples::{Entry, JournalRef};
 
 use super::{Committed, Directed, Placement, PlacementError};
 use crate::graph::Graph;
+use crate::limits::start_thread;
 use crate::operator::Files;
 use crate::record::Record;
 use crate::sample_store::OwnedSample;
@@ -38,20 +39,24 @@ pub struct Threads {
 
 impl Threads {
     /// Starts a thread per operator of a graph.
-    pub fn new(graph: Arc<Graph>, files: &Arc<dyn Files + Send + Sync>) -> Self {
+    pub fn new(graph: Arc<Graph>, files: &Arc<dyn Files + Send + Sync>) -> Result<Self, PlacementError> {
         let workers = (0..graph.operators.len())
             .map(|operator| {
                 let (ask, asked) = unbounded();
                 let (reply, answer) = bounded(1);
                 let graph = graph.clone();
                 let files = files.clone();
-                let thread = std::thread::spawn(move || {
-                    serve(Directed::new(graph, operator), &asked, &reply, &*files)
-                });
-                Worker { ask, answer, _thread: thread }
+                let name = graph.operators[operator].name.clone();
+                let thread =
+                    start_thread(move || serve(Directed::new(graph, operator), &asked, &reply, &*files))
+                        .map_err(|e| PlacementError::Gone {
+                            operator: name,
+                            reason: format!("its thread cannot be started: {e}"),
+                        })?;
+                Ok(Worker { ask, answer, _thread: thread })
             })
-            .collect();
-        Self { graph, workers }
+            .collect::<Result<_, _>>()?;
+        Ok(Self { graph, workers })
     }
 
     fn gone(&self, operator: usize) -> PlacementError {

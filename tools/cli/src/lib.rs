@@ -82,6 +82,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 
 /// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
+    stillpoint_pipeline::limits::fail_at_the_limit_of_file_sizes();
     let registry = registry(extra);
     child(&registry).unwrap_or_else(|| {
         program("stillpoint", |arguments: Arguments| {

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
+use stillpoint_pipeline::limits::start_thread;
+
 use crate::exit::Failure;
 
 /// Signals come in pairs: when a terminal closes, both shell and kernel send SIGHUP, and `timeout` signals the process and
@@ -31,14 +33,15 @@ fn heard(unheard: fn(i32)) -> Result<Arc<AtomicBool>, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut signals = Signals::new(those_that_stop()).map_err(Failure::failed)?;
     let flag = stop.clone();
-    std::thread::spawn(move || {
+    start_thread(move || {
         let mut counted = None;
         for signal in signals.forever() {
             if counts(&mut counted, Instant::now()) && flag.swap(true, Ordering::Relaxed) {
                 unheard(signal);
             }
         }
-    });
+    })
+    .map_err(|e| Failure::failed(format!("the thread that waits for signals cannot be started: {e}")))?;
     Ok(stop)
 }
 
