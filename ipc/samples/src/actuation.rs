@@ -88,6 +88,10 @@ impl ActuationReason {
     pub const PRESSURE_LIMITED: u32 = 1 << 18;
     /// No person has confirmed the reference.
     pub const UNCONFIRMED: u32 = 1 << 19;
+    /// The head is farther from the reference model than the controller's limit; a fault if it lasts.
+    pub const TRACKING_ERROR: u32 = 1 << 20;
+    /// The pressure estimate limits an inlet while the head is that far off, for too long: the estimate is wrong.
+    pub const PRESSURE_DOUBTED: u32 = 1 << 21;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -111,6 +115,8 @@ impl ActuationReason {
         ("slew limited", Self::SLEW_LIMITED),
         ("pressure limited", Self::PRESSURE_LIMITED),
         ("unconfirmed", Self::UNCONFIRMED),
+        ("tracking error", Self::TRACKING_ERROR),
+        ("pressure doubted", Self::PRESSURE_DOUBTED),
     ];
 
     /// The words of the bits that are set, in their order.

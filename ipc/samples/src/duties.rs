@@ -51,6 +51,8 @@ pub enum DutyReason {
     Frozen = 64,
     /// The target that was asked for last was refused; the one before stands.
     TargetRefused = 128,
+    /// A channel is farther from the reference model than its limit.
+    TrackingError = 256,
 }
 
 impl DutyReason {
@@ -64,6 +66,7 @@ impl DutyReason {
         ("saturated", DutyReason::Saturated),
         ("not adapting", DutyReason::Frozen),
         ("target refused", DutyReason::TargetRefused),
+        ("tracking error", DutyReason::TrackingError),
     ];
 
     /// Its bit.

@@ -10,6 +10,7 @@
 //!
 //! What decides, plain:
 //! - [`machine`]: the states of actuation
+//! - [`answer`]: whether the head goes where it is told
 //! - [`drive`], of [`shaping`] and [`pressure`]: bounds and growth of duties; pressures estimated from them
 //! - [`pose_watch`], [`extrinsic`]: whether pose and cameras can be trusted
 //! - [`aim`], [`lease`]: errors against tolerances; the lease of the beam
@@ -20,6 +21,7 @@
 #![forbid(unsafe_code)]
 
 pub mod aim;
+pub mod answer;
 pub mod datagram;
 pub mod drive;
 pub mod extrinsic;

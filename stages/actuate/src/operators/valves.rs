@@ -11,6 +11,7 @@ use stillpoint_samples::{
 
 use super::params::{FreshnessParams, check_life, extrinsic, key};
 use super::watch::{MEASURED, REFERENCE, STATE, Watch};
+use crate::answer::{AnswerParams, AnswerWatch, Answered};
 use crate::datagram::LONGEST;
 use crate::drive::{Drive, Driven};
 use crate::extrinsic::{ExtrinsicParams, Need};
@@ -68,6 +69,8 @@ pub struct ValvesParams {
     pub slew: f64,
     /// Limits and estimate of the pressures.
     pub pressure: PressureParams,
+    /// For how long the head may fail to answer.
+    pub answer: AnswerParams,
 }
 
 /// Sends an order to the valves at each tick and at each command of a person, with its state and the reasons for it.
@@ -76,6 +79,9 @@ pub struct ValvesParams {
 /// no faster than `slew` from what was sent last, and inlets shut on the way to the limit of the estimated pressure.
 pub struct ActuateValves {
     watch: Watch,
+    answer: AnswerWatch,
+    /// Whether the estimate of a pressure limited an inlet of the last order.
+    is_limited: bool,
     machine: Machine,
     drive: Drive,
     sender: Sender,
@@ -192,6 +198,8 @@ impl Operator for ActuateValves {
         let drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&params.pressure));
         Ok(Self {
             watch,
+            answer: AnswerWatch::new(params.answer),
+            is_limited: false,
             machine: Machine::new(rules),
             drive,
             sender: Sender::new(key, Receiving::Valves, params.safe, params.life),
@@ -227,12 +235,18 @@ impl Operator for ActuateValves {
         if self.drive.is_exceeded() {
             seen.faults |= Reason::PRESSURE;
         }
+        let answered = Answered { error: self.watch.has_tracking_error(), limited: self.is_limited };
+        seen.faults |= self.answer.look(now, self.machine.state(), answered);
         for asked in Watch::asked(activation) {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
         let shaped = self.drive.tell(now, order, self.watch.duties());
-        let reasons = self.machine.reasons() | shaped.reasons;
+        let is_measured = activation.input::<RigState>(MEASURED).is_some();
+        self.is_limited = !is_measured && shaped.reasons & Reason::PRESSURE_LIMITED != 0;
+        let error = answered.error && order == Order::Follow;
+        let reasons =
+            self.machine.reasons() | shaped.reasons | if error { Reason::TRACKING_ERROR } else { 0 };
         let duties = &self.drive.duties()[..self.drive.valves()];
         let bytes = self.sender.datagram(activation, order, reasons, duties)?;
         outputs.send_slice::<Datagram>(DATAGRAM, &(), bytes)?;

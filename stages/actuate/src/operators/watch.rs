@@ -125,6 +125,12 @@ impl Watch {
         }
     }
 
+    /// Whether the newest command reports a tracking error.
+    pub fn has_tracking_error(&self) -> bool {
+        let bit = DutyReason::TrackingError.bit();
+        self.command.as_ref().is_some_and(|(duties, _)| duties.reasons & bit != 0)
+    }
+
     /// Age of the newest command, ns.
     pub fn command_age(&self, now: u64) -> Option<u64> {
         self.command.as_ref().map(|(_, stamp)| now.saturating_sub(*stamp))

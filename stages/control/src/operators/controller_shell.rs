@@ -314,6 +314,10 @@ impl ControllerShell {
         if duties.saturated != 0 {
             duties.reasons |= DutyReason::Saturated.bit();
         }
+        let seen = self.tracking.errors().seen;
+        if seen.iter().zip(&self.plant.error_limit).any(|(error, limit)| error.abs() > *limit) {
+            duties.reasons |= DutyReason::TrackingError.bit();
+        }
         self.send(outputs, &duties)?;
         Ok(true)
     }

@@ -100,6 +100,10 @@ pub struct PlantParams {
     /// Unit of each channel: errors of these sizes have equal weight.
     #[param(default = "{ x: 10 mm, y: 10 mm, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg, yaw: 5 deg }")]
     pub scale: PerChannel,
+    /// Distance from the reference model beyond which the reason `tracking error` is set. If it lasts,
+    /// `actuate.valves` makes it a fault.
+    #[param(default = "{ x: 3 mm, y: 3 mm, z: 3 mm, pitch: 2 deg, roll: 2 deg, yaw: 2 deg }")]
+    pub error_limit: PerChannel,
     /// How long after an order the bladders begin to answer: the way to the valves and their lag. The error from the
     /// reference model is predicted over it.
     #[param(unit = "s", default = "30 ms", min = "0 s", max = "500 ms")]
@@ -120,6 +124,8 @@ pub struct CheckedPlant {
     pub effect: Effect,
     /// From an order to the bladders' answer, s.
     pub delay: f64,
+    /// Largest distance of each channel from the reference model, in scales.
+    pub error_limit: Vec<f64>,
 }
 
 impl PlantParams {
@@ -131,6 +137,8 @@ impl PlantParams {
         let said = |what: &str, e: &dyn std::fmt::Display| SetupError(format!("`plant.{what}`: {e}"));
         let channels = Channels::new(&self.channels).map_err(|e| said("channels", &e))?;
         let scale = self.scale.of(&channels, "plant.scale")?;
+        let mut error_limit = self.error_limit.of(&channels, "plant.error_limit")?;
+        error_limit.iter_mut().zip(&scale).for_each(|(limit, scale)| *limit /= scale);
         let known = Rig::of(self.rig, self.head_mass).and_then(|rig| rig.rates());
         let listed = || self.bladders.iter().map(|b| [b.x, b.y, b.z, b.pitch, b.roll, b.yaw]).collect();
         let rates: Vec<[f64; 6]> = known.map_err(|e| said("rig", &e))?.unwrap_or_else(listed);
@@ -143,6 +151,6 @@ impl PlantParams {
         let places: Vec<usize> = channels.iter().map(Channel::place).collect();
         let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
         let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;
-        Ok(CheckedPlant { channels, scale, effect, delay: self.delay })
+        Ok(CheckedPlant { channels, scale, effect, delay: self.delay, error_limit })
     }
 }

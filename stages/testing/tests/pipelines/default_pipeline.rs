@@ -12,7 +12,7 @@ use stillpoint_testing::{Run, run};
 use crate::held_head::{hold_bladders, stays_armed};
 use crate::{from_root, registry};
 
-fn default_pipeline(changes: &[(&str, &str)], ms: u64) -> Run {
+pub fn default_pipeline(changes: &[(&str, &str)], ms: u64) -> Run {
     let path = from_root("pipeline.yaml");
     let mut text = std::fs::read_to_string(&path).unwrap();
     for (from, to) in changes {
@@ -25,7 +25,7 @@ fn default_pipeline(changes: &[(&str, &str)], ms: u64) -> Run {
 }
 
 /// Time of a sample since the start of the run, s.
-fn seconds(stamp: u64) -> f64 {
+pub fn seconds(stamp: u64) -> f64 {
     (stamp - START) as f64 * 1e-9
 }
 

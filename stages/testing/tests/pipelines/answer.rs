@@ -1,0 +1,83 @@
+//! A head that does not answer: actuation says so, and is a fault with its reason before long.
+
+use stillpoint_samples::{Actuation, ActuationReason as Reason, ActuationState, Duties, DutyReason, FarEnd};
+use stillpoint_testing::Run;
+
+use crate::default_pipeline::{default_pipeline, seconds};
+
+/// When things break: the head is on its way.
+const BREAKS: f64 = 5.0;
+
+/// The default pipeline with this fault of the rig, with few pixels.
+fn broken(fault: &str, ms: u64, changes: &[(&str, &str)]) -> Run {
+    let rig = format!(
+        "motion: breathes, camera: {{ every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }}, \
+         faults: [{{ {fault}, at: 5 s }}]"
+    );
+    let changes = [&[("motion: breathes, camera: { every: 100 ms }", rig.as_str())], changes].concat();
+    default_pipeline(&changes, ms)
+}
+
+/// When and why it was a fault first.
+fn fault(run: &Run) -> Option<(f64, u32)> {
+    let states = run.samples::<Actuation>("valves.state");
+    let first = states.iter().find(|s| s.first().unwrap().state() == ActuationState::Fault)?;
+    Some((seconds(first.header.stamp), first.first().unwrap().fault))
+}
+
+/// Whether the beam was on at any time from here on, at the far end.
+fn beam_after(run: &Run, from: f64) -> bool {
+    let far = run.samples::<FarEnd>("far.state");
+    far.iter().any(|s| seconds(s.header.stamp) > from && s.first().unwrap().beam == 1)
+}
+
+#[test]
+fn lost_orders_an_empty_supply_and_leaks_become_a_fault_with_its_reason_and_end_the_beam() {
+    for what in [
+        "kind: lost_duties, left: 0.05",
+        "kind: weak_supply, left: 0",
+        "kind: leak, which: 0, diameter: 0.5 mm",
+        "kind: leak, which: 1, diameter: 0.5 mm",
+    ] {
+        let run = broken(what, 24_000, &[]);
+        let duties = run.samples::<Duties>("law.duties");
+        let said = duties.iter().find(|d| d.first().unwrap().reasons & DutyReason::TrackingError.bit() != 0);
+        let said = said.map(|d| seconds(d.header.stamp));
+        let (at, why) = fault(&run).unwrap_or_else(|| panic!("{what}: no fault; error said at {said:?}"));
+        eprintln!(
+            "{what}: error at {said:?}, fault at {at:.2} s: {:?}",
+            Reason::words(why).collect::<Vec<_>>()
+        );
+        assert_ne!(why & Reason::TRACKING_ERROR, 0, "{what}: {why:#x}");
+        let said = said.unwrap();
+        assert!(said > BREAKS && at > said && at < said + 6.0, "{what}: {said} {at}");
+        // The lease of the beam ends within 100 ms.
+        assert!(!beam_after(&run, at + 0.1), "{what}");
+        // The reason stood in the state of actuation from the first moment of the error.
+        let states = run.samples::<Actuation>("valves.state");
+        let warned = states.iter().find(|s| s.first().unwrap().reasons & Reason::TRACKING_ERROR != 0);
+        let warned = seconds(warned.unwrap().header.stamp);
+        assert!(warned < said + 0.05, "{what}: {said} {warned}");
+    }
+}
+
+#[test]
+fn a_pressure_estimate_at_its_limit_during_an_error_is_the_sooner_fault() {
+    // The supply is empty, so the estimate fills bladders that stay as they are.
+    let slow = "params: { key: examples/data/rig.key, answer: { error_patience: 1 min } }\n  gate:";
+    let run = broken(
+        "kind: weak_supply, left: 0",
+        40_000,
+        &[("params: { key: examples/data/rig.key }\n  gate:", slow)],
+    );
+    let (at, why) = fault(&run).expect("a fault");
+    eprintln!("fault at {at:.2} s: {:?}", Reason::words(why).collect::<Vec<_>>());
+    assert_eq!(why, Reason::TRACKING_ERROR | Reason::PRESSURE_DOUBTED);
+    let states = run.samples::<Actuation>("valves.state");
+    let estimated = |s: &stillpoint_samples::View<'_, Actuation>| {
+        s.first().unwrap().pressure.iter().copied().fold(0.0, f64::max)
+    };
+    let highest = states.iter().filter(|s| seconds(s.header.stamp) < at).map(estimated).fold(0.0, f64::max);
+    assert!(highest > 30e3, "{highest}");
+    assert!(!beam_after(&run, at + 0.1));
+}
