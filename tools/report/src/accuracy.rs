@@ -1,4 +1,4 @@
-//! How far the filtered head is from the rig's truth, out of a session.
+//! The accuracy of a session: how far the filtered head is from the truth of the rig.
 
 use std::path::Path;
 
@@ -23,14 +23,14 @@ const KINDS: &[&SampleKind] = &[Pose::KIND, Track::KIND, PoseReport::KIND];
 pub struct Accuracy {
     /// The estimate's topic.
     pub topic: String,
-    /// Pairs compared.
+    /// Number of pairs of truth and estimate.
     pub samples: usize,
-    /// Root mean square per axis of the frame, mm; none where the track does not follow the axis. Of a track with
-    /// rotations, at the rig's place on the head.
+    /// Root mean square per axis of the frame, mm; none if the track does not follow the axis. For a track with rotations,
+    /// the error at the origin of the truth.
     pub rms_mm: [Option<f64>; 3],
     /// Largest distance, mm.
     pub worst_mm: f64,
-    /// How far the truth moved from its first place, mm.
+    /// Largest distance of the truth from its first position, mm.
     pub moved_mm: f64,
     /// Rotations, where the track has them.
     pub turns: Option<Turns>,
@@ -43,7 +43,7 @@ pub struct Turns {
     pub rms_deg: [f64; 3],
     /// Largest angle, degrees.
     pub worst_deg: f64,
-    /// How far the truth turned from its first direction, degrees.
+    /// Largest angle of the truth from its first orientation, degrees.
     pub turned_deg: f64,
 }
 
@@ -54,7 +54,8 @@ impl std::fmt::Display for Accuracy {
             named.filter_map(|(axis, rms)| Some(format!("{axis} {}", three(rms?)))).collect::<Vec<_>>();
         write!(
             f,
-            "accuracy of {} against the rig's truth, motion only: rms {} mm, worst {} mm, while the head moved up to {} mm",
+            "accuracy of {} against the truth of the rig, without the constant offset: rms {} mm, worst {} mm, while the \
+             head moved up to {} mm",
             self.topic,
             axes.join(", "),
             three(self.worst_mm),
@@ -64,22 +65,22 @@ impl std::fmt::Display for Accuracy {
             let [x, y, z, worst, turned] = [x, y, z, worst_deg, turned_deg].map(three);
             write!(
                 f,
-                "; rms about x {x}, y {y}, z {z} degrees, worst {worst}, while it turned up to {turned}"
+                "; rms pitch {x}, roll {y}, yaw {z} degrees, worst {worst}, while the head turned up to {turned}"
             )?;
         }
         write!(f, " ({} samples)", self.samples)
     }
 }
 
-/// Three digits that count, and at most six behind the point.
+/// A number with three significant digits, and at most six decimals.
 fn three(value: f64) -> String {
     let before = if value == 0.0 { 0.0 } else { libm::log10(value.abs()).floor() };
     let digits = (2.0 - before).clamp(0.0, 6.0) as usize;
     format!("{value:.digits$}")
 }
 
-/// The accuracy of a session that keeps a truth and a track in one frame; `None` where it does not. Of several tracks it
-/// is that of the last in a chain. The report and this function share one comparison.
+/// The accuracy of a session that keeps a truth and a track in one frame, else `None`. If there are several tracks, the
+/// last of a chain counts. The report and this function share one comparison.
 pub fn of_session(session: &Session) -> Option<Accuracy> {
     // Neither the path nor any other sample has a part in it.
     let recording = Recording::read_kinds(session, Path::new(""), KINDS);

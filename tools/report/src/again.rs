@@ -1,5 +1,5 @@
-//! What a session does not hold of its images and of what was found in them, made again by a replay of the stages behind
-//! them, up to the last image that is wanted.
+//! Computes images and detections that a session does not hold, by a replay of the operators behind them, up to the last
+//! chosen image.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use stillpoint_samples::Entry;
 use super::source::Source;
 use super::views::{Camera, Found};
 
-/// What the observer says once it has seen everything.
+/// The reason with which the observer ends the replay.
 const ENOUGH: &str = "enough was made again";
 
-/// Keeps what is wanted of a replay, and ends it behind the last of it.
+/// Keeps the wanted samples of a replay, and ends it after the last one.
 struct Collector<'a> {
     graph: &'a Graph,
     /// Operator and output of each topic that is wanted.
@@ -58,9 +58,7 @@ pub fn made_again(
     found: &mut Found,
 ) -> Result<(), String> {
     let (graph, files) = source.pipeline.as_ref().map_err(|reason| {
-        format!(
-            "the session does not hold what was found, and its pipeline is not one of this build: {reason}"
-        )
+        format!("the session does not hold the detections, and this build cannot run its pipeline: {reason}")
     })?;
     let session = source.recording.session;
     session.check_layouts().map_err(|e| e.to_string())?;

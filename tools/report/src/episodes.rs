@@ -19,14 +19,14 @@ pub struct Stretches {
     inside: Option<u64>,
 }
 
-/// Stretches of a run, for people and programs.
+/// Stretches of a run, as figures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Episodes {
     /// How often.
     pub times: u64,
     /// Time in all, s.
     pub seconds: f64,
-    /// How often for which reasons, in the order of the reasons' names.
+    /// The reasons with which stretches began and their counts, ordered by reason.
     pub reasons: Vec<(String, u64)>,
 }
 

@@ -26,22 +26,25 @@ pub(crate) fn gaps_with(session: &Session, refused: Option<&str>) -> Vec<String>
     gaps
 }
 
-/// How the recording ended, and what to do where it is to be mended.
+/// How the recording ended, and what to do if it needs repair.
 pub fn ending(session: &Session) -> String {
-    let advice = if session.needs_mending() { "; mend it with `stillpoint recover`" } else { "" };
+    let advice = if session.needs_mending() { "; repair it with `stillpoint recover`" } else { "" };
     format!("{}{advice}", session.ended())
 }
 
-/// How the layout of a topic stands to this build's, where it is another.
+/// How the layout of a topic relates to the layout of this build, if they differ.
 pub fn layout(topic: &Topic) -> Option<String> {
     match &topic.kind {
         TopicKind::Known(_) | TopicKind::Opaque => None,
         TopicKind::Mapped { mapping, .. } if mapping.left_out().is_empty() => {
-            Some("another layout, mapped by name".to_string())
+            Some("a different layout, mapped by field name".to_string())
         }
-        TopicKind::Mapped { mapping, .. } => {
-            Some(format!("another layout, mapped by name; left out: {}", mapping.left_out().join(", ")))
+        TopicKind::Mapped { mapping, .. } => Some(format!(
+            "a different layout, mapped by field name; omitted: {}",
+            mapping.left_out().join(", ")
+        )),
+        TopicKind::Changed { difference, .. } => {
+            Some(format!("a different layout that cannot be read: {difference}"))
         }
-        TopicKind::Changed { difference, .. } => Some(format!("another layout, not read: {difference}")),
     }
 }

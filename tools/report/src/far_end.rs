@@ -1,4 +1,4 @@
-//! What the far end of valves and beam made of the datagrams, out of its samples: of a run that goes on, or of a session.
+//! The far end of valves and beam: what it did and how many datagrams it accepted and refused, from its samples.
 
 use std::fmt::{Display, Formatter};
 
@@ -21,7 +21,7 @@ pub struct FarEnds {
     reasons: Vec<Refused>,
 }
 
-/// What became of it.
+/// The figures of a far end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FarEnd {
     /// Topic of its state.
@@ -30,19 +30,19 @@ pub struct FarEnd {
     pub doing: &'static str,
     /// Datagrams for the valves that were accepted.
     pub accepted: u64,
-    /// Datagrams that were refused: for the valves, or for nobody.
+    /// Refused datagrams for the valves, or without a known recipient.
     pub refused: u64,
-    /// The same for the beam.
+    /// Refused datagrams for the beam.
     pub refused_beam: u64,
-    /// Both by reason, where they were kept.
+    /// Both kinds of refusals by reason, if the reasons were kept.
     pub reasons: Vec<Refused>,
-    /// Numbers of datagrams that never came, or were refused.
+    /// Datagrams that did not arrive or were refused, by their numbers.
     pub missing: u64,
     /// Whether the beam is on at the end.
     pub beam: bool,
     /// How long the beam was on at the far end, s.
     pub on_s: f64,
-    /// How long it was watched, s.
+    /// Observed time, s.
     pub watched_s: f64,
     /// Times in which it vented after its first datagram.
     pub vents: Episodes,
@@ -58,12 +58,12 @@ pub struct Refused {
 }
 
 impl FarEnds {
-    /// One with these topics, of which nothing was taken yet.
+    /// A far end with these topics, without samples.
     pub fn new(topic: &str, diagnostics: Option<String>) -> Self {
         Self { topic: topic.to_owned(), diagnostics, ..Self::default() }
     }
 
-    /// Takes a state of this time, ns. What it says holds until the next.
+    /// Takes a state of this time, ns. It holds until the next state.
     pub fn take(&mut self, stamp: u64, state: &FarEndElement) {
         match &self.newest {
             None => self.begun = stamp,
@@ -83,7 +83,7 @@ impl FarEnds {
             counts.map(|m| Refused { reason: m.name().to_owned(), count: m.value as u64 }).collect();
     }
 
-    /// What became of it; nothing where it was silent.
+    /// The figures so far; none if the far end was silent.
     pub fn told(&self) -> Option<FarEnd> {
         let (last, state) = self.newest.as_ref()?;
         Some(FarEnd {
@@ -102,7 +102,7 @@ impl FarEnds {
     }
 }
 
-/// What the far end has the valves do, in a word.
+/// The word for what the far end makes the valves do.
 pub fn doing(state: &FarEndElement) -> &'static str {
     match state.doing() {
         FarEndDoing::Holding => "holding",
@@ -112,17 +112,17 @@ pub fn doing(state: &FarEndElement) -> &'static str {
 }
 
 impl FarEnd {
-    /// Part of the time watched in which the beam was on; none before any was watched.
+    /// Fraction of the observed time in which the beam was on; none before any time was observed.
     pub fn duty(&self) -> Option<f64> {
         (self.watched_s > 0.0).then(|| self.on_s / self.watched_s)
     }
 
-    /// The reasons of refusals, with how often.
+    /// The reasons of refusals with their counts.
     pub fn why(&self) -> String {
         self.reasons.iter().map(|r| format!("{} {}", r.reason, r.count)).collect::<Vec<_>>().join(", ")
     }
 
-    /// What is wrong at the moment, in a few words; nothing where nothing was refused.
+    /// The refusals in a few words; none if nothing was refused.
     pub fn now(&self) -> Option<String> {
         let all = self.refused + self.refused_beam;
         (all > 0).then(|| format!("far end {}, refused {all} datagrams ({})", self.doing, self.why()))

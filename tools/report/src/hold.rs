@@ -1,5 +1,6 @@
-//! How a head is held: its estimate against the target, the gate of the beam, the valves, and their far end. Out of the samples of a run that
-//! goes on, or of a session; no name and no kind of operator has to be known for that.
+//! How a head is held: its estimate against the target, the gate of the beam, the valves, and their far end. The figures
+//! come from the samples of a running pipeline or of a session. They depend on the types of samples only, not on the names
+//! and kinds of operators.
 
 use std::collections::VecDeque;
 use std::fmt::{Display, Formatter};
@@ -17,9 +18,9 @@ use crate::episodes::{ActuationEpisodes, Episodes};
 use crate::far_end::{FarEnd, FarEnds};
 use crate::target_refusals::{CHANNELS, Refusals};
 
-/// How much of the end of a run its errors are told of, ns.
+/// The end of a run over which errors are computed, ns.
 const LAST: u64 = 5_000_000_000;
-/// Errors are told, not judged.
+/// Errors are reported, not judged.
 const ANY: Tolerances = Tolerances {
     position: f64::INFINITY,
     angle: f64::INFINITY,
@@ -28,7 +29,7 @@ const ANY: Tolerances = Tolerances {
     angle_sd: f64::INFINITY,
 };
 
-/// What says how a head is held, as far as samples of it were taken.
+/// Collects the samples that state how a head is held.
 pub struct Hold {
     aims: Vec<Aimed>,
     gates: Vec<(String, Option<GateElement>)>,
@@ -44,18 +45,18 @@ struct ValveStates {
     episodes: ActuationEpisodes,
 }
 
-/// A target and the estimate that stands against it: the one that its operator counts from.
+/// A target, and the estimate that the operator of the target takes as its input.
 struct Aimed {
     target: String,
     estimate: String,
     newest: Option<TargetElement>,
     refusals: Refusals,
-    /// Times, ns, and estimate less target, m and rad, in the end of what was taken.
+    /// Times, ns, and estimate minus target, m and rad, over the last 5 s.
     errors: VecDeque<(u64, [f64; 6])>,
 }
 
 impl Hold {
-    /// What a graph has of targets, gates and valves.
+    /// The targets, gates, valves and far ends of a graph.
     pub fn of(graph: &Graph) -> Self {
         let sent = |kind: &'static SampleKind| {
             graph.operators.iter().flat_map(move |node| {
@@ -93,7 +94,7 @@ impl Hold {
         }
     }
 
-    /// The same with the samples of a session. Topics that it does not keep stay without.
+    /// The same with the samples of a session. Topics that the session does not keep stay empty.
     pub fn of_session(graph: &Graph, session: &Session) -> Option<Held> {
         let mut hold = Self::of(graph);
         let topics: Vec<String> = hold.topics().map(str::to_owned).collect();
@@ -114,7 +115,7 @@ impl Hold {
         Self { aims: Vec::new(), gates: Vec::new(), ..Self::of(graph) }
     }
 
-    /// The topics whose samples say it.
+    /// The topics to read.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
         let gates = self.gates.iter().map(|(topic, _)| topic.as_str());
@@ -124,7 +125,7 @@ impl Hold {
         aims.chain(gates).chain(valves).chain(far_ends)
     }
 
-    /// Takes a sample. Targets before estimates of the same time.
+    /// Takes a sample. Targets have to come before estimates of the same time.
     pub fn take(&mut self, topic: &str, pieces: Pieces<'_>) {
         for aim in &mut self.aims {
             if aim.target == topic
@@ -170,7 +171,7 @@ impl Hold {
         }
     }
 
-    /// How it is held.
+    /// How the head is held so far.
     pub fn held(&self) -> Held {
         let known = |(topic, newest): &(String, Option<GateElement>)| newest.map(|g| Beam::of(topic, &g));
         Held {
@@ -204,22 +205,22 @@ pub struct Against {
     pub estimate: String,
     /// The channels that the target holds.
     pub channels: Vec<Off>,
-    /// What was asked for and refused.
+    /// The targets that were refused.
     pub refusals: Refusals,
 }
 
-/// Estimate less target in one channel.
+/// Estimate minus target in one channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Off {
     /// Name of the channel.
     pub channel: &'static str,
     /// `mm` or `deg`.
     pub unit: &'static str,
-    /// The newest.
+    /// The newest value.
     pub now: f64,
     /// Root mean square over the last 5 s.
     pub rms: f64,
-    /// Largest size in the last 5 s.
+    /// Largest absolute value in the last 5 s.
     pub worst: f64,
 }
 
@@ -230,36 +231,36 @@ pub struct Beam {
     pub topic: String,
     /// Whether the beam may be on.
     pub on: bool,
-    /// Why not.
+    /// The reasons against the beam.
     pub reasons: Vec<&'static str>,
-    /// Part of the time watched in which it might; none before any was watched.
+    /// Fraction of the observed time in which the beam was allowed; none before any time was observed.
     pub duty: Option<f64>,
-    /// How long it was watched, s.
+    /// Observed time, s.
     pub watched_s: f64,
-    /// Leases begun.
+    /// Number of leases that began.
     pub leases: u64,
 }
 
-/// What actuation is at.
+/// The state of actuation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Valves {
     /// Topic of its state.
     pub topic: String,
     /// Disarmed, armed, holding, venting or fault.
     pub state: &'static str,
-    /// Why, and what else is out of order.
+    /// The reasons for the state, and other irregularities.
     pub reasons: Vec<&'static str>,
-    /// Faults so far.
+    /// Number of faults that the operator counted in its present incarnation.
     pub faults: u64,
-    /// What made the last.
+    /// The reasons of the last fault.
     pub fault: Vec<&'static str>,
     /// Times in which the valves were told to vent.
     pub vents: Episodes,
-    /// Times in which it stood in a fault, over all its incarnations.
+    /// Times in which actuation stood in a fault, over all incarnations.
     pub fault_times: Episodes,
-    /// Commands to arm or to resume that were refused so far.
+    /// Commands to arm or to resume that were refused.
     pub refused: u64,
-    /// What was missing at the last.
+    /// The conditions that were missing at the last refusal.
     pub lacking: Vec<&'static str>,
 }
 
@@ -287,7 +288,7 @@ impl Against {
         !self.channels.is_empty() || self.refusals.refused > 0
     }
 
-    /// Whether what was asked for last was refused, and why.
+    /// Why the last target was refused, if it was.
     fn refused(&self) -> Option<String> {
         let why = self.refusals.why.as_ref().filter(|_| self.refusals.stands_refused)?;
         Some(format!("target refused: {why}"))
@@ -332,13 +333,13 @@ impl Valves {
     }
 }
 
-/// A state and why it is that.
+/// A state with its reasons.
 fn because(state: &str, reasons: &[&str]) -> String {
     if reasons.is_empty() { state.to_owned() } else { format!("{state} ({})", reasons.join(", ")) }
 }
 
 impl Held {
-    /// Adds the valves and far ends that another observation of the same run has and this one lacks.
+    /// Adds the valves and far ends of another observation of the same run that this one lacks.
     pub fn add_missing(&mut self, other: Held) {
         let is_new = |v: &Valves| self.valves.iter().all(|known| known.topic != v.topic);
         let valves: Vec<Valves> = other.valves.into_iter().filter(is_new).collect();
@@ -348,7 +349,7 @@ impl Held {
         self.far_ends.extend(far_ends);
     }
 
-    /// How it is held at the moment, in parts of a line.
+    /// The present state, as parts of a line.
     pub fn now(&self) -> Vec<String> {
         let off = |o: &Off| format!("{} {:+.2} {}", o.channel, o.now, o.unit);
         let targets = self.targets.iter().flat_map(|a| &a.channels).map(off);
@@ -360,7 +361,7 @@ impl Held {
     }
 }
 
-/// How it was held at the end of a run, a line for each thing.
+/// The state at the end of a run: a line for each target, gate, actuation and far end.
 impl Display for Held {
     fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
         for Against { target, estimate, channels, refusals } in &self.targets {
@@ -370,7 +371,7 @@ impl Display for Held {
             };
             let channels = channels.iter().map(off).collect::<Vec<_>>().join(", ");
             if !channels.is_empty() {
-                writeln!(f, "{estimate} off {target} at the end (and in the last 5 s): {channels}")?;
+                writeln!(f, "{estimate} minus {target} at the end (and over the last 5 s): {channels}")?;
             }
             if let Some(said) = refusals.said() {
                 writeln!(f, "{target}: {said}")?;
@@ -386,7 +387,7 @@ impl Display for Held {
             let Valves { topic, vents, fault_times, refused, lacking, .. } = valves;
             let vents = vents.line("vented").unwrap_or_else(|| "never vented".to_owned());
             let faults = fault_times.line("in fault").unwrap_or_else(|| "no fault".to_owned());
-            let refused = because(&format!("refused commands {refused}"), lacking);
+            let refused = because(&format!("commands refused: {refused}"), lacking);
             writeln!(f, "{topic}: {}; {vents}; {faults}; {refused}", valves.word())?;
         }
         self.far_ends.iter().try_for_each(|far| writeln!(f, "{far}"))

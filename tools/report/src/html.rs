@@ -1,4 +1,4 @@
-//! Sections as one HTML page that needs nothing else: style, drawings and pictures stand in it.
+//! Sections as one self-contained HTML page, with its style, drawings and pictures.
 
 use std::fmt::Write;
 

@@ -1,14 +1,14 @@
-//! Analysis of sessions: what a run came to, as figures, and the report of a session as one page that needs nothing else.
+//! Analysis of sessions: the figures at the end of a run, and the report of a session as one self-contained page.
 //!
-//! A session is read once (`recording`), each section makes figures of it and then blocks ([`Section`]) of the figures,
+//! A session is read once (`recording`). Each section computes figures from it and turns them into blocks ([`Section`]),
 //! and the blocks become HTML ([`html::page`]). A new section is a file in `sections` and a line in its list.
 //!
-//! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `uncaptured`, `target_refusals`: what the end of a run says of its session
-//! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; who feeds whom
-//! - `recording`, `rows`, `thinned`: what is read of a session; small samples over time; long rows in bounded memory
+//! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `uncaptured`, `target_refusals`: the figures at the end of a run
+//! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; edges of operators
+//! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
-//! - `ramp`: what the gains of a filter do to noise and to a ramp
-//! - `views`, `again`, `overlay`: images with what was found in them; what had to be made again; the same as pictures
+//! - `ramp`: the effect of a filter's gains on noise and on a ramp
+//! - `views`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
 //! - `page`, `html`, `drawings`, `page.css`: sections and blocks; the page; its charts; its style
 //! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
@@ -57,10 +57,10 @@ pub use error::ReportError;
 pub use page::Section;
 pub use session_pipeline::{SessionPipelineError, pipeline_of};
 
-/// All sections of the report of a session that lies at `path`, with at most so many `pictures` of each camera.
+/// All sections of the report of the session at `path`, with at most this number of `pictures` per camera.
 ///
 /// # Errors
-/// Figures cannot become JSON, or a picture cannot become a file.
+/// Figures cannot be written as JSON, or a picture cannot be encoded.
 pub fn sections_of(
     session: &Session,
     path: &Path,

@@ -1,9 +1,9 @@
-//! Estimates against the truth: what of the difference is a constant offset, and what is error.
+//! Estimates against the truth: separates the constant offset from the error.
 //!
-//! What a camera tracks is not the head's origin: a centroid, a highest place, a reference surface have one of their
-//! own. So the mean difference is told apart as an offset: of an estimate with all six channels the mean rigid one, so that
-//! a turn of the head is no error of position, and of others the mean of each channel. Where a tracker takes another
-//! reference, another offset begins.
+//! An estimate follows another point of the head than the truth: a centroid, a highest point, or the origin of a reference
+//! surface. Therefore the mean difference is reported as an offset and removed from the errors. For an estimate with all
+//! six channels it is the mean rigid offset, so a rotation of the head is no error of position; for other estimates it is
+//! the mean of each channel. When a tracker takes another reference, a new offset begins.
 
 use nalgebra::{Isometry3, SMatrix, Vector6};
 use serde::Serialize;
@@ -18,10 +18,10 @@ use crate::offset::mean_offset;
 
 /// Names of the channels.
 pub const CHANNELS: [&str; 6] = ["x", "y", "z", "pitch", "roll", "yaw"];
-/// A truth is not guessed over a gap of more than this many of its usual intervals.
+/// The truth is not interpolated over a gap of more than this many of its usual intervals.
 const LARGEST_GAP: f64 = 3.5;
 
-/// Unit in which a channel is shown, and how many of them make a metre or a radian.
+/// Unit in which a channel is shown, and its number per metre or radian.
 pub fn unit(channel: usize) -> (&'static str, f64) {
     if channel < 3 { ("mm", 1e3) } else { ("°", 180.0 / core::f64::consts::PI) }
 }
@@ -63,7 +63,7 @@ impl<'a> Truth<'a> {
     }
 }
 
-/// One channel minus another; angles the shorter way.
+/// The difference of two values of a channel; angles are wrapped to half a turn.
 fn difference(channel: usize, a: f64, b: f64) -> f64 {
     let d = a - b;
     if channel < 3 || !d.is_finite() {
@@ -84,19 +84,19 @@ pub struct Pair {
     pub error: [f64; 6],
     /// Standard deviations that the estimate claims.
     pub sd: [f64; 6],
-    /// Normalised square of the error, of all channels that are known, and how many these are; none where a rotation is
-    /// known and not all six channels.
+    /// Normalised square of the error over the known channels, and their number; none if a rotation is known but not all
+    /// six channels.
     pub nees: Option<(f64, usize)>,
 }
 
 /// An estimate against the truth.
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
-    /// The estimates that have a truth, with the offset taken from their errors.
+    /// The estimates that have a truth; their errors are without the offset.
     pub pairs: Vec<Pair>,
-    /// The offset, m and rad; none where the channel is not known. Of an estimate with all six channels the truth's pose on
-    /// the head that the estimate follows, else the mean of estimate minus truth. Against the last reference, where there
-    /// were several.
+    /// The offset, m and rad; none if the channel is not known. For an estimate with all six channels, the pose of the
+    /// truth in the frame that the estimate follows; else the mean of estimate minus truth. If there were several
+    /// references, the offset of the last one.
     pub offset: [Option<f64>; 6],
 }
 
@@ -154,7 +154,7 @@ fn pair(state: &State, truth: [f64; 6], channels: [f64; 6]) -> Pair {
     Pair { origin: state.origin, truth, error, sd: state.sd(), nees: None }
 }
 
-/// The square of an error over the covariance that a state claims, of the channels where it is finite.
+/// The square of an error, normalised by the covariance of the state, over the channels in which the error is finite.
 fn normalised(error: &Vector6<f64>, state: &State) -> Option<(f64, usize)> {
     let known: [bool; 6] = std::array::from_fn(|i| error[i].is_finite());
     let covariance = SMatrix::<f64, 6, 6>::from_fn(|i, j| match (known[i] && known[j], i == j) {
@@ -190,19 +190,19 @@ pub struct ErrorFigures {
     pub unit: &'static str,
     /// Estimates that have a truth.
     pub samples: usize,
-    /// What was taken from it: another point of the head, and what a sensor makes of a surface.
+    /// The offset that was removed: the distance of the two points of the head, and the bias of the sensor.
     pub offset: f64,
     /// Root mean square of the error about the offset.
     pub rms: f64,
-    /// Its square: the variance.
+    /// Square of the root mean square.
     pub variance: f64,
-    /// 95 % of the errors are not larger, in size.
+    /// 95 % quantile of the absolute error.
     pub p95: f64,
-    /// The largest, in size.
+    /// Largest absolute error.
     pub worst: f64,
     /// Root mean square of the standard deviations that the estimate claims.
     pub claimed: f64,
-    /// Largest distance of the truth from its first place.
+    /// Largest distance of the truth from its first value.
     pub moved: f64,
 }
 
@@ -239,7 +239,7 @@ impl Comparison {
         })
     }
 
-    /// How often errors of a channel are of which size, in bins up to `largest` on both sides.
+    /// Histogram of the errors of a channel, from `-largest` to `largest`.
     pub fn histogram(&self, channel: usize, largest: f64, bins: usize) -> Histogram {
         Histogram::of(self.errors(channel).map(|(_, e)| e), -largest, largest, bins)
     }

@@ -1,11 +1,11 @@
-//! How numbers, times and sizes stand on the page.
+//! Numbers, times and sizes as text.
 
 use stillpoint_recorder::Session;
 
-/// What stands where there is no number.
+/// The text for a missing number.
 pub const NONE: &str = "–";
 
-/// With so many digits behind the point.
+/// A number with this number of decimals.
 pub fn fixed(value: impl Into<Option<f64>>, digits: usize) -> String {
     match value.into() {
         Some(v) if v.is_finite() => {
@@ -19,7 +19,7 @@ pub fn fixed(value: impl Into<Option<f64>>, digits: usize) -> String {
     }
 }
 
-/// Four digits that count.
+/// A number with four significant digits.
 pub fn short(value: impl Into<Option<f64>>) -> String {
     match value.into() {
         None => NONE.to_owned(),
@@ -57,7 +57,7 @@ pub fn megabytes(bytes: u64) -> String {
     format!("{:.2} MB", bytes as f64 / 1e6)
 }
 
-/// When a session started, where it says so.
+/// The start time of a session, if the session states it.
 pub fn started(session: &Session) -> Option<String> {
     session.clock().first().map(|c| c.realtime_ns).filter(|t| *t > 0).map(utc)
 }

@@ -56,7 +56,7 @@ impl Image {
         let view = view.map_err(|e| e.to_string())?;
         let (width, height) = sizes(view.body.width, view.body.height, view.elements.len())?;
         if height < 2 {
-            return Err("the cloud keeps no grid of a camera, so it cannot be drawn".to_owned());
+            return Err("the cloud is not organised as a camera grid, so it cannot be drawn".to_owned());
         }
         let points = view.elements.iter().map(|p| p.xyz);
         let depth = points.clone().map(|p| if p[2].is_finite() && p[2] > 0.0 { p[2] } else { 0.0 }).collect();
@@ -146,7 +146,7 @@ fn sizes(width: u32, height: u32, pixels: usize) -> Result<(usize, usize), Strin
     let (w, h) = (width as usize, height as usize);
     match w.checked_mul(h) {
         Some(n) if n == pixels && n > 0 && n <= MOST_PIXELS => Ok((w, h)),
-        _ => Err(format!("{width} x {height} are not the sizes of an image of {pixels} pixels")),
+        _ => Err(format!("{width} x {height} does not match an image of {pixels} pixels")),
     }
 }
 
@@ -290,7 +290,7 @@ mod tests {
         assert!((image.focal[0] - FOCAL).abs() < 1e-2 && (image.centre[1] - 23.5).abs() < 1e-2);
         let body = CloudShape { width: 64 * 48, height: 1, ..body };
         let row = Image::of_cloud(&sample(body.as_bytes(), points.as_bytes(), 64 * 48));
-        assert!(row.unwrap_err().contains("no grid"));
+        assert!(row.unwrap_err().contains("not organised as a camera grid"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a page is made of: sections of blocks, whatever they look like in the end.
+//! The contents of a page: sections of blocks, independent of their appearance.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -13,11 +13,11 @@ pub struct Section {
     pub id: &'static str,
     /// Its heading.
     pub title: &'static str,
-    /// Every number of it.
+    /// All its figures.
     figures: Value,
-    /// What is shown, from top to bottom.
+    /// The blocks, from top to bottom.
     pub blocks: Vec<Block>,
-    /// Why there is nothing to show, where that is so.
+    /// Why there is nothing to show, if so.
     pub missing: Option<String>,
 }
 
@@ -28,19 +28,19 @@ pub enum Block {
     Heading(String),
     /// A paragraph.
     Text(String),
-    /// A paragraph that must not be passed over.
+    /// A warning.
     Warning(String),
-    /// A few numbers that stand out.
+    /// A few important numbers.
     Tiles(Vec<Tile>),
     /// A table.
     Table(Table),
-    /// A chart, with what is to be said about it.
+    /// A chart with its caption.
     Chart(Chart, String),
     /// A picture.
     Picture(Picture),
-    /// A drawing that is an SVG document already, with what it shows.
+    /// An SVG document with its caption.
     Drawing(String, String),
-    /// A long text that opens when it is asked for.
+    /// A long text that the reader can open.
     Listing {
         /// What it is.
         title: String,
@@ -49,25 +49,25 @@ pub enum Block {
     },
 }
 
-/// A number that stands out.
+/// An important number.
 #[derive(Debug)]
 pub struct Tile {
     /// What it is.
     pub name: String,
     /// The number with its unit.
     pub value: String,
-    /// How it is to be taken.
+    /// Its judgement.
     pub mood: Mood,
 }
 
-/// How a word or a number is to be taken.
+/// The judgement of a word or a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mood {
-    /// As it is.
+    /// Neutral.
     Plain,
-    /// All is well.
+    /// Good.
     Good,
-    /// Something is wrong.
+    /// Bad.
     Bad,
 }
 
@@ -89,9 +89,9 @@ pub enum Cell {
     Text(String),
     /// A number, from the right.
     Number(String),
-    /// A number with a bar: a part of the longest, 0 to 1.
+    /// A number with a bar, whose length is from 0 to 1.
     Bar(f64, String),
-    /// Words that say whether all is well.
+    /// Words with a judgement.
     State(Mood, String),
     /// A small line over time.
     Spark(Vec<(f64, f64)>),
@@ -104,35 +104,35 @@ pub struct Picture {
     pub png: Vec<u8>,
     /// Pixels in a row, and rows.
     pub size: [u32; 2],
-    /// What it shows, for those who do not see it.
+    /// The alternative text.
     pub alt: String,
-    /// What is to be said about it.
+    /// The caption.
     pub caption: String,
 }
 
 impl Section {
-    /// A section with nothing shown yet.
+    /// A section without blocks.
     ///
     /// # Errors
-    /// Its figures are no JSON.
+    /// The figures cannot be written as JSON.
     pub fn new(id: &'static str, title: &'static str, figures: &impl Serialize) -> Result<Self, ReportError> {
         let figures = serde_json::to_value(figures).map_err(ReportError::Figures)?;
         Ok(Self { id, title, figures, blocks: Vec::new(), missing: None })
     }
 
-    /// The section with another block.
+    /// The section with a further block.
     pub fn with(mut self, block: Block) -> Self {
         self.blocks.push(block);
         self
     }
 
-    /// The section with nothing to show, and why.
+    /// The section without blocks, and the reason.
     pub fn nothing(mut self, why: &str) -> Self {
         self.missing = Some(why.to_owned());
         self
     }
 
-    /// Every number of the section: its figures, and the points of its charts.
+    /// The section as JSON: its figures, and the points of its charts.
     pub fn to_json(&self) -> Value {
         let charts = self.blocks.iter().filter_map(|block| match block {
             Block::Chart(chart, _) => Some(json!(chart)),
@@ -180,7 +180,7 @@ impl Tile {
         Self { name: name.to_owned(), value: value.into(), mood: Mood::Plain }
     }
 
-    /// A word that says whether all is well.
+    /// A word with a judgement.
     pub fn state(name: &str, value: impl Into<String>, good: bool) -> Self {
         let mood = if good { Mood::Good } else { Mood::Bad };
         Self { name: name.to_owned(), value: value.into(), mood }

@@ -4,34 +4,34 @@ use serde::Serialize;
 
 use super::numbers::fixed;
 
-/// What counts as one, in mm and in degrees: what the dissertation's system is held to.
+/// The units of the ranking, mm and degrees: the tolerances of the dissertation's system.
 const PARTS: [f64; 2] = [0.5, 0.2];
 
-/// A controller that held something.
+/// A controller with at least one target that it held.
 #[derive(Clone, Debug)]
 pub struct Contender {
     /// Its name.
     pub controller: String,
     /// Its kind, where it is known.
     pub law: Option<String>,
-    /// What the person does on its rig, and the seed of that.
+    /// The motion of the person on its rig, and its seed.
     pub person: Option<String>,
-    /// By channel: whether it is a length, and the root mean square of what was left, in mm or degrees.
+    /// By channel: whether it is a length, and the root mean square of the remaining error, in mm or degrees.
     pub held: Vec<(bool, f64)>,
 }
 
-/// How near a controller held its target.
+/// How closely a controller held its target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rank {
     /// Its name.
     pub controller: String,
     /// Its kind, where it is known.
     pub law: Option<String>,
-    /// Root mean square over the channels of what was left, in parts of 0.5 mm and 0.2 degrees.
+    /// Root mean square of the remaining error over the channels, in units of 0.5 mm and 0.2 degrees.
     pub held: f64,
 }
 
-/// The nearest first; none where there is one alone, for it is the nearest to nobody.
+/// The controllers, the closest first; empty if there is only one controller, because a ranking needs two.
 pub fn ranking(contenders: &[Contender]) -> Vec<Rank> {
     let parts = |c: &Contender| {
         let squares = c.held.iter().map(|(length, rms)| (rms / PARTS[usize::from(!length)]).powi(2));
@@ -43,7 +43,7 @@ pub fn ranking(contenders: &[Contender]) -> Vec<Rank> {
     if all.len() > 1 { all } else { Vec::new() }
 }
 
-/// The ranking in words, with whether it is one on the same disturbances.
+/// The ranking in words, and whether all controllers had the same disturbances.
 pub fn said(ranking: &[Rank], contenders: &[Contender]) -> Option<String> {
     let [first, others @ ..] = ranking else { return None };
     let named = |r: &Rank| match &r.law {
@@ -54,11 +54,12 @@ pub fn said(ranking: &[Rank], contenders: &[Contender]) -> Option<String> {
     let mut people: Vec<Option<&str>> = contenders.iter().map(|c| c.person.as_deref()).collect();
     people.dedup();
     let people = match people.as_slice() {
-        [Some(person)] => format!("On the same person ({person})"),
-        _ => "On persons who differ, or of whom nothing is known,".to_owned(),
+        [Some(person)] => format!("With the same person ({person}),"),
+        _ => "With persons who differ or are not known,".to_owned(),
     };
     Some(format!(
-        "{people} the nearest to its target over all channels, in parts of 0.5 mm and 0.2 degrees, is {}; then come {others}.",
+        "{people} the controller closest to its target over all channels, in units of 0.5 mm and 0.2 degrees, is {}; the \
+         others follow: {others}.",
         named(first)
     ))
 }
@@ -80,13 +81,13 @@ mod tests {
         assert_eq!([found[0].controller.as_str(), found[1].controller.as_str()], ["pi", "mrac"]);
         assert!((found[0].held - 0.2).abs() < 1e-12 && (found[1].held - 1.0).abs() < 1e-12, "{found:?}");
         let words = said(&found, &all).unwrap();
-        assert!(words.starts_with("On the same person (nods, seed 7) the nearest"), "{words}");
+        assert!(words.starts_with("With the same person (nods, seed 7), the controller closest"), "{words}");
         assert!(
-            words.ends_with("is pi (control.pi, 0.200); then come mrac (control.mrac, 1.000)."),
+            words.ends_with("is pi (control.pi, 0.200); the others follow: mrac (control.mrac, 1.000)."),
             "{words}"
         );
         let others = [all[0].clone(), one("pi", 0.1, 0.04, "nods, seed 8")];
-        assert!(said(&found, &others).unwrap().starts_with("On persons who differ"));
+        assert!(said(&found, &others).unwrap().starts_with("With persons who differ"));
         assert!(ranking(&all[..1]).is_empty() && said(&[], &all).is_none());
     }
 }

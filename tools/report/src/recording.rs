@@ -1,5 +1,5 @@
-//! What a report needs of a session, read in one pass: the small samples as rows over time. Images and clouds are left
-//! where they are.
+//! The data of a session that a report needs, read in one pass: small samples as series over time. Images and clouds are
+//! not read.
 
 use std::path::{Path, PathBuf};
 
@@ -17,16 +17,16 @@ use super::thinned::Thinned;
 use super::wiring::Wiring;
 use crate::far_end::{FarEnds, doing};
 
-/// Samples that could not be read and are shown; more are counted.
+/// Number of unreadable samples whose reasons are kept; the others are only counted.
 const UNREADABLE_SHOWN: usize = 10;
 
-/// A session with what a report needs of it.
+/// A session with the data that a report needs.
 pub struct Recording<'s> {
     /// The session.
     pub session: &'s Session,
-    /// Where it is.
+    /// Its path.
     pub path: PathBuf,
-    /// Who feeds whom.
+    /// Its operators and edges.
     pub wiring: Wiring,
     /// First and last time of its journals, ns.
     pub span: [u64; 2],
@@ -34,25 +34,25 @@ pub struct Recording<'s> {
     pub signals: Vec<Signal>,
     /// Diagnostics.
     pub metrics: Vec<Metrics>,
-    /// What was said of sensors, where it changed.
+    /// Verdicts on sensors, at each change.
     pub verdicts: Vec<Verdict>,
-    /// What pose estimates said of themselves.
+    /// Reports of pose estimates.
     pub alignments: Vec<Alignments>,
     /// Targets.
     pub targets: Vec<Aims>,
     /// Duties of valves.
     pub duties: Vec<Orders>,
-    /// What gates of the beam said.
+    /// States of the gates of beams.
     pub gates: Vec<Gates>,
     /// Far ends of valves and beam.
     pub far_ends: Vec<FarEnds>,
-    /// Pressures, as a rig has them or as actuation estimates them.
+    /// Pressures, true ones of a rig or estimates of actuation.
     pub pressures: Vec<Pressures>,
-    /// States of actuation and of rigs, where they changed.
+    /// States of actuation and of rigs, at each change.
     pub states: Vec<Verdict>,
-    /// Frames that gave no result.
+    /// Frames without a result.
     pub refusals: Thinned<Refusal>,
-    /// Why samples could not be read, the first of them; and how many could not.
+    /// The first reasons why samples could not be read, and the number of these samples.
     pub unreadable: (Vec<String>, u64),
 }
 
@@ -109,7 +109,7 @@ impl<'s> Recording<'s> {
         recording
     }
 
-    /// Makes room for the samples of a topic.
+    /// Creates the series for the samples of a topic.
     fn open(&mut self, topic: &Topic) -> Option<usize> {
         if is_any_of(topic, &[Pose::KIND, Track::KIND]) {
             self.signals.push(Signal {
@@ -160,7 +160,7 @@ impl<'s> Recording<'s> {
         None
     }
 
-    /// A track that is made of tracks is fused.
+    /// The part of a topic. A track that is computed from tracks is fused.
     fn part(&self, topic: &Topic) -> Part {
         if is_any_of(topic, &[Pose::KIND]) {
             return if topic.name.ends_with(".truth") { Part::Truth } else { Part::Raw };
@@ -287,13 +287,13 @@ impl<'s> Recording<'s> {
         self.span[1].saturating_sub(self.span[0]) as f64 * 1e-9
     }
 
-    /// The signals that are a part of the estimate.
+    /// The signals of this part that have samples.
     pub fn signals_of(&self, part: Part) -> impl Iterator<Item = &Signal> {
         self.signals.iter().filter(move |s| s.part == part && !s.states.items().is_empty())
     }
 
-    /// The truth of an estimate: that of the rig whose images it is made of, in its frame; where no rig can be told, the
-    /// first truth in its frame.
+    /// The truth of an estimate: the truth in its frame that comes from the rig upstream; if no such rig is found, the first
+    /// truth in its frame.
     pub fn truth_of(&self, estimate: &Signal) -> Option<&Signal> {
         let upstream = self.wiring.upstream(&estimate.topic);
         let makes = |truth: &&Signal| {
@@ -304,7 +304,7 @@ impl<'s> Recording<'s> {
         of_frame().find(makes).or_else(|| of_frame().next())
     }
 
-    /// Whether only one of several samples was kept of some topic.
+    /// Whether a series keeps only one of several samples.
     pub fn is_thinned(&self) -> bool {
         self.signals.iter().any(|s| s.states.stride() > 1)
             || self.metrics.iter().flat_map(|m| &m.values).any(|(_, v)| v.stride() > 1)
@@ -327,18 +327,18 @@ const READ: &[&SampleKind] = &[
     Rejection::KIND,
 ];
 
-/// Whether the samples of a topic are of one of these kinds, as this build has them.
+/// Whether the samples of a topic are of one of these kinds, in the layout of this build.
 pub fn is_any_of(topic: &Topic, kinds: &[&SampleKind]) -> bool {
     topic.kind.kind().is_some_and(|kind| kinds.iter().any(|k| **k == *kind))
 }
 
-/// First and last time of the journals; where there are none, nothing.
+/// First and last time of the journals; zeros if there are no journals.
 fn span(session: &Session) -> [u64; 2] {
     let stamps = || session.journals().values().flatten().map(|e| e.header.stamp).filter(|t| *t < u64::MAX);
     [stamps().min().unwrap_or(0), stamps().max().unwrap_or(0)]
 }
 
-/// Notes what is said of one of a topic's things where it differs from what was said of it last.
+/// Adds a verdict if it differs from the last verdict on the same sensor of the same topic.
 fn note(verdicts: &mut Vec<Verdict>, topic: &str, sensor: &str, reason: &str, since: u64) {
     let last = verdicts.iter().rev().find(|v| v.topic == topic && v.sensor == sensor);
     if last.is_none_or(|v| v.reason != reason) && verdicts.len() < super::thinned::MOST {
@@ -347,7 +347,7 @@ fn note(verdicts: &mut Vec<Verdict>, topic: &str, sensor: &str, reason: &str, si
     }
 }
 
-/// A state, and why where there is a reason.
+/// A state with its reasons, if there are any.
 fn with_reasons(state: &str, why: &str) -> String {
     if why.is_empty() { state.to_owned() } else { format!("{state}: {why}") }
 }

@@ -1,4 +1,4 @@
-//! Frames of a run that gave no result, such as a face, and why, out of a session.
+//! Frames of a session without a result, such as a face, and the reasons.
 
 use std::collections::BTreeMap;
 
@@ -8,20 +8,20 @@ use stillpoint_pipeline::live::RunReport;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{Pieces, RefKind, Rejection, Sample};
 
-/// Frames of which an operator made nothing.
+/// The frames for which an operator found no result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Refused {
     /// The operator.
     pub operator: String,
-    /// What it makes of a frame: the name of its first output.
+    /// The name of the result: the first output of the operator.
     pub result: String,
-    /// Frames that it was given.
+    /// Frames that the operator received.
     pub frames: u64,
     /// Frames without a result.
     pub refused: u64,
-    /// The topic that says why of each.
+    /// The topic with the reason of each refusal.
     pub topic: String,
-    /// The commonest reason, in the words of its first frame, and how many frames had it; where the session keeps them.
+    /// The most frequent reason, in the words of its first frame, with its count; none if the session keeps no reasons.
     pub reason: Option<(String, u64)>,
 }
 
@@ -37,7 +37,7 @@ impl std::fmt::Display for Refused {
     }
 }
 
-/// The operators that refused frames, by their journals, with the reasons that the session keeps.
+/// The operators that refused frames, according to their journals, with the reasons that the session keeps.
 pub fn of_session(session: &Session, graph: &Graph, report: &RunReport) -> Vec<Refused> {
     let mut reasons = reasons(session);
     let refused = |node: &OperatorNode| {
@@ -63,7 +63,7 @@ pub fn of_session(session: &Session, graph: &Graph, report: &RunReport) -> Vec<R
     graph.operators.iter().filter_map(refused).collect()
 }
 
-/// How often which reason was given, by topic and code: one reason has one code, and other numbers in its words each time.
+/// Counts of the reasons by topic and code. A reason has one code, but the numbers in its words differ each time.
 fn reasons(session: &Session) -> BTreeMap<String, BTreeMap<u32, (String, u64)>> {
     let mut reasons: BTreeMap<String, BTreeMap<u32, (String, u64)>> = BTreeMap::new();
     for recorded in session.samples_where(|t| t.type_name == Rejection::KIND.type_name()).flatten() {

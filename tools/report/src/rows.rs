@@ -10,24 +10,24 @@ use stillpoint_track::PoseNumbers;
 use super::thinned::Thinned;
 use crate::target_refusals::Refusals;
 
-/// What a pose is to the estimate of a head.
+/// The role of a pose in the estimation of a head.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Part {
-    /// Where the head really is.
+    /// The true pose of the head.
     Truth,
     /// A measurement.
     Raw,
-    /// A measurement behind a filter.
+    /// A filtered measurement.
     Filtered,
-    /// Several tracks as one.
+    /// A track that is fused from several tracks.
     Fused,
 }
 
 /// A pose or a track at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct State {
-    /// When what is behind it was acquired, ns.
+    /// Acquisition time of the data behind it, ns.
     pub origin: u64,
     /// x, y, z in m, pitch, roll, yaw in rad; NaN where not known.
     pub channels: [f64; 6],
@@ -39,7 +39,7 @@ pub struct State {
     pub standing: Standing,
 }
 
-/// What the last sample of a track says of its filter.
+/// The state of a filter in the last sample of its track.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracking {
     /// The channels of the filter, a bit each.
@@ -63,7 +63,7 @@ pub struct Signal {
     pub topic: String,
     /// Its frame.
     pub frame: Option<String>,
-    /// What it is to the estimate.
+    /// Its role.
     pub part: Part,
     /// Its samples.
     pub states: Thinned<State>,

@@ -7,18 +7,18 @@ use stillpoint_pipeline::session_files::SessionFiles;
 use stillpoint_pipeline::spec::{self, Faults};
 use stillpoint_recorder::Session;
 
-/// Why the pipeline of a session cannot be had.
+/// Why the pipeline of a session cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionPipelineError {
     /// The session has no such attachment.
     #[error("the session keeps no {0}: it is no session of stillpoint, or its start is lost")]
     Missing(&'static str),
-    /// An attachment is not what it should be.
+    /// An attachment cannot be read.
     #[error("{name} of the session: {reason}")]
     Unreadable {
         /// Name of the attachment.
         name: &'static str,
-        /// What is wrong with it.
+        /// Why.
         reason: String,
     },
     /// The pipeline has faults for this build.

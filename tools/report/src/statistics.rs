@@ -1,24 +1,24 @@
-//! Statistics of plain numbers.
+//! Statistics of numbers.
 
 use serde::Serialize;
 
-/// Numbers of one thing, summed up.
+/// A summary of numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// How many.
+    /// Count.
     pub count: usize,
     /// Median.
     pub p50: Option<f64>,
-    /// 90 % are not larger.
+    /// 90 % quantile.
     pub p90: Option<f64>,
-    /// 99 % are not larger.
+    /// 99 % quantile.
     pub p99: Option<f64>,
-    /// The largest.
+    /// Maximum.
     pub max: Option<f64>,
 }
 
 impl Spread {
-    /// Of these numbers; those that are not finite do not count.
+    /// The summary of the finite numbers among these.
     pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -32,7 +32,7 @@ impl Spread {
     }
 }
 
-/// The smallest number that a part `q` of the numbers, sorted, does not exceed.
+/// The `q` quantile of sorted numbers: the smallest number that a fraction `q` of them does not exceed.
 pub fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
     let rank = (q * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
@@ -88,7 +88,7 @@ impl Histogram {
     }
 }
 
-/// At most about `most` points of a line: of each stretch the lowest and the highest, so that no peak is lost.
+/// At most about `most` points of a line: the minimum and the maximum of each stretch, so that no peak is lost.
 pub fn for_a_line(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     if points.len() <= most.max(4) {
         return points.to_vec();
@@ -109,7 +109,7 @@ pub fn for_a_line(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     drawn
 }
 
-/// At most `most` points of a cloud of dots, evenly taken.
+/// At most `most` points of a cloud of dots, evenly spaced.
 pub fn for_dots(points: &[(f64, f64)], most: usize) -> Vec<(f64, f64)> {
     let stride = points.len().div_ceil(most.max(1)).max(1);
     points.iter().filter(|p| p.1.is_finite()).step_by(stride).copied().collect()

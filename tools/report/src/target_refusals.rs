@@ -1,32 +1,32 @@
-//! Targets that were asked for and refused, out of the samples of a target.
+//! Refused targets, from the samples of a target operator.
 
 use serde::Serialize;
 use stillpoint_samples::{Refusal, TargetElement};
 
 /// Refusals that are kept one by one; more are counted.
 const KEPT: usize = 1000;
-/// The channels, as bits number them.
+/// The channels in the order of their bits.
 pub const CHANNELS: [&str; 6] = ["x", "y", "z", "pitch", "roll", "yaw"];
 
-/// What was asked for and refused.
+/// The refused targets of one operator.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Refusals {
     /// Targets that were asked for.
     pub asked: u32,
-    /// Those of them that were refused.
+    /// Targets that were refused.
     pub refused: u64,
-    /// The first of these.
+    /// The first refused targets.
     pub each: Vec<RefusedTarget>,
-    /// Whether the last that was asked for was refused: the one before it stands.
+    /// Whether the last target was refused, so that the previous one is still valid.
     pub stands_refused: bool,
-    /// Why the last was refused that was.
+    /// Why the last refused target was refused.
     pub why: Option<String>,
 }
 
 /// A target that was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct RefusedTarget {
-    /// When it was known, ns.
+    /// Time of the refusal, ns.
     pub stamp: u64,
     /// Why, and in which channels.
     pub why: String,
@@ -51,17 +51,17 @@ impl Refusals {
         }
     }
 
-    /// What became of what was asked for, where some of it was refused.
+    /// A sentence about the refusals, if there were any.
     pub fn said(&self) -> Option<String> {
         let why = self.why.as_ref()?;
         let Self { asked, refused, .. } = self;
-        Some(format!("{refused} of {asked} targets asked for refused, the last because {why}"))
+        Some(format!("{refused} of {asked} targets were refused, the last because {why}"))
     }
 }
 
 /// Why a target was refused, and in which channels.
 pub fn words(target: &TargetElement) -> String {
-    let why = Refusal::of(target.refusal).map_or("of a reason that this build does not know", Refusal::words);
+    let why = Refusal::of(target.refusal).map_or("of a reason that is unknown to this build", Refusal::words);
     let bits = target.unreachable;
     let channels: Vec<_> =
         CHANNELS.iter().enumerate().filter(|(i, _)| bits >> i & 1 == 1).map(|(_, c)| *c).collect();
@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(found.each[0], RefusedTarget { stamp: 2, why: "it cannot be reached (z, pitch)".into() });
         assert_eq!(
             found.said().unwrap(),
-            "2 of 4 targets asked for refused, the last because it needs one value for each channel that is held"
+            "2 of 4 targets were refused, the last because it needs one value for each channel that is held"
         );
     }
 }

@@ -1,9 +1,9 @@
-//! A long row of things in bounded memory: when it is full, every second one is let go.
+//! A long series in bounded memory: when it is full, every second item is dropped.
 
-/// Things that are kept of one topic. A row that would be longer is kept with gaps of equal length.
+/// Maximum number of items of a series. A longer series keeps every n-th item.
 pub const MOST: usize = 100_000;
 
-/// The first, and from then on every `stride`-th of the things that were pushed.
+/// The first item and every `stride`-th item after it.
 #[derive(Clone, Debug)]
 pub struct Thinned<T> {
     kept: Vec<T>,
@@ -19,12 +19,12 @@ impl<T> Default for Thinned<T> {
 }
 
 impl<T> Thinned<T> {
-    /// An empty row that keeps at most this many, at least two.
+    /// An empty series that keeps at most this many items, at least two.
     pub fn with_room(most: usize) -> Self {
         Self { kept: Vec::new(), stride: 1, seen: 0, most: most.max(2) }
     }
 
-    /// Takes the next one.
+    /// Takes the next item.
     pub fn push(&mut self, item: T) {
         let number = self.seen;
         self.seen += 1;
@@ -45,22 +45,22 @@ impl<T> Thinned<T> {
         self.kept.push(item);
     }
 
-    /// Those that were kept, in their order.
+    /// The items that were kept, in their order.
     pub fn items(&self) -> &[T] {
         &self.kept
     }
 
-    /// The same, to be put in another order.
+    /// The items that were kept, to be reordered.
     pub fn items_mut(&mut self) -> &mut [T] {
         &mut self.kept
     }
 
-    /// How many were pushed.
+    /// Number of items that were pushed.
     pub fn seen(&self) -> u64 {
         self.seen
     }
 
-    /// One of how many was kept.
+    /// One item of this many was kept.
     pub fn stride(&self) -> u64 {
         self.stride
     }

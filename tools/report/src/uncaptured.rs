@@ -1,4 +1,4 @@
-//! Trackers that no reference was captured for, out of a session: they had no pose.
+//! Trackers of a session without a captured reference, and therefore without a pose.
 
 use std::collections::BTreeMap;
 
@@ -7,18 +7,18 @@ use stillpoint_pipeline::graph::Graph;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{ConsoleCommand, Pieces, PoseReport, PoseStatus, Sample};
 
-/// A tracker that waited for a capture until the end.
+/// A tracker that waited for a capture until the end of the session.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Uncaptured {
     /// The operator.
     pub operator: String,
     /// Frames that it reported on.
     pub frames: u64,
-    /// Frames that were to become the reference, and were not fit for it.
+    /// Frames that were captured and refused as a reference.
     pub unfit: u64,
     /// Frames without a face.
     pub without_a_face: u64,
-    /// The topic on which it hears commands, where it is connected to one.
+    /// The topic of its commands, if it is connected to one.
     pub command: Option<String>,
 }
 
@@ -27,7 +27,7 @@ impl std::fmt::Display for Uncaptured {
         let Self { operator, frames, unfit, without_a_face, command } = self;
         write!(f, "{operator}: NO REFERENCE was captured, so none of {frames} frames has a pose")?;
         match (unfit, command) {
-            (1.., _) => write!(f, "; {unfit} of them were not fit for one")?,
+            (1.., _) => write!(f, "; {unfit} of them were refused as a reference")?,
             (0, Some(topic)) => write!(f, ": stillpoint send {topic} takes the next face")?,
             (0, None) => {}
         }
@@ -35,7 +35,7 @@ impl std::fmt::Display for Uncaptured {
     }
 }
 
-/// Those of the session's trackers that never had a reference, by the reports that it keeps.
+/// The trackers of a session that never had a reference, according to their recorded reports.
 pub fn of_session(session: &Session, graph: &Graph) -> Vec<Uncaptured> {
     let topics = session.topics();
     let mut waiting: BTreeMap<usize, Option<Uncaptured>> = BTreeMap::new();

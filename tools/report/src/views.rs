@@ -1,5 +1,5 @@
-//! Images of a session with what was found in them. What the session does not hold of it is made again by a replay of
-//! the stages behind the images, up to the last image that is wanted.
+//! Images of a session with their detections. Detections that the session does not hold are computed by a replay of the
+//! operators behind the images, up to the last chosen image.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,30 +13,30 @@ use super::overlay::Image;
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
 
-/// Images of the begin of a session among which those that a replay makes again are chosen.
+/// Number of images at the start of a session from which images for a replay are chosen.
 pub const REPLAYED: usize = 150;
-/// Where a face, a plane and a hull are sought, and in whose images.
+/// A camera, and the operator that detects a face, a plane and a hull in its images.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// The operator that seeks.
+    /// The detecting operator.
     pub stage: String,
-    /// The topic of its images, or of its clouds where there are none.
+    /// The topic of its images; if there are no images, of its clouds.
     pub image: String,
     /// Topics of the results, by name of their kind.
     pub results: BTreeMap<&'static str, String>,
-    /// How many images it looked at.
+    /// Number of images that it received.
     pub looked_at: usize,
-    /// Of these, images that were refused.
+    /// Number of images that it refused.
     pub refused: usize,
-    /// The chosen ones.
+    /// The chosen images.
     pub views: Vec<View>,
-    /// Whether the results were made again.
+    /// Whether the results come from a replay.
     pub made_again: bool,
-    /// Why there are none, or fewer than there should be.
+    /// Why there are no chosen images, or fewer than requested.
     pub missing: Option<String>,
 }
 
-/// An image with what was found in it.
+/// An image with its detections.
 #[derive(Clone, Debug)]
 pub struct View {
     /// When it was acquired, ns.
@@ -160,7 +160,7 @@ fn fill(source: &Source<'_>, camera: &mut Camera) {
     }
 }
 
-/// Evenly spaced ones from the first to the last, and among them one that was refused where there is any.
+/// Evenly spaced images from the first to the last, with one refused image among them if there is any.
 fn chosen(origins: &[u64], most: usize, is_refused: impl Fn(&u64) -> bool) -> Vec<u64> {
     let count = most.min(origins.len());
     let place = |i: usize| if count > 1 { i * (origins.len() - 1) / (count - 1) } else { 0 };

@@ -1,4 +1,4 @@
-//! Who feeds whom, as the journals of a session say it. No kind of operator has to be known for that.
+//! The operators of a session and the edges between them, from its journals. The kinds need not be known to this build.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use stillpoint_recorder::{Role, Session};
 pub struct Stage {
     /// Name of the operator.
     pub name: String,
-    /// Topic of each input; empty where none feeds it.
+    /// Topic of each input; empty if the input is not connected.
     pub inputs: Vec<String>,
     /// Topic of each output.
     pub outputs: Vec<String>,
@@ -38,17 +38,17 @@ impl Wiring {
         &self.stages
     }
 
-    /// Who sends a topic, and on which of its outputs.
+    /// The operator that sends a topic, and the number of its output.
     pub fn producer(&self, topic: &str) -> Option<(&Stage, usize)> {
         self.stages.iter().find_map(|s| Some((s, s.outputs.iter().position(|o| o == topic)?)))
     }
 
-    /// Who takes a topic.
+    /// The operators that take a topic.
     pub fn consumers<'a>(&'a self, topic: &'a str) -> impl Iterator<Item = &'a Stage> {
         self.stages.iter().filter(move |s| s.inputs.iter().any(|i| i == topic))
     }
 
-    /// The topics that a topic is made of, the nearest first; itself first of all.
+    /// A topic and all topics upstream of it, the nearest first.
     pub fn upstream<'a>(&'a self, topic: &'a str) -> Vec<&'a str> {
         let (mut found, mut seen) = (vec![topic], BTreeSet::from([topic]));
         let mut at = 0;

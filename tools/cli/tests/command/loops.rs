@@ -119,7 +119,7 @@ fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     for line in [
         "far.state: venting, beam off; on 0 % (0.0 s)",
         "0 for the beam (forged",
-        "target.reference: 1 of 1 targets asked for refused, the last because it cannot be reached (z)",
+        "target.reference: 1 of 1 targets were refused, the last because it cannot be reached (z)",
     ] {
         assert!(text(&out.stdout).contains(line), "{line}: {}", text(&out.stdout));
     }

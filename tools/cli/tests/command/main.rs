@@ -301,7 +301,7 @@ fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
         (out.status.code(), text(&out.stdout))
     };
     let (code, said) = call(&["info"]);
-    assert!(code == Some(0) && said.contains("mend it with `stillpoint recover`"), "{said}");
+    assert!(code == Some(0) && said.contains("repair it with `stillpoint recover`"), "{said}");
     let (code, said) = call(&["recover", "--json"]);
     let mended: serde_json::Value = serde_json::from_str(&said).unwrap();
     assert_eq!((code, mended.as_array().unwrap().len()), (Some(0), 1), "{said}");

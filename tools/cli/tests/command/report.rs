@@ -246,7 +246,7 @@ fn a_tracker_that_waits_for_a_capture_until_the_end_is_named() {
 #[test]
 fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() {
     let folder = tempfile::tempdir().unwrap();
-    // A person asks twice to vent; then the target's topic, which is a fault of nobody, goes on.
+    // A person asks twice to vent, and resumes once.
     let script = "console.script=[{ at: 500 ms, say: capture }, { at: 1 s, say: confirm }, { at: 2 s, say: arm }, \
                   { at: 2500 ms, say: vent }, { at: 3 s, say: resume }, { at: 3500 ms, say: vent }]";
     let sets = [&SMALL_CAMERA[..], &[script]].concat();
@@ -322,7 +322,7 @@ fn a_session_without_truth_and_without_images_shows_the_rest() {
     let (session, _) = run(folder.path(), "examples/own-recording.yaml", "1s", &[]);
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
-    assert!(page.contains("no truth in this frame") && page.contains("there are no errors to state"));
+    assert!(page.contains("no truth in this frame") && page.contains("so there are no errors"));
     // The camera is found from the cloud that is made again from the files in the session.
     let camera = &json["sections"]["segmentation"]["figures"]["cameras"][0];
     assert_eq!(camera["shown"].as_array().unwrap().len(), 3, "{camera}");

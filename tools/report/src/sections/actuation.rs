@@ -1,4 +1,4 @@
-//! Pressures in bladders, and what actuation and the rig were at.
+//! Pressures in bladders, and the states of actuation and of the rig.
 
 use serde::Serialize;
 
@@ -19,7 +19,7 @@ const SHOWN: usize = 60;
 struct ActuationFigures {
     bladders: Vec<Bladder>,
     changes: Vec<Change>,
-    /// What became of the datagrams.
+    /// The figures of the far ends.
     far_ends: Vec<FarEnd>,
 }
 
@@ -57,7 +57,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         return Ok(section.nothing("The session has no pressures of bladders and no state of actuation."));
     }
     let columns = ["topic", "bladder", "least, kPa", "median", "99 %", "greatest"];
-    let mut table = Table::new("Pressure over that of the room.", &columns);
+    let mut table = Table::new("Pressure above ambient.", &columns);
     for b in &figures.bladders {
         let n = |v: Option<f64>| Cell::number(fixed(v, 3));
         table.row([
@@ -75,10 +75,10 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         section.blocks.push(Block::Table(datagrams(&figures.far_ends)));
     }
     let caption = match figures.changes.len().checked_sub(SHOWN) {
-        None | Some(0) => "Every change of state.".to_owned(),
-        Some(more) => format!("The first {SHOWN} changes of state; {more} more stand in --json."),
+        None | Some(0) => "All changes of state.".to_owned(),
+        Some(more) => format!("The first {SHOWN} changes of state; --json has {more} more."),
     };
-    let mut table = Table::new(caption, &["time, s", "topic", "state, and why"]);
+    let mut table = Table::new(caption, &["time, s", "topic", "state and reasons"]);
     for c in figures.changes.iter().take(SHOWN) {
         table.row([Cell::number(fixed(c.at_s, 3)), Cell::text(&c.topic), Cell::text(&c.state)]);
     }
@@ -88,7 +88,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
 fn datagrams(far_ends: &[FarEnd]) -> Table {
     let columns =
         ["far end", "at the end", "accepted", "refused", "refused, beam", "missing", "reasons of refusals"];
-    let mut table = Table::new("What the far end made of the datagrams.", &columns);
+    let mut table = Table::new("Datagrams at the far end.", &columns);
     for far in far_ends {
         table.row([
             Cell::text(&far.topic),

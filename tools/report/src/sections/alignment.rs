@@ -38,10 +38,10 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = AlignmentFigures { trackers: recording.alignments.iter().map(tracker).collect() };
     let mut section = Section::new("alignment", "Fit to the reference surface", &figures)?;
     if figures.trackers.is_empty() {
-        return Ok(section.nothing("The session keeps no report of a pose estimate."));
+        return Ok(section.nothing("The session has no reports of a pose estimate."));
     }
     for t in &figures.trackers {
-        let mut table = Table::new(t.topic.clone(), &["what became of a frame", "frames", "part"]);
+        let mut table = Table::new(t.topic.clone(), &["status of a frame", "frames", "fraction"]);
         for (name, frames) in &t.statuses {
             let is_good = matches!(*name, "captured" | "tracked" | "found");
             let mood = if is_good { Mood::Plain } else { Mood::Bad };
@@ -59,7 +59,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             )));
             continue;
         }
-        let mut table = Table::new("", &["of frames with a fit", "p50", "p99", "max"]);
+        let mut table = Table::new("Frames with a fit", &["quantity", "p50", "p99", "max"]);
         for (name, s, digits) in [
             ("residual, mm", &t.residual_mm, 3),
             ("overlap, part", &t.overlap, 3),

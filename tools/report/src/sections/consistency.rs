@@ -1,4 +1,4 @@
-//! Whether estimates claim what their errors are: NIS of filters, and NEES where the session has a truth.
+//! Consistency of estimates: NIS of filters, and NEES if the session has a truth.
 
 use serde::Serialize;
 use stillpoint_samples::Standing;

@@ -113,7 +113,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     if !figures.nearest.is_empty() {
         let said = figures.nearest.iter().map(|n| format!("{} {}", n.channel, n.controller));
         let said = said.collect::<Vec<_>>().join(", ");
-        section.blocks.push(Block::Text(format!("Least distance from the target while it stood: {said}.")));
+        section.blocks.push(Block::Text(format!("Smallest error while the target was constant: {said}.")));
     }
     section.blocks.extend(said(&figures.ranking, &contenders).map(Block::Text));
     charts.extend((0..6).filter_map(|channel| side_by_side(&loops, &ways, channel)));
@@ -264,7 +264,7 @@ fn contender(c: &Controller) -> Contender {
 
 fn efforts(controllers: &[Controller]) -> Table {
     let columns = ["controller", "law", "person", "compared with", "valves open", "saturated"];
-    let mut table = Table::new("What each acts on, and how many valves it had open on average.", &columns);
+    let mut table = Table::new("Inputs of each controller, and its average number of open valves.", &columns);
     for c in controllers {
         table.row([
             Cell::text(&c.controller),
@@ -292,7 +292,7 @@ fn answers(controllers: &[Controller]) -> Table {
         "rms from model",
         "unit",
     ];
-    let mut table = Table::new("By channel, side by side.", &columns);
+    let mut table = Table::new("Comparison by channel.", &columns);
     for channel in CHANNELS {
         let rows = controllers.iter().flat_map(|c| c.channels.iter().map(move |a| (c, a)));
         for (c, a) in rows.filter(|(_, a)| a.channel == channel) {

@@ -1,4 +1,4 @@
-//! What operators say about their work: every named number over time.
+//! Diagnostics of operators: every named number over time.
 
 use serde::Serialize;
 
@@ -58,7 +58,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = DiagnosticsFigures { topics: topics.collect() };
     let mut section = Section::new("diagnostics", "Diagnostics", &figures)?;
     if figures.topics.is_empty() {
-        return Ok(section.nothing("The session keeps no diagnostics."));
+        return Ok(section.nothing("The session has no diagnostics."));
     }
     let said = "A unit stands at the end of a name: _s for seconds, _m for metres. The small line goes from the least to \
                 the greatest value.";

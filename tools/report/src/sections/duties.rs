@@ -1,4 +1,4 @@
-//! How far valves were open: over time, and how often the law asked for more than there is.
+//! Openings of valves over time, and how often the law asked for more than full opening.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ use crate::recording::{Orders, Recording};
 use crate::source::Source;
 use crate::statistics::{Spread, for_a_line, mean};
 
-/// Valves in a chart: more lines would not be told apart.
+/// Maximum number of valves in a chart; more lines could not be distinguished.
 const IN_A_CHART: usize = 6;
 
 #[derive(Serialize)]
@@ -53,7 +53,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     for (t, orders) in figures.topics.iter().zip(&recording.duties) {
         let said = format!(
-            "{}: {} orders; idle in {}, with something out of order in {}.",
+            "{}: {} orders; idle in {}, with an irregularity in {}.",
             t.topic,
             count(t.orders),
             percent(t.idle),

@@ -1,4 +1,4 @@
-//! Errors of every estimate against the truth: figures, over time, and how often they are of which size.
+//! Errors of every estimate against the truth: figures, charts over time, and histograms.
 
 use serde::Serialize;
 
@@ -35,7 +35,7 @@ struct Binned {
 pub struct Compared<'r> {
     /// The estimate.
     pub signal: &'r Signal,
-    /// What comes of the comparison.
+    /// The comparison with the truth.
     pub found: Comparison,
 }
 
@@ -85,19 +85,19 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             histograms.push(Binned { topic, channel: name, unit, histogram });
         }
         let x = format!("error of {name}, {unit}");
-        let title = format!("How often: {name}");
+        let title = format!("Histogram of errors: {name}");
         let chart = Chart { title, x, y: "share of estimates, %".into(), series };
         charts.push(Block::Chart(chart, String::new()));
     }
     let figures = ErrorsFigures { errors, histograms, without_truth };
     let mut section = Section::new("errors", "Errors", &figures)?;
     if figures.errors.is_empty() {
-        return Ok(section.nothing("No estimate has a truth in its frame: there are no errors to state."));
+        return Ok(section.nothing("No estimate has a truth in its frame, so there are no errors."));
     }
     section.blocks.push(Block::Text(
-            "Estimate minus truth, the truth interpolated to the time of acquisition behind the estimate. The offset is \
-             their mean difference, of an estimate with six channels the mean rigid one; all other figures are of what \
-             is left."
+            "Estimate minus truth. The truth is interpolated to the acquisition time behind the estimate. The offset is \
+             the mean difference; for an estimate with six channels it is the mean rigid offset. All other figures are \
+             without the offset."
                 .into(),
     ));
     section.blocks.push(Block::Table(table(&figures.errors)));
@@ -147,8 +147,7 @@ fn table(errors: &[ErrorFigures]) -> Table {
         "unit",
     ];
     let mut table = Table::new(
-        "\"Claimed\" is the standard deviation that the estimate states of itself: beside \"rms\" it says whether it can be \
-         believed.",
+        "\"Claimed\" is the standard deviation that the estimate states. The claim is right if it equals \"rms\".",
         &columns,
     );
     for e in errors {

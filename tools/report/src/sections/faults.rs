@@ -1,4 +1,4 @@
-//! What went wrong: failed activations, restarts, what could not be kept or read, and how the session ended.
+//! Faults of a session: failed activations, restarts, lost and unreadable samples, and how the recording ended.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ const SHOWN: usize = 50;
 /// Metadata record that ends a session.
 const END: &str = "stillpoint.end";
 
-/// What went wrong in a session.
+/// The faults of a session.
 #[derive(Serialize)]
 pub struct Faults {
     /// Failed activations and restarts, in the order of time.
@@ -31,22 +31,22 @@ pub struct Faults {
     pub refusals: Vec<Refused>,
     /// How the recording ended.
     pub ended: String,
-    /// What the end of the session says.
+    /// The facts that the end of the session states.
     pub end: BTreeMap<String, String>,
-    /// Samples that cannot be read, and why the first of them.
+    /// Number of samples that cannot be read.
     pub unreadable: u64,
-    /// The first reasons.
+    /// The first reasons why samples cannot be read.
     pub unreadable_because: Vec<String>,
 }
 
-/// A failed activation, or the begin of a new life.
+/// A failed activation, or the start of a new incarnation.
 #[derive(Serialize)]
 pub struct Event {
     /// When, s since the session began.
     pub at_s: f64,
     /// The operator.
     pub operator: String,
-    /// Its life.
+    /// Its incarnation.
     pub incarnation: u32,
     /// What happened.
     pub what: String,
@@ -70,7 +70,7 @@ pub struct Refused {
     first_at_s: f64,
 }
 
-/// What went wrong.
+/// The faults of a recording.
 pub fn of(from: &Source<'_>) -> Faults {
     let recording = &from.recording;
     let session = recording.session;
@@ -104,7 +104,7 @@ fn events(recording: &Recording<'_>) -> Vec<Event> {
             let what = match (entry.cause(), entry.outcome()) {
                 (Some(Cause::Start), _) if entry.header.incarnation > 0 => {
                     let down = before.map_or(0, |b| entry.header.stamp.saturating_sub(b));
-                    Some(format!("began again, {:.1} ms after its last entry", down as f64 * 1e-6))
+                    Some(format!("restarted, {:.1} ms after its last entry", down as f64 * 1e-6))
                 }
                 (_, Some(Outcome::Error)) if is_activation(entry) => Some("returned an error".to_owned()),
                 (_, Some(Outcome::Panic)) if is_activation(entry) => Some("panicked".to_owned()),
@@ -143,7 +143,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let mut say = |block| section.blocks.push(block);
     say(Block::Text(format!("The recording ended {}.", faults.ended)));
     if faults.gaps.is_empty() {
-        say(Block::Text("The session is complete: everything that a replay needs is there.".into()));
+        say(Block::Text("The session is complete: it holds everything that a replay needs.".into()));
     } else {
         let mut table = Table::new(shown("Why the session is not complete", faults.gaps.len()), &["gap"]);
         faults.gaps.iter().take(SHOWN).for_each(|g| table.row([Cell::State(Mood::Bad, g.clone())]));
@@ -153,11 +153,11 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         let first = faults.unreadable_because.join("; ");
         let n = count(faults.unreadable);
         say(Block::Warning(format!(
-            "{n} samples cannot be read and are left out everywhere. The first: {first}"
+            "{n} samples cannot be read and are omitted from all sections. The first reason: {first}"
         )));
     }
     if faults.events.is_empty() {
-        say(Block::Text("No activation failed, and no operator began again.".into()));
+        say(Block::Text("No activation failed, and no operator was restarted.".into()));
     } else {
         let caption = shown("Failed activations and restarts", faults.events.len());
         let mut table = Table::new(caption, &["time, s", "operator", "life", "what happened"]);
@@ -201,7 +201,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let facts: Vec<String> =
         facts.map(|(name, value)| format!("{} {value}", name.trim_start_matches("fact."))).collect();
     if !facts.is_empty() {
-        say(Block::Text(format!("At its end the session says: {}.", facts.join(", "))));
+        say(Block::Text(format!("Facts at the end of the session: {}.", facts.join(", "))));
     }
     Ok(section)
 }
@@ -209,6 +209,6 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
 fn shown(what: &str, rows: usize) -> String {
     match rows.checked_sub(SHOWN) {
         None | Some(0) => what.to_owned(),
-        Some(more) => format!("{what}: the first {SHOWN}; {more} more stand in --json"),
+        Some(more) => format!("{what}: the first {SHOWN}; --json has {more} more"),
     }
 }

@@ -70,7 +70,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     let mut section = Section::new("filters", "Filters and fusion", &figures)?;
     if figures.filters.is_empty() && figures.fused.is_empty() {
-        let said = "The session has no filter with a recorded measurement, and no fused track, that a truth could judge.";
+        let said =
+            "The session has no filter with recorded measurements and no fused track that have a truth.";
         return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(format!(
@@ -223,7 +224,7 @@ fn filter_table(filters: &[Filter]) -> Table {
         ["filter", "of", "channel", "raw variance", "filtered", "unit", "reduction here", "of white noise"];
     let mut table = Table::new(
         "\"Reduction here\" is of the recorded errors: noise of neighbouring frames that goes together is not filtered away. \
-         \"Of white noise\" is that of the last gains that the filter used.",
+         \"Of white noise\" is the reduction by the last gains of the filter.",
         &columns,
     );
     for f in filters {
@@ -245,7 +246,7 @@ fn lag_table(filters: &[Filter]) -> Table {
     let columns = ["filter", "channel", "interval, ms", "lag in second 1, mm", "in second 2", "in second 6"];
     let mut table = Table::new(
         format!(
-            "Mean lag behind a ramp of {RAMP_MM_PER_S:.0} mm/s from rest, by the last gains that the filter used."
+            "Mean lag behind a ramp of {RAMP_MM_PER_S:.0} mm/s from rest, computed from the last gains of the filter."
         ),
         &columns,
     );

@@ -1,4 +1,4 @@
-//! The gate of the beam: when it was open, and what kept it shut.
+//! The gate of the beam: when the beam was allowed, and the reasons against it.
 
 use serde::Serialize;
 use stillpoint_samples::GateReason;
@@ -32,7 +32,7 @@ struct BeamOn {
 #[derive(Serialize)]
 struct Figured {
     topic: String,
-    /// Part of the time watched in which the beam was allowed, as the gate counts it.
+    /// Fraction of the observed time in which the beam was allowed, as counted by the gate.
     open: Option<f64>,
     open_s: f64,
     watched_s: f64,
@@ -74,7 +74,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             count(gate.leases),
             lengths(gate)
         )));
-        let mut table = Table::new("", &["reason against the beam", "part of the samples"]);
+        let mut table = Table::new("", &["reason against the beam", "fraction of the samples"]);
         for (reason, part) in &gate.reasons {
             table.row([Cell::text(*reason), Cell::Bar(*part, percent(*part))]);
         }
@@ -95,9 +95,9 @@ fn lengths(gate: &Figured) -> String {
     let seconds = |s: Option<f64>| fixed(s, 2);
     match gate.ended {
         0 => String::new(),
-        1 => format!("; the one that ended was held for {} s", seconds(gate.longest_s)),
+        1 => format!("; the lease that ended lasted {} s", seconds(gate.longest_s)),
         ended => format!(
-            "; the {} that ended were held for {} to {} s, half of them for {} s or more",
+            "; the {} leases that ended lasted {} to {} s, median {} s",
             count(ended as u64),
             seconds(gate.shortest_s),
             seconds(gate.longest_s),
@@ -175,14 +175,8 @@ mod tests {
         assert_eq!((found.ended, found.leases), (2, 3));
         let lengths = [found.shortest_s, found.median_s, found.longest_s];
         assert_eq!(lengths, [Some(1.0), Some(2.0), Some(2.0)]);
-        assert_eq!(
-            super::lengths(&found),
-            "; the 2 that ended were held for 1.00 to 2.00 s, half of them for 2.00 s or more"
-        );
-        assert_eq!(
-            super::lengths(&Figured { ended: 1, ..found }),
-            "; the one that ended was held for 2.00 s"
-        );
+        assert_eq!(super::lengths(&found), "; the 2 leases that ended lasted 1.00 to 2.00 s, median 2.00 s");
+        assert_eq!(super::lengths(&Figured { ended: 1, ..found }), "; the lease that ended lasted 2.00 s");
         assert_eq!(super::lengths(&figured(&Gates::default())), "");
     }
 }

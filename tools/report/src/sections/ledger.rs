@@ -91,7 +91,7 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
              their last entries is not in it."
         }
         From::Nowhere => {
-            "The session has no ledger, and its pipeline is not one of this build: none can be made."
+            "The session has no ledger, and this build cannot compute one because it cannot run the pipeline."
         }
     };
     let section = section.with(Block::Text(said.into()));

@@ -109,7 +109,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = OperatorsFigures { seconds: recording.length(), operators: of(recording) };
     let mut section = Section::new("operators", "Rates and latency", &figures)?;
     if figures.operators.is_empty() {
-        return Ok(section.nothing("The session has no journal: no rate and no latency is known."));
+        return Ok(section.nothing("The session has no journals, so rates and latencies are not known."));
     }
     section.blocks.push(Block::Text(
         "A step is the time from an activation to the sending of its outputs. The age is that of the oldest image behind \
@@ -118,7 +118,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     ));
     if figures.operators.iter().all(|o| o.step_ms.count == 0) {
         let said =
-            "This session was simulated without latencies, or is too short: steps took no session time.";
+            "Steps took no session time: the session was simulated without latencies, or it is too short.";
         section.blocks.push(Block::Text(said.into()));
     }
     section.blocks.push(Block::Table(table(&figures.operators)));
@@ -182,7 +182,7 @@ fn ages(recording: &Recording<'_>) -> Option<Block> {
     });
     let mut series: Vec<Series> = all.collect();
     series.drain(..series.len().saturating_sub(DRAWN));
-    let title = "Age of the images behind what the last operators sent".to_owned();
+    let title = "Age of the images behind the outputs of the last operators".to_owned();
     let chart = Chart { title, x: "time, s".into(), y: "age, ms".into(), series };
     (!chart.series.is_empty()).then(|| Block::Chart(chart, String::new()))
 }

@@ -1,4 +1,4 @@
-//! What was run with what: pipeline, parameters, seed, files, frames, build and processor.
+//! The provenance of a session: pipeline, parameters, seed, files, frames, build and processor.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ struct ProvenanceFigures {
     files: Vec<File>,
     frames: BTreeMap<String, String>,
     pipeline: Option<String>,
-    /// Why this build cannot run the pipeline, where it cannot.
+    /// Why this build cannot run the pipeline, if so.
     pipeline_is_foreign: Option<String>,
 }
 
@@ -36,7 +36,7 @@ struct File {
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = figures(from);
-    let mut section = Section::new("provenance", "What was run with what", &figures)?;
+    let mut section = Section::new("provenance", "Provenance", &figures)?;
     let mut say = |block| section.blocks.push(block);
     if let Some(reason) = &figures.pipeline_is_foreign {
         say(Block::Warning(format!("This build cannot run the session's pipeline: {reason}")));
@@ -49,7 +49,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     say(Block::Table(facts));
     if let Some(svg) = diagram::svg(&from.recording.wiring) {
-        say(Block::Drawing(svg, "Who feeds whom, from left to right. A dashed line goes back.".into()));
+        say(Block::Drawing(svg, "Operators and edges, from left to right. A dashed edge leads back.".into()));
     }
     if !figures.frames.is_empty() {
         let mut table = Table::new("Frames", &["frame", "where"]);
@@ -67,7 +67,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     }
     for (title, text) in [
         ("The pipeline as run", figures.pipeline.clone()),
-        ("Changed by --set", listed(&figures.sets)),
+        ("Parameters that --set overrode", listed(&figures.sets)),
         ("Every parameter, resolved", listed(&figures.params)),
         ("Features of the processor", figures.identity.get("cpu_features").cloned()),
     ] {
@@ -105,7 +105,7 @@ fn text(session: &Session, name: &str) -> Option<String> {
     session.attachments().get(name).map(|a| String::from_utf8_lossy(&a.bytes).into_owned())
 }
 
-/// What there is, a line each; `None` where there is nothing.
+/// The items, one per line; `None` if there are none.
 fn listed(value: &Value) -> Option<String> {
     match value {
         Value::Null => None,

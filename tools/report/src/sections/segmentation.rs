@@ -1,4 +1,4 @@
-//! What was cut out of the images: face, plane and hull upon them, and the frames that gave nothing.
+//! Face, plane and hull in the images, and the frames without a result.
 
 use serde::Serialize;
 
@@ -44,11 +44,11 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = SegmentationFigures { cameras: cameras.iter().map(|c| figures(c, at)).collect() };
     let mut section = Section::new("segmentation", "Segmentation", &figures)?;
     if cameras.is_empty() {
-        let said = "No operator of this session finds a plane or a hull in images that it holds.";
+        let said = "No operator of this session finds a plane or a hull in recorded images.";
         return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(
-        "Depth images as a relief, with the face in orange, the supporting plane in blue and its hull as a green line.".into(),
+        "Depth images as reliefs: the face is orange, the supporting plane is blue, and its hull is a green line.".into(),
     ));
     for (camera, figures) in cameras.iter().zip(&figures.cameras) {
         section.blocks.push(Block::Heading(format!("{} on {}", camera.stage, camera.image)));
@@ -59,7 +59,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         );
         if camera.made_again {
             said.push_str(
-                " The session does not hold all of images, faces, planes and hulls: a replay by this build made them again",
+                " The session does not hold all images, faces, planes and hulls; a replay by this build computed them",
             );
             if camera.looked_at > REPLAYED {
                 said.push_str(&format!(", among the first {REPLAYED} of them"));

@@ -1,4 +1,4 @@
-//! Which sensors stood behind a fused estimate, and why others did not.
+//! The sensors that a fused estimate used, and the reasons against the others.
 
 use std::collections::BTreeMap;
 
@@ -61,7 +61,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = SensorsFigures { sensors: sensors.collect(), changes: changes.collect() };
     let section = Section::new("sensors", "Sensors", &figures)?;
     if figures.sensors.is_empty() {
-        return Ok(section.nothing("The session keeps no health of sensors."));
+        return Ok(section.nothing("The session has no samples of the health of sensors."));
     }
     let mut sensors = Table::new("", &["topic", "sensor", "used", "changes"]);
     for s in &figures.sensors {
@@ -73,12 +73,12 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         ]);
     }
     let caption = match figures.changes.len().checked_sub(SHOWN) {
-        None | Some(0) => "Every change of what is said of a sensor.".to_owned(),
+        None | Some(0) => "All changes of the state of sensors.".to_owned(),
         Some(more) => {
-            format!("The first {SHOWN} changes of what is said of a sensor; {more} more stand in --json.")
+            format!("The first {SHOWN} changes of the state of sensors; --json has {more} more.")
         }
     };
-    let mut changes = Table::new(caption, &["time, s", "topic", "sensor", "from then on"]);
+    let mut changes = Table::new(caption, &["time, s", "topic", "sensor", "state from then on"]);
     for c in figures.changes.iter().take(SHOWN) {
         let mood = if c.reason == "used" { Mood::Good } else { Mood::Bad };
         changes.row([

@@ -41,12 +41,11 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let figures = StagesFigures { topics: timings().map(timing).collect() };
     let mut section = Section::new("stages", "Stages of a step", &figures)?;
     if figures.topics.is_empty() {
-        let said =
-            "No operator of this session has stages that were measured: a simulated run measures nothing.";
+        let said = "No operator of this session has measured stages. Only a live run measures them.";
         return Ok(section.nothing(said));
     }
     let mut table = Table::new(
-        "Wall time by stage, as the live run measured it.",
+        "Wall time by stage, measured in the live run.",
         &["topic", "stage", "measured", "p50, ms", "p90", "p99", "max", "share"],
     );
     for t in &figures.topics {

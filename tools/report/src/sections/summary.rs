@@ -74,8 +74,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     section.blocks.push(Block::Tiles(tiles(&figures, &accounts)));
     if figures.thinned {
         section.blocks.push(Block::Warning(
-            "The session is long: of its longest topics evenly spaced samples were kept for this report, and its figures \
-             are of those."
+            "The session is long. The figures of its longest topics are computed from evenly spaced samples."
                 .into(),
         ));
     }
@@ -94,7 +93,7 @@ fn tiles(f: &SummaryFigures, accounts: &ledger::Accounts) -> Vec<Tile> {
     let ledger = match (accounts.from, accounts.unexplained) {
         (ledger::From::Nowhere, _) => "none".to_owned(),
         (_, 0) if balanced => "balances".to_owned(),
-        (_, 0) => "of the journals alone".to_owned(),
+        (_, 0) => "from the journals only".to_owned(),
         (_, n) => format!("{} unexplained", count(n)),
     };
     tiles.push(Tile::state("ledger", ledger, balanced));

@@ -146,7 +146,7 @@ fn follow(
 }
 
 fn refusals(refused: &[Refused]) -> Table {
-    let mut table = Table::new("Targets that were asked for and refused.", &["target", "at, s", "why"]);
+    let mut table = Table::new("Refused targets.", &["target", "at, s", "reason"]);
     for r in refused {
         table.row([Cell::text(&r.target), Cell::number(fixed(r.at_s, 2)), Cell::text(&r.why)]);
     }
@@ -155,7 +155,7 @@ fn refusals(refused: &[Refused]) -> Table {
 
 fn following(channels: &[Followed]) -> Table {
     let columns = ["target", "estimate", "channel", "rms", "p50", "p99", "worst", "unit"];
-    let mut table = Table::new("Estimate minus the target that stood at its time.", &columns);
+    let mut table = Table::new("Estimate minus the target at the same time.", &columns);
     for c in channels {
         let n = |v: Option<f64>| Cell::number(fixed(v, 3));
         table.row([

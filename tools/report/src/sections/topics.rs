@@ -31,9 +31,11 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         topic: t.name.clone(),
         kind: match &t.kind {
             TopicKind::Known(kind) => kind.name.to_owned(),
-            TopicKind::Mapped { ours, .. } => format!("{} of another layout, mapped by name", ours.name),
-            TopicKind::Changed { ours, .. } => format!("{} of another layout: not read", ours.name),
-            TopicKind::Opaque => format!("{}: not a kind of this build", t.type_name),
+            TopicKind::Mapped { ours, .. } => {
+                format!("{} in a different layout, mapped by field name", ours.name)
+            }
+            TopicKind::Changed { ours, .. } => format!("{} in a different layout, not read", ours.name),
+            TopicKind::Opaque => format!("{}: type unknown to this build", t.type_name),
         },
         frame: t.frame.clone(),
         role: match t.role {
@@ -48,7 +50,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     });
     let figures = TopicsFigures { topics: topics.collect() };
     let mut table = Table::new(
-        "Sizes are those before compression. Sources and journals are what a replay needs; the rest it makes again.",
+        "Sizes are before compression. A replay needs the sources and the journals; it computes all other topics.",
         &["topic", "kind", "frame", "role", "samples", "Hz", "size"],
     );
     for t in &figures.topics {

@@ -56,11 +56,11 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         section.blocks.push(Block::Heading(format!("In the frame {name}")));
         section.blocks.push(Block::Text(match truth {
             Some(t) => format!(
-                "The truth is {}. Every estimate is drawn without its constant offset from the truth, which stands in \
-                 the table of errors: a camera tracks another point of the head than its origin.",
+                "The truth is {}. Every estimate is drawn without its constant offset from the truth, because a camera \
+                 tracks another point of the head than the origin of the truth. The table of errors states the offset.",
                 t.topic
             ),
-            None => "The session has no truth in this frame: the values are drawn as they are.".to_owned(),
+            None => "The session has no truth in this frame; the values are drawn unchanged.".to_owned(),
         }));
         section.blocks.extend((0..6).filter_map(|channel| chart(recording, &all, truth, channel)));
     }
@@ -89,7 +89,7 @@ fn figures(signal: &Signal) -> SignalFigures {
     }
 }
 
-/// One channel of all signals of a frame; `None` where nobody but the truth has it, as long as there is anyone else.
+/// A chart of one channel of all signals of a frame; `None` if only the truth has the channel although there are estimates.
 fn chart(
     recording: &Recording<'_>,
     all: &[&Signal],
