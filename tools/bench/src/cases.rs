@@ -1,9 +1,9 @@
-//! What may not be as it should be while the dissertation's step is made: masses, valves, leaks, supply, poses, frames.
+//! Disturbances and faults during the dissertation's step: masses, valves, leaks, supply, poses, frames.
 
-/// Something that is not as it should be.
+/// A disturbance or a fault.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What people call it.
+    /// Its name.
     pub name: String,
     /// Changes of the pipeline's text.
     pub changes: Vec<(String, String)>,
@@ -31,7 +31,7 @@ impl Case {
         Self { changes, ..Self::new(name) }
     }
 
-    /// All that are tried.
+    /// All cases.
     pub fn all() -> Vec<Self> {
         let mut all = vec![Self::new("nothing")];
         all.extend(

@@ -1,4 +1,4 @@
-//! One live run in which something dies, stops, breaks or is flooded, and what its session says about it.
+//! One live run with a fault, and the evidence of its session.
 
 use std::net::UdpSocket;
 use std::path::Path;
@@ -25,13 +25,13 @@ const CHANGES: &[(&str, &str)] = &[
 ];
 /// How long the effect of a fault is watched.
 const WATCHED: Duration = Duration::from_millis(700);
-/// The processes that stand for hardware which nobody else uses.
+/// The processes that stand for hardware with its own processors.
 const BEDSIDE: [&str; 2] = ["bedside", "rig"];
 /// Datagrams of a burst, and of each millisecond of a flood.
 const BURST: usize = 500;
 const FLOOD: usize = 200;
 
-/// What happens to a run.
+/// A fault of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// SIGKILL to this process.
@@ -40,7 +40,7 @@ pub enum Fault {
     Stop(&'static str),
     /// The camera falls silent.
     Silence,
-    /// The pose is no number any more.
+    /// The pose is not finite any more.
     Poison,
     /// Datagrams that nobody of this run has sent, at once.
     Garbage,
@@ -48,7 +48,7 @@ pub enum Fault {
     Flood,
 }
 
-/// What is due after a fault.
+/// The required reaction to a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Due {
@@ -83,7 +83,7 @@ impl Fault {
         Self::Flood,
     ];
 
-    /// What it is called.
+    /// Its name.
     pub fn name(self) -> String {
         match self {
             Self::Kill(process) => format!("kill-{process}"),
@@ -95,7 +95,7 @@ impl Fault {
         }
     }
 
-    /// What is due after it.
+    /// The required reaction.
     pub fn due(self) -> Due {
         match self {
             Self::Kill("control" | SUPERVISOR) | Self::Stop("control") => Due::OrdersEnd,

@@ -1,4 +1,4 @@
-//! `stillpoint bench loop`: how long it takes from an image to the datagram that it has moved, in a live run.
+//! `stillpoint bench loop`: the latency of a live run from an image to the datagram that depends on it.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -16,23 +16,23 @@ use super::program::{self, Program};
 use stillpoint::Attached;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// The operators behind the image: who estimates, who decides, who sends; and the input that the one before feeds.
+/// The operators downstream of the image (estimate, control, send), each with the input that the previous one feeds.
 const CHAIN: [(&str, &str); 3] = [("filter", "measurement"), ("law", "state"), ("valves", "command")];
-/// How often journals are read: their buffers hold many times as much.
+/// Interval at which journals are read; their buffers hold many times as much.
 const READ: Duration = Duration::from_millis(20);
 
-/// Run the default pipeline live, and say from its journals how long it took from the acquisition of each image to the
-/// first datagram for the valves that could know of it: to the filter, to the controller, and until it was sent. Runs
-/// with and without recording take turns.
+/// Run the default pipeline live, and report from its journals the latency from the acquisition of each image to the first
+/// datagram for the valves that depends on it: to the filter, to the controller, and until the datagram was sent. Runs with
+/// and without recording alternate.
 #[derive(Args)]
 pub struct ClosedLoop {
     /// Length of a run, s.
     #[arg(long, default_value_t = 30, value_parser = super::at_least::<u64>(1))]
     seconds: u64,
-    /// Runs of each.
+    /// Number of runs with recording, and of runs without.
     #[arg(long, default_value_t = 3, value_parser = super::at_least::<usize>(1))]
     rounds: usize,
-    /// A short look: one run of 5 s of each.
+    /// A short measurement: one run of 5 s of each kind.
     #[arg(long)]
     quick: bool,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! One simulated run of the head on three bladders, from camera to valve, and what of it is kept.
+//! One simulated run of the head on three bladders, from camera to valve, and its figures.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;

@@ -1,16 +1,16 @@
-//! Runs that know nothing of each other, some at a time. Their results come in the order of the runs.
+//! Independent runs in several threads. Their results come in the order of the runs.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use stillpoint::Failure;
 
-/// Threads that a bench takes where nobody says how many.
+/// Default number of threads of a measurement.
 pub fn threads(asked: Option<usize>) -> usize {
     asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into))
 }
 
-/// Does `work` for each of `jobs` in so many threads, and says on standard error how far it is.
+/// Executes `work` for each of `jobs` in this number of threads, and shows the progress on standard error.
 pub fn each<J: Sync, R: Send>(
     jobs: &[J],
     threads: usize,

@@ -1,4 +1,4 @@
-//! `stillpoint bench failsafe`: how long it takes from the last order to the safe state when something dies or stops.
+//! `stillpoint bench failsafe`: the time from the last order to the safe state after a fault.
 
 use std::path::Path;
 
@@ -16,27 +16,27 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 const LIMIT_MS: f64 = 100.0;
 /// How long a pose is fresh: three frame periods, ms.
 const FRESH_MS: f64 = 300.0;
-/// Far end and rig stand for hardware that nobody else uses: a trial in which they stood still, and by the kernel's count
-/// waited for a core, for so long says nothing about them. It is made again, up to so many times as often as is asked for.
+/// Far end and rig stand for hardware with its own processors. If they stood still for this time while, by the count of the
+/// kernel, they waited for a core, the trial is not valid. It is repeated, up to this factor times the requested trials.
 const STOOD_MS: f64 = 10.0;
 const TRIES: usize = 3;
 
-/// Run the default pipeline, live, and kill or stop one of its processes, silence its camera, poison its pose or flood
-/// it with datagrams, at a random moment; then say from the session how long it took from the last order that arrived,
-/// or from when the pose was stale, until the far end vented and the rig's valves were safe: inlets shut, outlets open.
-/// The session has to say why, and what comes back has to be followed without a jump of the duties.
+/// Run the default pipeline live, and cause a fault at a random moment: kill or stop a process, silence the camera, make the
+/// pose non-finite, or flood the run with datagrams. Report from the session the time from the last order that arrived, or
+/// from when the pose was stale, until the far end vented and the valves of the rig were safe: inlets shut, outlets open.
+/// The session has to state the reason, and after the fault the valves have to follow without a jump of the duties.
 #[derive(Args)]
 pub struct Failsafe {
-    /// Trials of each fault.
+    /// Number of trials of each fault.
     #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
     trials: usize,
-    /// One fault alone, as the table calls it.
+    /// Try only this fault, by its name in the table.
     #[arg(long, value_name = "FAULT")]
     fault: Option<String>,
-    /// Faults that are tried at a time, each on a run of its own.
+    /// Number of faults that are tried at the same time, each in a separate run.
     #[arg(long, default_value_t = 1, value_parser = super::at_least::<usize>(1))]
     threads: usize,
-    /// A short look: one trial of each.
+    /// A short measurement: one trial of each fault.
     #[arg(long)]
     quick: bool,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! Quantiles, medians of ratios, and how they are shown.
+//! Quantiles, medians of ratios, and their text.
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ pub struct Ages {
 }
 
 impl Ages {
-    /// Takes ages as a sink sends them: by twos.
+    /// Takes ages as a sink sends them: in pairs.
     pub fn take(&mut self, pairs: impl IntoIterator<Item = u64>) {
         for (i, age) in pairs.into_iter().enumerate() {
             if i % 2 == 0 { self.whole.push(age) } else { self.handed.push(age) }
@@ -35,7 +35,7 @@ pub struct Quantiles {
     pub p90: f64,
     /// 99th percentile.
     pub p99: f64,
-    /// How many times.
+    /// Number of times.
     pub count: usize,
 }
 
@@ -52,7 +52,7 @@ impl Quantiles {
     }
 }
 
-/// The middle of some numbers; NaN where there are none.
+/// The median of the finite numbers; NaN if there are none.
 pub fn median(numbers: &[f64]) -> f64 {
     let mut sorted: Vec<f64> = numbers.iter().copied().filter(|n| n.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -70,7 +70,7 @@ pub fn ratio(ours: &[Vec<u64>], theirs: &[Vec<u64>]) -> f64 {
     median(&ratios)
 }
 
-/// Bytes as people say them.
+/// A number of bytes as text.
 pub fn bytes(n: usize) -> String {
     match n {
         0..1024 => format!("{n} B"),

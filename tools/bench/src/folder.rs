@@ -1,4 +1,5 @@
-//! A folder for the sessions of a bench. It goes when the bench is over, or with the next one where a signal ended it.
+//! A folder for the sessions of a measurement. It is removed when the measurement ends; if a signal ended it, the next
+//! measurement removes the folder.
 
 use std::fs::{File, OpenOptions};
 use std::path::{Path, PathBuf};
@@ -43,7 +44,7 @@ impl Folder {
     }
 }
 
-/// Removes the folders of benches that are no longer there. One that cannot be removed is somebody else's.
+/// Removes the folders of measurements that have ended. A folder that cannot be removed belongs to another user.
 fn sweep(parent: &Path) {
     let Ok(entries) = std::fs::read_dir(parent) else { return };
     for entry in entries.flatten() {
@@ -54,7 +55,7 @@ fn sweep(parent: &Path) {
     }
 }
 
-/// Whether nobody holds the lock of a folder. One that has none is just being made.
+/// Whether no process holds the lock of a folder. A folder without a lock is being created at this moment.
 fn is_left(folder: &Path) -> bool {
     let lock = OpenOptions::new().write(true).open(folder.join(LOCK));
     lock.is_ok_and(|lock| flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok())

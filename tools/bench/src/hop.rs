@@ -1,4 +1,4 @@
-//! `stillpoint bench hop`: how long a payload takes from stage to stage, against bare iceoryx2.
+//! `stillpoint bench hop`: the latency of a payload from operator to operator, against bare iceoryx2.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -17,34 +17,34 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Payloads, bytes, with the time between two of them, us.
 const PAYLOADS: [(usize, u64); 4] = [(64, 1000), (4096, 1000), (1_200_000, 5000), (3_700_000, 16_000)];
-/// Samples of a window that its sink tells of together.
+/// Number of samples that the sink of a window reports together.
 const BATCHES_PER_SECOND: u64 = 20;
 
-/// Measure hops from stage to stage against bare iceoryx2 ports woken by their Listener, in interleaved windows.
+/// Measure the latency from operator to operator, against bare iceoryx2 ports with listeners, in interleaved windows.
 ///
-/// A time runs from just before the sender writes its payload into the loan to just after the receiver has it: in
-/// stillpoint to the first line of the receiver's step, bare to the line behind `receive`. `handed` runs from just after
-/// the payload is written. In a group the payload is also left as it lies in the loan, but for its two times: what is left
-/// then is the hop without what writing a large payload does to the caches. Both sides read the machine's monotonic
-/// clock. Every window starts its processes anew. The journal is on; nothing is recorded. Times in the JSON are us.
+/// A latency begins just before the sender writes its payload into the loan. It ends at the first line of the receiver's
+/// step in stillpoint, and at the line after `receive` on bare ports. `handed` begins just after the payload is written.
+/// One group leaves the payload in the loan unchanged except for its two times; it measures the hop without the effect of
+/// a large payload on the caches. Both sides read the monotonic clock of the machine. Every window starts new processes.
+/// Journals are on; nothing is recorded. Times in the JSON are in us.
 #[derive(Args)]
 pub struct Hop {
-    /// One core, two, or one after the other.
+    /// Number of cores: one, two, or both in turn.
     #[arg(long, value_enum, default_value_t = Which::Both)]
     cores: Which,
-    /// Windows of each kind.
+    /// Number of windows of each kind.
     #[arg(long, default_value_t = 20, value_parser = super::at_least::<usize>(1))]
     windows: usize,
     /// Length of a window, ms.
     #[arg(long, default_value_t = 500, value_parser = super::at_least::<u64>(50))]
     length: u64,
-    /// Windows of this kind alone; a ratio needs both of its kinds.
+    /// Measure only this kind of window. A ratio needs both of its kinds.
     #[arg(long, value_enum, value_name = "KIND")]
     kind: Vec<Kind>,
-    /// Payloads of this many bytes alone: 64, 4096, 1200000 or 3700000.
+    /// Measure only payloads of this number of bytes: 64, 4096, 1200000 or 3700000.
     #[arg(long, value_name = "BYTES", value_parser = payload)]
     payload: Vec<usize>,
-    /// A short look at everything: two windows of 200 ms.
+    /// A short measurement of everything: two windows of 200 ms.
     #[arg(long)]
     quick: bool,
     /// Print JSON.
@@ -114,7 +114,7 @@ impl Kind {
         if matches!(self, Self::BareThree | Self::Three) { 3 } else { 1 }
     }
 
-    /// What it is compared with.
+    /// The kind with which it is compared.
     fn against(self) -> Option<Self> {
         match self {
             Self::One => Some(Self::BareOne),

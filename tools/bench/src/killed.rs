@@ -20,8 +20,8 @@ use super::processes::Chance;
 use super::window::Window;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// A small sample often, a longer one now and then, and one that is computed: so little that no chunk is full before it is
-/// time to flush, which is when most is lost.
+/// Frequent small samples, occasional larger ones, and a computed topic: so little data that no chunk is full before it is
+/// flushed by time. In this case a kill loses most.
 const PIPELINE: &str = "
 stillpoint: 1
 name: bench-killed
@@ -31,7 +31,7 @@ operators:
   relay: { use: bench.relay, inputs: { load: often.load }, params: { words: 64 } }
 record: { topics: all }
 ";
-/// What a killed recorder may take with it, ms.
+/// The time before a kill whose samples may be lost, ms.
 const LIMIT_MS: f64 = 1000.0;
 /// The latest moment of a kill, counted from the run's beginning, ms.
 const LATEST_MS: u64 = 2500;
@@ -40,15 +40,14 @@ const AFTER: Duration = Duration::from_millis(300);
 /// The longest that a run may take.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Kill the recorder of a live run at a random moment, over and over, and say from what the session kept how far before
-/// the kill each topic ends, whether anything is missing before that, and whether the mended part opens in the format's
-/// own reader.
+/// Kill the recorder of a live run at a random moment, repeatedly. Report from the session how long before the kill each
+/// topic ends, whether any sample before that is missing, and whether the MCAP library opens the repaired part.
 #[derive(Args)]
 pub struct Killed {
-    /// Kills, each in a run of its own.
+    /// Number of kills, each in a separate run.
     #[arg(long, default_value_t = 100, value_parser = super::at_least::<usize>(1))]
     kills: usize,
-    /// Where the sessions are written; they go when the bench is over.
+    /// Folder for the sessions; they are removed when the measurement ends.
     #[arg(long, value_name = "FOLDER")]
     folder: Option<std::path::PathBuf>,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! The laws that a bench puts in the place of the pipeline's.
+//! The laws with which a measurement replaces the law of the pipeline.
 
 use clap::ValueEnum;
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! `stillpoint bench ledger`: whether every sample is accounted for, with overflow, kills and start-up in the run.
+//! `stillpoint bench ledger`: the account of every sample of a run with overflow, kills and start-up.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
@@ -15,7 +15,7 @@ use super::processes::{Chance, children};
 use super::window::Window;
 use stillpoint::{Ended, Exit, print_json};
 
-/// Bursts that are longer than the queues behind them, a relay, a consumer of the newest, and restarts without end.
+/// Bursts that are longer than their queues, a relay, a consumer of the latest sample, and unlimited restarts.
 const PIPELINE: &str = "
 stillpoint: 1
 name: bench-ledger
@@ -33,21 +33,21 @@ processes:
   middle:  { operators: [relay, direct], restart: { limit: 1000, backoff: 10 ms } }
   sinks:   { operators: [relayed, newest, quiet], restart: { limit: 1000, backoff: 10 ms } }
 ";
-/// Kills that follow each other faster leave no process the time to start, ms.
+/// Minimum time between kills, ms; with less, no process has the time to start.
 const SHORTEST_LIFE: u64 = 10;
 /// The longest that a run may take.
 const PATIENCE: Duration = Duration::from_secs(580);
 
-/// Account for every sample of a run with overflow, `kill -9` of its processes at random moments, and start-up.
+/// Check that every sample is accounted for in a run with overflow, start-up, and `kill -9` of processes at random moments.
 #[derive(Args)]
 pub struct Ledger {
-    /// Samples that the sources send.
+    /// Number of samples that the sources send.
     #[arg(long, default_value_t = 1_000_000, value_parser = super::at_least::<u64>(1))]
     samples: u64,
-    /// Mean time from one kill to the next, ms, at least 10; 0: none.
+    /// Mean time between kills, ms, at least 10; 0 for no kills.
     #[arg(long, default_value_t = 700, value_parser = kill_every)]
     kill_every: u64,
-    /// A short look: 100,000 samples.
+    /// A short measurement: 100,000 samples.
     #[arg(long)]
     quick: bool,
     /// Print JSON.

@@ -1,22 +1,22 @@
-//! `stillpoint-bench`, which `stillpoint bench` starts: what the design promises, measured. Nothing here asserts a speed.
+//! `stillpoint-bench`, which `stillpoint bench` starts, measures what the design promises. No measurement asserts a speed.
 //!
-//! - `hop`: from stage to stage, against bare iceoryx2
-//! - `record`: what recording costs
-//! - `killed`: what a session keeps of a recorder that was killed
-//! - `ledger`: whether every sample is accounted for
-//! - `replay`: whether sessions replay bit for bit, and how fast
+//! - `hop`: latency from operator to operator, against bare iceoryx2
+//! - `record`: the cost of recording
+//! - `killed`: the part of a session that survives the kill of its recorder
+//! - `ledger`: the account of every sample
+//! - `replay`: bit-for-bit replay, and its speed
 //! - `step`: the dissertation's step, with many seeds
-//! - `robust`, `cases`: the same while something is broken
-//! - `tune`, `search`, `trials`: the laws after the same search
-//! - `failsafe`, `casualty`, `evidence`: how long it takes to the safe state when something dies
-//! - `closed_loop`: how long it takes from an image to the datagram that it has moved
-//! - `program`: the default pipeline as a program of its own
+//! - `robust`, `cases`: the same step with disturbances and faults
+//! - `tune`, `search`, `trials`: comparison of the laws after the same search
+//! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
+//! - `closed_loop`: the latency from an image to the datagram that depends on it
+//! - `program`: the default pipeline as a separate program
 //! - `stages`, `clouds`, `noise`, `poison`: the bench's own kinds of operators
-//! - `window`: one pipeline, live for a while
+//! - `window`: one live run of a pipeline
 //! - `bare`: chains of processes on bare iceoryx2 ports
-//! - `processes`: the processes of a run, and chances to kill one
-//! - `course`: one closed loop, simulated, and what of it is kept
-//! - `laws`: the laws that take the place of the pipeline's
+//! - `processes`: the processes of a run, and random choices of one to kill
+//! - `course`: one simulated closed loop and its figures
+//! - `laws`: the laws that replace the law of the pipeline
 //! - `crew`: runs in several threads
 //! - `cores`: which cores are used
 //! - `figures`: quantiles and ratios
@@ -63,7 +63,7 @@ use clap::{Parser, Subcommand};
 use stillpoint::Ended;
 use stillpoint_operator::Registry;
 
-/// Measure how fast and how exact this build is on this machine.
+/// Measure the speed and accuracy of this build on this machine.
 #[derive(Parser)]
 #[command(name = "stillpoint-bench", version)]
 struct Arguments {
@@ -83,7 +83,7 @@ enum Measurement {
     Step(step::StepBench),
     Robust(robust::Robust),
     Tune(tune::Tune),
-    /// `stillpoint run` with the bench's own kinds of operators: a measurement runs pipelines in a program of their own.
+    /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate programs.
     #[command(name = RUN, hide = true)]
     Run(stillpoint::Run),
 }

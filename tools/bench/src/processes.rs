@@ -1,4 +1,4 @@
-//! The processes of a run, and chances to kill one.
+//! The processes of a run, and random numbers to choose one of them to kill.
 
 use rustix::process::Pid;
 
@@ -18,7 +18,7 @@ pub fn children(supervisor: u32) -> Vec<(String, Pid)> {
         .collect()
 }
 
-/// How long the threads of a process have waited for a core so far, ns; 0 where the system does not say.
+/// Time that the threads of a process have waited for a core, ns; 0 if the system does not state it.
 pub fn waited(process: Pid) -> u64 {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero()));
     let lines = tasks.into_iter().flatten().flatten();

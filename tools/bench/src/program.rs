@@ -1,4 +1,4 @@
-//! The default pipeline as a program of its own, which a bench looks at from outside, and strikes.
+//! The default pipeline as a separate program, which a measurement observes from outside and disturbs.
 
 use std::fs::File;
 use std::net::Ipv4Addr;

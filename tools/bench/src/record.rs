@@ -1,4 +1,4 @@
-//! `stillpoint bench record`: what recording costs, against the bare MCAP writer and for the edges that it taps.
+//! `stillpoint bench record`: the cost of recording, against the bare MCAP writer and for the recorded edges.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -24,27 +24,27 @@ const PAYLOAD: usize = 1_200_000;
 /// Time from one payload to the next, us: 200 MB/s.
 const PERIOD_US: u64 = 6000;
 
-/// Measure what recording 200 MB/s costs: bytes per CPU-second against the bare MCAP writer with the same chunks and
-/// compression, the median of the edge that is tapped against the same edge unrecorded, and the ticks that a loop of
-/// 100 Hz misses meanwhile.
+/// Measure the cost of recording 200 MB/s: the bytes per CPU-second against the bare MCAP writer with the same chunks and
+/// compression, the median latency of a recorded edge against the same edge unrecorded, and the ticks that a 100 Hz loop
+/// misses meanwhile.
 ///
-/// The recorder's CPU time is all of its process, both threads, from when its topics and its part are open to when the
-/// file is on the disk: polling, the copy out of shared memory, journals, the writer. The bare writer's is from when its
-/// file is there: it writes as many messages of the same bytes, which lie ready in ordinary memory, once as fast as it
-/// goes and once at the pace of the source, so that it finds caches and file pages as cold as the recorder does. Same
-/// chunks, checksums and disk; windows are interleaved. In the JSON, rates are bytes per CPU-second and times us.
+/// The CPU time of the recorder is that of its whole process, from when its topics and its part are open to when the file
+/// is on the disk: polling, copying out of shared memory, journals, writing. The bare writer writes the same number of
+/// messages of the same bytes from ordinary memory, once at full speed, and once at the pace of the source, so that its
+/// caches and file pages are as cold as those of the recorder. Chunks, checksums and disk are the same, and windows are
+/// interleaved. In the JSON, rates are in bytes per CPU-second and times in us.
 #[derive(Args)]
 pub struct Record {
-    /// Windows of each kind.
+    /// Number of windows of each kind.
     #[arg(long, default_value_t = 10, value_parser = super::at_least::<usize>(1))]
     windows: usize,
     /// Length of a window, ms.
     #[arg(long, default_value_t = 2000, value_parser = super::at_least::<u64>(200))]
     length: u64,
-    /// Where the sessions are written; they go when the bench is over.
+    /// Folder for the sessions; they are removed when the measurement ends.
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// A short look: two windows of 600 ms.
+    /// A short measurement: two windows of 600 ms.
     #[arg(long)]
     quick: bool,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! `stillpoint bench replay`: whether a live session replays bit for bit, time and again, and how fast.
+//! `stillpoint bench replay`: repeated bit-for-bit replay of a live session, and its speed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -36,7 +36,7 @@ operators:
 processes: { group: [b, c] }
 record: { topics: all }
 ";
-/// Three topics of 1.2 MB at 30 Hz; replay makes two of them again, compares them, and writes all three.
+/// Three topics of 1.2 MB at 30 Hz; the replay recomputes and compares two of them, and writes all three.
 const BULK: &str = "
 stillpoint: 1
 name: bench-bulk
@@ -49,26 +49,26 @@ record: { topics: all }
 /// Replays with output in a row, of which the median counts.
 const RUNS: usize = 3;
 
-/// Record a live session, replay it again and again, and compare every topic; then record three topics of 1.2 MB at
-/// 30 Hz and replay them with output on one core.
+/// Record a live session, replay it repeatedly, and compare every topic. Then record three topics of 1.2 MB at 30 Hz and
+/// replay them with output on one core.
 #[derive(Args)]
 pub struct Replay {
     /// Length of the session, s.
     #[arg(long, default_value_t = 60, value_parser = super::at_least::<u64>(1))]
     seconds: u64,
-    /// How often it is replayed.
+    /// Number of replays.
     #[arg(long, default_value_t = 20, value_parser = super::at_least::<usize>(1))]
     replays: usize,
-    /// Threads per core that do nothing but take its time while the session is recorded.
+    /// Number of busy threads per core while the session is recorded.
     #[arg(long, default_value_t = 0)]
     load: usize,
-    /// A pipeline to record instead of the bench's own.
+    /// A pipeline to record instead of the built-in one.
     #[arg(long, value_name = "FILE")]
     pipeline: Option<PathBuf>,
-    /// Where the sessions are written; they go when the bench is over.
+    /// Folder for the sessions; they are removed when the measurement ends.
     #[arg(long, value_name = "FOLDER")]
     folder: Option<PathBuf>,
-    /// A short look: 3 s, replayed twice.
+    /// A short measurement: 3 s, replayed twice.
     #[arg(long)]
     quick: bool,
     /// Print JSON.

@@ -1,4 +1,4 @@
-//! `stillpoint bench robust`: the dissertation's step while something is not as it should be.
+//! `stillpoint bench robust`: the dissertation's step with disturbances and faults.
 
 use clap::Args;
 use serde::Serialize;
@@ -25,30 +25,31 @@ pub const FROM: f64 = 20.0;
 /// The last part of the run, in which the beam is on or not, s.
 const LAST: f64 = 10.0;
 
-/// Take the simulated head along the dissertation's step, from camera to valve, while something is broken or not as the
-/// law was told, and say of each whether the head was tracked, degraded but safe, or gated and safe. What breaks does
-/// so while the head is on its way. Errors and pressures are the rig's own, not estimates.
+/// Move the simulated head along the dissertation's step, from camera to valve, with a fault or a deviation from the model
+/// of the law. Report for each case whether the head was tracked, degraded but safe, or gated and safe. Faults happen while
+/// the head moves. Errors and pressures are the true ones of the rig, not estimates.
 #[derive(Args)]
 pub struct Robust {
-    /// Seeds, from 1: the camera's noise, what the person does, and the moment at which things break.
+    /// Number of seeds, counted from 1. A seed determines the noise of the camera, the motion of the person, and the time
+    /// of the fault.
     #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
-    /// How long a run goes on after the step, s.
+    /// Length of a run after the step, s.
     #[arg(long, default_value_t = 60.0, value_parser = super::positive)]
     seconds: f64,
-    /// Only cases whose name begins so.
+    /// Run only the cases whose names begin with this text.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// Another law in the place of the pipeline's.
+    /// A law that replaces the law of the pipeline.
     #[arg(long, value_enum)]
     law: Option<Law>,
-    /// Change a parameter of the pipeline: `--set operator.param=value`.
+    /// Override a parameter of the pipeline: `--set operator.param=value`.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     sets: Vec<String>,
-    /// A short look: one seed, 30 s, a quarter of the pixels.
+    /// A short measurement: one seed, 30 s, a quarter of the pixels.
     #[arg(long)]
     quick: bool,
-    /// Runs at a time.
+    /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.
@@ -56,15 +57,15 @@ pub struct Robust {
     json: bool,
 }
 
-/// What a run comes to.
+/// The outcome of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
     /// It stayed within 0.5 mm, 0.2 degrees and 0.2 degrees of the target from 20 s after the step on.
     Tracked,
-    /// It did not, and the beam was on at least now and then.
+    /// It did not stay there, and the beam was on at least part of the time.
     DegradedButSafe,
-    /// It did not, and the beam stayed off.
+    /// It did not stay there, and the beam stayed off.
     GatedAndSafe,
     /// A limit was passed.
     Unsafe,

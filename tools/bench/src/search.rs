@@ -1,4 +1,4 @@
-//! A search in a box: the given start and random places first, then ever closer around the best.
+//! A random search in a box: first the given start and random points, then points ever closer to the best one.
 
 use chacha20::ChaCha8Rng;
 use rand::{Rng, SeedableRng};

@@ -12,11 +12,11 @@ use super::crew;
 use super::laws::{self, Law};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// How far off the head may be once it is there: mm, degrees, degrees.
+/// Tolerance around the target: mm, degrees, degrees.
 pub const WITHIN: [f64; 3] = [0.5, 0.2, 0.2];
 /// From so long after the step on, s.
 pub const FROM: f64 = 40.0;
-/// How long after the start of the run the step comes, at the latest, s.
+/// Latest time of the step after the start of the run, s.
 const LEAD: f64 = 4.0;
 /// A step is settled within this part of it, or within [`WITHIN`].
 const BAND: f64 = 0.05;
@@ -27,31 +27,31 @@ const SETTLES: f64 = 5.0;
 /// The step in the pipeline, which holds the head where it is for a while first.
 pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
 
-/// Take the simulated head along the dissertation's step, 11.5 mm, 1.35 degrees and 10 degrees, from camera to valve,
-/// and say for each reference model how many seeds rose as it says, or settled in 5 s where it rises in less than 5 s,
-/// and stayed where they should. A seed draws the camera's noise and what the person does. Times count from the step,
-/// errors are the truth's.
+/// Move the simulated head along the dissertation's step (11.5 mm, 1.35 degrees, 10 degrees), from camera to valve. Report
+/// for each reference model how many seeds rose as the model does (or settled in 5 s, if the model rises in less), and how
+/// many stayed at the target. A seed determines the noise of the camera and the motion of the person. Times count from the
+/// step, and errors are those of the truth.
 #[derive(Args)]
 pub struct StepBench {
-    /// Seeds, from 1.
+    /// Number of seeds, counted from 1.
     #[arg(long, default_value_t = 20, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
-    /// How long a run goes on after the step, s.
+    /// Length of a run after the step, s.
     #[arg(long, default_value_t = 120.0, value_parser = super::positive)]
     seconds: f64,
-    /// Rises of reference models, from 10 % to 90 %.
+    /// Rise times of the reference models, from 10 % to 90 %.
     #[arg(long = "rise", value_name = "TIME", default_values_t = ["20 s".to_owned(), "3 s".to_owned()])]
     rises: Vec<String>,
-    /// Another law in the place of the pipeline's.
+    /// A law that replaces the law of the pipeline.
     #[arg(long, value_enum)]
     law: Option<Law>,
-    /// A quarter of the pixels.
+    /// Use a quarter of the pixels.
     #[arg(long)]
     small: bool,
-    /// Change a parameter of the pipeline: `--set operator.param=value`.
+    /// Override a parameter of the pipeline: `--set operator.param=value`.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     sets: Vec<String>,
-    /// Runs at a time.
+    /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.

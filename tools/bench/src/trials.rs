@@ -1,5 +1,4 @@
-//! What each place of a search goes through: the default pipeline without its camera, with something that is not as it
-//! should be.
+//! The trials of each set of gains in a search: the default pipeline without its camera, with a disturbance or a fault.
 
 use super::course::{Course, Plan, from_model, worst};
 use super::laws::{self, Law};
@@ -81,7 +80,7 @@ const KINDS: [(&str, Pace, Changes); COUNT] = [
 /// How many there are.
 pub const COUNT: usize = 7;
 
-/// What a place goes through while it is searched for.
+/// The trials of the search.
 pub const TRAINING: [Trial; COUNT] = trials([
     &[
         "rig.head_mass=4 kg",
@@ -95,7 +94,7 @@ pub const TRAINING: [Trial; COUNT] = trials([
     &["rig.faults=[{ kind: leak, which: 1, diameter: 0.3 mm, at: 4700 ms }]"],
 ]);
 
-/// The same kinds of things, other ones: what is found goes through these afterwards.
+/// Held-out trials of the same kinds with other values, for the gains that the search has found.
 pub const HELD_OUT: [Trial; COUNT] = trials([
     &[
         "rig.head_mass=3 kg",

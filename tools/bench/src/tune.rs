@@ -1,4 +1,4 @@
-//! `stillpoint bench tune`: the laws after the same search, with the same number of runs, on disturbances that none has seen.
+//! `stillpoint bench tune`: compares the laws after the same search on disturbances that the search has not seen.
 
 use clap::Args;
 use serde::Serialize;
@@ -13,29 +13,29 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Seeds of the held-out runs begin here.
 const FIRST_HELD_OUT: u64 = 1000;
-/// The laws that are searched where none is named.
+/// The laws that are searched by default.
 const SEARCHED: [Law; 3] = [Law::Pi, Law::Lqg, Law::Mrac];
 
 /// Tune PI, LQI and MRAC with the same search and the same number of runs, and compare them on seeds, masses and faults
-/// that the search has not seen. A place costs what the worst of its runs does: the root mean square of the truth less the
-/// reference model, in parts of 0.5 mm, 0.2 degrees and 0.2 degrees, and a little for open valves. A run in which the head
-/// is farther from the target than that, once it should be there, costs more than any in which it is not. The model rises
-/// in 5 s, and in 20 s in two of the seven.
+/// that the search has not seen. The cost of a set of gains is that of its worst run: the root mean square of truth minus
+/// reference model, in units of 0.5 mm, 0.2 degrees and 0.2 degrees, plus a small cost of open valves. A run in which the
+/// head exceeds these tolerances after the rise costs more than any run in which it does not. The model rises in 5 s, and
+/// in 20 s in two of the seven runs.
 #[derive(Args)]
 pub struct Tune {
-    /// Rounds of the search, of 8 places each.
+    /// Number of rounds of the search, with 8 sets of gains each.
     #[arg(long, default_value_t = 5, value_parser = super::at_least::<usize>(1))]
     rounds: usize,
-    /// Held-out seeds, seven runs each.
+    /// Number of held-out seeds, with seven runs each.
     #[arg(long, default_value_t = 4, value_parser = super::at_least::<u64>(1))]
     held_out: u64,
     /// Seed of the search.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// One law alone.
+    /// Tune only this law.
     #[arg(long, value_enum)]
     law: Option<Law>,
-    /// Runs at a time.
+    /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
     /// Print JSON.
@@ -57,7 +57,7 @@ const fn dial(name: &'static str, unit: &'static str, least: f64, most: f64, sta
     Dial { name, unit, least, most, start }
 }
 
-/// What is searched: all gains of a law that are not given by the plant or the reference model.
+/// The parameters of the search: all gains of a law that neither the plant nor the reference model determines.
 fn dials(law: Law) -> &'static [Dial] {
     const PI: &[Dial] =
         &[dial("proportional", " 1/s", 0.1, 10.0, 1.0), dial("integral", "", 0.01, 10.0, 0.15)];
