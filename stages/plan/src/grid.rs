@@ -22,6 +22,11 @@ impl Grid {
         self.len() == 0
     }
 
+    /// Volume of a voxel, cm3.
+    pub fn voxel_cm3(&self) -> f64 {
+        self.spacing_mm.iter().product::<f64>() * 1e-3
+    }
+
     /// Place of a voxel in a volume's values: x runs fastest, z slowest.
     pub fn index(&self, [x, y, z]: [usize; 3]) -> usize {
         x + self.counts[0] * (y + self.counts[1] * z)

@@ -7,11 +7,15 @@
 //! - [`case`]: a patient, and the files it comes from and is kept in
 //! - [`couch`]: from the couch's frame to the patient's
 //! - [`dose`]: the dose that beams of photons give
+//! - [`distance`]: how far voxels are from a set of voxels
 //! - [`evaluation`]: what a dose does to each structure
 //! - `grid`: where the voxels are
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
 //! - [`metrics`]: histograms and indices of a dose
+//! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
+//! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
+//! - [`sampling`]: the points whose dose is optimised
 //! - `sparse`: the dose-influence matrix
 //! - `threads`: the same work on many items
 
@@ -20,12 +24,16 @@
 pub mod beams;
 pub mod case;
 pub mod couch;
+pub mod distance;
 pub mod dose;
 pub mod evaluation;
 pub mod fluence;
 mod grid;
 pub mod metrics;
 pub mod objectives;
+pub mod occupancy;
+pub mod recompute;
+pub mod sampling;
 mod sparse;
 mod threads;
 

@@ -9,9 +9,8 @@ use thiserror::Error;
 pub struct Dvh {
     /// Rising.
     dose: Vec<f64>,
-    /// Volume of each voxel, in that order.
-    volume: Vec<f64>,
-    whole: f64,
+    /// Volume of the voxels before each, in that order; that of all of them at the end.
+    below: Vec<f64>,
 }
 
 /// Why doses make no histogram.
@@ -62,9 +61,19 @@ impl Dvh {
             return Err(DvhError::Voxel { at, dose: voxels[at].0, volume: voxels[at].1 });
         }
         voxels.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (dose, volume): (Vec<f64>, Vec<f64>) = voxels.into_iter().unzip();
-        let whole = volume.iter().sum();
-        Ok(Self { dose, volume, whole })
+        let mut below = Vec::with_capacity(voxels.len() + 1);
+        let mut sum = 0.0;
+        below.push(sum);
+        for (_, volume) in &voxels {
+            sum += volume;
+            below.push(sum);
+        }
+        Ok(Self { dose: voxels.into_iter().map(|(dose, _)| dose).collect(), below })
+    }
+
+    /// Volume below the middle of a voxel.
+    fn middle(&self, voxel: usize) -> f64 {
+        0.5 * (self.below[voxel] + self.below[voxel + 1])
     }
 
     /// `D_p`: the dose that the hottest `percent` of the volume gets at least.
@@ -72,30 +81,38 @@ impl Dvh {
     /// Between voxels it is linear in volume, the coldest at 100 % and the hottest at 0 %; percent is held in 0..=100.
     pub fn dose_at(&self, percent: f64) -> f64 {
         let cold = 1.0 - percent.clamp(0.0, 100.0) / 100.0;
-        let gaps = |k: usize| 0.5 * (self.volume[k - 1] + self.volume[k]);
-        let span: f64 = (1..self.dose.len()).map(gaps).sum();
-        let target = cold * span;
-        let mut before = 0.0;
-        for k in 1..self.dose.len() {
-            let after = before + gaps(k);
-            if target < after {
-                let part = ((target - before) / (after - before)).max(0.0);
-                return self.dose[k - 1] + part * (self.dose[k] - self.dose[k - 1]);
-            }
-            before = after;
+        let last = self.dose.len() - 1;
+        let (first, end) = (self.middle(0), self.middle(last));
+        let target = first + cold * (end - first);
+        let (mut low, mut high) = (0, last);
+        while high - low > 1 {
+            let middle = usize::midpoint(low, high);
+            if self.middle(middle) <= target { low = middle } else { high = middle }
         }
-        self.max()
+        let gap = self.middle(high) - self.middle(low);
+        if gap <= 0.0 || target >= self.middle(high) {
+            return self.dose[high];
+        }
+        let part = ((target - self.middle(low)) / gap).clamp(0.0, 1.0);
+        self.dose[low] + part * (self.dose[high] - self.dose[low])
+    }
+
+    /// The dose that the hottest `volume` gets at least, in the unit of the voxels' volumes: D0.03cc for 0.03 where that is
+    /// cm3. Of a structure that is smaller it is the least dose.
+    pub fn dose_at_volume(&self, volume: f64) -> f64 {
+        self.dose_at(100.0 * volume / self.volume())
     }
 
     /// `V_d`: the fraction of the volume that gets at least `dose`.
     pub fn volume_at(&self, dose: f64) -> f64 {
         let first = self.dose.partition_point(|d| *d < dose);
-        self.volume[first..].iter().fold(0.0, |sum, v| sum + v) / self.whole
+        (self.volume() - self.below[first]) / self.volume()
     }
 
     /// Volume-weighted mean.
     pub fn mean(&self) -> f64 {
-        self.dose.iter().zip(&self.volume).map(|(d, v)| d * v).sum::<f64>() / self.whole
+        let volumes = self.below.windows(2).map(|pair| pair[1] - pair[0]);
+        self.dose.iter().zip(volumes).map(|(d, v)| d * v).sum::<f64>() / self.volume()
     }
 
     /// Smallest dose.
@@ -110,7 +127,7 @@ impl Dvh {
 
     /// The volume, in the unit given.
     pub fn volume(&self) -> f64 {
-        self.whole
+        self.below[self.dose.len()]
     }
 
     /// `(D_2 - D_98) / D_50`: 0 where the dose is even; infinite or not a number where half the volume gets none.
@@ -165,6 +182,15 @@ mod tests {
         assert_eq!(paddick_conformity(&target, &body(&[0.0; 5]), 57.0), 1.0);
         assert_eq!(paddick_conformity(&target, &body(&[60.0; 8]), 57.0), 0.5);
         assert_eq!(paddick_conformity(&target, &body(&[0.0; 5]), 61.0), 0.0);
+    }
+
+    #[test]
+    fn the_dose_of_a_small_volume_is_the_largest_that_all_of_it_gets() {
+        // 100 voxels of 0.01 cm3 with 1 to 100 Gy.
+        let doses: Vec<f64> = (1..=100).map(f64::from).collect();
+        let dvh = Dvh::weighted(&doses, &[0.01; 100]).unwrap();
+        assert!((dvh.dose_at_volume(0.03) - 97.03).abs() < 1e-9, "{}", dvh.dose_at_volume(0.03));
+        assert_eq!((dvh.dose_at_volume(0.0), dvh.dose_at_volume(5.0)), (100.0, 1.0));
     }
 
     fn voxels() -> impl Strategy<Value = Vec<(f64, f64)>> {

@@ -12,6 +12,7 @@
 //! let target = Wanted {
 //!     name: "target".into(),
 //!     voxels: vec![0],
+//!     volumes: Vec::new(),
 //!     objectives: vec![Objective::Underdose { dose: 60.0, weight: 1.0 }],
 //! };
 //! let goals = Goals::new(vec![target], 2)?;

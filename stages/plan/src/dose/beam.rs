@@ -27,39 +27,72 @@ pub struct BeamInfluence {
 /// Bixels that a beam may have.
 const MOST_BIXELS: usize = 1 << 14;
 /// A bixel's cutoff is measured beside its own axis, which is at most this much more on the isocentre plane.
-const OBLIQUE: f64 = 1.05;
+pub(super) const OBLIQUE: f64 = 1.05;
 
-pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
-    let (params, machine) = (&engine.params, &engine.machine);
-    let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
-    let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
-    let bixels_mm = bixels::positions(&planned, &engine.target_mm, width_mm, engine.image_spacing_mm);
-    if bixels_mm.len() > MOST_BIXELS {
-        return Err(DoseError::Bixels { gantry_deg, found: bixels_mm.len(), most: MOST_BIXELS });
+/// A beam before any voxel gets dose.
+pub(super) struct Aim {
+    /// Centres of the bixels on the isocentre plane, mm.
+    pub bixels_mm: Vec<[f64; 2]>,
+    /// The beam's frame in the patient as he lies now.
+    pub frame: BeamFrame,
+    kernel: BixelKernel,
+    offset_mm: f32,
+}
+
+impl Aim {
+    pub fn new(engine: &DoseEngine, gantry_deg: f64) -> Result<Self, DoseError> {
+        let (params, machine) = (&engine.params, &engine.machine);
+        let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
+        let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
+        let bixels_mm = bixels::positions(&planned, &engine.target_mm, width_mm, engine.image_spacing_mm);
+        if bixels_mm.len() > MOST_BIXELS {
+            return Err(DoseError::Bixels { gantry_deg, found: bixels_mm.len(), most: MOST_BIXELS });
+        }
+        // In the frame of a patient who is moved, the isocentre goes the other way.
+        let isocentre_mm = std::array::from_fn(|axis| engine.isocentre_mm[axis] - engine.shift_mm[axis]);
+        let frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
+        let central =
+            bixels_mm.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or_default();
+        let ssd_mm = skin_distance_mm(&params.grid, &engine.density, &frame, central).unwrap_or(sad_mm);
+        let offset_mm = params.bixels.centre.offset_mm(width_mm);
+        let kernel = BixelKernel::new(machine, ssd_mm, width_mm, params.cutoff_mm + offset_mm.abs());
+        Ok(Self { bixels_mm, frame, kernel, offset_mm: offset_mm as f32 })
     }
 
-    // In the frame of a patient who is moved, the isocentre goes the other way.
-    let isocentre_mm = std::array::from_fn(|axis| engine.isocentre_mm[axis] - engine.shift_mm[axis]);
-    let frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
-    let central =
-        bixels_mm.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or_default();
-    let ssd_mm = skin_distance_mm(&params.grid, &engine.density, &frame, central).unwrap_or(sad_mm);
-    let offset_mm = params.bixels.centre.offset_mm(width_mm);
-    let kernel = BixelKernel::new(machine, ssd_mm, width_mm, params.cutoff_mm + offset_mm.abs());
-    let voxels = Voxels::near(engine, &frame, &bixels_mm);
+    /// Lateral dose of the components at a place beside a bixel's axis, mm.
+    #[inline]
+    pub fn lateral(&self, [x, z]: [f32; 2]) -> [f32; 4] {
+        self.kernel.at(x - self.offset_mm, z - self.offset_mm)
+    }
 
-    let mut starts = Vec::with_capacity(bixels_mm.len() + 1);
+    /// Where the samples of the lateral dose lie beside multiples of their distance around a bixel's axis, mm.
+    pub fn phase_mm(&self) -> f64 {
+        self.kernel.phase_mm() + f64::from(self.offset_mm)
+    }
+
+    /// Fluence of a bixel of weight 1.
+    pub fn fluence(&self, engine: &DoseEngine, bixel_mm: [f64; 2]) -> f32 {
+        match engine.params.fluence {
+            Fluence::Uniform => 1.0,
+            Fluence::OpenField => {
+                engine.machine.primary_fluence(libm::hypot(bixel_mm[0], bixel_mm[1])) as f32
+            }
+        }
+    }
+}
+
+pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
+    let aim = Aim::new(engine, gantry_deg)?;
+    let voxels = Voxels::near(engine, &aim.frame, &aim.bixels_mm);
+    let mut starts = Vec::with_capacity(aim.bixels_mm.len() + 1);
     starts.push(0);
     let (mut row, mut value) = (Vec::new(), Vec::new());
-    let cutoff2 = (params.cutoff_mm * params.cutoff_mm) as f32;
-    for &bixel in &bixels_mm {
-        let fluence = match params.fluence {
-            Fluence::Uniform => 1.0,
-            Fluence::OpenField => machine.primary_fluence(libm::hypot(bixel[0], bixel[1])) as f32,
-        };
-        let axis = BixelAxis::new(bixel, sad_mm);
-        voxels.each_beside(&axis, cutoff2, |place, [x, z]| {
-            let lateral = kernel.at(x - offset_mm as f32, z - offset_mm as f32);
+    let cutoff2 = (engine.params.cutoff_mm * engine.params.cutoff_mm) as f32;
+    for &bixel in &aim.bixels_mm {
+        let fluence = aim.fluence(engine, bixel);
+        let axis = BixelAxis::new(bixel, aim.frame.sad_mm());
+        voxels.each_beside(&axis, cutoff2, |place, beside| {
+            let lateral = aim.lateral(beside);
             let depth_dose = &voxels.depth_dose[place];
             let dose = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum::<f32>() * fluence;
             // A kernel's far tail may be negative; no dose is.
@@ -70,9 +103,21 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
         });
         starts.push(row.len() as u64);
     }
-    let dose = Csc::new(params.grid.len(), starts, row, value)
+    let dose = Csc::new(engine.rows(), starts, row, value)
         .map_err(|fault| DoseError::Matrix { gantry_deg, fault })?;
-    Ok(BeamInfluence { gantry_deg, bixels_mm, dose })
+    Ok(BeamInfluence { gantry_deg, bixels_mm: aim.bixels_mm, dose })
+}
+
+/// Dose of the components in voxels at their depths, with the inverse square of the distance from the source.
+pub(super) fn depth_doses(engine: &DoseEngine, frame: &BeamFrame, lit: &[LitVoxel]) -> Vec<[f32; 4]> {
+    let depths = depths_mm(&engine.params.grid, &engine.density, frame, lit);
+    let of = |(voxel, depth_mm): (&LitVoxel, f64)| {
+        let [x, y, z] = voxel.beam_mm;
+        let inverse_square = frame.sad_mm() * frame.sad_mm() / (x * x + y * y + z * z);
+        let [a, b, c] = engine.machine.depth_dose(depth_mm).map(|dose| (dose * inverse_square) as f32);
+        [a, b, c, 0.0]
+    };
+    lit.iter().zip(depths).map(of).collect()
 }
 
 /// The voxels that some bixel may reach, rising.
@@ -100,21 +145,13 @@ impl Voxels {
             })
             .filter(|voxel| near(frame.on_isocentre_plane(voxel.beam_mm)))
             .collect();
-        let depth_dose =
-            lit.iter().zip(depths_mm(grid, &engine.density, frame, &lit)).map(|(voxel, depth_mm)| {
-                let [x, y, z] = voxel.beam_mm;
-                let inverse_square = frame.sad_mm() * frame.sad_mm() / (x * x + y * y + z * z);
-                let [a, b, c] =
-                    engine.machine.depth_dose(depth_mm).map(|dose| (dose * inverse_square) as f32);
-                [a, b, c, 0.0]
-            });
         let on_plane =
             |axis: usize| lit.iter().map(move |v| frame.on_isocentre_plane(v.beam_mm)[axis] as f32).collect();
         Self {
-            row: lit.iter().map(|voxel| voxel.row).collect(),
+            depth_dose: depth_doses(engine, frame, &lit),
+            row: lit.iter().map(|voxel| engine.row_of(voxel.row)).collect(),
             x_mm: on_plane(0),
             z_mm: on_plane(1),
-            depth_dose: depth_dose.collect(),
         }
     }
 
@@ -137,7 +174,7 @@ impl Voxels {
 }
 
 /// A bixel's axis, and the smallest turn that takes the beam's axis there: what was the beam's x and z is the bixel's.
-struct BixelAxis {
+pub(super) struct BixelAxis {
     x: [f32; 3],
     y: [f32; 3],
     z: [f32; 3],
@@ -145,7 +182,7 @@ struct BixelAxis {
 }
 
 impl BixelAxis {
-    fn new([x, z]: [f64; 2], sad_mm: f64) -> Self {
+    pub fn new([x, z]: [f64; 2], sad_mm: f64) -> Self {
         let length = libm::sqrt(x * x + sad_mm * sad_mm + z * z);
         let [x, y, z] = [x / length, sad_mm / length, z / length];
         let k = 1.0 / (1.0 + y);
@@ -161,7 +198,7 @@ impl BixelAxis {
 
     /// How far beside the axis the line through a place of the isocentre plane is, where it is `sad_mm` along the axis.
     #[inline]
-    fn beside(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+    pub fn beside(&self, [x, z]: [f32; 2]) -> [f32; 2] {
         let along = |axis: &[f32; 3]| axis[0] * x + axis[1] + axis[2] * z;
         let scale = self.sad_mm / along(&self.y);
         [along(&self.x) * scale, along(&self.z) * scale]

@@ -140,6 +140,7 @@ fn engine_key(engine: &DoseEngine) -> Key {
         voxels,
         target_mm,
         image_spacing_mm,
+        samples,
         shift_mm,
     } = engine;
     let mut hash = Sha256::new();
@@ -160,6 +161,10 @@ fn engine_key(engine: &DoseEngine) -> Key {
     part(zerocopy::IntoBytes::as_bytes(density.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(voxels.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(target_mm.as_slice()));
+    // Doses to all voxels keep the names that they had before there were samples.
+    if let Some(samples) = samples {
+        part(zerocopy::IntoBytes::as_bytes(samples.as_slice()));
+    }
     hash.finalize().into()
 }
 

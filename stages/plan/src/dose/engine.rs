@@ -77,6 +77,9 @@ pub struct DoseEngine {
     pub(super) target_mm: Vec<[f64; 3]>,
     /// Greatest spacing of the image, mm.
     pub(super) image_spacing_mm: f64,
+    /// Where doses are wanted at samples alone: the voxels that are rows of the dose matrices, rising. Else every voxel of
+    /// the dose grid is a row.
+    pub(super) samples: Option<Vec<u32>>,
     /// How far the patient lies from where he was planned, along the axes of his frame, mm.
     pub(super) shift_mm: [f64; 3],
 }
@@ -114,7 +117,7 @@ impl DoseEngine {
         length("the image", anatomy.hu.len())?;
         length("the external contour's mask", anatomy.external.len())?;
         length("the target's mask", anatomy.target.len())?;
-        in_range("width of a bixel", params.bixels.width_mm, 1.0..=100.0)?;
+        check_bixel(params.bixels.width_mm)?;
         in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
         in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
         for place in anatomy.isocentre_mm {
@@ -143,6 +146,7 @@ impl DoseEngine {
             image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
             isocentre_mm: anatomy.isocentre_mm,
             position: PatientPosition::default(),
+            samples: None,
             shift_mm: [0.0; 3],
             machine,
             params,
@@ -159,16 +163,42 @@ impl DoseEngine {
         Ok(Self { shift_mm, ..self.clone() })
     }
 
-    /// The same patient, of whom only these voxels of the dose grid get dose.
-    pub fn within(&self, voxels: &[u32]) -> Self {
-        let mut wanted = vec![false; self.params.grid.len()];
-        for voxel in voxels {
-            if let Some(wanted) = wanted.get_mut(*voxel as usize) {
+    /// The same patient, of whom only these rows get dose: voxels of the dose grid, or samples.
+    pub fn within(&self, rows: &[u32]) -> Self {
+        let mut wanted = vec![false; self.rows()];
+        for row in rows {
+            if let Some(wanted) = wanted.get_mut(*row as usize) {
                 *wanted = true;
             }
         }
-        let voxels = self.voxels.iter().copied().filter(|v| wanted[*v as usize]).collect();
+        let voxels = self.voxels.iter().copied().filter(|v| wanted[self.row_of(*v) as usize]).collect();
         Self { voxels, ..self.clone() }
+    }
+
+    /// The same patient, sampled: row `i` of the dose matrices is voxel `samples[i]` of the dose grid, and no other voxel
+    /// gets dose. `samples` rise. [`DoseEngine::within`] counts these rows afterwards.
+    pub fn sampled(&self, samples: Vec<u32>) -> Self {
+        let inside = |voxel: &u32| self.voxels.binary_search(voxel).is_ok();
+        let voxels = samples.iter().copied().filter(inside).collect();
+        Self { voxels, samples: Some(samples), ..self.clone() }
+    }
+
+    /// The same patient, of whom these voxels of the dose grid get dose.
+    pub(crate) fn reaching(&self, voxels: Vec<u32>) -> Self {
+        Self { voxels, samples: None, ..self.clone() }
+    }
+
+    /// Rows of the dose matrices.
+    pub fn rows(&self) -> usize {
+        self.samples.as_ref().map_or(self.params.grid.len(), Vec::len)
+    }
+
+    /// The row of a voxel that gets dose.
+    pub(super) fn row_of(&self, voxel: u32) -> u32 {
+        match &self.samples {
+            Some(samples) => samples.binary_search(&voxel).unwrap_or_default() as u32,
+            None => voxel,
+        }
     }
 
     /// How dose is computed.
@@ -183,8 +213,11 @@ impl DoseEngine {
 
     /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).
     pub fn beam(&self, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
-        in_range("gantry angle", gantry_deg, 0.0..=360.0)?;
-        beam::influence(self, gantry_deg)
+        beam::influence(self, self.checked_angle(gantry_deg)?)
+    }
+
+    pub(super) fn checked_angle(&self, gantry_deg: f64) -> Result<f64, DoseError> {
+        in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
     }
 
     /// Dose of several beams, on several threads. Any number of threads gives the same bytes.
@@ -204,7 +237,13 @@ fn covering(image: &Grid, spacing_mm: f64) -> Grid {
     Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm: std::array::from_fn(origin) }
 }
 
-fn check_grid(what: &'static str, grid: &Grid) -> Result<(), DoseError> {
+/// Refuses a width of bixels that is out of range, mm.
+pub(crate) fn check_bixel(width_mm: f64) -> Result<(), DoseError> {
+    in_range("width of a bixel", width_mm, 1.0..=100.0)
+}
+
+/// Refuses a grid of too many voxels, or of voxels too small or too large.
+pub(crate) fn check_grid(what: &'static str, grid: &Grid) -> Result<(), DoseError> {
     // First: the counts of a grid that is made to cover an image follow from its spacing.
     for axis in 0..3 {
         in_range("spacing of voxels", grid.spacing_mm[axis], 0.1..=100.0)?;

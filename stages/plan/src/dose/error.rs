@@ -69,6 +69,16 @@ pub enum DoseError {
         /// The most that there may be.
         most: usize,
     },
+    /// Weights do not belong to the bixels of a beam.
+    #[error("{found} weights are given for the {expected} bixels of the beam at {gantry_deg} degrees")]
+    Weights {
+        /// Gantry angle.
+        gantry_deg: f64,
+        /// Bixels of the beam.
+        expected: usize,
+        /// Weights given.
+        found: usize,
+    },
     /// What was computed is no matrix.
     #[error(
         "the dose of the beam at {gantry_deg} degrees is no matrix: {fault}; check the machine's kernels"

@@ -3,7 +3,7 @@
 use super::machine::Machine;
 
 /// Distance between samples, mm. It is fixed: a kernel's value at its pole belongs to a cell of this size.
-const STEP_MM: f64 = 0.5;
+pub(super) const STEP_MM: f64 = 0.5;
 /// The penumbra's Gaussian ends at this many standard deviations.
 const GAUSS_SIGMAS: f64 = 5.0;
 
@@ -55,6 +55,11 @@ impl BixelKernel {
             }
         }
         Self { places, side, first: if even { -0.5 } else { 0.0 }, per_mm: (1.0 / STEP_MM) as f32 }
+    }
+
+    /// Where the samples lie beside multiples of the step around the bixel's centre, mm.
+    pub fn phase_mm(&self) -> f64 {
+        -f64::from(self.first) * STEP_MM
     }
 
     /// The components at a distance from the bixel's centre on the isocentre plane, mm: linear between the samples.

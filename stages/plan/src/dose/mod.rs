@@ -6,6 +6,7 @@
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `beam`: one beam, bixel by bixel
+//! - `delivered`: the dose of a weighted beam, without a matrix
 //! - `bixels`: where the bixels of a beam stand
 //! - `kernel`: the lateral dose of a bixel
 //! - `depth`: radiological depth, by `siddon`'s segments of a line
@@ -17,9 +18,10 @@
 mod beam;
 mod bixels;
 mod cache;
-mod density;
+mod delivered;
+pub(crate) mod density;
 mod depth;
-mod engine;
+pub(crate) mod engine;
 mod error;
 mod file;
 pub(crate) mod frame;

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::objective::{DvhPoint, Objective, Parts};
+use super::objective::{DvhPoint, Objective, Parts, Region};
 use super::problem::{Problem, ProblemError};
 use super::rows::Csr;
 use crate::Setups;
@@ -12,8 +12,10 @@ use crate::Setups;
 pub struct Wanted {
     /// Its name, for errors.
     pub name: String,
-    /// Its voxels on the dose grid, rising. Structures may overlap: a voxel then has the costs of each.
+    /// Its voxels, rows of the dose matrices, rising. Structures may overlap: a voxel then has the costs of each.
     pub voxels: Vec<u32>,
+    /// Volume that each voxel stands for, in any one unit; none where all are alike.
+    pub volumes: Vec<f64>,
     /// Its objectives.
     pub objectives: Vec<Objective>,
 }
@@ -38,6 +40,18 @@ pub enum GoalsError {
         at: usize,
         /// Voxels of the grid.
         voxels: usize,
+    },
+    /// Volumes do not belong to the voxels, or one is not positive.
+    #[error(
+        "{name} has {voxels} voxels and {volumes} volumes; each voxel needs one that is finite and positive"
+    )]
+    Volumes {
+        /// The structure.
+        name: String,
+        /// Its voxels.
+        voxels: usize,
+        /// Volumes given.
+        volumes: usize,
     },
     /// A number of an objective is out of its range.
     #[error("{name}: {what} is {value}; it must be {range}")]
@@ -87,8 +101,8 @@ pub struct PlanProblem {
     pub(super) bixels: usize,
     /// Rows that are voxels.
     pub(super) voxel_rows: usize,
-    /// Of each row behind those, the voxel rows that it averages.
-    pub(super) averages: Vec<Vec<u32>>,
+    /// Of each row behind those, the voxel rows that it averages, with their shares.
+    pub(super) averages: Vec<Vec<(u32, f64)>>,
 }
 
 impl Goals {
@@ -99,6 +113,12 @@ impl Goals {
             let name = || structure.name.clone();
             if structure.voxels.is_empty() {
                 return Err(GoalsError::Empty { name: name() });
+            }
+            let volumes = &structure.volumes;
+            let alike = volumes.is_empty() || volumes.len() == structure.voxels.len();
+            if !alike || !volumes.iter().all(|v| v.is_finite() && *v > 0.0) {
+                let (voxels, volumes) = (structure.voxels.len(), volumes.len());
+                return Err(GoalsError::Volumes { name: name(), voxels, volumes });
             }
             let mut next = 0;
             for (at, voxel) in structure.voxels.iter().enumerate() {
@@ -144,8 +164,11 @@ impl Goals {
         let mut parts = Parts::default();
         for structure in self.wanted.iter().filter(|w| !w.objectives.is_empty()) {
             let rows: Vec<u32> = structure.voxels.iter().map(|v| self.row_of[*v as usize]).collect();
+            let alike = vec![1.0; if structure.volumes.is_empty() { rows.len() } else { 0 }];
+            let volumes = if structure.volumes.is_empty() { &alike } else { &structure.volumes };
+            let region = Region { rows: &rows, volumes };
             for objective in &structure.objectives {
-                objective.add(&rows, &mut matrix, bixels, &mut parts);
+                objective.add(region, &mut matrix, bixels, &mut parts);
             }
         }
         let Parts { terms, dvh, averages } = parts;

@@ -6,7 +6,7 @@ use super::goals::GoalsError;
 use super::problem::{Side, Term};
 use super::rows::Csr;
 
-/// One wish for a structure of `v` voxels. Doses are in gray; each costs nothing where it is fulfilled.
+/// One wish for a structure of volume `v`; sums are over its voxels, each by its volume. Doses are in gray; each costs nothing where it is fulfilled.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Objective {
@@ -63,15 +63,24 @@ pub enum Objective {
     },
 }
 
+/// Rows of a structure with their volumes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Region<'a> {
+    pub rows: &'a [u32],
+    /// One for each row.
+    pub volumes: &'a [f64],
+}
+
 /// A DVH objective whose voxels are chosen by dose.
 #[derive(Clone, Debug)]
 pub(super) struct DvhPoint {
-    /// Rows of the structure.
-    pub rows: Vec<u32>,
-    /// How many of them cost.
-    pub costing: usize,
+    /// Rows of the structure, with their volumes.
+    pub rows: Vec<(u32, f64)>,
+    /// Volume that is free, for [`Side::Over`] that of the highest doses; or that must not be, for [`Side::Under`].
+    pub volume: f64,
     pub side: Side,
     pub dose: f64,
+    /// Per volume.
     pub weight: f64,
 }
 
@@ -80,8 +89,8 @@ pub(super) struct DvhPoint {
 pub(super) struct Parts {
     pub terms: Vec<Term>,
     pub dvh: Vec<DvhPoint>,
-    /// Of each row behind those of voxels, the rows that it averages.
-    pub averages: Vec<Vec<u32>>,
+    /// Of each row behind those of voxels, the rows that it averages, with their shares.
+    pub averages: Vec<Vec<(u32, f64)>>,
 }
 
 impl Objective {
@@ -122,22 +131,24 @@ impl Objective {
         Ok(())
     }
 
-    /// Adds its terms on `rows`, and the rows and columns of the matrix that they need.
-    pub(super) fn add(&self, rows: &[u32], matrix: &mut Csr, bixels: usize, parts: &mut Parts) {
+    /// Adds its terms on a region, and the rows and columns of the matrix that they need.
+    pub(super) fn add(&self, region: Region<'_>, matrix: &mut Csr, bixels: usize, parts: &mut Parts) {
         let Parts { terms, dvh, averages } = parts;
-        let count = rows.len() as f64;
+        let whole: f64 = region.volumes.iter().sum();
+        let both = || region.rows.iter().copied().zip(region.volumes.iter().copied());
         let mut each = |side, goal, weight: f64| {
-            terms.extend(rows.iter().map(|&row| Term { row, side, goal, weight: weight / count }));
+            terms.extend(both().map(|(row, v)| Term { row, side, goal, weight: weight * v / whole }));
         };
         match *self {
             Self::Overdose { dose, weight } => each(Side::Over, dose, weight),
             Self::Underdose { dose, weight } => each(Side::Under, dose, weight),
             Self::MeanDose { dose, weight } => {
                 // One more row: the mean over the structure.
-                let (columns, means) = mean_row(matrix, rows, bixels);
+                let shares: Vec<(u32, f64)> = both().map(|(row, v)| (row, v / whole)).collect();
+                let (columns, means) = mean_row(matrix, &shares, bixels);
                 let row = matrix.rows() as u32;
                 matrix.push_row(&columns, &means);
-                averages.push(rows.to_vec());
+                averages.push(shares);
                 terms.push(Term { row, side: Side::Over, goal: dose, weight });
             }
             Self::Homogeneity { weight } => {
@@ -145,52 +156,46 @@ impl Objective {
                 // The best c is the mean, so it is not negative.
                 let column = matrix.columns() as u32;
                 matrix.widen(1);
-                for row in rows {
-                    averages.push(vec![*row]);
-                    let (columns, values) = matrix.row(*row as usize);
+                for (row, v) in both() {
+                    averages.push(vec![(row, 1.0)]);
+                    let (columns, values) = matrix.row(row as usize);
                     let columns = [columns, &[column]].concat();
                     let values = [values, &[-1.0]].concat();
                     let row = matrix.rows() as u32;
                     matrix.push_row(&columns, &values);
                     for side in [Side::Over, Side::Under] {
-                        terms.push(Term { row, side, goal: 0.0, weight: weight / count });
+                        terms.push(Term { row, side, goal: 0.0, weight: weight * v / whole });
                     }
                 }
             }
-            Self::DvhAtMost { dose, volume, weight } => {
-                let costing = rows.len() - ((volume * count) as usize).min(rows.len());
-                dvh.push(DvhPoint {
-                    rows: rows.to_vec(),
-                    costing,
-                    side: Side::Over,
-                    dose,
-                    weight: weight / count,
-                });
-            }
-            Self::DvhAtLeast { dose, volume, weight } => {
-                let costing = ((volume * count).ceil() as usize).min(rows.len());
-                dvh.push(DvhPoint {
-                    rows: rows.to_vec(),
-                    costing,
-                    side: Side::Under,
-                    dose,
-                    weight: weight / count,
-                });
-            }
+            Self::DvhAtMost { dose, volume, weight } => dvh.push(DvhPoint {
+                rows: both().collect(),
+                volume: volume * whole,
+                side: Side::Over,
+                dose,
+                weight: weight / whole,
+            }),
+            Self::DvhAtLeast { dose, volume, weight } => dvh.push(DvhPoint {
+                rows: both().collect(),
+                volume: volume * whole,
+                side: Side::Under,
+                dose,
+                weight: weight / whole,
+            }),
         }
     }
 }
 
-/// The mean of rows, as a sparse row; rounded to `f32` as every entry is.
-fn mean_row(matrix: &Csr, rows: &[u32], bixels: usize) -> (Vec<u32>, Vec<f32>) {
+/// The mean of rows by their shares, as a sparse row; rounded to `f32` as every entry is.
+fn mean_row(matrix: &Csr, shares: &[(u32, f64)], bixels: usize) -> (Vec<u32>, Vec<f32>) {
     let mut sums = vec![0.0_f64; bixels];
-    for row in rows {
+    for (row, share) in shares {
         let (columns, values) = matrix.row(*row as usize);
         for (c, v) in columns.iter().zip(values) {
-            sums[*c as usize] += f64::from(*v);
+            sums[*c as usize] += share * f64::from(*v);
         }
     }
     let columns: Vec<u32> = (0..bixels as u32).filter(|j| sums[*j as usize] != 0.0).collect();
-    let means = columns.iter().map(|j| (sums[*j as usize] / rows.len() as f64) as f32).collect();
+    let means = columns.iter().map(|j| sums[*j as usize] as f32).collect();
     (columns, means)
 }

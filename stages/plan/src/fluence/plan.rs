@@ -8,6 +8,8 @@ use super::problem::{Problem, ProblemError, Side, Term};
 
 /// Most times that the voxels of DVH points are chosen anew.
 const MAX_ROUNDS: usize = 30;
+/// Part of a volume that sums of volumes may be off by.
+const ROUNDING: f64 = 1e-9;
 
 /// A fluence with what it gives.
 #[derive(Clone, Debug)]
@@ -37,9 +39,9 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
     let mut problem = goals.convex.clone();
     let mut found = newton::solve(&problem, start, options);
     let (mut steps, mut rounds) = (found.steps, 1);
-    let mut chosen: Vec<Vec<u32>> = Vec::new();
+    let mut chosen: Vec<Vec<(u32, f64)>> = Vec::new();
     while !goals.dvh.is_empty() && rounds < MAX_ROUNDS {
-        let choice: Vec<Vec<u32>> = goals.dvh.iter().map(|point| point.costing(&found.dose)).collect();
+        let choice: Vec<Vec<(u32, f64)>> = goals.dvh.iter().map(|point| point.costing(&found.dose)).collect();
         if choice == chosen {
             break;
         }
@@ -56,8 +58,8 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
     let curvature = (0..goals.voxel_rows).map(|row| problem.curvature(row, found.dose[row])).collect();
     // Rows that average voxels hand their slope on to them.
     for (i, averaged) in goals.averages.iter().enumerate() {
-        let part = pull[goals.voxel_rows + i] / averaged.len() as f64;
-        averaged.iter().for_each(|row| pull[*row as usize] += part);
+        let whole = pull[goals.voxel_rows + i];
+        averaged.iter().for_each(|(row, share)| pull[*row as usize] += share * whole);
     }
     pull.truncate(goals.voxel_rows);
     found.x.truncate(goals.bixels);
@@ -67,19 +69,33 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
 }
 
 impl DvhPoint {
-    /// The rows that cost at these doses, rising: those that would cost least.
-    fn costing(&self, dose: &[f64]) -> Vec<u32> {
+    /// The rows that cost at these doses, rising, with their volumes: those that would cost least.
+    fn costing(&self, dose: &[f64]) -> Vec<(u32, f64)> {
+        let over = self.side == Side::Over;
         let mut rows = self.rows.clone();
-        rows.sort_by(|a, b| {
-            let order = dose[*a as usize].total_cmp(&dose[*b as usize]);
-            if self.side == Side::Over { order } else { order.reverse() }
+        rows.sort_by(|(a, _), (b, _)| {
+            let hottest_first = dose[*b as usize].total_cmp(&dose[*a as usize]);
+            hottest_first.then(if over { b.cmp(a) } else { a.cmp(b) })
         });
-        rows.truncate(self.costing);
-        rows.sort_unstable();
-        rows
+        // Over: the hottest go free as long as they fit into the volume. Under: the hottest cost until they fill it.
+        let limit = self.volume * if over { 1.0 + ROUNDING } else { 1.0 - ROUNDING };
+        let mut above = 0.0;
+        let hottest = rows.iter().take_while(|(_, volume)| {
+            let before = above;
+            above += volume;
+            if over { above <= limit } else { before < limit }
+        });
+        let hottest = hottest.count();
+        let mut costing = if over { rows.split_off(hottest) } else { rows[..hottest].to_vec() };
+        costing.sort_unstable_by_key(|(row, _)| *row);
+        costing
     }
 
-    fn terms<'a>(&'a self, rows: &'a [u32]) -> impl Iterator<Item = Term> + 'a {
-        rows.iter().map(|&row| Term { row, side: self.side, goal: self.dose, weight: self.weight })
+    fn terms<'a>(&'a self, rows: &'a [(u32, f64)]) -> impl Iterator<Item = Term> + 'a {
+        let of = |&(row, volume): &(u32, f64)| {
+            let weight = self.weight * volume;
+            Term { row, side: self.side, goal: self.dose, weight }
+        };
+        rows.iter().map(of)
     }
 }

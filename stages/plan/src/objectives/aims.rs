@@ -5,7 +5,8 @@ use thiserror::Error;
 use super::table::{Dose, ObjectiveTable, Volume, Wish};
 use crate::Grid;
 use crate::case::{Case, Role, Structure};
-use crate::fluence::{Goals, GoalsError, Objective, Wanted, voxels_on};
+use crate::fluence::{Goals, GoalsError, Objective, Wanted};
+use crate::sampling::{Points, Sampling};
 
 /// What is wanted of a case.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,10 +17,10 @@ pub struct Aims {
     pub notes: Vec<String>,
     /// Whether each of `wanted` counts in every set-up; the patient's outline counts in the planned one.
     moves: Vec<bool>,
-    /// Voxels that get dose in every set-up, rising.
+    /// Rows that get dose in every set-up, rising.
     followed: Vec<u32>,
-    /// Voxels of the dose grid.
-    voxels: usize,
+    /// Rows of a dose matrix.
+    rows: usize,
 }
 
 /// Why nothing can be wanted of a case.
@@ -44,16 +45,21 @@ pub enum AimsError {
 }
 
 impl ObjectiveTable {
-    /// What this table wants of a case on this dose grid.
+    /// What this table wants of a case on every voxel of this dose grid.
+    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<Aims, AimsError> {
+        self.for_points(case, &Sampling::every_voxel(case, grid))
+    }
+
+    /// What this table wants of a case at these points.
     ///
     /// A share of the prescription is of a target's own, and of the highest for any other structure. Targets come
     /// first, the one of the highest dose before the others, then organs, then the rest, the outline last; each keeps
     /// the voxels that none before it has.
-    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<Aims, AimsError> {
+    pub fn for_points(&self, case: &Case, sampling: &Sampling) -> Result<Aims, AimsError> {
         let own =
             |s: &Structure| case.prescription().iter().find(|p| p.structure == s.name).map(|p| p.dose_gy);
         let highest = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
-        let mut order: Vec<&Structure> = case.structures().iter().collect();
+        let mut order: Vec<(usize, &Structure)> = case.structures().iter().enumerate().collect();
         let rank = |s: &Structure| match s.role {
             Role::Target => (0, -own(s).unwrap_or(0.0)),
             Role::Organ => (1, 0.0),
@@ -61,16 +67,22 @@ impl ObjectiveTable {
             Role::Other => (3, 0.0),
             Role::External => (4, 0.0),
         };
-        order.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal));
-        let followed = case.structures().iter().filter(|s| follows(s.role));
-        let followed: Vec<_> = followed.map(|s| voxels_on(grid, case.grid(), &s.mask)).collect();
-        let mut followed = followed.concat();
+        order.sort_by(|a, b| rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal));
+        let mut followed = Vec::new();
+        for (place, structure) in order.iter().filter(|(_, s)| follows(s.role)) {
+            followed.extend(sampling.points(*place, structure, &sampling.members[*place]).rows);
+        }
         followed.sort_unstable();
         followed.dedup();
-        let mut aims =
-            Aims { wanted: Vec::new(), notes: Vec::new(), moves: Vec::new(), followed, voxels: grid.len() };
-        let mut taken = vec![false; grid.len()];
-        for structure in order {
+        let mut aims = Aims {
+            wanted: Vec::new(),
+            notes: Vec::new(),
+            moves: Vec::new(),
+            followed,
+            rows: sampling.rows(),
+        };
+        let mut taken = vec![false; sampling.grid().len()];
+        for (place, structure) in order {
             let wishes = self.find(&structure.name, structure.role);
             if wishes.is_empty() {
                 continue;
@@ -86,8 +98,9 @@ impl ObjectiveTable {
                 }
                 _ => highest,
             };
-            let mut voxels = voxels_on(grid, case.grid(), &structure.mask);
+            let mut voxels = sampling.members[place].clone();
             voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
+            let Points { rows: voxels, volumes, .. } = sampling.points(place, structure, &voxels);
             if voxels.is_empty() {
                 aims.notes.push(format!(
                     "{} has no voxel of its own on the dose grid, so nothing is wanted of it",
@@ -97,7 +110,7 @@ impl ObjectiveTable {
             }
             aims.moves.push(follows(structure.role));
             let objectives = wishes.iter().map(|wish| wish.objective(prescribed, highest)).collect();
-            aims.wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
+            aims.wanted.push(Wanted { name: structure.name.clone(), voxels, volumes, objectives });
         }
         if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
             return Err(AimsError::NoTarget);
@@ -115,17 +128,18 @@ impl Aims {
         for (structure, moves) in self.wanted.iter().zip(&self.moves) {
             let times = if *moves { setups } else { 1 };
             for setup in 0..times {
-                let before = (setup * self.voxels) as u32;
+                let before = (setup * self.rows) as u32;
                 let voxels = structure.voxels.iter().map(|v| before + v).collect();
                 let share = |objective: &Objective| objective.scaled(1.0 / times as f64);
                 let objectives = structure.objectives.iter().map(share).collect();
-                wanted.push(Wanted { name: structure.name.clone(), voxels, objectives });
+                let volumes = structure.volumes.clone();
+                wanted.push(Wanted { name: structure.name.clone(), voxels, volumes, objectives });
             }
         }
-        Ok(Goals::new(wanted, setups * self.voxels)?)
+        Ok(Goals::new(wanted, setups * self.rows)?)
     }
 
-    /// Voxels of structures that are followed through every set-up, rising.
+    /// Rows of structures that are followed through every set-up, rising.
     pub fn followed(&self) -> &[u32] {
         &self.followed
     }
@@ -201,7 +215,7 @@ mod tests {
     fn set_ups_share_the_weight_and_the_outline_counts_once() {
         let (_, aims) = aims();
         let goals = aims.goals(7).unwrap();
-        assert_eq!(goals.rows(), 7 * aims.voxels);
+        assert_eq!(goals.rows(), 7 * aims.rows);
         assert_eq!(goals.wanted().len(), 7 * 5 + 1);
         let all = aims.wanted.iter().map(|w| w.voxels.len()).sum::<usize>();
         let moving: usize = aims.wanted[..5].iter().map(|w| w.voxels.len()).sum();

@@ -43,7 +43,12 @@ fn disc() -> (Vec<Rows>, Goals) {
         }
         Rows::from_columns(Csc::new(SIDE * SIDE, starts, row, value).unwrap().view()).unwrap()
     };
-    let structure = |name: &str, voxels, objectives| Wanted { name: name.into(), voxels, objectives };
+    let structure = |name: &str, voxels, objectives| Wanted {
+        name: name.into(),
+        voxels,
+        volumes: Vec::new(),
+        objectives,
+    };
     let target = vec![
         Objective::Underdose { dose: 60.0, weight: 200.0 },
         Objective::Overdose { dose: 60.0, weight: 100.0 },

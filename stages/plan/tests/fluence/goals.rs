@@ -70,8 +70,18 @@ pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
 fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<Wanted> {
     let [target, organ] = objectives;
     vec![
-        Wanted { name: "target".into(), voxels: vec![0, 1, 2, 3, 4, 5], objectives: target },
-        Wanted { name: "organ".into(), voxels: vec![4, 5, 6, 7, 8, 9, 10], objectives: organ },
+        Wanted {
+            name: "target".into(),
+            voxels: vec![0, 1, 2, 3, 4, 5],
+            volumes: Vec::new(),
+            objectives: target,
+        },
+        Wanted {
+            name: "organ".into(),
+            voxels: vec![4, 5, 6, 7, 8, 9, 10],
+            volumes: Vec::new(),
+            objectives: organ,
+        },
     ]
 }
 
@@ -145,6 +155,7 @@ fn a_dvh_point_lets_the_hottest_part_go() {
     let both = vec![Wanted {
         name: "both".into(),
         voxels: vec![0, 1],
+        volumes: Vec::new(),
         objectives: vec![
             Objective::Underdose { dose: 60.0, weight: 1.0 },
             Objective::DvhAtMost { dose: 10.0, volume: 0.5, weight: 1000.0 },
@@ -159,13 +170,45 @@ fn a_dvh_point_lets_the_hottest_part_go() {
 }
 
 #[test]
+fn a_voxel_of_twice_the_volume_counts_as_two() {
+    // Three voxels and three bixels; of the two plans one has the last voxel twice, the other with twice its volume.
+    let matrix = |rows: Vec<u32>, starts, values| {
+        Rows::from_columns(Csc::new(4, starts, rows, values).unwrap().view()).unwrap()
+    };
+    let once = matrix(vec![0, 1, 1, 2, 2], vec![0, 2, 4, 5], vec![1.0, 0.3, 1.0, 0.4, 1.0]);
+    let twice = matrix(vec![0, 1, 1, 2, 3, 2, 3], vec![0, 2, 5, 7], vec![1.0, 0.3, 1.0, 0.4, 0.4, 1.0, 1.0]);
+    let objectives = vec![
+        Objective::Underdose { dose: 60.0, weight: 3.0 },
+        Objective::MeanDose { dose: 20.0, weight: 2.0 },
+        Objective::Homogeneity { weight: 0.5 },
+        Objective::DvhAtMost { dose: 30.0, volume: 0.5, weight: 4.0 },
+    ];
+    let solve = |rows: &Rows, voxels: Vec<u32>, volumes: Vec<f64>| {
+        let wanted = Wanted { name: "all".into(), voxels, volumes, objectives: objectives.clone() };
+        let goals = Goals::new(vec![wanted], 4).unwrap();
+        solve_plan(&goals.problem(&[rows.view().into()]).unwrap(), None, Options::default()).unwrap()
+    };
+    let (one, other) =
+        (solve(&once, vec![0, 1, 2], vec![1.0, 1.0, 2.0]), solve(&twice, vec![0, 1, 2, 3], vec![]));
+    let [a, b] = [&one, &other].map(|plan| plan.certificate.objective);
+    assert!((a - b).abs() < 1e-6 * b, "{a} {b}");
+    assert!(one.weights.iter().zip(&other.weights).all(|(a, b)| (a - b).abs() < 1e-4), "{one:?} {other:?}");
+}
+
+#[test]
 fn wishes_that_cannot_be_used_are_refused_by_name() {
     let one = |voxels: Vec<u32>, objective| {
-        let wanted = Wanted { name: "rectum".into(), voxels, objectives: vec![objective] };
+        let wanted =
+            Wanted { name: "rectum".into(), voxels, volumes: Vec::new(), objectives: vec![objective] };
         Goals::new(vec![wanted], 3).err()
     };
     let fine = Objective::Overdose { dose: 1.0, weight: 1.0 };
     assert_eq!(one(vec![0, 2], fine), None);
+    for volumes in [vec![1.0], vec![1.0, 0.0], vec![1.0, f64::NAN]] {
+        let wanted = Wanted { name: "rectum".into(), voxels: vec![0, 2], volumes, objectives: vec![fine] };
+        let fault = Goals::new(vec![wanted], 3).err();
+        assert!(matches!(fault, Some(GoalsError::Volumes { voxels: 2, .. })), "{fault:?}");
+    }
     assert_eq!(one(vec![], fine), Some(GoalsError::Empty { name: "rectum".into() }));
     assert!(matches!(one(vec![2, 1], fine), Some(GoalsError::Voxel { at: 1, .. })));
     assert!(matches!(one(vec![3], fine), Some(GoalsError::Voxel { at: 0, voxels: 3, .. })));

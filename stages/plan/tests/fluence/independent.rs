@@ -110,7 +110,12 @@ fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<Wanted> {
         rows.dedup();
         rows
     };
-    let structure = |name: &str, voxels, objectives| Wanted { name: name.into(), voxels, objectives };
+    let structure = |name: &str, voxels, objectives| Wanted {
+        name: name.into(),
+        voxels,
+        volumes: Vec::new(),
+        objectives,
+    };
     let target = vec![
         Objective::Underdose { dose: 60.0, weight: a },
         Objective::Overdose { dose: 63.0, weight: b },

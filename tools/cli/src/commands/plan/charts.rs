@@ -2,7 +2,6 @@
 
 use stillpoint_plan::objectives::follows;
 
-use super::ground::Ground;
 use super::outcome::Outcome;
 use super::request::Request;
 use super::search::Run;
@@ -13,9 +12,9 @@ use stillpoint_report::chart::{Chart, Series, Style};
 const STEPS: usize = 300;
 
 /// Dose-volume histograms of the structures: lines as planned, dashes as it came with the case or in the other set-ups.
-pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>) -> Result<String, String> {
-    let planned = ground.on_grid.histograms(&outcome.gray[0]);
-    let reference = ground.reference.as_deref().map(|gray| ground.on_grid.histograms(gray));
+pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, String> {
+    let planned = outcome.on_grid.histograms(&outcome.gray[0]);
+    let reference = outcome.reference_gray.as_deref().map(|gray| outcome.on_grid.histograms(gray));
     let largest =
         planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh.max()).fold(1.0, f64::max);
     let up_to = 1.01 * largest;
@@ -34,7 +33,7 @@ pub fn histograms(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>)
         }
     }
     // The least and the most that each structure gets over the set-ups.
-    let moved: Vec<_> = outcome.gray[1..].iter().map(|gray| ground.on_grid.histograms(gray)).collect();
+    let moved: Vec<_> = outcome.gray[1..].iter().map(|gray| outcome.on_grid.histograms(gray)).collect();
     for (place, (structure, dvh)) in planned.iter().enumerate() {
         if moved.is_empty() || !follows(structure.role) {
             continue;

@@ -14,7 +14,7 @@ const LEAST_SHARE: f64 = 1e-9;
 /// The plan and its dose. Beams without weight are left out.
 pub fn dicom(
     request: &Request,
-    ground: &Ground<'_>,
+    ground: &Ground,
     outcome: &Outcome<'_>,
 ) -> Result<[Exported; 2], ExportError> {
     let uids = uids_of(&request.case, &request.hash);
@@ -37,12 +37,12 @@ pub fn dicom(
             beams: &beams,
         },
     )?;
-    let grid = &ground.engine.params().grid;
-    let dose = dose_file(&export, &PlannedDose { grid, gray: &outcome.gray[0], plan: &plan.uid })?;
+    let dose =
+        dose_file(&export, &PlannedDose { grid: outcome.grid(), gray: &outcome.gray[0], plan: &plan.uid })?;
     Ok([plan, dose])
 }
 
-fn beams(request: &Request, ground: &Ground<'_>, outcome: &Outcome<'_>) -> Vec<Beam> {
+fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam> {
     let best = &outcome.run.choice.best;
     let whole: f64 = best.plan.weights.iter().sum();
     let half = 0.5 * request.bixel_mm;

@@ -29,7 +29,7 @@ pub fn make_ready(folder: &Path) -> Result<(), Failure> {
 /// Writes it, and says which files it has.
 pub fn write(
     request: &Request,
-    ground: &Ground<'_>,
+    ground: &Ground,
     runs: &[Run],
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
@@ -38,14 +38,14 @@ pub fn write(
     let told = serde_json::to_string_pretty(&outcome.told(request, ground, runs)).map_err(Failure::failed)?;
     files.push(folder.put("plan.json", told.as_bytes())?);
     let svg = |text: Result<String, String>| text.map_err(Failure::failed);
-    files.push(folder.put("dvh.svg", svg(charts::histograms(request, ground, outcome))?.as_bytes())?);
+    files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
     if runs.len() > 1 {
         files.push(folder.put("compare.svg", svg(charts::comparison(request, runs))?.as_bytes())?);
     }
     for plane in Plane::ALL {
         let over = Wash {
-            grid: &ground.engine.params().grid,
+            grid: outcome.grid(),
             gray: &outcome.gray[0],
             most_gy: SCALE * ground.prescribed_gy,
             beams_deg: &outcome.angles_deg,

@@ -3,9 +3,9 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use stillpoint_plan::beams::RingDoses;
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
-use stillpoint_plan::evaluation::{OnGrid, brought_to};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::Aims;
+use stillpoint_plan::sampling::Sampling;
 
 use super::request::Request;
 use crate::exit::Failure;
@@ -14,19 +14,17 @@ use crate::exit::Failure;
 const VOLUMES_AT_GY: [f64; 7] = [10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0];
 
 /// What plans are made on.
-pub struct Ground<'a> {
-    /// What is wanted of each structure: objectives in gray, on the voxels that count for it.
+pub struct Ground {
+    /// The points whose dose is optimised.
+    pub sampling: Sampling,
+    /// What is wanted of each structure: objectives in gray, on the points that count for it.
     pub aims: Aims,
     /// The same over all set-ups.
     pub goals: Goals,
-    /// The engine of the planned set-up.
+    /// The engine of the points in the planned set-up.
     pub engine: DoseEngine,
     /// Doses of the beams.
     pub doses: RingDoses,
-    /// The structures on the dose grid.
-    pub on_grid: OnGrid<'a>,
-    /// The dose that came with the case, on the dose grid.
-    pub reference: Option<Vec<f32>>,
     /// Doses at which volumes are told, gray.
     pub volumes_at_gy: Vec<f64>,
     /// Highest prescribed dose, gray.
@@ -35,15 +33,17 @@ pub struct Ground<'a> {
     pub notes: Vec<String>,
 }
 
-impl<'a> Ground<'a> {
+impl Ground {
     /// Makes it; doses that are not in the cache are computed.
-    pub fn new(request: &'a Request) -> Result<Self, Failure> {
+    pub fn new(request: &Request) -> Result<Self, Failure> {
         let Request { case, .. } = request;
+        let sampling = Sampling::new(case, request.grid_mm, request.bixel_mm).map_err(Failure::failed)?;
         let over = DoseParams::over(case.grid(), request.grid_mm);
-        let params = DoseParams { bixels: BixelSpec::of_width(request.bixel_mm), ..over };
+        let params =
+            DoseParams { grid: *sampling.grid(), bixels: BixelSpec::of_width(request.bixel_mm), ..over };
         let engine = DoseEngine::of_case(case, request.machine.clone(), params).map_err(Failure::failed)?;
-        let grid = engine.params().grid;
-        let mut aims = request.objectives.for_case(case, &grid).map_err(Failure::failed)?;
+        let engine = sampling.engine(&engine);
+        let mut aims = request.objectives.for_points(case, &sampling).map_err(Failure::failed)?;
         let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
         let mut engines = vec![engine.clone()];
         let moving = engine.within(aims.followed());
@@ -63,8 +63,7 @@ impl<'a> Ground<'a> {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
         }
         Ok(Self {
-            on_grid: OnGrid::new(case, &grid),
-            reference: case.reference_dose_gy().map(|gray| brought_to(&grid, case.grid(), gray)),
+            sampling,
             volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
             aims,
             goals,
@@ -82,8 +81,9 @@ impl<'a> Ground<'a> {
         }
         let (computed, bytes) = self.doses.computed();
         outln!(
-            "{} voxels with objectives, {computed} doses computed, {:.0} MB of doses",
+            "{} points with objectives, {:.2} mm apart at the borders of targets; {computed} doses computed, {:.0} MB of doses",
             self.goals.voxels().len(),
+            self.sampling.grid().spacing_mm[0],
             bytes as f64 * 1e-6
         );
     }

@@ -64,7 +64,8 @@ pub struct Plan {
     /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
-    /// Spacing of the dose grid.
+    /// Spacing of the points whose dose is optimised. At the borders of targets it is half of that, and at most a quarter
+    /// of a bixel. The reported dose is recomputed on a finer grid.
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     grid: String,
     /// Width of a bixel.
@@ -105,7 +106,7 @@ impl Plan {
         let (Some(best), chosen_s) = (best(&runs), began.elapsed().as_secs_f64() - ready_s) else {
             return Err(Failure::failed("no method was run"));
         };
-        let outcome = Outcome::new(&request, &ground, best);
+        let outcome = Outcome::new(&request, &ground, best)?;
         let files = folder::write(&request, &ground, &runs, &outcome)?;
         let seconds = json!({ "doses": ready_s, "choice": chosen_s, "all": began.elapsed().as_secs_f64() });
         if self.json {
@@ -117,7 +118,10 @@ impl Plan {
             print_json(&told)?;
         } else {
             table::print(&request, &ground, &runs, &outcome);
-            outln!("\ntime: doses {ready_s:.1} s, search and fluence {chosen_s:.1} s");
+            let rest_s = began.elapsed().as_secs_f64() - ready_s - chosen_s;
+            outln!(
+                "\ntime: doses {ready_s:.1} s, search and fluence {chosen_s:.1} s, final dose and files {rest_s:.1} s"
+            );
             for file in files {
                 outln!("{}", file.display());
             }

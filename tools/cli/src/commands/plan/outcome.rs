@@ -1,57 +1,91 @@
 //! What a plan gives: doses, figures, and all of it as JSON.
 
 use serde_json::{Value, json};
+use stillpoint_plan::Grid;
 use stillpoint_plan::beams::Progress;
-use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
 use stillpoint_plan::objectives::follows;
+use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
-use super::ground::Ground;
+use super::ground::{Ground, bar};
 use super::request::Request;
 use super::search::Run;
+use crate::exit::Failure;
 
-/// The best plan and what it gives.
+/// The best plan and what it gives: of a dose that is computed again on a finer grid than that of the points.
 pub struct Outcome<'a> {
     /// How it was found.
     pub run: &'a Run,
     /// Gantry angles, rising, degrees.
     pub angles_deg: Vec<f64>,
-    /// Dose on the dose grid in each set-up, gray, the planned one first. The others hold the voxels that are followed.
+    /// The structures on the grid of the dose.
+    pub on_grid: OnGrid<'a>,
+    /// Dose in each set-up, gray, the planned one first.
     pub gray: Vec<Vec<f32>>,
     /// Figures of the planned set-up.
     pub figures: Vec<StructureDose>,
+    /// How the dose falls off in the planned set-up.
+    pub fall_off: Option<FallOff>,
     /// Figures of the other set-ups; of structures that are followed through them.
     pub moved: Vec<Vec<StructureDose>>,
-    /// Figures of the dose that came with the case.
+    /// The dose that came with the case, on the same grid, gray.
+    pub reference_gray: Option<Vec<f32>>,
+    /// Figures of that dose.
     pub reference: Option<Vec<StructureDose>>,
 }
 
 impl<'a> Outcome<'a> {
     /// Of this run.
-    pub fn new(request: &Request, ground: &Ground<'_>, run: &'a Run) -> Self {
+    pub fn new(request: &'a Request, ground: &Ground, run: &'a Run) -> Result<Self, Failure> {
         let best = &run.choice.best;
-        let gray: Vec<Vec<f32>> =
-            (0..request.setups_mm.len()).map(|setup| ground.doses.dose(best, setup)).collect();
-        let figures = |gray: &[f32]| ground.on_grid.figures(gray, &ground.volumes_at_gy);
+        let case = &request.case;
+        let points_mm = ground.sampling.grid().spacing_mm[0];
+        let machine = request.machine.clone();
+        let recompute = Recompute::new(case, machine, ground.engine.params(), points_mm);
+        let recompute = recompute.map_err(Failure::failed)?;
+        let weighted = |beam: &u16| WeightedBeam {
+            gantry_deg: request.ring.angle_deg(*beam),
+            weights: best.weights_of(*beam).unwrap_or_default(),
+        };
+        let beams: Vec<WeightedBeam<'_>> = best.beams.beams().iter().map(weighted).collect();
+        let bar = bar(request.setups_mm.len() as u64, "dose of the plan", request.quiet);
+        let of_setup = |shift: &[f64; 3]| {
+            bar.inc(1);
+            recompute.dose(&beams, *shift, request.threads)
+        };
+        let gray: Result<Vec<Vec<f32>>, _> = request.setups_mm.iter().map(of_setup).collect();
+        bar.finish_and_clear();
+        let gray = gray.map_err(Failure::failed)?;
+        let on_grid = OnGrid::new(case, recompute.grid());
+        let figures = |gray: &[f32]| on_grid.figures(gray, &ground.volumes_at_gy);
         let of_moving = |gray: &Vec<f32>| {
             let mut figures = figures(gray);
             figures.retain(|f| follows(f.role));
-            // The dose around the target is not known there.
-            figures.iter_mut().for_each(|f| f.conformity = None);
             figures
         };
-        Self {
+        let reference_gray =
+            case.reference_dose_gy().map(|gray| brought_to(recompute.grid(), case.grid(), gray));
+        Ok(Self {
             run,
             angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
             figures: figures(&gray[0]),
+            fall_off: on_grid.fall_off(&gray[0]),
             moved: gray[1..].iter().map(of_moving).collect(),
-            reference: ground.reference.as_deref().map(figures),
+            reference: reference_gray.as_deref().map(figures),
+            reference_gray,
             gray,
-        }
+            on_grid,
+        })
+    }
+
+    /// The grid of the dose.
+    pub fn grid(&self) -> &Grid {
+        self.on_grid.grid()
     }
 
     /// Everything, as it is written to `plan.json`; nothing in it depends on a clock.
-    pub fn told(&self, request: &Request, ground: &Ground<'_>, runs: &[Run]) -> Value {
+    pub fn told(&self, request: &Request, ground: &Ground, runs: &[Run]) -> Value {
         let best = &self.run.choice.best;
         let params = ground.engine.params();
         let beam = |beam: &u16| {
@@ -75,7 +109,8 @@ impl<'a> Outcome<'a> {
             "isocentre_mm": request.case.isocentre_mm(),
             "machine": { "energy_mv": request.machine.file().energy_mv, "provenance": request.machine.file().provenance },
             "dose": {
-                "grid": { "counts": params.grid.counts, "spacing_mm": params.grid.spacing_mm, "origin_mm": params.grid.origin_mm },
+                "grid": grid(self.grid()),
+                "optimised": { "lattice": grid(&params.grid), "points": ground.goals.voxels().len() },
                 "bixel_mm": params.bixels.width_mm,
                 "cutoff_mm": params.cutoff_mm,
             },
@@ -88,6 +123,7 @@ impl<'a> Outcome<'a> {
             "newton_steps": best.plan.steps,
             "beams": best.beams.beams().iter().map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
+            "fall_off": self.fall_off,
             "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
             "reference": self.reference,
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),
@@ -95,7 +131,11 @@ impl<'a> Outcome<'a> {
     }
 }
 
-/// Objectives as they were solved: doses in gray, over the voxels of the dose grid that count for the structure.
+fn grid(grid: &Grid) -> Value {
+    json!({ "counts": grid.counts, "spacing_mm": grid.spacing_mm, "origin_mm": grid.origin_mm })
+}
+
+/// Objectives as they were solved: doses in gray, over the points that count for the structure.
 fn wanted(wanted: &Wanted) -> Value {
     json!({ "structure": wanted.name, "voxels": wanted.voxels.len(), "objectives": wanted.objectives })
 }

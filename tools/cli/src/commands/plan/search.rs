@@ -75,13 +75,13 @@ pub struct Run {
 }
 
 /// Runs every requested method, each with the whole budget.
-pub fn all(request: &Request, ground: &Ground<'_>) -> Result<Vec<Run>, Failure> {
+pub fn all(request: &Request, ground: &Ground) -> Result<Vec<Run>, Failure> {
     request.methods.iter().map(|(way, method)| run(request, ground, *way, method)).collect()
 }
 
 fn run(
     request: &Request,
-    ground: &Ground<'_>,
+    ground: &Ground,
     way: Way,
     method: &stillpoint_plan::beams::Method,
 ) -> Result<Run, Failure> {

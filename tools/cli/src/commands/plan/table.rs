@@ -1,6 +1,6 @@
 //! The figures of a plan, for people.
 
-use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::evaluation::{FallOff, StructureDose};
 
 use super::ground::Ground;
 use super::outcome::Outcome;
@@ -9,7 +9,7 @@ use super::search::Run;
 use crate::columns::{Columns, Side};
 
 /// Prints what was found.
-pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Outcome<'_>) {
+pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome<'_>) {
     if runs.len() > 1 {
         outln!();
         searches(request, runs);
@@ -26,7 +26,11 @@ pub fn print(request: &Request, ground: &Ground<'_>, runs: &[Run], outcome: &Out
         outcome.run.prices
     );
     outln!();
+    outln!("dose recomputed on a grid of {:.2} mm:\n", outcome.grid().spacing_mm[0]);
     structures(&outcome.figures, &ground.volumes_at_gy);
+    if let Some(fall_off) = &outcome.fall_off {
+        outln!("{}", describe(fall_off));
+    }
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
         structures(reference, &ground.volumes_at_gy);
@@ -62,7 +66,7 @@ fn searches(request: &Request, runs: &[Run]) {
 }
 
 fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
-    let doses = ["cm3", "D98", "D95", "D50", "D10", "D2", "max", "mean"].map(str::to_owned);
+    let doses = ["cm3", "D98", "D95", "D50", "D10", "D2", "D0.03", "mean"].map(str::to_owned);
     let volumes = volumes_at_gy.iter().map(|dose| format!("V{dose}"));
     let right = doses.into_iter().chain(volumes).chain(["V95%", "HI", "CI"].map(str::to_owned));
     let head = [(Side::Left, "structure".to_owned())];
@@ -70,7 +74,7 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
     for f in figures {
         let or_dash =
             |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
-        let doses = [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.max_gy, f.mean_gy];
+        let doses = [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.d003cc_gy, f.mean_gy];
         let percents = f.volumes.iter().map(|volume| 100.0 * volume.fraction);
         let numbers = [f.volume_cm3].into_iter().chain(doses).chain(percents);
         let target =
@@ -80,10 +84,22 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
     }
     out!("{table}");
     outln!(
-        "D98 is the dose in Gy that 98 % of the structure receive at least; V60 is the percentage that receives 60 Gy;\n\
+        "D98 is the dose in Gy that 98 % of the structure receive at least, D0.03 that of 0.03 cm3; V60 is the percentage that receives 60 Gy;\n\
          V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
          CI is Paddick's conformity index of the 95 % isodose"
     );
+}
+
+/// The fall-off of the dose around the targets.
+fn describe(fall_off: &FallOff) -> String {
+    let gray = |dose: Option<f64>| dose.map_or("-".to_owned(), |gray| format!("{gray:.1} Gy"));
+    format!(
+        "R50 (volume of the 50 % isodose / volume of the targets) is {:.1}; D0.03 beyond 2 cm from the targets is {}, \
+         within 1 cm of the skin {}",
+        fall_off.r50,
+        gray(fall_off.d2cm_gy),
+        gray(fall_off.first_cm_gy)
+    )
 }
 
 fn setups(outcome: &Outcome<'_>) {
