@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::form::{Reader, Writer};
+use stillpoint_cdr::{Reader, Writer};
 
 /// Channel of the losses.
 pub(crate) const LOST_CHANNEL: &str = "/stillpoint/lost";

@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::{Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, SampleKind, Shape};
 
-use crate::form::{Decoded, Fault, Form, Reader};
+use stillpoint_cdr::Reader;
+
+use crate::form::{Decoded, Fault, Form};
 
 /// Fields that fill a struct up to its alignment: zeros, and of no meaning.
 const FILLING: &str = "reserved";

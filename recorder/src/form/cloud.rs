@@ -3,8 +3,8 @@
 use stillpoint_samples::{CloudShape, HEADER_SIZE, Pieces, Point};
 use zerocopy::{FromBytes, IntoBytes};
 
-use super::cdr::{Reader, Writer};
 use super::{Decoded, Envelope, Fault, Shared};
+use stillpoint_cdr::{Reader, Writer};
 
 const POINT: u32 = size_of::<Point>() as u32;
 /// `PointField.FLOAT32`.

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use stillpoint_samples::{HEADER_SIZE, Intrinsics, Pieces};
 use zerocopy::{FromBytes, IntoBytes};
 
-use super::cdr::Writer;
 use super::image::{Encoding, Image};
 use super::{Decoded, Envelope, Fault, Shared};
+use stillpoint_cdr::Writer;
 
 const ENCODING: Encoding = Encoding { name: "16UC1", pixel: size_of::<u16>() as u32 };
 

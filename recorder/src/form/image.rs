@@ -1,7 +1,7 @@
 //! `sensor_msgs/msg/Image` of one channel, rows without a gap between them.
 
 use super::Fault;
-use super::cdr::{Reader, Writer};
+use stillpoint_cdr::{Reader, Writer};
 
 /// How pixels are written: the message's name for it, and bytes of one.
 pub(super) struct Encoding {

@@ -19,7 +19,6 @@
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
-mod cdr;
 mod cloud;
 mod decoded;
 mod depth;
@@ -34,7 +33,6 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::{Header, Pieces, SampleKind};
 
-pub(crate) use cdr::{Reader, Writer};
 pub(crate) use decoded::Decoded;
 pub use transforms::StaticTransform;
 pub(crate) use transforms::{transforms_from, transforms_message};
@@ -128,7 +126,7 @@ impl Form {
         }
         let extra = match self {
             Self::Own => BTreeMap::new(),
-            _ if !cdr::is_ros_time(header.stamp) => return None,
+            _ if !stillpoint_cdr::is_ros_time(header.stamp) => return None,
             Self::Cloud => cloud::fits(sample).then(BTreeMap::new)?,
             Self::Pose => BTreeMap::new(),
             Self::Depth => depth::extra(sample)?,

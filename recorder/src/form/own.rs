@@ -2,8 +2,8 @@
 
 use stillpoint_samples::{HEADER_SIZE, Header, Pieces, SampleKind};
 
-use super::cdr::{ENCAPSULATION, Reader, Writer};
 use super::{Decoded, Fault};
+use stillpoint_cdr::{ENCAPSULATION, Reader, Writer};
 
 pub(super) fn encode(sample: &Pieces<'_>, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);

@@ -3,8 +3,8 @@
 use stillpoint_samples::{Pieces, PoseElement};
 use zerocopy::{FromBytes, IntoBytes};
 
-use super::cdr::{Reader, Writer};
 use super::{Decoded, Envelope, Fault, Shared};
+use stillpoint_cdr::{Reader, Writer};
 
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);

@@ -1,7 +1,7 @@
 //! The static frames as `tf2_msgs/msg/TFMessage` on `/tf_static`.
 
 use super::Fault;
-use super::cdr::{Reader, Writer};
+use stillpoint_cdr::{Reader, Writer};
 
 /// A frame that does not move in its parent: the transform `parent_from_child`.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub struct StaticTransform {
 
 /// The message. `stamp` is ns; beyond the range of ROS time it is written as 0.
 pub(crate) fn transforms_message(stamp: u64, transforms: &[StaticTransform]) -> Vec<u8> {
-    let stamp = if super::cdr::is_ros_time(stamp) { stamp } else { 0 };
+    let stamp = if stillpoint_cdr::is_ros_time(stamp) { stamp } else { 0 };
     let mut out = Vec::new();
     let mut w = Writer::new(&mut out);
     w.u32(transforms.len() as u32);

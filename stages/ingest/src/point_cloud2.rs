@@ -2,6 +2,7 @@
 //!
 //! The fields `x`, `y` and `z` may be 32-bit or 64-bit floats at any offsets; other fields are skipped.
 
+use stillpoint_cdr::{CdrError, Reader};
 use thiserror::Error;
 
 use crate::INVALID_POINT;
@@ -10,28 +11,18 @@ use crate::INVALID_POINT;
 const FLOAT32: u8 = 7;
 /// `datatype` of a 64-bit float.
 const FLOAT64: u8 = 8;
-/// Bytes before the message: which CDR it is.
-const ENCAPSULATION: usize = 4;
 
 /// Why bytes are not a cloud. Offsets are in bytes from the message's start.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PointCloud2Error {
-    /// The message ends too early.
-    #[error("the message ends at byte {found}, but {what} needs {expected} bytes")]
-    TooShort {
-        /// The part that is cut.
+    /// The message is not CDR, or damaged.
+    #[error("{fault} ({what})")]
+    Cdr {
+        /// The part of the message.
         what: &'static str,
-        /// Bytes that the message needs up to the end of the part.
-        expected: usize,
-        /// Bytes there.
-        found: usize,
-    },
-    /// The bytes are not plain CDR.
-    #[error("the message starts with {found:02x?}, which is not plain CDR (00 00 or 00 01)")]
-    Encapsulation {
-        /// The first two bytes.
-        found: [u8; 2],
+        /// What is wrong with it.
+        fault: CdrError,
     },
     /// A coordinate is absent or repeated.
     #[error("the message needs exactly one field `{axis}` and has {found}")]
@@ -122,29 +113,26 @@ impl<'a> PointCloud2<'a> {
     /// # Errors
     /// What is wrong with the message.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PointCloud2Error> {
-        let mut cdr = Cdr::new(bytes)?;
-        cdr.word("the stamp")?;
-        cdr.word("the stamp")?;
-        cdr.sequence("frame_id")?;
-        let height = cdr.word("height")?;
-        let width = cdr.word("width")?;
+        let mut r = Reader::in_either_order(bytes).map_err(of("the encapsulation"))?;
+        r.header().map_err(of("the header"))?;
+        let height = r.u32().map_err(of("height"))?;
+        let width = r.u32().map_err(of("width"))?;
         let mut found = [(0, None); 3];
-        for _ in 0..cdr.word("the fields")? {
-            let name = cdr.sequence("the name of a field")?;
+        for _ in 0..r.u32().map_err(of("the fields"))? {
+            let name = r.text().map_err(of("the name of a field"))?;
             let field = Field {
-                offset: cdr.word("the offset of a field")?,
-                datatype: cdr.byte("the datatype of a field")?,
-                count: cdr.word("the count of a field")?,
+                offset: r.u32().map_err(of("the offset of a field"))?,
+                datatype: r.u8().map_err(of("the datatype of a field"))?,
+                count: r.u32().map_err(of("the count of a field"))?,
             };
-            // The length of a text counts its closing zero.
-            if let Some(axis) = [b"x\0", b"y\0", b"z\0"].iter().position(|n| *n == name) {
+            if let Some(axis) = ["x", "y", "z"].iter().position(|n| *n == name) {
                 found[axis] = (found[axis].0 + 1, Some(field));
             }
         }
-        let big_endian = cdr.byte("is_bigendian")? != 0;
-        let point_step = cdr.word("point_step")?;
-        let row_step = cdr.word("row_step")?;
-        let data = cdr.sequence("the data")?;
+        let big_endian = r.u8().map_err(of("is_bigendian"))? != 0;
+        let point_step = r.u32().map_err(of("point_step"))?;
+        let row_step = r.u32().map_err(of("row_step"))?;
+        let data = r.bytes().map_err(of("the data"))?;
         let mut axes = [Axis { offset: 0, double: false }; 3];
         for (place, name) in ['x', 'y', 'z'].into_iter().enumerate() {
             axes[place] = axis(name, found[place], point_step)?;
@@ -197,6 +185,11 @@ impl<'a> PointCloud2<'a> {
     }
 }
 
+/// The fault of a part of the message.
+fn of(what: &'static str) -> impl Fn(CdrError) -> PointCloud2Error {
+    move |fault| PointCloud2Error::Cdr { what, fault }
+}
+
 fn axis(name: char, found: (usize, Option<Field>), point_step: u32) -> Result<Axis, PointCloud2Error> {
     let (1, Some(field)) = found else {
         return Err(PointCloud2Error::Coordinate { axis: name, found: found.0 });
@@ -237,52 +230,4 @@ fn check_sizes(
         return Err(PointCloud2Error::Data { width, height, expected, found });
     }
     Ok(())
-}
-
-/// A reader of plain CDR.
-struct Cdr<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    big_endian: bool,
-}
-
-impl<'a> Cdr<'a> {
-    fn new(bytes: &'a [u8]) -> Result<Self, PointCloud2Error> {
-        let mut cdr = Self { bytes, at: 0, big_endian: false };
-        let head = cdr.take(ENCAPSULATION, "the encapsulation")?;
-        match [head[0], head[1]] {
-            [0, 0] => cdr.big_endian = true,
-            [0, 1] => {}
-            found => return Err(PointCloud2Error::Encapsulation { found }),
-        }
-        Ok(cdr)
-    }
-
-    fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], PointCloud2Error> {
-        let expected = self.at.saturating_add(count);
-        let taken = self.bytes.get(self.at..expected).ok_or(PointCloud2Error::TooShort {
-            what,
-            expected,
-            found: self.bytes.len(),
-        })?;
-        self.at = expected;
-        Ok(taken)
-    }
-
-    fn byte(&mut self, what: &'static str) -> Result<u8, PointCloud2Error> {
-        Ok(self.take(1, what)?[0])
-    }
-
-    /// A whole number of 32 bits, at a multiple of 4 from the end of the encapsulation.
-    fn word(&mut self, what: &'static str) -> Result<u32, PointCloud2Error> {
-        self.at = ENCAPSULATION + (self.at - ENCAPSULATION).next_multiple_of(4);
-        let raw = self.take(4, what)?.first_chunk().copied().unwrap_or_default();
-        Ok(if self.big_endian { u32::from_be_bytes(raw) } else { u32::from_le_bytes(raw) })
-    }
-
-    /// A text or a sequence of bytes behind its length.
-    fn sequence(&mut self, what: &'static str) -> Result<&'a [u8], PointCloud2Error> {
-        let length = self.word(what)? as usize;
-        self.take(length, what)
-    }
 }

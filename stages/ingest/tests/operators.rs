@@ -182,7 +182,7 @@ fn a_broken_message_is_named_by_its_number() {
     let files = files(&[("r.mcap", recording(&[("/cam", 2, cut), ("/cam", 1, message(&[]))]))]);
     let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /cam } }";
     let error = refused(it, &files);
-    assert!(error.contains("r.mcap: cloud 2 by time: the message ends at byte 60"), "{error}");
+    assert!(error.contains("r.mcap: cloud 2 by time: it ends at byte 60"), "{error}");
 }
 
 fn port() -> Bench {

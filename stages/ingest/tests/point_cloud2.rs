@@ -154,7 +154,21 @@ fn another_encapsulation_is_refused_with_its_bytes() {
     let mut bytes = Message::row(&POINTS).bytes(false);
     bytes[1] = 3;
     let error = PointCloud2::parse(&bytes).unwrap_err().to_string();
-    assert!(error.contains("[00, 03]"), "{error}");
+    assert!(error.starts_with("it starts with [00, 03, 00, 00], which does not mark plain CDR"), "{error}");
+}
+
+#[test]
+fn a_stamp_or_a_text_that_is_damaged_is_refused_as_the_recorder_refuses_it() {
+    let message = Message::row(&POINTS).bytes(false);
+    let damaged = |place: usize| {
+        let mut bytes = message.clone();
+        bytes[place] = 0xff;
+        PointCloud2::parse(&bytes).unwrap_err().to_string()
+    };
+    assert_eq!(damaged(7), "its stamp of 4278190092 s and 34 ns is no time (the header)");
+    assert_eq!(damaged(16), "its text at byte 16 is not UTF-8 (the header)");
+    let cut = PointCloud2::parse(&message[..30]).unwrap_err().to_string();
+    assert_eq!(cut, "it ends at byte 30, and its field at byte 28 needs 4 bytes (height)");
 }
 
 proptest! {
