@@ -93,6 +93,19 @@ impl Head {
         Ok(Self { parts })
     }
 
+    /// A head of parts of one's own, placed in the head frame.
+    #[must_use]
+    pub fn of(parts: Vec<Ellipsoid>) -> Self {
+        Self { parts }
+    }
+
+    /// The head with further parts, which move with it.
+    #[must_use]
+    pub fn with(mut self, parts: impl IntoIterator<Item = Ellipsoid>) -> Self {
+        self.parts.extend(parts);
+        self
+    }
+
     /// The ellipsoids whose union is the head, placed in the head frame.
     pub fn parts(&self) -> &[Ellipsoid] {
         &self.parts

@@ -9,6 +9,7 @@
 //! - [`setting`]: what the head rests on and touches
 //! - [`camera`]: pinhole intrinsics and the camera's place over the couch
 //! - [`ray`]: one ray against one shape
+//! - [`patient`]: patients of many builds, drawn by chance
 //! - [`quadric`]: an ellipsoid as a camera sees it, row by row
 //! - [`view`]: depth, label and incidence per pixel
 //! - [`render`]: the view of a scene with the head at a pose
@@ -30,6 +31,7 @@ pub mod involuntary;
 pub mod noise;
 pub mod normal;
 pub mod operator;
+pub mod patient;
 pub mod quadric;
 pub mod ray;
 pub mod render;

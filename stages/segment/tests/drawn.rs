@@ -6,11 +6,11 @@
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-use crate::scene::{KINECT_V1, KINECT_V2, Kind, STRUCTURED};
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
+use stillpoint_rig::patient::view::{KINECT_V1, KINECT_V2, Kind, STRUCTURED, look};
 use stillpoint_rig::scene::{Form, Label, Object, Scene};
 use stillpoint_rig::setting::{SETTINGS, Setting};
 use stillpoint_rig::shape::{Cuboid, Ellipsoid};
@@ -26,16 +26,6 @@ pub struct Drawn {
     pub couch_from_head: Isometry3<f64>,
     /// In words.
     pub about: String,
-}
-
-/// A camera at `at` that looks to `target`, turned about its axis.
-pub fn look(at: Vector3<f64>, target: Vector3<f64>, turn: f64) -> Isometry3<f64> {
-    let z = (target - at).normalize();
-    let down = (-Vector3::y() + z * z.y).normalize();
-    let axes = Matrix3::from_columns(&[down.cross(&z), down, z]);
-    let axes = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn);
-    Isometry3::from_parts(Translation3::from(at), axes * turn)
 }
 
 /// The numbers of the scenes to draw: `$STILLPOINT_SCENES`, as `300` from 0 on or as `300..600`, else `most` from 0 on.

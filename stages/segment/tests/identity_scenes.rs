@@ -4,11 +4,11 @@
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
+use stillpoint_rig::patient::drawn::{EXTRAS, Extra, patient};
 use stillpoint_rig::scene::Scene;
 use stillpoint_segment::identity::{Candidate, IdentityParams, Region};
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rejection};
 
-use crate::bodies::{EXTRAS, Extra, patient};
 use crate::drawn::numbers;
 use crate::scene::Frame;
 
@@ -20,7 +20,7 @@ fn nothing_but_the_head_is_taken_for_it() {
     let (mut wrong, mut missed, mut due, mut taken) = (Vec::new(), Vec::new(), 0, 0);
     let mut by_extra = EXTRAS.map(|_| [0; 4]);
     for number in numbers(200) {
-        let p = patient(number);
+        let p = patient(number).unwrap();
         let frame = Frame::of(&p.kind, &p.couch_from_camera, &p.scene, p.scale, &p.couch_from_head, number);
         let bare = Scene::new(Vec::new(), -0.85);
         let alone = Frame::of(&p.kind, &p.couch_from_camera, &bare, p.scale, &p.couch_from_head, number);

@@ -1,6 +1,5 @@
 //! The chain on scenes made here, on those of the virtual rig, on rendered and on measured clouds, and as an operator.
 
-mod bodies;
 mod drawn;
 mod drawn_scenes;
 mod face;

@@ -6,28 +6,12 @@ use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use nalgebra::Isometry3;
 use stillpoint_ingest::depth::{Intrinsics, deproject};
-use stillpoint_rig::camera::Pinhole;
 use stillpoint_rig::head::Head;
-use stillpoint_rig::noise::{NoiseModel, NoiseParams};
+use stillpoint_rig::noise::NoiseModel;
+pub use stillpoint_rig::patient::view::{KINECT_V1, KINECT_V2, Kind, STRUCTURED};
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 use stillpoint_rig::sensor::DepthSensor;
-
-/// A kind of camera: focal length and size in pixels, errors.
-#[derive(Clone, Copy)]
-pub struct Kind {
-    pub name: &'static str,
-    pub focal: f64,
-    pub size: [usize; 2],
-    pub noise: fn() -> NoiseParams,
-}
-
-pub const STRUCTURED: Kind =
-    Kind { name: "structured", focal: 566.0, size: [640, 480], noise: NoiseParams::structured_light };
-pub const KINECT_V1: Kind =
-    Kind { name: "kinect_v1", focal: 575.8, size: [640, 480], noise: NoiseParams::kinect_v1 };
-pub const KINECT_V2: Kind =
-    Kind { name: "kinect_v2", focal: 365.5, size: [512, 424], noise: NoiseParams::kinect_v2 };
 
 /// What a camera measured, and which pixels are the head's.
 pub struct Frame {
@@ -48,7 +32,7 @@ impl Frame {
     ) -> Self {
         let [width, height] = kind.size;
         let (cx, cy) = ((width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0);
-        let pinhole = Pinhole::new(kind.focal, kind.focal, cx, cy, width, height).unwrap();
+        let pinhole = kind.pinhole().unwrap();
         let head = Head::new(scale).unwrap();
         let mut renderer = Renderer::new(pinhole, couch_from_camera, scene, head).unwrap();
         let view = renderer.render(couch_from_head).unwrap();

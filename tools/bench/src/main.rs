@@ -9,6 +9,7 @@
 //! - `robust`, `cases`: the same step with disturbances and faults
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
+//! - `identity`: drawn patients: captures of what is not the head, and the time to beam off
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
 //! - `program`: the default pipeline as a separate program
 //! - `stages`, `clouds`, `noise`, `poison`: the bench's own kinds of operators
@@ -39,6 +40,7 @@ mod failsafe;
 mod figures;
 mod folder;
 mod hop;
+mod identity;
 mod killed;
 mod laws;
 mod ledger;
@@ -79,6 +81,7 @@ enum Measurement {
     Ledger(ledger::Ledger),
     Replay(replay::Replay),
     Failsafe(failsafe::Failsafe),
+    Identity(identity::Identity),
     Loop(closed_loop::ClosedLoop),
     Step(step::StepBench),
     Robust(robust::Robust),
@@ -100,6 +103,7 @@ impl Measurement {
             Self::Ledger(b) => b.execute(registry),
             Self::Replay(b) => b.execute(registry),
             Self::Failsafe(b) => b.execute(registry),
+            Self::Identity(b) => b.execute(registry),
             Self::Loop(b) => b.execute(registry),
             Self::Step(b) => b.execute(registry),
             Self::Robust(b) => b.execute(registry),
@@ -124,7 +128,13 @@ fn main() -> ExitCode {
 
 /// The kinds of operators that a bench knows: the command's, and its own.
 fn registry() -> Registry {
-    stillpoint::registry(&[stages::STAGES, clouds::STAGES, noise::STAGES, &[poison::STAGE]])
+    stillpoint::registry(&[
+        stages::STAGES,
+        clouds::STAGES,
+        noise::STAGES,
+        &[poison::STAGE],
+        &[identity::camera::STAGE],
+    ])
 }
 
 /// Reads a whole number that is this at least.

@@ -45,6 +45,8 @@ fn arguments_with_which_a_bench_measures_nothing_are_refused() {
         ("killed", "kills", "0"),
         ("failsafe", "trials", "0"),
         ("failsafe", "threads", "0"),
+        ("identity", "scenes", "0"),
+        ("identity", "rate", "20"),
         ("loop", "seconds", "0"),
         ("loop", "rounds", "0"),
         ("step", "seeds", "0"),

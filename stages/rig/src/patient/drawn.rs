@@ -1,6 +1,4 @@
-//! Patients of many builds, drawn by chance: body, hair, blanket, arms, what lies and who stands beside them, and views.
-
-#![allow(clippy::unwrap_used)]
+//! Patients of many builds, drawn by chance: body, blanket, arms, what lies and who stands beside them, and views.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,12 +6,12 @@ use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rand::RngExt;
-use stillpoint_rig::head::Head;
-use stillpoint_rig::scene::{Form, Label, Object, Scene};
-use stillpoint_rig::shape::{Cuboid, Ellipsoid};
 
-use crate::drawn::look;
-use crate::scene::{KINECT_V1, KINECT_V2, Kind, STRUCTURED};
+use super::PatientError;
+use super::view::{KINECT_V1, KINECT_V2, Kind, STRUCTURED, look};
+use crate::head::Head;
+use crate::scene::{Form, Label, Object, Scene};
+use crate::shape::{Cuboid, Ellipsoid, ShapeError};
 
 /// What is special about a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,6 +38,7 @@ pub enum Extra {
     Headless,
 }
 
+/// All of them.
 pub const EXTRAS: [Extra; 10] = [
     Extra::None,
     Extra::Blanket,
@@ -54,15 +53,23 @@ pub const EXTRAS: [Extra; 10] = [
 ];
 
 /// A scene that was drawn.
+#[derive(Debug, Clone)]
 pub struct Patient {
+    /// The camera.
     pub kind: Kind,
+    /// Its place.
     pub couch_from_camera: Isometry3<f64>,
+    /// All but the head.
     pub scene: Scene,
+    /// Size of the head; 1 is an adult's.
     pub scale: f64,
+    /// Where the head lies; far under the couch where there is none.
     pub couch_from_head: Isometry3<f64>,
+    /// What is special.
     pub extra: Extra,
     /// Degrees between the line of sight and the way up from the head, in all and towards the patient's side.
     pub off_front: f64,
+    /// In words.
     pub about: String,
 }
 
@@ -78,43 +85,59 @@ impl Patient {
     }
 }
 
-fn ellipsoid(label: Label, centre: [f64; 3], semi: [f64; 3]) -> Object {
+fn ellipsoid(label: Label, centre: [f64; 3], semi: [f64; 3]) -> Result<Object, ShapeError> {
     let at = Isometry3::from_parts(Translation3::from(centre), UnitQuaternion::identity());
-    Object { label, form: Form::Ellipsoid(Ellipsoid::new(at, Vector3::from(semi)).unwrap()) }
+    Ok(Object { label, form: Form::Ellipsoid(Ellipsoid::new(at, Vector3::from(semi))?) })
 }
 
-fn cuboid(label: Label, centre: [f64; 3], half: [f64; 3]) -> Object {
+fn cuboid(label: Label, centre: [f64; 3], half: [f64; 3]) -> Result<Object, ShapeError> {
     let at = Isometry3::from_parts(Translation3::from(centre), UnitQuaternion::identity());
-    Object { label, form: Form::Cuboid(Cuboid::new(at, Vector3::from(half)).unwrap()) }
+    Ok(Object { label, form: Form::Cuboid(Cuboid::new(at, Vector3::from(half))?) })
 }
 
-/// A second head, as a thing that stands still.
-fn head_at(couch_from_head: &Isometry3<f64>, scale: f64) -> Vec<Object> {
-    let head = Head::new(scale).unwrap();
+/// Another head, as a thing that stands still.
+///
+/// # Errors
+/// A scale at which no head is.
+pub fn head_at(couch_from_head: &Isometry3<f64>, scale: f64) -> Result<Vec<Object>, PatientError> {
     let placed = |part: &Ellipsoid| {
-        Ellipsoid::new(couch_from_head * part.parent_from_shape(), *part.semi_axes()).unwrap()
+        let shape = Ellipsoid::new(couch_from_head * part.parent_from_shape(), *part.semi_axes())?;
+        Ok(Object { label: Label::Clutter, form: Form::Ellipsoid(shape) })
     };
-    head.parts().iter().map(|p| Object { label: Label::Clutter, form: Form::Ellipsoid(placed(p)) }).collect()
+    Head::new(scale)?.parts().iter().map(placed).collect()
 }
 
 /// Shoulders, chest and belly against the stump of the neck of a head of scale `s` at `head`, `stout` times as thick and
 /// `raised` higher than the rig's.
-fn torso(s: f64, head: &Vector3<f64>, stout: f64, raised: f64) -> Vec<Object> {
+fn torso(s: f64, head: &Vector3<f64>, stout: f64, raised: f64) -> Result<Vec<Object>, ShapeError> {
     let (x, top) = (head.x, head.y - 0.155 * s);
     let z = head.z - 0.055 * s + raised;
     let part = |dx: f64, dy: f64, dz: f64, semi: [f64; 3]| {
         ellipsoid(Label::Body, [x + dx * s, top + dy * s, z + dz * s], semi.map(|a| a * s))
     };
-    vec![
-        part(0.0, -0.085, 0.0, [0.150, 0.090, 0.070 * stout]),
-        part(0.145, -0.105, -0.005, [0.075, 0.090, 0.066 * stout]),
-        part(-0.145, -0.105, -0.005, [0.075, 0.090, 0.066 * stout]),
-        part(0.0, -0.330, 0.01, [0.185 * stout.sqrt(), 0.270, 0.100 * stout]),
-    ]
+    Ok(vec![
+        part(0.0, -0.085, 0.0, [0.150, 0.090, 0.070 * stout])?,
+        part(0.145, -0.105, -0.005, [0.075, 0.090, 0.066 * stout])?,
+        part(-0.145, -0.105, -0.005, [0.075, 0.090, 0.066 * stout])?,
+        part(0.0, -0.330, 0.01, [0.185 * stout.sqrt(), 0.270, 0.100 * stout])?,
+    ])
+}
+
+fn put(
+    scene: &mut Scene,
+    things: impl IntoIterator<Item = Result<Object, ShapeError>>,
+) -> Result<(), ShapeError> {
+    for thing in things {
+        scene.add([thing?]);
+    }
+    Ok(())
 }
 
 /// The patient of a number.
-pub fn patient(number: u64) -> Patient {
+///
+/// # Errors
+/// Never happens for these sizes; it is passed on.
+pub fn patient(number: u64) -> Result<Patient, PatientError> {
     let mut rng = ChaCha8Rng::seed_from_u64(77_000 + number);
     let rng = &mut rng;
     let kind = [STRUCTURED, KINECT_V1, KINECT_V2][number as usize % 3];
@@ -126,80 +149,102 @@ pub fn patient(number: u64) -> Patient {
     let rest: f64 = rng.random_range(0.0..0.06);
     let head = Vector3::new(place.x, place.y, 0.095 * s + rest);
     let couch_from_head = Isometry3::from_parts(Translation3::from(head), turn);
-    let mut scene = Scene::bare_couch().unwrap();
+    let mut scene = Scene::bare_couch()?;
     match rng.random_range(0..3) {
         // A flat rest, a ring, a pillow.
         0 if rest > 0.005 => {
-            scene.add([cuboid(Label::Pad, [head.x, head.y + 0.01, rest / 2.0], [0.09, 0.11, rest / 2.0])]);
+            put(
+                &mut scene,
+                [cuboid(Label::Pad, [head.x, head.y + 0.01, rest / 2.0], [0.09, 0.11, rest / 2.0])],
+            )?;
         }
-        1 => scene.add((0..10).map(|k| {
-            let angle = TAU * f64::from(k) / 10.0;
-            let at = [head.x + 0.075 * angle.cos(), head.y + 0.02 + 0.075 * angle.sin(), 0.5 * rest + 0.01];
-            ellipsoid(Label::Pad, at, [0.032, 0.032, 0.5 * rest + 0.02])
-        })),
-        _ => scene.add([ellipsoid(
-            Label::Pad,
-            [head.x, head.y + 0.015, 0.3 * rest],
-            [0.2, 0.15, 0.7 * rest + 0.02],
-        )]),
+        1 => put(
+            &mut scene,
+            (0..10).map(|k| {
+                let angle = TAU * f64::from(k) / 10.0;
+                let at =
+                    [head.x + 0.075 * angle.cos(), head.y + 0.02 + 0.075 * angle.sin(), 0.5 * rest + 0.01];
+                ellipsoid(Label::Pad, at, [0.032, 0.032, 0.5 * rest + 0.02])
+            }),
+        )?,
+        _ => put(
+            &mut scene,
+            [ellipsoid(Label::Pad, [head.x, head.y + 0.015, 0.3 * rest], [0.2, 0.15, 0.7 * rest + 0.02])],
+        )?,
     }
     let (stout, raised) = (rng.random_range(0.75..1.5_f64), rng.random_range(-0.01..0.06) * s);
     if extra != Extra::Nobody {
-        scene.add(torso(s, &head, stout, raised));
+        scene.add(torso(s, &head, stout, raised)?);
     }
     let chest = head.z - 0.055 * s + raised + 0.1 * stout * s;
     let mut shown = couch_from_head;
     match extra {
         Extra::None => {}
-        Extra::Blanket => scene.add([ellipsoid(
-            Label::Clutter,
-            [head.x, head.y - 0.50 * s, 0.4 * chest],
-            [0.26, 0.30 * s, 0.62 * chest],
-        )]),
-        Extra::ArmsUp => scene.add([-1.0, 1.0].into_iter().flat_map(|side| {
-            let arm = |dx: f64, dy: f64, z: f64, semi: [f64; 3]| {
-                let at = [head.x + side * dx * s, head.y + dy * s, z];
-                ellipsoid(Label::Body, at, semi.map(|a| a * s))
-            };
-            [
-                arm(0.19, -0.08, 0.05 + 0.5 * rest, [0.05, 0.15, 0.05]),
-                arm(0.15, 0.12, 0.05 + 0.5 * rest, [0.045, 0.13, 0.045]),
-                arm(0.08, 0.24, 0.05 + 0.5 * rest, [0.045, 0.06, 0.04]),
-            ]
-        })),
-        Extra::Breasts => scene.add([-1.0, 1.0].map(|side| {
-            let r = rng.random_range(0.055..0.085) * s;
-            ellipsoid(Label::Body, [head.x + side * 0.085 * s, head.y - 0.38 * s, chest - 0.015], [r, r, r])
-        })),
+        Extra::Blanket => put(
+            &mut scene,
+            [ellipsoid(
+                Label::Clutter,
+                [head.x, head.y - 0.50 * s, 0.4 * chest],
+                [0.26, 0.30 * s, 0.62 * chest],
+            )],
+        )?,
+        Extra::ArmsUp => put(
+            &mut scene,
+            [-1.0, 1.0].into_iter().flat_map(|side| {
+                let arm = |dx: f64, dy: f64, z: f64, semi: [f64; 3]| {
+                    let at = [head.x + side * dx * s, head.y + dy * s, z];
+                    ellipsoid(Label::Body, at, semi.map(|a| a * s))
+                };
+                [
+                    arm(0.19, -0.08, 0.05 + 0.5 * rest, [0.05, 0.15, 0.05]),
+                    arm(0.15, 0.12, 0.05 + 0.5 * rest, [0.045, 0.13, 0.045]),
+                    arm(0.08, 0.24, 0.05 + 0.5 * rest, [0.045, 0.06, 0.04]),
+                ]
+            }),
+        )?,
+        Extra::Breasts => put(
+            &mut scene,
+            [-1.0, 1.0].map(|side| {
+                let r = rng.random_range(0.055..0.085) * s;
+                ellipsoid(
+                    Label::Body,
+                    [head.x + side * 0.085 * s, head.y - 0.38 * s, chest - 0.015],
+                    [r, r, r],
+                )
+            }),
+        )?,
         Extra::Fist => {
             let r = 0.045 * s.max(0.7);
-            scene.add([ellipsoid(
-                Label::Body,
-                [head.x + 0.03 * s, head.y - 0.09 * s, head.z + 0.09 * s],
-                [r, r, r],
-            )]);
+            put(
+                &mut scene,
+                [ellipsoid(
+                    Label::Body,
+                    [head.x + 0.03 * s, head.y - 0.09 * s, head.z + 0.09 * s],
+                    [r, r, r],
+                )],
+            )?;
         }
         Extra::Ball => {
             let r = rng.random_range(0.06..0.1);
             let side = if rng.random_range(0..2) == 0 { -1.0 } else { 1.0 };
-            scene.add([ellipsoid(Label::Clutter, [head.x + side * 0.2, head.y + 0.1, r], [r, r, r])]);
+            put(&mut scene, [ellipsoid(Label::Clutter, [head.x + side * 0.2, head.y + 0.1, r], [r, r, r])])?;
         }
         Extra::SecondHead => {
             let at =
                 Vector3::new(head.x + 0.2 * if place.x > 0.0 { -1.0 } else { 1.0 }, head.y + 0.03, head.z);
-            scene.add(head_at(&Isometry3::from_parts(Translation3::from(at), turn), s));
+            scene.add(head_at(&Isometry3::from_parts(Translation3::from(at), turn), s)?);
         }
         Extra::Visitor => {
             let at = Vector3::new(head.x + 0.12, head.y - 0.3 * s, chest + 0.16);
             let upright = UnitQuaternion::from_euler_angles(-1.2, 0.2, 0.0);
-            scene.add(head_at(&Isometry3::from_parts(Translation3::from(at), upright), 1.0));
+            scene.add(head_at(&Isometry3::from_parts(Translation3::from(at), upright), 1.0)?);
         }
         Extra::Nobody | Extra::Headless => {
             shown.translation.vector.z = -20.0;
         }
     }
     if extra == Extra::Headless && number % 2 == 0 {
-        scene.add([cuboid(Label::Clutter, [head.x, head.y + 0.02, 0.12], [0.2, 0.13, 0.12])]);
+        put(&mut scene, [cuboid(Label::Clutter, [head.x, head.y + 0.02, 0.12], [0.2, 0.13, 0.12])])?;
     }
     let tilt: f64 = rng.random_range(0.0..75.0_f64).to_radians();
     let around: f64 = rng.random_range(-PI..PI);
@@ -216,5 +261,5 @@ pub fn patient(number: u64) -> Patient {
         around.to_degrees(),
     );
     let couch_from_camera = look(target + reach * sight, target, rng.random_range(-0.3..0.3));
-    Patient { kind, couch_from_camera, scene, scale: s, couch_from_head: shown, extra, off_front, about }
+    Ok(Patient { kind, couch_from_camera, scene, scale: s, couch_from_head: shown, extra, off_front, about })
 }
