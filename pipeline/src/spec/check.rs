@@ -9,7 +9,7 @@ use super::operators::ParsedOperator;
 use super::source::{Sources, Span};
 use super::tree::{Entry, Node, Value};
 use super::wiring::Wired;
-use super::{assemble, confirm, hosts, links, order, port_frames, sets, sync, wiring, yaml};
+use super::{assemble, confirm, hosts, identity, links, order, port_frames, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::Files;
 use crate::operator::{Registry, Role, Stage, Timer};
@@ -98,6 +98,10 @@ fn pass(
     let links_stand = !document.links.is_some_and(|span| findings.any_within(span));
     let order = order::upstream_first(&document, &wired, links_stand, findings);
     let frames = port_frames::resolve(&document, &wired, findings);
+    if machine.is_to_run() {
+        let params = checked.iter().map(|(params, _)| params.as_ref());
+        identity::check(&document, &wired, params, &frames, findings);
+    }
     let processes = assemble::processes(&document, links_stand, findings);
     hosts::check(&document, &wired, &processes, links_stand, whole.host.as_ref(), findings);
     machine.check(&document, whole.host.as_ref().map(|h| h.value.as_str()), findings);

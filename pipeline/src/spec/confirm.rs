@@ -61,7 +61,7 @@ pub fn check<'a>(
 }
 
 /// The first source upstream of an operator that is neither a rig nor a console.
-fn real_camera(document: &Document<'_>, wired: &[Wired], from: usize) -> Option<usize> {
+pub(super) fn real_camera(document: &Document<'_>, wired: &[Wired], from: usize) -> Option<usize> {
     let (mut seen, mut next) = (BTreeSet::from([from]), vec![from]);
     let mut found = BTreeSet::new();
     while let Some(number) = next.pop() {

@@ -11,6 +11,8 @@ pub struct Machine {
     cores: BTreeSet<usize>,
     /// A run on it is live: a step that misses its deadline is a fault of the machine, not part of the model.
     is_live: bool,
+    /// The pipeline is to run on it, and is not a session's that is replayed.
+    is_to_run: bool,
 }
 
 impl Machine {
@@ -19,7 +21,7 @@ impl Machine {
         let set = rustix::thread::sched_getaffinity(None);
         let all = 0..rustix::thread::CpuSet::MAX_CPU;
         let cores = set.map(|set| all.filter(|core| set.is_set(*core)).collect()).unwrap_or_default();
-        Self { cores, is_live: true }
+        Self { cores, is_live: true, is_to_run: true }
     }
 
     /// The same for a run in session time: there, a `latency` above the `deadline` models a step that comes too late.
@@ -30,7 +32,12 @@ impl Machine {
 
     /// A machine with these cores.
     pub fn with_cores(cores: impl IntoIterator<Item = usize>) -> Self {
-        Self { cores: cores.into_iter().collect(), is_live: true }
+        Self { cores: cores.into_iter().collect(), is_live: true, is_to_run: true }
+    }
+
+    /// Whether a pipeline is to run on it.
+    pub(super) fn is_to_run(&self) -> bool {
+        self.is_to_run
     }
 
     /// Finds what a pipeline, or the part of it that runs on `host`, asks for and this machine does not have.

@@ -75,7 +75,8 @@ pub enum Check {
 /// Where the head must be, in the axes of the frame `couch` (x to the left of a supine patient, y to the head end, z up).
 #[derive(Clone, Debug, Params)]
 pub struct RegionParams {
-    /// Whether the head must lie in the region. A cloud whose frame is not placed on `couch` has none.
+    /// Whether the head must lie in the region. `check` refuses a cloud whose frame is not placed on `couch`, unless both
+    /// checks are waived; it refuses to waive them where valves or a beam follow a camera that is no `rig.*`.
     #[param(default = "required")]
     pub need: Check,
     /// Middle of the region along x and y: where the set-up places the head.
@@ -135,7 +136,7 @@ pub struct SegmentParams {
     /// Where the head must be, for `rule: head`.
     pub region: RegionParams,
     /// Whether a body must lie footwards of the head, with a neck or a valley between, for `rule: head`. Waive it for a
-    /// phantom without a body. A cloud whose frame is not placed on `couch` has no such check.
+    /// phantom without a body.
     #[param(default = "required")]
     pub body: Check,
     /// A thing whose certainty to be the head is less than this below that of the best one makes the frame ambiguous.

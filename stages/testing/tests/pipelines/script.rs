@@ -1,5 +1,6 @@
 //! A console that speaks for a person.
 
+use stillpoint_pipeline::spec::{Machine, check, check_for};
 use stillpoint_samples::ConsoleCommand;
 use stillpoint_testing::run;
 use stillpoint_testing::run::START;
@@ -55,6 +56,61 @@ fn a_command_with_too_many_values_is_refused() {
     assert!(said.contains("up to 6"), "{said}");
 }
 
+/// The default pipeline with images from files in the place of the rig's.
+const FROM_FILES: (&str, &str) = (
+    "cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }",
+    "cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: images, camera: { fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px, depth_unit: 0.1 mm } } }",
+);
+
+#[test]
+fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() {
+    let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
+    let mut files = MemoryFiles::default();
+    files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
+    files.files.insert("images/1.png".into(), Vec::new());
+    let here = Machine::here();
+    let faults = |text: &str| {
+        let faults = check_for(&here, text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    assert_eq!(faults(&default), "");
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
+        let text = real.replacen("body: waived", waived, 1);
+        let said = faults(&text);
+        let acts = "acts on it, and `cloud`, which `face` sees through, is no simulated rig";
+        assert!(said.contains(acts), "{waived}: {said}");
+        // A session of it can be replayed.
+        assert!(check(&text, "x.yaml", &[], &registry(), &files).is_ok(), "{waived}");
+    }
+    assert_eq!(faults(&real.replacen("body: waived, ", "", 1)), "");
+}
+
+#[test]
+fn a_search_that_cannot_check_what_it_finds_has_to_say_so() {
+    let pipeline = |frame: &str, params: &str| {
+        format!(
+            "stillpoint: 1\nname: apart\nframes: {{ camera: {{ parent: {frame}, at: [0 m, 0 m, 1 m] }} }}\n\
+             operators:\n  rig: {{ use: ingest.pcd, every: 1 s, frame: camera, params: {{ files: clouds }} }}\n  \
+             face: {{ use: segment.face, inputs: {{ cloud: rig.cloud }}{params} }}\n"
+        )
+    };
+    let mut files = MemoryFiles::default();
+    files.files.insert("clouds/1.pcd".into(), Vec::new());
+    let faults = |text: &str| {
+        let faults = check_for(&Machine::here(), text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    let said = faults(&pipeline("world", ""));
+    let apart = "cannot check that what it finds is the head: the frame `camera` is not connected to `couch`";
+    assert!(said.contains(apart), "{said}");
+    assert!(faults(&pipeline("world", ", params: { body: waived }")).contains(apart));
+    for params in ["body: waived, region: { need: waived }", "rule: largest"] {
+        assert_eq!(faults(&pipeline("world", &format!(", params: {{ {params} }}"))), "");
+    }
+    assert_eq!(faults(&pipeline("couch", "")), "");
+}
+
 #[test]
 fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
@@ -62,15 +118,11 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
     files.files.insert("images/1.png".into(), Vec::new());
     let faults = |text: &str| {
-        let faults = stillpoint_pipeline::spec::check(text, "x.yaml", &[], &registry(), &files).err();
+        let faults = check(text, "x.yaml", &[], &registry(), &files).err();
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
     assert_eq!(faults(&default), "");
-    let real = default.replacen(
-        "cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }",
-        "cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: images, camera: { fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px, depth_unit: 0.1 mm } } }",
-        1,
-    );
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1);
     assert_ne!(real, default);
     let said = faults(&real);
     assert!(
