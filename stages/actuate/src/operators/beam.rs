@@ -7,7 +7,7 @@ use stillpoint_samples::{
     PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement, Track,
 };
 
-use super::params::{check_life, extrinsic, key, stale};
+use super::params::{check_life, extrinsic, key, too_old_for_beam};
 use crate::aim::{Aim, Tolerances};
 use crate::datagram::LONGEST;
 use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
@@ -75,7 +75,8 @@ pub struct BeamParams {
 /// When the beam takes a pose for fresh.
 #[derive(Clone, Debug, Params)]
 pub struct BeamFreshnessParams {
-    /// Period of the camera's frames. A pose whose newest measurement is older than three of them is stale.
+    /// Period of the camera's frames. A pose whose newest measurement, and a report whose frame, is older than 1.5 of them
+    /// and 5 ms is stale: a camera that falls silent ends the beam as fast as one that freezes.
     #[param(unit = "ns", default = "100 ms", min = "1 ms", max = "1 s")]
     pub frame_period: u64,
     /// Number of repetitions of the same measurement after which the pose is stale at once: the camera is frozen.
@@ -188,7 +189,7 @@ impl Operator for GateBeam {
                 position_sd: params.position_sd,
                 angle_sd: params.angle_sd,
             },
-            stale: stale(params.pose.frame_period),
+            stale: too_old_for_beam(params.pose.frame_period),
             target_timeout: params.target_timeout,
             actuation_timeout: params.actuation_timeout,
             extrinsic: extrinsic(&params.extrinsic, STATE, setup)?,

@@ -39,6 +39,12 @@ pub fn stale(frame_period: u64) -> u64 {
     PERIODS * frame_period
 }
 
+/// Age at which a pose is too old for the beam, ns, where frames come with this period: with a tick of the gate, the link
+/// and a tick of the far end the beam is off 1.5 periods and 20 ms after the newest frame was acquired.
+pub fn too_old_for_beam(frame_period: u64) -> u64 {
+    frame_period * 3 / 2 + 5_000_000
+}
+
 /// The key in a file that a parameter names. One that others may read is refused, unless it is the published example.
 pub fn key(name: &str, setup: &Setup<'_>) -> Result<Key, SetupError> {
     let text = setup.file(name)?;

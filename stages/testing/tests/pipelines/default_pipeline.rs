@@ -3,8 +3,8 @@
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{
-    Actuation, ActuationReason, ActuationState, FarEnd, FarEndDoing, Gate, GateReason, Pose, PoseReport,
-    PoseStatus, Proof, RigState, Target, Track, View,
+    Actuation, ActuationReason, ActuationState, DepthImage, FarEnd, FarEndDoing, Gate, GateReason, Pose,
+    PoseReport, PoseStatus, Proof, RigState, Target, Track, View,
 };
 use stillpoint_testing::run::START;
 use stillpoint_testing::{Run, run};
@@ -177,6 +177,44 @@ fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
         off <= 4.17 && dark <= 4.17 && dark < vents && vents <= 4.3 + 1e-9,
         "off {off}, dark {dark}, vents {vents}"
     );
+}
+
+/// When the far end first has the beam off, and with it the gate's reasons, after `event`, s.
+fn beam_off_after(run: &Run, event: f64) -> (f64, Vec<&'static str>) {
+    let far = run.samples::<FarEnd>("far.state");
+    let is_on = |s: &View<'_, FarEnd>| s.first().unwrap().beam == 1;
+    let before = far.iter().rfind(|s| seconds(s.header.stamp) <= event).unwrap();
+    assert!(is_on(before), "the beam is on when it happens");
+    let off = far.iter().find(|s| seconds(s.header.stamp) > event && !is_on(s)).unwrap();
+    let gates = run.samples::<Gate>("gate.state");
+    let said =
+        gates.iter().find(|g| seconds(g.header.stamp) > event && g.first().unwrap().beam == 0).unwrap();
+    (seconds(off.header.stamp), GateReason::words(said.first().unwrap().reasons).collect())
+}
+
+#[test]
+fn a_camera_that_falls_silent_ends_the_beam_as_fast_as_one_that_freezes() {
+    for ms in [100, 35] {
+        let silent = format!(
+            "motion: breathes, camera: {{ every: {ms} ms }}, faults: [{{ kind: silent_camera, at: 4 s }}] }} }}"
+        );
+        let frames = format!(
+            "report: head.report }}, params: {{ key: examples/data/rig.key, pose: {{ frame_period: {ms} ms }} }}"
+        );
+        let changes = [
+            ("motion: breathes, camera: { every: 100 ms } } }", silent.as_str()),
+            ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm"),
+            ("report: head.report }, params: { key: examples/data/rig.key }", frames.as_str()),
+        ];
+        let run = default_pipeline(&changes, 4_400);
+        // The head may move as soon as the last image is taken.
+        let images = run.samples::<DepthImage>("rig.depth");
+        let last = images.iter().map(|i| seconds(i.header.origin)).rfind(|t| *t < 4.0).unwrap();
+        let (off, reasons) = beam_off_after(&run, last);
+        let bound = 1.5e-3 * f64::from(ms) + 0.02;
+        assert!(off - last <= bound + 1e-9, "{off} after {last}: {reasons:?}");
+        assert!(reasons.contains(&"tracker") || reasons.contains(&"pose stale"), "{reasons:?}");
+    }
 }
 
 #[test]

@@ -1,10 +1,8 @@
 //! `rig.patient`: a camera over a drawn patient, whose head moves as that of a rig.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
-use stillpoint_pipeline::operator::{
-    FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer,
-};
-use stillpoint_pipeline::{Activation, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
+use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_rig::noise::{DEPTH_UNIT_M, NoiseModel};
 use stillpoint_rig::patient::PatientError;
 use stillpoint_rig::patient::worn::Mask;
