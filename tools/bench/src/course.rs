@@ -18,7 +18,6 @@ use stillpoint_samples::{
 };
 use stillpoint_track::angles::PoseNumbers;
 
-use super::laws::NETWORK;
 use stillpoint::Failure;
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
@@ -32,6 +31,12 @@ const KEPT_EVERY: u64 = 20_000_000;
 const LEASE: u64 = 100_000_000;
 /// How many truths are remembered until the frame of their time has become a reference.
 const REMEMBERED: usize = 400;
+
+/// The trained network of the project, by its path from the pipeline file.
+pub const NETWORK: (&str, &[u8]) = (
+    "stages/control/data/controller-3dof.safetensors",
+    include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
+);
 
 /// A pipeline, what is changed in it, and how long it runs.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use serde::Serialize;
 
-use super::course::Plan;
+use super::course::{NETWORK, Plan};
 use stillpoint::EMBEDDED;
 
 /// A control law.
@@ -19,12 +19,6 @@ pub enum Law {
     /// The same over the features of the network that comes with the project.
     MracLstm,
 }
-
-/// The network that comes with the project, by a name from the pipeline's file.
-pub const NETWORK: (&str, &[u8]) = (
-    "stages/control/data/controller-3dof.safetensors",
-    include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
-);
 
 impl Law {
     /// All of them.

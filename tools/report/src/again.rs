@@ -10,8 +10,9 @@ use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::stdout::StdoutRedirect;
 use stillpoint_samples::Entry;
 
+use super::camera::{Camera, Found};
 use super::source::Source;
-use super::views::{Camera, Found};
+use super::wiring::is_activation;
 
 /// The reason with which the observer ends the replay.
 const ENOUGH: &str = "enough was made again";
@@ -43,7 +44,7 @@ impl Observer for Collector<'_> {
         }
         let is_past = operator == self.stage && self.wanted.last().is_none_or(|last| origin >= *last);
         let said = || format!("{ENOUGH} of {}", self.graph.operators[operator].name);
-        if is_past && super::sections::is_activation(entry) { Err(said()) } else { Ok(()) }
+        if is_past && is_activation(entry) { Err(said()) } else { Ok(()) }
     }
 }
 

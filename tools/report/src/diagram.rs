@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use super::html::escape;
+use super::escape::escape;
 use super::wiring::Wiring;
 
 /// Height of a box, and the room between two.

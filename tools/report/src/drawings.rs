@@ -1,6 +1,6 @@
 //! Charts and small lines as they stand in the page: in its colours, with names and titles in its text.
 
-use super::html::{escape, printable};
+use super::escape::{escape, printable};
 use crate::chart::{Chart, Series, Style, colour};
 
 /// Size of a chart, in units that the page scales.

@@ -3,31 +3,11 @@
 use std::fmt::Write;
 
 use super::drawings::{chart, spark};
+use super::escape::escape;
 use super::page::{Block, Cell, Mood, Picture, Section, Table, Tile};
 use super::picture::base64;
 
 const STYLE: &str = include_str!("page.css");
-
-/// Text as it stands in HTML and SVG.
-pub fn escape(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            c => safe.push(c),
-        }
-    }
-    printable(&safe)
-}
-
-/// Control characters have no place in a page.
-pub fn printable(text: &str) -> String {
-    text.replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}")
-}
 
 /// The page: a title, what it is about, the sections in their order.
 pub fn page(title: &str, about: &str, sections: &[Section]) -> String {

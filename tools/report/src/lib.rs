@@ -8,20 +8,22 @@
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
 //! - `ramp`: the effect of a filter's gains on noise and on a ramp
-//! - `views`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
+//! - `views`, `camera`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
-//! - `page`, `html`, `drawings`, `page.css`: sections and blocks; the page; its charts; its style
+//! - `page`, `html`, `escape`, `drawings`, `page.css`: sections and blocks; the page; its text, charts and style
 //! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
 
 pub mod accuracy;
 mod again;
 #[cfg(test)]
 mod broken;
+mod camera;
 pub mod chart;
 mod diagram;
 mod drawings;
 mod episodes;
 mod error;
+mod escape;
 pub mod facts;
 mod far_end;
 pub mod hold;

@@ -1,9 +1,8 @@
 //! A depth image as a relief, with the face, the supporting plane and its hull upon it.
 
-use stillpoint_samples::{DepthImage, Pieces, PointCloud, Sample};
+use stillpoint_samples::{DepthImage, Pieces, PlaneElement, PointCloud, Sample};
 
 use super::picture::Indexed;
-use super::views::View;
 
 /// Shades of each colour.
 const SHADES: u8 = 48;
@@ -30,6 +29,25 @@ pub struct Image {
     pub focal: [f64; 2],
     /// Column and row of the principal point, px.
     pub centre: [f64; 2],
+}
+
+/// An image with its detections.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// When it was acquired, ns.
+    pub origin: u64,
+    /// The image.
+    pub image: Image,
+    /// Points of the face, m, in the image's frame.
+    pub face: Vec<[f32; 3]>,
+    /// The supporting plane.
+    pub plane: Option<PlaneElement>,
+    /// Corners of the hull, m, in the image's frame.
+    pub hull: Vec<[f32; 3]>,
+    /// Area within the hull, m2.
+    pub hull_area: Option<f64>,
+    /// Why there is no face.
+    pub rejection: Option<String>,
 }
 
 impl Image {

@@ -4,56 +4,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use stillpoint_samples::{
-    AlignedBytes, DepthImage, Hull, Pieces, Plane, PlaneElement, PointCloud, RefKind, Rejection, Sample,
-    SampleKind,
+    DepthImage, Hull, Pieces, Plane, PointCloud, RefKind, Rejection, Sample, SampleKind,
 };
 
 use super::again::made_again;
-use super::overlay::Image;
+use super::camera::{Camera, Found};
+use super::overlay::{Image, View};
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
 
 /// Number of images at the start of a session from which images for a replay are chosen.
 pub const REPLAYED: usize = 150;
-/// A camera, and the operator that detects a face, a plane and a hull in its images.
-#[derive(Clone, Debug)]
-pub struct Camera {
-    /// The detecting operator.
-    pub stage: String,
-    /// The topic of its images; if there are no images, of its clouds.
-    pub image: String,
-    /// Topics of the results, by name of their kind.
-    pub results: BTreeMap<&'static str, String>,
-    /// Number of images that it received.
-    pub looked_at: usize,
-    /// Number of images that it refused.
-    pub refused: usize,
-    /// The chosen images.
-    pub views: Vec<View>,
-    /// Whether the results come from a replay.
-    pub made_again: bool,
-    /// Why there are no chosen images, or fewer than requested.
-    pub missing: Option<String>,
-}
-
-/// An image with its detections.
-#[derive(Clone, Debug)]
-pub struct View {
-    /// When it was acquired, ns.
-    pub origin: u64,
-    /// The image.
-    pub image: Image,
-    /// Points of the face, m, in the image's frame.
-    pub face: Vec<[f32; 3]>,
-    /// The supporting plane.
-    pub plane: Option<PlaneElement>,
-    /// Corners of the hull, m, in the image's frame.
-    pub hull: Vec<[f32; 3]>,
-    /// Area within the hull, m2.
-    pub hull_area: Option<f64>,
-    /// Why there is no face.
-    pub rejection: Option<String>,
-}
 
 /// The results that are shown.
 const RESULTS: [&SampleKind; 4] = [PointCloud::KIND, Plane::KIND, Hull::KIND, Rejection::KIND];
@@ -126,9 +87,6 @@ fn sent(recording: &Recording<'_>, topic: &str) -> BTreeMap<u64, (u32, u64)> {
     }
     sent
 }
-
-/// Samples by topic and origin.
-pub type Found = BTreeMap<(String, u64), AlignedBytes>;
 
 fn fill(source: &Source<'_>, camera: &mut Camera) {
     let recording = &source.recording;

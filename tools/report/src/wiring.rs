@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use stillpoint_recorder::{Role, Session};
+use stillpoint_samples::{Cause, Entry};
 
 /// An operator with its topics.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -63,6 +64,11 @@ impl Wiring {
         }
         found
     }
+}
+
+/// Whether an entry is an activation.
+pub fn is_activation(entry: &Entry) -> bool {
+    !matches!(entry.cause(), None | Some(Cause::Start | Cause::End))
 }
 
 #[cfg(test)]

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use stillpoint_samples::{Cause, Outcome};
 
-use super::operators::is_activation;
 use crate::ReportError;
 use crate::facts::{ending, gaps_with};
 use crate::numbers::{count, fixed};
 use crate::page::{Block, Cell, Mood, Section, Table};
 use crate::recording::Recording;
 use crate::source::Source;
+use crate::wiring::is_activation;
 
 /// Rows of a table; more are counted.
 const SHOWN: usize = 50;

@@ -22,8 +22,6 @@ mod targets;
 mod topics;
 mod tracks;
 
-pub use operators::is_activation;
-
 use super::page::Section;
 use super::source::Source;
 use crate::ReportError;

@@ -12,6 +12,7 @@ use crate::recording::Recording;
 use crate::source::Source;
 use crate::statistics::{Spread, for_a_line};
 use crate::wiring::Stage;
+use crate::wiring::is_activation;
 
 /// Operators whose ages are drawn: the last ones downstream.
 const DRAWN: usize = 5;
@@ -45,11 +46,6 @@ pub struct Operator {
     pub panics: u64,
     /// Lives.
     pub incarnations: u64,
-}
-
-/// Whether an entry is an activation.
-pub fn is_activation(entry: &Entry) -> bool {
-    !matches!(entry.cause(), None | Some(Cause::Start | Cause::End))
 }
 
 /// The figures of every operator, upstream first.

@@ -3,11 +3,13 @@
 use serde::Serialize;
 
 use crate::ReportError;
+use crate::camera::Camera;
 use crate::numbers::{count, fixed};
+use crate::overlay::View;
 use crate::overlay::paint;
 use crate::page::{Block, Picture, Section};
 use crate::source::Source;
-use crate::views::{Camera, REPLAYED, View, cameras};
+use crate::views::{REPLAYED, cameras};
 
 #[derive(Serialize)]
 struct SegmentationFigures {

@@ -2,6 +2,7 @@
 //!
 //! - `request`: what is asked for, checked
 //! - `ground`: the case made ready: goals, dose engines, doses from the cache
+//! - `way`: the names of the methods of choosing beams
 //! - `search`: the ways to choose beams, with their progress
 //! - `outcome`: what a plan gives
 //! - `table`: figures for people
@@ -17,6 +18,7 @@ mod outcome;
 mod request;
 mod search;
 mod table;
+mod way;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -28,7 +30,8 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 use ground::Ground;
 use outcome::Outcome;
 use request::Request;
-use search::{Run, Way};
+use search::Run;
+use way::Way;
 
 /// Choose the beams of a case and optimise their fluence.
 ///

@@ -10,7 +10,7 @@ use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
 
 use super::Plan;
-use super::search::Way;
+use super::way::Way;
 use crate::exit::Failure;
 use crate::quantity::quantity;
 

@@ -2,63 +2,12 @@
 
 use std::time::Instant;
 
-use clap::ValueEnum;
-use serde::Serialize;
 use stillpoint_plan::beams::{Budget, Choice, Evaluator, Progress, choose};
 
 use super::ground::{Ground, bar};
 use super::request::Request;
+use super::way::Way;
 use crate::exit::Failure;
-
-/// A way to choose beams.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Way {
-    /// Equally spaced beams; every rotation is tried.
-    Equidistant,
-    /// The usual angles for the pelvis with 5 or 7 beams; equally spaced beams for other numbers.
-    Class,
-    /// The best of uniformly drawn sets.
-    Random,
-    /// Beams are added one by one, by price.
-    Greedy,
-    /// Starts from the greedy set and exchanges single beams as long as the objective improves.
-    Exchange,
-    /// Simulated annealing: starts from the greedy set and makes random exchanges.
-    Annealing,
-    /// Column generation: adds beams by price beyond the requested number, removes those with the least weight, and repeats.
-    Columns,
-    /// The angles of the command line.
-    #[value(skip)]
-    Given,
-}
-
-impl Way {
-    /// Those that choose.
-    pub const CHOOSING: [Self; 7] = [
-        Self::Equidistant,
-        Self::Class,
-        Self::Random,
-        Self::Greedy,
-        Self::Exchange,
-        Self::Annealing,
-        Self::Columns,
-    ];
-
-    /// Its word.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Equidistant => "equidistant",
-            Self::Class => "class",
-            Self::Random => "random",
-            Self::Greedy => "greedy",
-            Self::Exchange => "exchange",
-            Self::Annealing => "annealing",
-            Self::Columns => "columns",
-            Self::Given => "given",
-        }
-    }
-}
 
 /// A search that has ended.
 pub struct Run {

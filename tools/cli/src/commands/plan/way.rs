@@ -1,0 +1,54 @@
+//! The names of the methods of choosing beams.
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+/// A method of choosing beams.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Way {
+    /// Equally spaced beams; every rotation is tried.
+    Equidistant,
+    /// The usual angles for the pelvis with 5 or 7 beams; equally spaced beams for other numbers.
+    Class,
+    /// The best of uniformly drawn sets.
+    Random,
+    /// Beams are added one by one, by price.
+    Greedy,
+    /// Starts from the greedy set and exchanges single beams as long as the objective improves.
+    Exchange,
+    /// Simulated annealing: starts from the greedy set and makes random exchanges.
+    Annealing,
+    /// Column generation: adds beams by price beyond the requested number, removes those with the least weight, and repeats.
+    Columns,
+    /// The angles of the command line.
+    #[value(skip)]
+    Given,
+}
+
+impl Way {
+    /// The methods that run a search.
+    pub const CHOOSING: [Self; 7] = [
+        Self::Equidistant,
+        Self::Class,
+        Self::Random,
+        Self::Greedy,
+        Self::Exchange,
+        Self::Annealing,
+        Self::Columns,
+    ];
+
+    /// Its name.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Equidistant => "equidistant",
+            Self::Class => "class",
+            Self::Random => "random",
+            Self::Greedy => "greedy",
+            Self::Exchange => "exchange",
+            Self::Annealing => "annealing",
+            Self::Columns => "columns",
+            Self::Given => "given",
+        }
+    }
+}
