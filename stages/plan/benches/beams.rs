@@ -8,7 +8,7 @@
 use rustix::time::{ClockId, clock_gettime};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose, class_solution};
+use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose, class_solution, pelvis_solutions};
 use stillpoint_plan::case::{NameTable, import_described};
 use stillpoint_plan::dose::{CachedBeam, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted, voxels_on};
@@ -46,7 +46,7 @@ fn main() {
         ("equidistant", Method::Equidistant, two),
         ("class solution", Method::Class(class_solution(BEAMS)), two),
         ("random", Method::Random, two),
-        ("exchange", Method::Exchange, two),
+        ("exchange", Method::Exchange(pelvis_solutions(BEAMS)), two),
         ("annealing", Method::Annealing, two),
         ("column generation", Method::ColumnGeneration, two),
     ];

@@ -19,9 +19,10 @@ pub enum Method {
     Random,
     /// One beam after the other, the one of the highest price beside those chosen.
     Greedy,
-    /// From the greedy set, one beam exchanged for another as long as that is better; the exchanges of the highest
-    /// price first.
-    Exchange,
+    /// From the best of these sets of angles (degrees), one beam exchanged for another as long as that is better, priced
+    /// beside the beams that stay; then from random sets. Without angles it begins with rotations of equal beams.
+    /// [`pelvis_solutions`] has some.
+    Exchange(Vec<Vec<f64>>),
     /// From the greedy set, random exchanges, worse ones too while it is hot.
     Annealing,
     /// Beams are added by price beyond the number wanted, then those that carry least are taken away, again and again.
@@ -79,6 +80,16 @@ pub fn class_solution(beams: usize) -> Vec<f64> {
     }
 }
 
+/// Sets of angles to begin a search for a pelvis with, degrees; none where there is no such habit. The first set of five
+/// was the best of a search over synthetic pelves.
+pub fn pelvis_solutions(beams: usize) -> Vec<Vec<f64>> {
+    match beams {
+        5 => vec![vec![44.0, 92.0, 120.0, 252.0, 336.0], class_solution(5)],
+        7 => vec![class_solution(7)],
+        _ => Vec::new(),
+    }
+}
+
 /// Chooses beams by `method` until it ends or the evaluator's budget is spent. `seed` is used by those that draw.
 pub fn choose<I: Influence + ?Sized>(
     method: &Method,
@@ -91,7 +102,7 @@ pub fn choose<I: Influence + ?Sized>(
         Method::Class(angles) => class(evaluator, angles),
         Method::Random => random::search(evaluator, seed).map_err(Into::into),
         Method::Greedy => greedy::search(evaluator).map(|_| ()).map_err(Into::into),
-        Method::Exchange => exchange::search(evaluator).map_err(Into::into),
+        Method::Exchange(starts) => exchange(evaluator, starts, seed),
         Method::Annealing => annealing::search(evaluator, seed).map_err(Into::into),
         Method::ColumnGeneration => columns::search(evaluator).map_err(Into::into),
     };
@@ -119,13 +130,27 @@ fn equidistant<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>) -> Resul
     if solved.len() < sets.len() { Err(Stop::Spent.into()) } else { Ok(()) }
 }
 
-fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]) -> Result<(), ChoiceError> {
-    let (found, expected) = (angles.len(), evaluator.beams());
-    if found != expected {
-        return Err(ChoiceError::Count { found, expected });
+fn exchange<I: Influence + ?Sized>(
+    evaluator: &mut Evaluator<'_, I>,
+    starts: &[Vec<f64>],
+    seed: u64,
+) -> Result<(), ChoiceError> {
+    let (ring, beams) = (evaluator.ring(), evaluator.beams());
+    let starts: Result<Vec<BeamSet>, _> =
+        starts.iter().map(|angles| nearest_set(ring, beams, angles)).collect();
+    Ok(exchange::search(evaluator, &starts?, seed)?)
+}
+
+/// The set of the angles of the ring nearest to these.
+fn nearest_set(ring: Ring, beams: usize, angles: &[f64]) -> Result<BeamSet, ChoiceError> {
+    if angles.len() != beams {
+        return Err(ChoiceError::Count { found: angles.len(), expected: beams });
     }
-    let ring = evaluator.ring();
-    let set = ring.set(&angles.iter().map(|angle| ring.nearest(*angle)).collect::<Vec<_>>())?;
+    Ok(ring.set(&angles.iter().map(|angle| ring.nearest(*angle)).collect::<Vec<_>>())?)
+}
+
+fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]) -> Result<(), ChoiceError> {
+    let set = nearest_set(evaluator.ring(), evaluator.beams(), angles)?;
     evaluator.evaluate(&set, None)?;
     Ok(())
 }

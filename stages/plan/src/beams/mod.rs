@@ -42,6 +42,6 @@ mod ring;
 
 pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Progress, Stop};
-pub use method::{Choice, ChoiceError, Method, choose, class_solution, rotations};
+pub use method::{Choice, ChoiceError, Method, choose, class_solution, pelvis_solutions, rotations};
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};

@@ -79,7 +79,7 @@ fn methods() -> Vec<Method> {
         Method::Class(class_solution(BEAMS)),
         Method::Random,
         Method::Greedy,
-        Method::Exchange,
+        Method::Exchange(Vec::new()),
         Method::Annealing,
         Method::ColumnGeneration,
     ]
@@ -129,7 +129,7 @@ fn every_method_keeps_to_the_budget_and_to_the_separation() {
 
 #[test]
 fn methods_that_go_on_end_exactly_at_the_budget() {
-    for method in [Method::Random, Method::Exchange, Method::Annealing] {
+    for method in [Method::Random, Method::Exchange(Vec::new()), Method::Annealing] {
         let (choice, told, _) = run(&method, 17, 2);
         assert!(choice.spent && told.len() == 17, "{method:?}: {}", told.len());
     }
@@ -150,12 +150,30 @@ fn every_method_gives_the_same_bytes_for_any_number_of_threads() {
 fn search_pays_on_the_disc() {
     let cost = |method| run(&method, 60, 2).0.best.cost;
     let (random, greedy) = (cost(Method::Random), cost(Method::Greedy));
-    let (exchange, equidistant) = (cost(Method::Exchange), cost(Method::Equidistant));
+    let (exchange, equidistant) = (cost(Method::Exchange(Vec::new())), cost(Method::Equidistant));
     assert!(
         exchange <= greedy && exchange < random && exchange < equidistant,
         "{exchange} {greedy} {random} {equidistant}"
     );
     assert!(cost(Method::ColumnGeneration) <= greedy && cost(Method::Annealing) <= greedy);
+}
+
+#[test]
+fn exchange_begins_at_the_given_sets_and_prices_beside_the_four_that_stay() {
+    let starts = vec![vec![0.0, 72.0, 144.0, 216.0, 288.0], vec![20.0, 100.0, 180.0, 260.0, 324.0]];
+    let (choice, told, _) = run(&Method::Exchange(starts.clone()), 40, 1);
+    let angles = |i: usize| told[i].beams.beams().iter().map(|b| ring().angle_deg(*b)).collect::<Vec<_>>();
+    assert_eq!([angles(0), angles(1)], [starts[0].clone(), starts[1].clone()]);
+    let first = told[0].cost.min(told[1].cost);
+    assert_eq!(told[2].beams.beams().len(), BEAMS - 1, "the set without one beam is solved");
+    for replaced in &told[3..5] {
+        assert!(told[2].beams.beams().iter().all(|beam| replaced.beams.beams().contains(beam)));
+    }
+    assert!(choice.spent && choice.best.cost < first, "{} {first}", choice.best.cost);
+    let wrong = Method::Exchange(vec![vec![0.0, 90.0]]);
+    let (matrices, goals) = disc();
+    let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 9 });
+    assert!(choose(&wrong, &mut evaluator, 1).is_err());
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use stillpoint_dicom::Identity;
-use stillpoint_plan::beams::{Method, Ring, class_solution};
+use stillpoint_plan::beams::{Method, Ring, class_solution, pelvis_solutions};
 use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
@@ -64,7 +64,7 @@ impl Request {
         };
         let (count, gap) = RING;
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
-        let (beams, methods) = methods(given, ring)?;
+        let (beams, methods) = methods(given, ring, &case)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         if given.budget == 0 {
             return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
@@ -107,7 +107,12 @@ impl Request {
     }
 }
 
-fn methods(given: &Plan, ring: Ring) -> Result<(usize, Vec<(Way, Method)>), Failure> {
+/// Whether a case has an organ of the pelvis.
+fn pelvis(case: &Case) -> bool {
+    ["Rectum", "Bladder"].iter().any(|name| case.structure(name).is_some())
+}
+
+fn methods(given: &Plan, ring: Ring, case: &Case) -> Result<(usize, Vec<(Way, Method)>), Failure> {
     if let Some(text) = &given.angles {
         let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
         let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
@@ -129,7 +134,9 @@ fn methods(given: &Plan, ring: Ring) -> Result<(usize, Vec<(Way, Method)>), Fail
         Way::Class | Way::Given => Method::Class(class_solution(given.beams)),
         Way::Random => Method::Random,
         Way::Greedy => Method::Greedy,
-        Way::Exchange => Method::Exchange,
+        Way::Exchange => {
+            Method::Exchange(if pelvis(case) { pelvis_solutions(given.beams) } else { Vec::new() })
+        }
         Way::Annealing => Method::Annealing,
         Way::Columns => Method::ColumnGeneration,
     };

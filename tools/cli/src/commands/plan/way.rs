@@ -15,7 +15,8 @@ pub enum Way {
     Random,
     /// Beams are added one by one, by price.
     Greedy,
-    /// Starts from the greedy set and exchanges single beams as long as the objective improves.
+    /// Exchanges single beams as long as the objective improves, priced beside the beams that stay; starts from class
+    /// solutions or rotations, then from random sets.
     Exchange,
     /// Simulated annealing: starts from the greedy set and makes random exchanges.
     Annealing,
