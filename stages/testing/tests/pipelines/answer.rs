@@ -4,6 +4,7 @@ use stillpoint_samples::{Actuation, ActuationReason as Reason, ActuationState, D
 use stillpoint_testing::Run;
 
 use crate::default_pipeline::{default_pipeline, seconds};
+use crate::held_head::{SMALL, held};
 
 /// When things break: the head is on its way.
 const BREAKS: f64 = 5.0;
@@ -80,4 +81,16 @@ fn a_pressure_estimate_at_its_limit_during_an_error_is_the_sooner_fault() {
     let highest = states.iter().filter(|s| seconds(s.header.stamp) < at).map(estimated).fold(0.0, f64::max);
     assert!(highest > 30e3, "{highest}");
     assert!(!beam_after(&run, at + 0.1));
+}
+
+#[test]
+fn a_leak_and_lost_orders_between_eight_bladders_are_faults_too() {
+    for what in ["kind: lost_duties, left: 0.05", "kind: leak, which: 0, diameter: 2 mm"] {
+        let motion = format!("motion: nods, faults: [{{ {what}, at: 5 s }}]");
+        let run = held("head-6dof.yaml", &[SMALL, ("motion: nods", &motion)], 30_000);
+        let (at, why) = fault(&run).unwrap_or_else(|| panic!("{what}: no fault"));
+        eprintln!("{what}: fault at {at:.2} s: {:?}", Reason::words(why).collect::<Vec<_>>());
+        assert_ne!(why & Reason::TRACKING_ERROR, 0, "{what}: {why:#x}");
+        assert!(at > BREAKS && !beam_after(&run, at + 0.1), "{what}: {at}");
+    }
 }
