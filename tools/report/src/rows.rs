@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
 use stillpoint_samples::{
-    DutiesElement, GateElement, PoseElement, PoseReportElement, PoseStatus, Standing, TrackElement,
+    DutiesElement, GateElement, PoseElement, PoseReportElement, PoseStatus, Proof, Standing, TrackElement,
 };
 use stillpoint_track::PoseNumbers;
 
@@ -112,6 +112,8 @@ pub struct Alignments {
     pub refused: [u64; 7],
     /// Those that have a fit.
     pub fits: Thinned<Fit>,
+    /// Frames whose identity was checked.
+    pub sure: Thinned<Sure>,
     /// Number of the newest reference, and when, ns, there was another one than before.
     pub reference: (u32, Vec<u64>),
 }
@@ -129,6 +131,19 @@ pub struct Fit {
     pub iterations: u32,
     /// Points used.
     pub points: u32,
+}
+
+/// The confidence that a frame shows what was captured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sure {
+    /// Acquisition time, ns.
+    pub origin: u64,
+    /// The least of the parts, from 0 to 1.
+    pub confidence: f64,
+    /// The parts, in the order of `IdentityPart`.
+    pub certainty: [f64; 5],
+    /// The parts of the reference were seen to move together since the capture.
+    pub is_proven: bool,
 }
 
 /// A target over time.
@@ -277,6 +292,14 @@ impl Alignments {
             changes.push(origin);
         }
         *newest = report.reference;
+        if report.confidence.is_finite() {
+            self.sure.push(Sure {
+                origin,
+                confidence: report.confidence,
+                certainty: report.certainty,
+                is_proven: report.proof == Proof::Proven as u32,
+            });
+        }
         if report.residual_rms.is_finite() {
             self.fits.push(Fit {
                 origin,

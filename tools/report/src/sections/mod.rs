@@ -3,6 +3,7 @@
 
 mod actuation;
 mod alignment;
+mod confidence;
 mod consistency;
 mod controllers;
 mod diagnostics;
@@ -44,6 +45,7 @@ pub const ALL: &[Make] = &[
     gate::section,
     segmentation::section,
     alignment::section,
+    confidence::section,
     operators::section,
     stages::section,
     diagnostics::section,
