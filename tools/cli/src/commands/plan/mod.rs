@@ -77,7 +77,7 @@ pub struct Plan {
     /// Output folder; the default is `plans/CASE`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Folder in which doses are cached between plans, about 10 MB per beam.
+    /// Folder in which doses are cached between plans, about 5 MB per beam with 10 mm bixels.
     #[arg(long, value_name = "DIR", default_value = "doses")]
     doses: PathBuf,
     /// Copy the name, ID, birth date and sex of the patient from this DICOM folder into the exported DICOM.
