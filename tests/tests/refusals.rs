@@ -67,7 +67,7 @@ fn run_with_limit(bench: &Bench, limit: &str, options: &[&str]) -> Option<crate:
     command.env("STILLPOINT_RUNS", bench.runs()).current_dir(bench.path("."));
     if rustix::process::getuid().is_root() {
         if kit.to_str().is_some_and(|p| p.starts_with("/root/")) {
-            println!("skipped: the command lies where only root can read");
+            eprintln!("skipped: the command lies where only root can read");
             return None;
         }
         for path in [bench.path(""), bench.runs()] {

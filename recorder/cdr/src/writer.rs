@@ -68,7 +68,7 @@ impl<'a> Writer<'a> {
         self.out.extend_from_slice(bytes);
     }
 
-    /// A `std_msgs/Header`. The stamp is ns and must pass [`is_ros_time`].
+    /// A `std_msgs/Header`. The stamp is ns and must pass [`is_ros_time`](crate::is_ros_time).
     pub fn header(&mut self, stamp: u64, frame: &str) {
         self.u32((stamp / NANOSECONDS) as u32);
         self.u32((stamp % NANOSECONDS) as u32);

@@ -2,7 +2,10 @@
 //!
 //! Doses change within millimetres at the border of a target and hardly along the rest of the patient. So the points are the
 //! voxels of a fine lattice at the borders of targets, every second of them along each axis in and around targets and in
-//! organs, and every third elsewhere. Each point stands for the volume of its zone over the points of it.
+//! organs, and every third elsewhere. Where the outline has a part so thin that none of these is in it, the part has points of
+//! its own, so that no dose is left free. Each point stands for the volume of its zone over the points of it.
+
+use std::collections::BTreeSet;
 
 use crate::Grid;
 use crate::case::{Case, Mask, Role, Structure};
@@ -28,6 +31,8 @@ pub struct Sampling {
     points: Option<Vec<u32>>,
     /// For each structure of the case the voxels of the lattice in it, rising.
     pub(crate) members: Vec<Vec<u32>>,
+    /// Points in thin parts of the outline, rising.
+    thin: Vec<u32>,
     /// For each structure whether each of its voxels is a point.
     small: Vec<bool>,
     /// For each voxel of the lattice its zone: the step from point to point, in voxels.
@@ -53,7 +58,8 @@ impl Sampling {
         let members = members(case, grid);
         let to_target_mm = distances_mm(grid, inside(case, grid, &members));
         let small = vec![true; members.len()];
-        Self { grid: *grid, points: None, members, small, zones: vec![1; grid.len()], to_target_mm }
+        let (thin, zones) = (Vec::new(), vec![1; grid.len()]);
+        Self { grid: *grid, points: None, members, thin, small, zones, to_target_mm }
     }
 
     /// Points at most `spacing_mm` apart in and around targets, half of that at their borders, for bixels of this width: at
@@ -81,7 +87,9 @@ impl Sampling {
         };
         let zones: Vec<u8> = to_border_mm.iter().zip(&to_target_mm).map(zone).collect();
         let small = case.structures().iter().map(|s| case.volume_cm3(s) < SMALL_CM3).collect();
-        let mut sampling = Self { grid, points: None, members, small, zones, to_target_mm };
+        let thin = Vec::new();
+        let mut sampling = Self { grid, points: None, members, thin, small, zones, to_target_mm };
+        sampling.thin = sampling.thin_parts(case);
         let mut points: Vec<u32> = Vec::new();
         for (place, structure) in case.structures().iter().enumerate() {
             let all = &sampling.members[place];
@@ -141,13 +149,44 @@ impl Sampling {
     }
 
     fn is_point(&self, place: usize, structure: &Structure, voxel: u32) -> bool {
+        let step = self.step(place, structure, voxel);
+        self.grid.voxel(voxel as usize).iter().all(|place| place % step == 0)
+            || (structure.role == Role::External && self.thin.binary_search(&voxel).is_ok())
+    }
+
+    fn step(&self, place: usize, structure: &Structure, voxel: u32) -> usize {
         let zone = usize::from(self.zones[voxel as usize]);
-        let step = match structure.role {
+        match structure.role {
             _ if self.small[place] => 1,
             Role::External => zone,
             _ => zone.min(2),
-        };
-        self.grid.voxel(voxel as usize).iter().all(|place| place % step == 0)
+        }
+    }
+
+    /// The first voxel of the outline in each block between points whose corner, where the point would be, is not in it.
+    fn thin_parts(&self, case: &Case) -> Vec<u32> {
+        let mut parts: Vec<u32> = Vec::new();
+        let [nx, ny, _] = self.grid.counts;
+        for (place, structure) in case.structures().iter().enumerate() {
+            if structure.role != Role::External {
+                continue;
+            }
+            let own = &self.members[place];
+            let mut begun: BTreeSet<usize> = BTreeSet::new();
+            for &voxel in own {
+                let step = self.step(place, structure, voxel);
+                let [x, y, z] = self.grid.voxel(voxel as usize).map(|at| at / step * step);
+                let corner = x + nx * (y + ny * z);
+                let has_point = own.binary_search(&(corner as u32)).is_ok()
+                    && self.is_point(place, structure, corner as u32);
+                if !has_point && begun.insert(corner) {
+                    parts.push(voxel);
+                }
+            }
+        }
+        parts.sort_unstable();
+        parts.dedup();
+        parts
     }
 }
 
@@ -203,6 +242,24 @@ mod tests {
             assert!((volume * sampling.grid().voxel_cm3() - cm3).abs() < 0.02 * cm3, "{}", structure.name);
             assert!(points.rows.windows(2).all(|pair| pair[0] < pair[1]));
         }
+    }
+
+    /// A beam through a sliver of a shoulder had no point there, and gave it 115 Gy.
+    #[test]
+    fn every_block_of_the_outline_has_a_point() {
+        let case = phantom(0).unwrap();
+        let sampling = Sampling::new(&case, 5.0, 10.0).unwrap();
+        let place = case.structures().iter().position(|s| s.role == Role::External).unwrap();
+        let outline = &case.structures()[place];
+        let far = || sampling.members[place].iter().filter(|v| sampling.zones[**v as usize] == 3);
+        let block = |voxel: &u32| sampling.grid.voxel(*voxel as usize).map(|at| at / 3);
+        let with_point: BTreeSet<_> = sampling.members[place]
+            .iter()
+            .filter(|v| sampling.is_point(place, outline, **v))
+            .map(block)
+            .collect();
+        let without = far().filter(|voxel| !with_point.contains(&block(voxel))).count();
+        assert_eq!(without, 0, "voxels in blocks without a point, of {}", far().count());
     }
 
     #[test]

@@ -84,6 +84,7 @@ fn heads_that_were_once_cut_badly_are_found() {
 }
 
 /// What is found in a scene: the face's points or why there is none.
+#[allow(clippy::result_large_err)]
 fn segmented(frame: &Frame, seed: u64) -> Result<Vec<u32>, Rejection> {
     let mut segmenter = FaceSegmenter::new(FaceParams::default()).unwrap();
     let cloud = Cloud { points: &frame.cloud, width: frame.width };

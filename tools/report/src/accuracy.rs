@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn errors_are_told_per_axis() {
         let still = vec![[0.0; 6]; 10];
-        let off = |k: usize| if k % 2 == 0 { 1e-3 } else { -1e-3 };
+        let off = |k: usize| if k.is_multiple_of(2) { 1e-3 } else { -1e-3 };
         let moved: Vec<_> = (0..10).map(|k| [NAN, off(k), 0.0, NAN, NAN, NAN]).collect();
         let found = of(&still, &moved, &[]).unwrap();
         assert_eq!(found.rms_mm[0], None);

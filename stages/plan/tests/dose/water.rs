@@ -53,6 +53,29 @@ fn dose_falls_with_the_square_of_the_distance_from_the_source() {
 }
 
 #[test]
+fn beside_the_axis_the_distance_from_the_source_counts_and_not_its_part_along_the_axis() {
+    let phantom = Phantom { target_half_mm: 85.0, ..Phantom::water(cube(41, 5.0)) };
+    let params = DoseParams { cutoff_mm: 15.0, ..phantom.params() };
+    let beam = phantom.engine(machine_of_one_ssd(), params).beam(0.0).unwrap();
+    let place = [80.0, 0.0];
+    let [on, beside] = [[0.0, 0.0], place].map(|bixel| column(&beam, bixel));
+    // The skin is at y = -102.5 mm. Without the inverse square the dose depends on the depth along the ray alone.
+    let skin = 102.5;
+    let bare = |y: usize| {
+        let centre = phantom.grid.centre_mm([20, y, 20]);
+        (centre[1] + skin, on[phantom.grid.index([20, y, 20])] * (1000.0 + centre[1]).powi(2))
+    };
+    let distance = libm::hypot(1000.0, place[0]);
+    let depth = skin * distance / 1000.0;
+    let ((d0, before), (d1, after)) = (bare(20), bare(21));
+    let part = (depth - d0) / (d1 - d0);
+    let expected = before.powf(1.0 - part) * after.powf(part) / (distance * distance);
+    // The middle of the isocentre plane, 80 mm beside the axis, lies on the axis of the bixel there.
+    let found = beside[phantom.grid.index([36, 20, 20])];
+    assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}: {}", found / expected);
+}
+
+#[test]
 fn water_behind_lung_gets_the_dose_of_its_radiological_depth() {
     let mut phantom = Phantom::water(cube(41, 5.0));
     let half = Machine::shipped().unwrap();

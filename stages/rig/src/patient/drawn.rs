@@ -243,7 +243,7 @@ pub fn patient(number: u64) -> Result<Patient, PatientError> {
             shown.translation.vector.z = -20.0;
         }
     }
-    if extra == Extra::Headless && number % 2 == 0 {
+    if extra == Extra::Headless && number.is_multiple_of(2) {
         put(&mut scene, [cuboid(Label::Clutter, [head.x, head.y + 0.02, 0.12], [0.2, 0.13, 0.12])])?;
     }
     let tilt: f64 = rng.random_range(0.0..75.0_f64).to_radians();

@@ -155,6 +155,10 @@ impl FaceSegmenter {
     }
 
     /// The plane that most voxels lie on.
+    #[expect(
+        clippy::result_large_err,
+        reason = "a rejection is an ordinary result of a frame, and a frame does not allocate"
+    )]
     fn stand(
         &mut self,
         rng: &mut impl Rng,
@@ -181,6 +185,10 @@ impl FaceSegmenter {
     }
 
     /// What stands on the plane, its clusters, and the voxels of the face.
+    #[expect(
+        clippy::result_large_err,
+        reason = "a rejection is an ordinary result of a frame, and a frame does not allocate"
+    )]
     fn choose(
         &mut self,
         cloud: Cloud<'_>,

@@ -126,7 +126,7 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
     let camera = &case.patient.couch_from_camera;
     let (x, y, z) = camera.rotation.euler_angles();
     let list = |values: [f64; 3], unit: &str| values.map(|v| format!("{v:.17} {unit}")).join(", ");
-    let motion = if number % 3 == 0 { "nods" } else { "breathes" };
+    let motion = if number.is_multiple_of(3) { "nods" } else { "breathes" };
     let text = PIPELINE
         .replace("ROTATION", &list([x, y, z], "rad"))
         .replace("AT]", &format!("{}]", list(camera.translation.vector.into(), "m")))
@@ -159,7 +159,8 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
         about: format!("{}, {:.0} % shown{worn}{mask}", case.patient.about.trim(), 100.0 * shown),
         event: case.event,
         due: case.is_due(shown),
-        wrong: seen.purity.is_some_and(|p| !(p >= case.pure())),
+        // NaN counts as wrong.
+        wrong: seen.purity.is_some_and(|p| p.is_nan() || p < case.pure()),
         astray: seen.astray_ms > rate.bound(),
         seen,
     })
