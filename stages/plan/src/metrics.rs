@@ -80,6 +80,10 @@ impl Dvh {
     ///
     /// Between voxels it is linear in volume, the coldest at 100 % and the hottest at 0 %; percent is held in 0..=100.
     pub fn dose_at(&self, percent: f64) -> f64 {
+        // The end itself, not what rounding makes of it.
+        if percent <= 0.0 {
+            return self.max();
+        }
         let cold = 1.0 - percent.clamp(0.0, 100.0) / 100.0;
         let last = self.dose.len() - 1;
         let (first, end) = (self.middle(0), self.middle(last));
@@ -94,7 +98,7 @@ impl Dvh {
             return self.dose[high];
         }
         let part = ((target - self.middle(low)) / gap).clamp(0.0, 1.0);
-        self.dose[low] + part * (self.dose[high] - self.dose[low])
+        (self.dose[low] + part * (self.dose[high] - self.dose[low])).min(self.dose[high])
     }
 
     /// The dose that the hottest `volume` gets at least, in the unit of the voxels' volumes: D0.03cc for 0.03 where that is
