@@ -1,8 +1,6 @@
 //! The error of a pose against its target, its uncertainty, and the resulting reasons against the beam.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_samples::{GateReason as Reason, TargetElement, TargetStatus, TrackElement};
-use stillpoint_track::angles::PoseNumbers;
 
 /// The tolerances. A beam that is on stays on up to the tolerances; a beam that is off needs smaller errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,12 +84,8 @@ impl Aim {
 fn numbers(track: &TrackElement, angles: bool) -> [f64; 6] {
     let mut numbers = [f64::NAN; 6];
     numbers[..3].copy_from_slice(&track.position);
-    let [w, i, j, k] = track.orientation;
-    let quaternion = Quaternion::new(w, i, j, k);
-    if angles && (0.99..1.01).contains(&quaternion.norm_squared()) {
-        let turn = UnitQuaternion::new_normalize(quaternion);
-        let pose = PoseNumbers::of(&Isometry3::from_parts(Translation3::identity(), turn));
-        numbers[3..].copy_from_slice(&[pose.pitch, pose.roll, pose.yaw]);
+    if let Some(angles) = angles.then(|| stillpoint_pose::angles(track.orientation)).flatten() {
+        numbers[3..].copy_from_slice(&angles);
     }
     numbers
 }

@@ -1,9 +1,7 @@
 //! Which channels of a pose are controlled, and how they stand in samples.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_operator::Choice;
 use stillpoint_samples::{Standing, TargetElement, TargetStatus, TrackElement};
-use stillpoint_track::angles::PoseNumbers;
 
 /// A channel of a pose. Angles follow `R = Rz(yaw) Ry(roll) Rx(pitch)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Choice)]
@@ -67,9 +65,6 @@ pub enum ChannelsError {
     Twice(&'static str),
 }
 
-/// Squared norms of quaternions that pass for a rotation.
-const UNIT: std::ops::Range<f64> = 0.99..1.01;
-
 impl Channels {
     /// These channels.
     ///
@@ -110,14 +105,10 @@ impl Channels {
         }
         let mut all = [f64::NAN; 6];
         all[..3].copy_from_slice(&track.position);
-        if self.0.iter().any(|c| c.place() >= 3) {
-            let [w, x, y, z] = track.orientation;
-            let quaternion = Quaternion::new(w, x, y, z);
-            if UNIT.contains(&quaternion.norm_squared()) {
-                let turn = UnitQuaternion::new_normalize(quaternion);
-                let numbers = PoseNumbers::of(&Isometry3::from_parts(Translation3::identity(), turn));
-                all[3..].copy_from_slice(&[numbers.pitch, numbers.roll, numbers.yaw]);
-            }
+        if self.0.iter().any(|c| c.place() >= 3)
+            && let Some(angles) = stillpoint_pose::angles(track.orientation)
+        {
+            all[3..].copy_from_slice(&angles);
         }
         Some(self.pick(&all))
     }

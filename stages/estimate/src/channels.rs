@@ -1,6 +1,6 @@
 //! The channels of a pose that a filter estimates, and their layout in samples.
 
-use nalgebra::{Isometry3, Quaternion, SMatrix, SVector, Translation3, Unit};
+use nalgebra::{Isometry3, SMatrix, SVector};
 use stillpoint_operator::Choice;
 use stillpoint_samples::{PoseElement, Standing, TrackElement};
 
@@ -186,21 +186,13 @@ impl<const N: usize> InSamples<N> for SVector<f64, N> {
     }
 }
 
-/// Squared norms of quaternions that are accepted as a rotation.
-const UNIT: std::ops::Range<f64> = 0.99..1.01;
-
 impl InSamples<6> for Isometry3<f64> {
-    fn read(position: [f64; 3], [w, x, y, z]: [f64; 4], _: &Channels<6>) -> Option<Self> {
-        let quaternion = Quaternion::new(w, x, y, z);
-        UNIT.contains(&quaternion.norm_squared())
-            .then(|| Self::from_parts(Translation3::from(position), Unit::new_normalize(quaternion)))
+    fn read(position: [f64; 3], orientation: [f64; 4], _: &Channels<6>) -> Option<Self> {
+        stillpoint_pose::checked_isometry(position, orientation)
     }
 
     fn write(&self, _: &Channels<6>, track: &mut TrackElement) {
-        let q = self.rotation.quaternion();
-        // Both signs are the same rotation; a sample has one of them.
-        let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
         track.position = self.translation.vector.into();
-        track.orientation = [q.w, q.i, q.j, q.k].map(|c| sign * c);
+        track.orientation = stillpoint_pose::orientation(&self.rotation);
     }
 }

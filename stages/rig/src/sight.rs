@@ -1,7 +1,6 @@
 //! What a rig's camera gives at a moment: renderer, sensor and intrinsics as one.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, Unit};
-use stillpoint_operator::frames::Rigid;
+use nalgebra::Isometry3;
 use stillpoint_operator::{Activation, Choice, Outputs, Params, Setup};
 use stillpoint_operator::{SetupError, StepError};
 use stillpoint_samples::{DepthImage, Intrinsics, PoseElement};
@@ -101,7 +100,8 @@ impl Sight {
         let head = Head::new(head_scale).map_err(refusal)?;
         let noise = NoiseModel::new(params.noise.into()).map_err(refusal)?;
         Ok(Self {
-            renderer: Renderer::new(pinhole, &isometry(&couch_from_camera), &scene, head).map_err(refusal)?,
+            renderer: Renderer::new(pinhole, &stillpoint_pose::of_frame(&couch_from_camera), &scene, head)
+                .map_err(refusal)?,
             sensor: DepthSensor::new(&pinhole, noise),
             intrinsics: Intrinsics {
                 fx: focal,
@@ -174,24 +174,9 @@ pub(crate) fn failure(error: impl std::fmt::Display) -> StepError {
     StepError(error.to_string())
 }
 
-fn isometry(rigid: &Rigid) -> Isometry3<f64> {
-    let [w, x, y, z] = rigid.quaternion();
-    Isometry3::from_parts(
-        Translation3::from(rigid.translation),
-        Unit::new_normalize(Quaternion::new(w, x, y, z)),
-    )
-}
-
 /// A pose that is known without error.
 pub(crate) fn exact_pose(pose: &Isometry3<f64>) -> PoseElement {
-    let q = pose.rotation.quaternion();
-    // Both signs are the same rotation; a sample has one of them.
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-    PoseElement {
-        position: pose.translation.vector.into(),
-        orientation: [q.w, q.i, q.j, q.k].map(|c| sign * c),
-        covariance: [0.0; 36],
-    }
+    stillpoint_pose::element(pose, [0.0; 36])
 }
 
 impl From<Setting> for setting::Setting {

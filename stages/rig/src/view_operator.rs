@@ -1,9 +1,8 @@
 //! `rig.view`: another camera over a rig's head, at its own place, rate and noise.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
-use stillpoint_samples::{DepthImage, Pose, PoseElement, Sample};
+use stillpoint_samples::{DepthImage, Pose, Sample};
 
 use crate::sight::{ImageParams, Noise, Setting, Sight};
 
@@ -81,12 +80,11 @@ impl Operator for View {
         let Some(truth) = activation.input::<Pose>(TRUTH) else { return Ok(()) };
         let Some(pose) = truth.first() else { return Ok(()) };
         outputs.acquired_at(truth.header.stamp);
-        self.sight.send(&isometry(pose), activation, outputs, DEPTH)
+        self.sight.send(
+            &stillpoint_pose::isometry(pose.position, pose.orientation),
+            activation,
+            outputs,
+            DEPTH,
+        )
     }
-}
-
-fn isometry(pose: &PoseElement) -> Isometry3<f64> {
-    let [w, x, y, z] = pose.orientation;
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(pose.position), turn)
 }

@@ -1,6 +1,5 @@
 //! `segment.face`: the face out of a cloud, as an operator.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
@@ -316,9 +315,7 @@ fn identity(params: &SegmentParams, setup: &Setup<'_>) -> Option<IdentityParams>
     if region.is_none() && !needs_body {
         return None;
     }
-    let [w, x, y, z] = couch_from_cloud.quaternion();
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    let couch_from_cloud = Isometry3::from_parts(Translation3::from(couch_from_cloud.translation), rotation);
+    let couch_from_cloud = stillpoint_pose::of_frame(&couch_from_cloud);
     Some(IdentityParams { couch_from_cloud, region, needs_body, margin: params.margin })
 }
 

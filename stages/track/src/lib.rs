@@ -1,7 +1,6 @@
 //! Follows what a stage before has cut out of a cloud.
 //!
 //! - [`mod@centroid`]: the mean of a cloud and how well it is known.
-//! - [`angles`]: a pose as position, pitch, roll and yaw.
 //! - [`quaternion`]: the pose between paired points, (4.21)-(4.22).
 //! - [`mod@three_points`]: three points on a head that move with it.
 //! - [`buckets`]: points sorted into cells.
@@ -20,7 +19,6 @@
 //! - [`forehead`]: the distance to the forehead of a face in an image; [`forehead_operator`], `track.forehead`.
 
 pub mod align;
-pub mod angles;
 pub mod buckets;
 pub mod capture;
 pub mod centroid;
@@ -42,7 +40,6 @@ pub mod three_points;
 pub mod tracker;
 pub mod uncertainty;
 
-pub use angles::PoseNumbers;
 pub use centroid::{Centroid, centroid};
 pub use tracker::HeadTracker;
 

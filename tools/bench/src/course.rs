@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::MemoryFiles;
@@ -12,14 +12,16 @@ use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Events, Observer};
 use stillpoint_pipeline::spec::check;
+use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
     Actuation, ActuationElement, Entry, FarEnd, FarEndElement, Outcome, Pose, PoseElement, PoseReport,
-    PoseStatus, RigState, Sample, Target, TargetElement,
+    PoseStatus, RigState, Target, TargetElement,
 };
-use stillpoint_track::angles::PoseNumbers;
 
 use stillpoint::Failure;
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
+
+use crate::observed::{first, isometry, output};
 
 /// What seeing takes: nothing is seen before it could be.
 const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.latency=5 ms"];
@@ -267,10 +269,7 @@ impl Observer for Watch {
         if entry.outcome().is_none_or(Outcome::is_failure) {
             self.course.failed.push(node.name.clone());
         }
-        let sent = |port: &str| {
-            let place = node.stage.kind.outputs.iter().position(|o| o.name == port);
-            outputs.iter().find(|(output, _)| Some(*output) == place).map(|(_, owned)| owned)
-        };
+        let sent = |port: &str| output(node, outputs, port);
         match node.name.as_str() {
             "rig" => {
                 if let Some(state) = sent("state").and_then(first::<RigState>) {
@@ -308,16 +307,6 @@ impl Observer for Watch {
         }
         Ok(())
     }
-}
-
-fn first<S: Sample>(owned: &OwnedSample) -> Option<S::Element> {
-    owned.pieces().view::<S>().ok()?.first().copied()
-}
-
-fn isometry(pose: &PoseElement) -> Isometry3<f64> {
-    let [w, x, y, z] = pose.orientation;
-    let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(pose.position), turn)
 }
 
 /// Height in mm, pitch and roll in degrees.

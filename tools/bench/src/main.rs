@@ -45,6 +45,7 @@ mod killed;
 mod laws;
 mod ledger;
 mod noise;
+mod observed;
 mod poison;
 mod processes;
 mod program;

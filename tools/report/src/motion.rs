@@ -9,8 +9,8 @@ use nalgebra::{Isometry3, SMatrix, Vector6};
 use serde::Serialize;
 use stillpoint_estimate::Manifold;
 use stillpoint_estimate::consistency::nees;
+use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::Standing;
-use stillpoint_track::PoseNumbers;
 
 use super::recording::{Signal, State};
 use super::statistics::{Histogram, mean, quantile};

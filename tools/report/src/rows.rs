@@ -1,11 +1,10 @@
 //! Rows of small samples over time: poses, tracks, named numbers, fits, targets, duties, verdicts, refusals.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use serde::Serialize;
+use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
     DutiesElement, GateElement, PoseElement, PoseReportElement, PoseStatus, Proof, Standing, TrackElement,
 };
-use stillpoint_track::PoseNumbers;
 
 use super::thinned::Thinned;
 use crate::target_refusals::Refusals;
@@ -333,9 +332,7 @@ impl Metrics {
 
 /// Position, pitch, roll, yaw.
 fn channels(position: [f64; 3], orientation: [f64; 4]) -> [f64; 6] {
-    let [w, i, j, k] = orientation;
-    let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
-    let numbers = PoseNumbers::of(&Isometry3::from_parts(Translation3::from(position), turn));
+    let numbers = PoseNumbers::of(&stillpoint_pose::isometry(position, orientation));
     let [x, y, z] = position;
     [x, y, z, numbers.pitch, numbers.roll, numbers.yaw]
 }

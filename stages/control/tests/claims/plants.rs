@@ -6,9 +6,9 @@ use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup, 
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, Policy, Registry, Role, SetupError, StepError, Timer,
 };
+use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{Duties, DutiesElement, Sample, Standing, Track, TrackElement};
 use stillpoint_testing::{Run, run};
-use stillpoint_track::angles::PoseNumbers;
 
 use stillpoint_random::Random;
 

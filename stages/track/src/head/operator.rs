@@ -1,7 +1,6 @@
 //! `track.head` as an operator.
 
-use nalgebra::{Isometry3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use stillpoint_operator::frames::Rigid;
+use nalgebra::{Isometry3, Matrix6, Point3, Translation3, Vector3};
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
@@ -163,7 +162,7 @@ impl Operator for TrackHead {
             identity: None,
             min_overlap: params.min_overlap,
             tolerance: params.tolerance,
-            output_from_face: isometry(&output_from_face),
+            output_from_face: stillpoint_pose::of_frame(&output_from_face),
             cloud: Vec::new(),
             before: Vec::new(),
             found: None,
@@ -354,18 +353,6 @@ fn reference_file(name: &str, setup: &Setup<'_>) -> Result<Vec<Vector3<f64>>, Se
     Ok(cloud.points.iter().filter(finite).map(|p| Vector3::from(p.map(f64::from))).collect())
 }
 
-fn isometry(rigid: &Rigid) -> Isometry3<f64> {
-    let [w, x, y, z] = rigid.quaternion();
-    let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(rigid.translation), rotation)
-}
-
 fn element(pose: &Isometry3<f64>, covariance: &Matrix6<f64>) -> PoseElement {
-    let q = pose.rotation.quaternion();
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
-    PoseElement {
-        position: pose.translation.vector.into(),
-        orientation: [q.w, q.i, q.j, q.k].map(|c| sign * c),
-        covariance: core::array::from_fn(|i| covariance[(i / 6, i % 6)]),
-    }
+    stillpoint_pose::element(pose, core::array::from_fn(|i| covariance[(i / 6, i % 6)]))
 }

@@ -6,9 +6,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Translation3, 
 use serde_json::Value;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
+use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{Pose, PoseElement, PoseReport};
 use stillpoint_testing::{Run, reference, run};
-use stillpoint_track::PoseNumbers;
 
 fn isometry(rotation: &Value, translation: impl Fn(usize) -> f64) -> Isometry3<f64> {
     let r = Matrix3::from_fn(|i, j| rotation[i][j].as_f64().unwrap());

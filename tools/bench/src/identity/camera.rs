@@ -1,6 +1,6 @@
 //! `rig.patient`: a camera over a drawn patient, whose head moves as that of a rig.
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Translation3};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_rig::noise::{DEPTH_UNIT_M, NoiseModel};
@@ -9,6 +9,8 @@ use stillpoint_rig::patient::worn::Mask;
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_samples::{DepthImage, FarEnd, Intrinsics, Pose, PoseElement, Sample};
+
+use crate::observed::isometry;
 
 use super::scene::{Case, Event};
 
@@ -226,13 +228,6 @@ impl Operator for PatientCamera {
         };
         outputs.send::<Pose>(TRUE_POSE, &element)
     }
-}
-
-/// The rigid transform of a pose.
-pub fn isometry(pose: &PoseElement) -> Isometry3<f64> {
-    let [w, x, y, z] = pose.orientation;
-    let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
-    Isometry3::from_parts(Translation3::from(pose.position), turn)
 }
 
 fn failure(error: impl std::fmt::Display) -> StepError {

@@ -8,15 +8,15 @@ use serde::Serialize;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::Observer;
+use stillpoint_pose::PoseNumbers;
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{
-    Entry, FarEnd, Gate, GateReason, Outcome, PointCloud, Pose, PoseReport, PoseStatus, Rejection, Sample,
-    Target, TargetElement,
+    Entry, FarEnd, Gate, GateReason, Outcome, PointCloud, Pose, PoseReport, PoseStatus, Rejection, Target,
+    TargetElement,
 };
-use stillpoint_track::angles::PoseNumbers;
 
-use super::camera::isometry;
 use super::scene::Case;
+use crate::observed::{first, isometry, output};
 
 /// What the gate tolerates, and what it lets an estimate be uncertain by, both together: m and rad.
 pub const LIMITS: [f64; 2] = [1.5e-3, 0.8 * std::f64::consts::PI / 180.0];
@@ -197,10 +197,7 @@ impl Observer for Watch {
         if entry.outcome().is_none_or(Outcome::is_failure) {
             self.seen.failed.push(node.name.clone());
         }
-        let sent = |port: &str| {
-            let place = node.stage.kind.outputs.iter().position(|o| o.name == port);
-            outputs.iter().find(|(output, _)| Some(*output) == place).map(|(_, owned)| owned)
-        };
+        let sent = |port: &str| output(node, outputs, port);
         match node.name.as_str() {
             "patient" => {
                 if let Some(owned) = sent("truth")
@@ -291,8 +288,4 @@ fn distance(shape: &Ellipsoid, place: &Point3<f64>) -> f64 {
     let gradient = unit.component_div(shape.semi_axes()).norm();
     let level = unit.norm();
     if gradient > 0.0 { level * (level - 1.0) / gradient } else { -shape.semi_axes().min() }
-}
-
-fn first<S: Sample>(owned: &OwnedSample) -> Option<S::Element> {
-    owned.pieces().view::<S>().ok()?.first().copied()
 }
