@@ -165,8 +165,6 @@ fn the_shipped_objectives_leave_no_hot_spot_in_or_beside_the_target() {
     assert!(body.d003cc_gy <= 1.07 * 78.0 && ptv.covered.unwrap() > 0.98, "{body:?} {ptv:?}");
 }
 
-/// Wide bixels: without optimisation by the compiler narrow ones take minutes. They leave hot spots where they graze the
-/// skin: 89 Gy in a sliver of the second patient's shoulder.
 #[test]
 fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
     let Some(root) = reference::folder("planning") else { return };
@@ -174,7 +172,7 @@ fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
     for patient in 1..=4 {
         let file = root.join(format!("openkbp/openkbp_{patient}.json"));
         let case = import_described(&file, &NameTable::shipped().unwrap()).unwrap().case;
-        let (ours, reference) = nine_beams(&case, &table, [15.0, 5.0]);
+        let (ours, reference) = nine_beams(&case, &table, [10.0, 5.0]);
         let reference = reference.unwrap();
         for target in case.targets() {
             let (ours, theirs) = (of(&ours, &target.name), of(&reference, &target.name));
@@ -187,12 +185,12 @@ fn real_patients_get_their_dose_and_keep_their_spinal_cord() {
         }
         let largest = ours.iter().map(|f| f.d003cc_gy).fold(0.0, f64::max);
         println!("{patient}: largest dose {largest:.1} Gy");
-        assert!(largest < 1.3 * 70.0, "patient {patient}: {largest}");
+        assert!(largest < 1.15 * 70.0, "patient {patient}: {largest}");
         let (ours, theirs) = (of(&ours, "SpinalCord"), of(&reference, "SpinalCord"));
         println!(
             "{patient} SpinalCord: D2 {:.1} Gy, largest {:.1} Gy; reference {:.1} Gy, {:.1} Gy",
             ours.d2_gy, ours.d003cc_gy, theirs.d2_gy, theirs.d003cc_gy
         );
-        assert!(ours.d2_gy < 45.0 && ours.d003cc_gy < 50.0, "patient {patient}: {ours:?}");
+        assert!(ours.d003cc_gy < 45.0, "patient {patient}: {ours:?}");
     }
 }
