@@ -59,7 +59,7 @@ fn main() {
         let doses: Vec<CachedBeam> = cache.beams(&engine, &angles, threads).unwrap();
         let evaluator = Evaluator::new(&doses[..], &goals, ring, BEAMS, Budget { solves: budget });
         let mut evaluator = evaluator.with_threads(threads);
-        let best = choose(&method, &mut evaluator, 1).unwrap().best;
+        let best = choose(&method, &mut evaluator, None, 1).unwrap().best;
         let angles: Vec<String> = best.beams.beams().iter().map(|b| ring.angle_deg(*b).to_string()).collect();
         println!(
             "| {name} | {threads} | {:.2} | {:.2} | {:.2} | {} | {} | {} |",

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::evaluator::{Evaluated, Evaluator, Influence, Stop};
+use super::prior::{Prior, PriorError, Uniform, set_of_prior};
 use super::ring::{BeamSet, Ring, RingError};
 use super::{annealing, columns, exchange, greedy, random};
 
@@ -27,6 +28,8 @@ pub enum Method {
     Annealing,
     /// Beams are added by price beyond the number wanted, then those that carry least are taken away, again and again.
     ColumnGeneration,
+    /// The set that the prior builds by itself, and no other: one solve.
+    Prior,
 }
 
 /// What a method found.
@@ -47,6 +50,9 @@ pub enum ChoiceError {
     /// A problem could not be made.
     #[error(transparent)]
     Stop(Stop),
+    /// The prior gives no set.
+    #[error(transparent)]
+    Prior(#[from] PriorError),
     /// No set of that many beams was solved.
     #[error("{solves} solves are too few for a plan of {beams} beams by this method; allow at least {beams}")]
     TooFew {
@@ -90,10 +96,12 @@ pub fn pelvis_solutions(beams: usize) -> Vec<Vec<f64>> {
     }
 }
 
-/// Chooses beams by `method` until it ends or the evaluator's budget is spent. `seed` is used by those that draw.
+/// Chooses beams by `method` until it ends or the evaluator's budget is spent. `prior` is used by the methods that say so,
+/// [`Uniform`] where there is none, and `seed` by those that draw.
 pub fn choose<I: Influence + ?Sized>(
     method: &Method,
     evaluator: &mut Evaluator<'_, I>,
+    prior: Option<&dyn Prior>,
     seed: u64,
 ) -> Result<Choice, ChoiceError> {
     evaluator.ring().check_room(evaluator.beams())?;
@@ -105,6 +113,7 @@ pub fn choose<I: Influence + ?Sized>(
         Method::Exchange(starts) => exchange(evaluator, starts, seed),
         Method::Annealing => annealing::search(evaluator, seed).map_err(Into::into),
         Method::ColumnGeneration => columns::search(evaluator).map_err(Into::into),
+        Method::Prior => by_prior(evaluator, prior.unwrap_or(&Uniform)),
     };
     let spent = match ended {
         Ok(()) => false,
@@ -151,6 +160,15 @@ fn nearest_set(ring: Ring, beams: usize, angles: &[f64]) -> Result<BeamSet, Choi
 
 fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]) -> Result<(), ChoiceError> {
     let set = nearest_set(evaluator.ring(), evaluator.beams(), angles)?;
+    evaluator.evaluate(&set, None)?;
+    Ok(())
+}
+
+fn by_prior<I: Influence + ?Sized>(
+    evaluator: &mut Evaluator<'_, I>,
+    prior: &dyn Prior,
+) -> Result<(), ChoiceError> {
+    let set = set_of_prior(prior, evaluator.ring(), evaluator.beams())?;
     evaluator.evaluate(&set, None)?;
     Ok(())
 }

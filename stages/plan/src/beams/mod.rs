@@ -17,7 +17,7 @@
 //! };
 //! let goals = Goals::new(vec![target], 2)?;
 //! let mut evaluator = Evaluator::new(&beams[..], &goals, Ring::new(6, 2)?, 2, Budget { solves: 4 });
-//! let choice = choose(&Method::Greedy, &mut evaluator, 1)?;
+//! let choice = choose(&Method::Greedy, &mut evaluator, None, 1)?;
 //! assert_eq!(choice.best.beams.beams().len(), 2);
 //! assert_eq!(evaluator.solves(), 2);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -27,6 +27,7 @@
 //! - `doses`: their dose matrices, from the cache
 //! - `evaluator`: what a set costs: solved once, cached, counted
 //! - `price`: what a beam promises beside a plan
+//! - `prior`: what is thought of a beam without a solve; `geometry`: from the image
 //! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
 
 mod annealing;
@@ -34,14 +35,18 @@ mod columns;
 mod doses;
 mod evaluator;
 mod exchange;
+mod geometry;
 mod greedy;
 mod method;
 mod price;
+mod prior;
 mod random;
 mod ring;
 
 pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Progress, Stop};
+pub use geometry::Geometry;
 pub use method::{Choice, ChoiceError, Method, choose, class_solution, pelvis_solutions, rotations};
+pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores, set_of_prior};
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};

@@ -82,6 +82,7 @@ fn methods() -> Vec<Method> {
         Method::Exchange(Vec::new()),
         Method::Annealing,
         Method::ColumnGeneration,
+        Method::Prior,
     ]
 }
 
@@ -97,7 +98,7 @@ fn run(method: &Method, solves: usize, threads: usize) -> (Choice, Vec<Progress>
         let mut evaluator = evaluator
             .with_threads(NonZeroUsize::new(threads).unwrap())
             .with_progress(|progress| told.push(progress.clone()));
-        let choice = choose(method, &mut evaluator, 7).unwrap();
+        let choice = choose(method, &mut evaluator, None, 7).unwrap();
         (choice, evaluator.prices())
     };
     (choice, told, prices)
@@ -173,7 +174,7 @@ fn exchange_begins_at_the_given_sets_and_prices_beside_the_four_that_stay() {
     let wrong = Method::Exchange(vec![vec![0.0, 90.0]]);
     let (matrices, goals) = disc();
     let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 9 });
-    assert!(choose(&wrong, &mut evaluator, 1).is_err());
+    assert!(choose(&wrong, &mut evaluator, None, 1).is_err());
 }
 
 #[test]
@@ -189,7 +190,7 @@ fn greedy_takes_a_solve_for_each_beam_and_counts_its_prices() {
 fn a_budget_too_small_for_a_plan_is_said() {
     let (matrices, goals) = disc();
     let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 3 });
-    let message = choose(&Method::Greedy, &mut evaluator, 1).err().unwrap().to_string();
+    let message = choose(&Method::Greedy, &mut evaluator, None, 1).err().unwrap().to_string();
     assert!(message.contains("3 solves are too few for a plan of 5 beams"), "{message}");
 }
 

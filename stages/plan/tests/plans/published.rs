@@ -45,7 +45,7 @@ impl<'a> Planned<'a> {
         let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, TWO, || ()).unwrap();
         let goals = table.for_points(case, &sampling).unwrap().goals(1).unwrap();
         let mut evaluator = Evaluator::new(&doses, &goals, ring, beams.len(), Budget { solves: 1 });
-        let best = choose(&Method::Class(angles.to_vec()), &mut evaluator, 0).unwrap().best;
+        let best = choose(&Method::Class(angles.to_vec()), &mut evaluator, None, 0).unwrap().best;
         assert!(best.plan.certificate.relative_excess() < 1e-3, "{:?}", best.plan.certificate);
         let weighted = |beam: &u16| (ring.angle_deg(*beam), best.weights_of(*beam).unwrap().to_vec());
         let points_mm = sampling.grid().spacing_mm[0];

@@ -63,7 +63,7 @@ fn a_plan_for_all_set_ups_covers_the_target_better_in_the_worst_of_them() {
     let plan = |doses: &RingDoses, setups: usize| {
         let goals = aims.goals(setups).unwrap();
         let mut evaluator = Evaluator::new(doses, &goals, ring, 5, Budget { solves: 1 });
-        choose(&angles, &mut evaluator, 0).unwrap().best
+        choose(&angles, &mut evaluator, None, 0).unwrap().best
     };
     let (robust, nominal) = (plan(&doses, engines.len()), plan(&alone, 1));
     let on_grid = OnGrid::new(&case, &params.grid);
