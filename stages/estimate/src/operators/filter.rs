@@ -200,8 +200,11 @@ impl<const N: usize, X: InSamples<N>> Filter for FilterOf<N, X> {
     }
 }
 
-/// Whether two poses have the same bytes: two of a sensor that is alive never do.
+/// Whether two poses have the same bytes: two of a sensor that is alive never do. The covariance counts, for it comes of
+/// what is left over: images that differ may show one pose.
 fn has_same_numbers(a: &PoseElement, b: &PoseElement) -> bool {
-    let bits = |p: &PoseElement| (p.position.map(f64::to_bits), p.orientation.map(f64::to_bits));
+    let bits = |p: &PoseElement| {
+        (p.position.map(f64::to_bits), p.orientation.map(f64::to_bits), p.covariance.map(f64::to_bits))
+    };
     bits(a) == bits(b)
 }

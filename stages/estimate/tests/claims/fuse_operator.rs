@@ -34,6 +34,8 @@ struct Rig {
     filters: [Bench; 2],
     fuse: Bench,
     random: Random,
+    /// Standard deviation that the sensors claim, over theirs.
+    scatter: f64,
     last: Option<Left>,
 }
 
@@ -53,6 +55,7 @@ impl Rig {
             filters: [bench("first"), bench("second")],
             fuse: bench("fused"),
             random: Random::new(4),
+            scatter: 1.0,
             last: None,
         }
     }
@@ -60,8 +63,9 @@ impl Rig {
     /// A measurement of a sensor at `time`; what the fusion then sends.
     fn measure(&mut self, side: usize, time: u64, shot: Shot) -> Option<TrackElement> {
         let mut covariance = [0.0; 36];
+        let sd = self.scatter * SD[side];
         for i in 0..6 {
-            covariance[7 * i] = if i == 2 { SD[side] * SD[side] } else { f64::INFINITY };
+            covariance[7 * i] = if i == 2 { sd * sd } else { f64::INFINITY };
         }
         let pose = PoseElement {
             position: [f64::NAN, f64::NAN, shot.value],
@@ -236,6 +240,23 @@ fn frozen_sensor_is_named_and_not_used() {
     assert!(course(&seen, 1).contains(&"frozen"), "{:?}", course(&seen, 1));
     let after = seen.iter().filter(|s| s.time > 2400);
     assert!(after.clone().all(|s| s.reasons[1] == "frozen" && s.error().abs() < 4e-3));
+}
+
+/// A noiseless camera measures one height again and again while the rest of its image changes, and with it what the fit
+/// leaves over. An image that comes again leaves the same over.
+#[test]
+fn equal_heights_of_different_images_are_no_frozen_sensor() {
+    for (changes, expected) in [(true, "used"), (false, "frozen")] {
+        let mut rig = Rig::new(TEXT);
+        for frame in 0..40_u64 {
+            rig.scatter = 1.0 + if changes { 1e-3 * (frame % 7) as f64 } else { 0.0 };
+            let time = 1000 * MS + frame * 33 * MS;
+            for side in 0..2 {
+                rig.measure(side, time, Shot { clock: 0, value: 0.15 });
+            }
+        }
+        assert_eq!(rig.reasons(), [expected, expected]);
+    }
 }
 
 #[test]

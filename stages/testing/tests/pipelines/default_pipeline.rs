@@ -1,6 +1,7 @@
 //! `pipeline.yaml` at the root: from camera to valve and beam.
 
 use stillpoint_operator::files::DiskFiles;
+use stillpoint_operator::{Registry, Stage};
 use stillpoint_pipeline::live::contracts;
 use stillpoint_samples::{
     Actuation, ActuationReason, ActuationState, DepthImage, FarEnd, FarEndDoing, Gate, GateReason, Pose,
@@ -10,16 +11,22 @@ use stillpoint_testing::run::START;
 use stillpoint_testing::{Run, run};
 
 use crate::held_head::{hold_bladders, stays_armed};
-use crate::{from_root, registry};
+use crate::{FAMILIES, from_root};
 
 pub fn default_pipeline(changes: &[(&str, &str)], ms: u64) -> Run {
+    default_pipeline_of(&[], changes, ms)
+}
+
+/// The same with further kinds of operators.
+pub fn default_pipeline_of(kinds: &'static [Stage], changes: &[(&str, &str)], ms: u64) -> Run {
     let path = from_root("pipeline.yaml");
     let mut text = std::fs::read_to_string(&path).unwrap();
     for (from, to) in changes {
         assert!(text.contains(from), "the pipeline lacks {from}");
         text = text.replace(from, to);
     }
-    let run = run(&text, &registry(), &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
+    let registry = Registry::new(&[FAMILIES, &[kinds]].concat());
+    let run = run(&text, &registry, &DiskFiles::beside(&path), ms).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(run.failed(), [] as [&str; 0]);
     run
 }
@@ -93,7 +100,7 @@ fn from_camera_to_valve_a_step_is_reached_and_the_beam_waits_for_it() {
 }
 
 /// How far the point that the tracker follows, and the head's axes, have moved by the truth: mm and degrees.
-fn tracked_point_moved(run: &Run) -> Vec<[f64; 6]> {
+pub fn tracked_point_moved(run: &Run) -> Vec<[f64; 6]> {
     let tracks = run.samples::<Track>("filter.state");
     let point = nalgebra::Point3::from(tracks[0].first().unwrap().position);
     let poses: Vec<nalgebra::Isometry3<f64>> = run
@@ -180,7 +187,7 @@ fn a_camera_that_goes_blind_ends_the_beam_and_then_vents_the_rig() {
 }
 
 /// When the far end first has the beam off, and with it the gate's reasons, after `event`, s.
-fn beam_off_after(run: &Run, event: f64) -> (f64, Vec<&'static str>) {
+pub fn beam_off_after(run: &Run, event: f64) -> (f64, Vec<&'static str>) {
     let far = run.samples::<FarEnd>("far.state");
     let is_on = |s: &View<'_, FarEnd>| s.first().unwrap().beam == 1;
     let before = far.iter().rfind(|s| seconds(s.header.stamp) <= event).unwrap();

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod answer;
+mod beam_off;
 mod budget;
 mod default_pipeline;
 mod examples;
