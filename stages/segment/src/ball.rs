@@ -94,12 +94,6 @@ impl Cells {
 }
 
 impl BallSearch {
-    /// A search without buffers yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// The balls of the last search.
     #[must_use]
     pub fn balls(&self) -> &[Ball] {
@@ -271,7 +265,7 @@ mod tests {
             (Vector3::new(-0.3, 0.1, 0.7), 0.07),
             (Vector3::new(0.2, -0.1, 1.1), 0.11),
         ] {
-            let mut search = BallSearch::new();
+            let mut search = BallSearch::default();
             let ball = search.find(&ball_beside_a_board(centre, radius), [0.06, 0.12])[0];
             assert!((ball.centre - centre).norm() < 1e-3, "{ball:?}");
             assert!((ball.radius - radius).abs() < 1e-3 && ball.voters >= 400, "{ball:?}");
@@ -283,7 +277,7 @@ mod tests {
         let mut patches = ball_beside_a_board(Vector3::new(0.0, 0.0, 0.9), 0.09);
         let other = ball_beside_a_board(Vector3::new(-0.3, 0.0, 0.9), 0.08);
         patches.extend(other[..400].iter().step_by(2));
-        let mut search = BallSearch::new();
+        let mut search = BallSearch::default();
         let balls = search.find(&patches, [0.06, 0.12]);
         assert!((balls[0].centre.x - 0.0).abs() < 1e-2 && balls[0].voters >= 400, "{balls:?}");
         assert!(balls[1..].iter().any(|ball| (ball.centre.x + 0.3).abs() < 1e-2), "{balls:?}");
@@ -291,7 +285,7 @@ mod tests {
 
     #[test]
     fn a_search_remembers_nothing_of_the_one_before() {
-        let (mut used, mut fresh) = (BallSearch::new(), BallSearch::new());
+        let (mut used, mut fresh) = (BallSearch::default(), BallSearch::default());
         used.find(&ball_beside_a_board(Vector3::new(-0.3, 0.1, 0.7), 0.07), [0.05, 0.12]);
         let patches = ball_beside_a_board(Vector3::new(0.2, -0.1, 1.1), 0.1);
         assert_eq!(used.find(&patches, [0.06, 0.12]), fresh.find(&patches, [0.06, 0.12]));
@@ -299,6 +293,6 @@ mod tests {
 
     #[test]
     fn nothing_speaks_for_a_ball_where_there_is_nothing() {
-        assert!(BallSearch::new().find(&[], [0.06, 0.12]).is_empty());
+        assert!(BallSearch::default().find(&[], [0.06, 0.12]).is_empty());
     }
 }

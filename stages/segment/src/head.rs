@@ -104,7 +104,6 @@ pub struct HeadFinder {
     neck: Option<Neck>,
     parents: Vec<u32>,
     head: Vec<bool>,
-    ball: Option<Ball>,
 }
 
 impl HeadFinder {
@@ -128,7 +127,6 @@ impl HeadFinder {
     pub fn find(&mut self, seen: &[[u32; 2]], plane: &Plane, params: &HeadParams) -> Result<(), NoHead> {
         self.head.clear();
         self.identity.clear();
-        self.ball = None;
         let sizes = if params.identity.is_some() { SIZES_CHECKED } else { SIZES };
         let radii = sizes.map(|size| size * params.radius);
         let height = |ball: &Ball| plane.normal.dot(&ball.centre);
@@ -160,15 +158,13 @@ impl HeadFinder {
             middle.is_none_or(|middle| (ball.centre - middle).norm() < ONE_HEAD * params.radius)
         };
         let highest = shown().filter(is_chosen).max_by(|a, b| height(a).total_cmp(&height(b)));
-        self.ball = highest.copied();
-        let Some(highest) = self.ball else { return Err(NoHead::Nothing) };
+        let Some(highest) = highest.copied() else { return Err(NoHead::Nothing) };
         let params = &HeadParams { radius, ..*params };
         // A face is round, too, and may be higher than the cranium, of which more is seen.
         let near = |ball: &&Ball| (ball.centre - highest.centre).norm() < ONE_HEAD * params.radius;
         let cranium = shown().filter(near).max_by_key(|ball| ball.voters).copied();
         self.collect_edges(seen, params);
         let ball = self.find_neck(cranium.unwrap_or(highest), highest, plane, params);
-        self.ball = Some(ball);
         self.build(&ball, plane, params);
         self.graph.cut();
         self.keep_what_hangs_together(&ball, plane, params.identity.as_ref());
@@ -190,12 +186,6 @@ impl HeadFinder {
     #[must_use]
     pub fn is_head(&self) -> &[bool] {
         &self.head
-    }
-
-    /// The ball of the last search that was taken for the head.
-    #[must_use]
-    pub fn ball(&self) -> Option<&Ball> {
-        self.ball.as_ref()
     }
 
     /// Borders, and pairs of patches seen beside each other that are no neighbours: one hides a part of the other.

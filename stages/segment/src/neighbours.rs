@@ -13,12 +13,6 @@ pub struct Neighbours {
 const RINGS: i32 = 3;
 
 impl Neighbours {
-    /// No points.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Sorts `points` (finite, in metres) into cells `side` metres wide.
     pub fn sort(&mut self, points: &[[f32; 3]], side: f64) {
         self.side = side;
@@ -85,7 +79,7 @@ mod tests {
             side in 0.02..0.1_f64,
             k in 1..12_usize,
         ) {
-            let mut neighbours = Neighbours::new();
+            let mut neighbours = Neighbours::default();
             neighbours.sort(&points, side);
             let mut found = Vec::new();
             for i in 0..points.len() {

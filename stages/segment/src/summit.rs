@@ -26,12 +26,6 @@ pub struct Summits {
 }
 
 impl Summits {
-    /// A search without buffers yet.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Takes the heights of the nodes, in any unit; of equals the first node counts as the higher one.
     pub fn measure(&mut self, heights: impl IntoIterator<Item = f64>) {
         self.heights.clear();
@@ -153,7 +147,7 @@ mod tests {
 
     /// The prominences of nodes of these heights.
     fn found(heights: &[f64], edges: &[[u32; 2]], least: u32) -> Vec<f64> {
-        let mut summits = Summits::new();
+        let mut summits = Summits::default();
         // Of a search before nothing is left.
         summits.measure([3.0, 2.0, 3.0]);
         summits.find(&[[0, 1], [1, 2]], 1);
@@ -178,7 +172,7 @@ mod tests {
     #[test]
     fn basins_part_where_the_way_between_two_summits_is_lowest() {
         let edges: Vec<_> = (0..6).map(|i| [i, i + 1]).collect();
-        let mut summits = Summits::new();
+        let mut summits = Summits::default();
         summits.measure([1.0, 5.0, 2.0, 4.0, 3.0, 7.0, 0.0]);
         summits.find(&edges, 1);
         assert_eq!(summits.part(0.5), [1, 1, 1, 3, 5, 5, 5]);

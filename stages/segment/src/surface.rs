@@ -73,12 +73,6 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// No patches.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Gathers `voxels` (metres) into patches `side` metres wide.
     pub fn gather(&mut self, voxels: &[[f32; 3]], side: f64) {
         self.index.clear();
@@ -205,7 +199,7 @@ mod tests {
 
     #[test]
     fn patches_face_the_camera_and_bend_in_a_crease_only() {
-        let mut surface = Surface::new();
+        let mut surface = Surface::default();
         surface.gather(&corner(), 0.01);
         for patch in surface.patches() {
             let from_crease = (0.2 - patch.place.y).max(1.0 - patch.place.z);
@@ -223,7 +217,7 @@ mod tests {
 
     #[test]
     fn second_frame_remembers_nothing_of_the_first() {
-        let (mut used, mut fresh) = (Surface::new(), Surface::new());
+        let (mut used, mut fresh) = (Surface::default(), Surface::default());
         used.gather(&corner(), 0.01);
         for surface in [&mut used, &mut fresh] {
             surface.gather(&corner()[..700], 0.012);
@@ -233,7 +227,7 @@ mod tests {
 
     #[test]
     fn no_voxels_have_no_patches() {
-        let mut surface = Surface::new();
+        let mut surface = Surface::default();
         surface.gather(&[], 0.01);
         assert!(surface.patches().is_empty() && surface.borders().is_empty());
     }

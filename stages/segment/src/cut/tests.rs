@@ -27,7 +27,7 @@ proptest! {
             let parted = edges.iter().filter(|&&(a, b, _)| with_source(a) != with_source(b));
             leaning.sum::<u64>() + parted.map(|e| u64::from(e.2)).sum::<u64>()
         };
-        let mut graph = MinCut::new();
+        let mut graph = MinCut::default();
         // A graph of before leaves nothing.
         graph.start(3);
         graph.lean(0, Lean::Cost(9));

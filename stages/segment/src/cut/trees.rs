@@ -45,12 +45,6 @@ pub struct MinCut {
 }
 
 impl MinCut {
-    /// A graph without nodes.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-
     /// Starts a graph of `nodes` nodes without edges.
     pub fn start(&mut self, nodes: usize) {
         self.graph.start(nodes);
