@@ -35,7 +35,7 @@ mod hosts;
 mod identity;
 mod inputs;
 mod links;
-pub mod machine;
+mod machine;
 mod operators;
 mod order;
 mod port_frames;

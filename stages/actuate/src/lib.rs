@@ -2,41 +2,41 @@
 //!
 //! What goes over the wire, plain:
 //! - [`key`]: the key that both ends share, and its file
-//! - [`message`]: what a datagram says: an order, for a time, in a session
+//! - `message`: what a datagram says: an order, for a time, in a session
 //! - [`datagram`]: its bytes, which carry a keyed code
-//! - [`refusal`]: why a datagram is refused, and counts
+//! - `refusal`: why a datagram is refused, and counts
 //! - [`receiver`]: the far end: which are accepted, and what is to be done now
-//! - [`far_end`]: valves and beam together, the beam off before anything vents
+//! - `far_end`: valves and beam together, the beam off before anything vents
 //!
 //! What decides, plain:
 //! - [`machine`]: the states of actuation
-//! - [`answer`]: whether the head goes where it is told
-//! - [`drive`], of [`shaping`] and [`pressure`]: bounds and growth of duties; pressures estimated from them
-//! - [`pose_watch`], [`extrinsic`]: whether pose and cameras can be trusted
-//! - [`aim`], [`lease`]: errors against tolerances; the lease of the beam
-//! - [`sender`]: the sending end of datagrams
+//! - `answer`: whether the head goes where it is told
+//! - `drive`, of `shaping` and [`pressure`]: bounds and growth of duties; pressures estimated from them
+//! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
+//! - [`aim`], `lease`: errors against tolerances; the lease of the beam
+//! - `sender`: the sending end of datagrams
 //!
 //! And [`mod@operators`]: `actuate.valves`, `gate.beam` and `actuate.far_end`.
 
 #![forbid(unsafe_code)]
 
 pub mod aim;
-pub mod answer;
+mod answer;
 pub mod datagram;
-pub mod drive;
-pub mod extrinsic;
-pub mod far_end;
+mod drive;
+mod extrinsic;
+mod far_end;
 pub mod key;
-pub mod lease;
+mod lease;
 pub mod machine;
-pub mod message;
+mod message;
 pub mod operators;
 pub mod pose_watch;
 pub mod pressure;
 pub mod receiver;
-pub mod refusal;
-pub mod sender;
-pub mod shaping;
+mod refusal;
+mod sender;
+mod shaping;
 
 pub use datagram::{EncodeError, LONGEST, decode, encode};
 pub use far_end::{Doing, FarEnd};

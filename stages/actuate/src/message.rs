@@ -86,7 +86,7 @@ pub struct Message {
     pub sequence: u64,
     /// When it was made, ns since the epoch, by the sender's clock.
     pub stamp: u64,
-    /// Time for which it is valid, ns: whole microseconds, above 0 and at most [`LONGEST_LIFE`].
+    /// Time for which it is valid, ns: whole microseconds, above 0 and at most `LONGEST_LIFE`.
     pub life: u64,
     /// Why the order is what it is, as bits that the sender's kind names. For people: no receiver acts on it.
     pub reasons: u32,

@@ -2,16 +2,16 @@
 //!
 //! - [`riccati`], [`lyapunov`]: the matrix equations behind the gains
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
-//! - [`squeeze`]: the pressures of bladders that are more than the channels they hold
+//! - `squeeze`: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
 //! - [`tracking`]: the error from it at the time of the pose, and when an order acts
 //! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
-//! - [`lqi`], [`identified`]: linear-quadratic control with an integrator, and plants that were identified
+//! - [`lqi`], `identified`: linear-quadratic control with an integrator, and plants that were identified
 //! - [`adaptive`], [`projection`], [`mrac`]: adaptive laws that stay inside bounds, and the controller made of them
 //! - [`features`], [`lstm`], [`predictor`], [`tensor_file`]: what the adaptive law learns over; a recurrent network, and its
 //!   file
-//! - [`moves`], [`goal`]: where the head is to be
+//! - `moves`, `goal`: where the head is to be
 //! - [`rig`]: rigs whose mechanics are known: what their bladders do, and what they can hold
 //! - [`channels`]: which channels of a pose are controlled, and how they stand in samples
 //! - [`mod@operators`], `control.target`, `control.pi`, `control.lqg` and `control.mrac`
@@ -22,12 +22,12 @@ pub mod adaptive;
 pub mod channels;
 pub mod effect;
 pub mod features;
-pub mod goal;
-pub mod identified;
+mod goal;
+mod identified;
 pub mod lqi;
 pub mod lstm;
 pub mod lyapunov;
-pub mod moves;
+mod moves;
 pub mod mrac;
 pub mod operators;
 pub mod pi;
@@ -37,7 +37,7 @@ pub mod reference;
 pub mod response;
 pub mod riccati;
 pub mod rig;
-pub mod squeeze;
+mod squeeze;
 pub mod tensor_file;
 pub mod tracking;
 pub mod valves;

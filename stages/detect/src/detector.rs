@@ -16,7 +16,7 @@ static MODEL: &[u8] = include_bytes!("../data/seeta_fd_frontal_v1.0.bin");
 pub struct DetectParams {
     /// Which way the tops of the heads point in the image.
     pub top: Top,
-    /// Side of the smallest face, in pixels; from [`SMALLEST`].
+    /// Side of the smallest face, in pixels; from `SMALLEST`.
     pub smallest: u32,
     /// Side of the largest face, in pixels.
     pub largest: u32,

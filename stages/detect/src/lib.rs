@@ -1,14 +1,14 @@
 //! Finds faces in grey images: the optional 2-D stage of the dissertation (4.2.2), which used Haar cascades.
 //!
-//! - [`view`]: an image turned upright, made smaller, and back.
-//! - [`detector`]: where a view shows faces.
-//! - [`mod@operator`], `detect.face`.
+//! - `view`: an image turned upright, made smaller, and back.
+//! - `detector`: where a view shows faces.
+//! - `operator`, `detect.face`.
 //!
 //! The detector is the crate `rustface` with the model that it ships; see `data/README.md`.
 
-pub mod detector;
-pub mod operator;
-pub mod view;
+mod detector;
+mod operator;
+mod view;
 
 pub use detector::{DetectParams, Face, FaceDetector};
 pub use view::Top;

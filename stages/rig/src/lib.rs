@@ -10,40 +10,40 @@
 //! - [`camera`]: pinhole intrinsics and the camera's place over the couch
 //! - [`ray`]: one ray against one shape
 //! - [`patient`]: patients of many builds, drawn by chance
-//! - [`quadric`]: an ellipsoid as a camera sees it, row by row
+//! - `quadric`: an ellipsoid as a camera sees it, row by row
 //! - [`view`]: depth, label and incidence per pixel
 //! - [`render`]: the view of a scene with the head at a pose
-//! - [`normal`]: normal deviates from uniform bits
+//! - `normal`: normal deviates from uniform bits
 //! - [`noise`]: the model of a depth camera's errors, with presets
-//! - [`shadow`]: what a projector beside the camera cannot light
+//! - `shadow`: what a projector beside the camera cannot light
 //! - [`sensor`]: from a view to the depth image that a camera would give
-//! - [`involuntary`]: breathing, nodding, drift, coughs
+//! - `involuntary`: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
-//! - [`sight`]: all that makes an image, as one
-//! - [`mod@operator`], `rig.camera`
-//! - [`view_operator`], `rig.view`: further cameras over the same head
-//! - [`bladders`]: the head on air bladders: `rig.one_bladder`, `rig.three_bladders`, `rig.eight_bladders`
+//! - `sight`: all that makes an image, as one
+//! - `operator`, `rig.camera`
+//! - `view_operator`, `rig.view`: further cameras over the same head
+//! - `bladders`: the head on air bladders: `rig.one_bladder`, `rig.three_bladders`, `rig.eight_bladders`
 
-pub mod bladders;
+mod bladders;
 pub mod camera;
 pub mod head;
-pub mod involuntary;
+mod involuntary;
 pub mod noise;
-pub mod normal;
-pub mod operator;
+mod normal;
+mod operator;
 pub mod patient;
-pub mod quadric;
+mod quadric;
 pub mod ray;
 pub mod render;
 pub mod scene;
 pub mod sensor;
 pub mod setting;
-pub mod shadow;
+mod shadow;
 pub mod shape;
-pub mod sight;
+mod sight;
 pub mod trajectory;
 pub mod view;
-pub mod view_operator;
+mod view_operator;
 
 use bladders::operator::BladderRig;
 use stillpoint_mechanics::plant::rigs::RIGS;

@@ -4,48 +4,48 @@
 //! Every result is a function of the cloud, the parameters and the random numbers handed in: sums run in the
 //! order of the points, and no map's order reaches a result.
 //!
-//! - [`mod@cloud`]: a cloud as a camera gives it.
+//! - `cloud`: a cloud as a camera gives it.
 //! - [`voxel`]: centroids of a grid's cells, and which point fell into which.
-//! - [`neighbours`]: the k nearest neighbours of each point.
+//! - `neighbours`: the k nearest neighbours of each point.
 //! - [`outliers`]: statistical outlier removal.
 //! - [`mls`]: robust moving least squares.
-//! - [`plane`]: a plane and its least-squares fit.
+//! - `plane`: a plane and its least-squares fit.
 //! - [`mlesac`]: the plane that most points lie on, by seeded MLESAC.
 //! - [`hull`]: the convex outline of points on a plane.
 //! - [`cluster`]: Euclidean clusters.
-//! - [`surface`]: patches of the surface that voxels lie on, with normals and creases.
-//! - [`ball`]: where a ball of about a head's size is.
-//! - [`summit`]: summits of a landscape.
-//! - [`cut`]: minimum cut of a graph.
-//! - [`head`]: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
+//! - `surface`: patches of the surface that voxels lie on, with normals and creases.
+//! - `ball`: where a ball of about a head's size is.
+//! - `summit`: summits of a landscape.
+//! - `cut`: minimum cut of a graph.
+//! - `head`: the head, cut from what it touches; `hills`, other things beside it; `neck`, which way its neck lies.
 //! - [`identity`]: which of the balls is the head.
 //! - [`table`]: the table of the clusters.
-//! - [`face`]: the chain of these, from cloud to face.
-//! - [`mod@operator`], `segment.face`, the chain as an operator.
-//! - [`findings`]: what that operator says about a frame.
+//! - `face`: the chain of these, from cloud to face.
+//! - `operator`, `segment.face`, the chain as an operator.
+//! - `findings`: what that operator says about a frame.
 
-pub mod ball;
+mod ball;
 mod cell_index;
 mod cells;
-pub mod cloud;
+mod cloud;
 pub mod cluster;
-pub mod cut;
-pub mod face;
-pub mod findings;
+mod cut;
+mod face;
+mod findings;
 mod forest;
-pub mod head;
+mod head;
 mod hills;
 pub mod hull;
 pub mod identity;
 pub mod mlesac;
 pub mod mls;
 mod neck;
-pub mod neighbours;
-pub mod operator;
+mod neighbours;
+mod operator;
 pub mod outliers;
-pub mod plane;
-pub mod summit;
-pub mod surface;
+mod plane;
+mod summit;
+mod surface;
 mod sweep;
 pub mod table;
 pub mod voxel;

@@ -1,8 +1,8 @@
 //! Where samples end.
 //!
-//! - [`null`]: `sink.null`, which counts
+//! - `null`: `sink.null`, which counts
 
-pub mod null;
+mod null;
 
 use stillpoint_operator::Stage;
 

@@ -2,7 +2,7 @@
 //!
 //! - [`mod@run`]: a whole pipeline, and all that it sent
 //! - [`mod@bench`]: one operator, activated with samples that a test makes
-//! - [`mod@quiet`]: one operator, of which a step can be watched alone
+//! - `quiet`: one operator, of which a step can be watched alone
 //! - [`mod@sample`]: samples as bytes
 //! - [`mod@perception`]: the reference data of perception
 //! - [`mod@reference`]: data that is no part of the project
@@ -11,7 +11,7 @@
 pub mod bench;
 pub mod feed;
 pub mod perception;
-pub mod quiet;
+mod quiet;
 pub mod reference;
 pub mod run;
 pub mod sample;

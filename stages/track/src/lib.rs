@@ -2,43 +2,43 @@
 //!
 //! - [`mod@centroid`]: the mean of a cloud and how well it is known.
 //! - [`quaternion`]: the pose between paired points, (4.21)-(4.22).
-//! - [`mod@three_points`]: three points on a head that move with it.
-//! - [`buckets`]: points sorted into cells.
-//! - [`patch`]: a quadric fitted to the points around a place.
-//! - [`nearest`]: which place is nearest, from a table.
+//! - `three_points`: three points on a head that move with it.
+//! - `buckets`: points sorted into cells.
+//! - `patch`: a quadric fitted to the points around a place.
+//! - `nearest`: which place is nearest, from a table.
 //! - [`surface`]: the reference surface.
-//! - [`align`]: a cloud brought onto the surface.
-//! - [`observability`]: which directions the surface constrains.
-//! - [`mod@search`]: where an alignment starts.
+//! - `align`: a cloud brought onto the surface.
+//! - `observability`: which directions the surface constrains.
+//! - `search`: where an alignment starts.
 //! - [`tracker`]: a head followed frame by frame.
-//! - [`mod@capture`]: when a face becomes the reference.
-//! - [`identity`]: whether what is followed is still what was captured.
-//! - [`uncertainty`]: what is known of a pose.
-//! - [`mod@operator`], `track.centroid`; [`head`], `track.head`.
-//! - [`summit`]: how high the highest place of a cloud is; [`summit_operator`], `track.summit`.
-//! - [`forehead`]: the distance to the forehead of a face in an image; [`forehead_operator`], `track.forehead`.
+//! - `capture`: when a face becomes the reference.
+//! - `identity`: whether what is followed is still what was captured.
+//! - `uncertainty`: what is known of a pose.
+//! - `operator`, `track.centroid`; [`head`], `track.head`.
+//! - [`summit`]: how high the highest place of a cloud is; `summit_operator`, `track.summit`.
+//! - [`forehead`]: the distance to the forehead of a face in an image; `forehead_operator`, `track.forehead`.
 
-pub mod align;
-pub mod buckets;
-pub mod capture;
+mod align;
+mod buckets;
+mod capture;
 pub mod centroid;
 pub mod forehead;
-pub mod forehead_operator;
+mod forehead_operator;
 pub mod head;
-pub mod identity;
-pub mod nearest;
-pub mod observability;
-pub mod operator;
+mod identity;
+mod nearest;
+mod observability;
+mod operator;
 mod output_frame;
-pub mod patch;
+mod patch;
 pub mod quaternion;
-pub mod search;
+mod search;
 pub mod summit;
-pub mod summit_operator;
+mod summit_operator;
 pub mod surface;
-pub mod three_points;
+mod three_points;
 pub mod tracker;
-pub mod uncertainty;
+mod uncertainty;
 
 pub use centroid::{Centroid, centroid};
 pub use tracker::HeadTracker;

@@ -14,5 +14,5 @@ mod fusion;
 mod kalman;
 mod truths;
 
-pub use fuse::{EstimateFuse, FuseParams, Method};
-pub use kalman::{EstimateKalman, FilterParams};
+pub use fuse::EstimateFuse;
+pub use kalman::EstimateKalman;

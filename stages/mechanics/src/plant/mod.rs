@@ -1,17 +1,17 @@
 //! Heads on bladders: what the virtual rigs obey (SCIENCE C3 to C6).
 //!
 //! - [`valve`]: how much air an orifice lets through
-//! - [`plate`]: a bladder pressed between two plates
-//! - [`body`]: a rigid head on bladders, with valves: the equations of motion
+//! - `plate`: a bladder pressed between two plates
+//! - `body`: a rigid head on bladders, with valves: the equations of motion
 //! - [`layouts`]: the head with one, three and six degrees of freedom
 //! - [`rigs`]: the table of rigs, by name
 //! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
 //! - [`reach`]: which poses bladders can hold
 
-pub mod body;
+mod body;
 pub mod equilibrium;
 pub mod layouts;
-pub mod plate;
+mod plate;
 pub mod reach;
 pub mod rigs;
 pub mod valve;

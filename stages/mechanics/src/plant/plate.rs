@@ -61,7 +61,7 @@ impl Shell {
     /// `(P_atm + P) V = m R_s T` over the stretch, of which the left side grows.
     ///
     /// Total over the numbers: a mass beyond the stretches from 0.001 to 60 is replaced by the nearest mass inside, and
-    /// a NaN gives NaN. [`Pressed::is_modelled`] says whether the result is inside the model.
+    /// a NaN gives NaN. `Pressed::is_modelled` says whether the result is inside the model.
     pub fn pressed_with(&self, mass: f64, air: &Air, gap: f64) -> Pressed {
         if mass.is_nan() || gap.is_nan() {
             return self.pressed(f64::NAN, f64::NAN);

@@ -12,6 +12,6 @@ mod seen;
 mod segmenter;
 mod support;
 
-pub use params::{FaceParams, ParamError, Rule};
+pub use params::{FaceParams, Rule};
 pub use seen::{Rejection, Seen, SegmentationStep};
 pub use segmenter::FaceSegmenter;
