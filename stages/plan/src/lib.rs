@@ -11,6 +11,7 @@
 //! - [`evaluation`]: what a dose does to each structure
 //! - `grid`: where the voxels are
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
+//! - [`outline`]: the surface of a patient, and files of surfaces
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
@@ -32,6 +33,7 @@ mod grid;
 pub mod metrics;
 pub mod objectives;
 pub mod occupancy;
+pub mod outline;
 pub mod recompute;
 pub mod sampling;
 mod sparse;

@@ -7,7 +7,7 @@
 //! length 195 mm, chin to crown 225 mm). The neck ends in a stump, as a phantom's does.
 //! Nose, ears, brow and chin are not quite symmetrical, as faces are not.
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::shape::{Ellipsoid, ShapeError};
 
@@ -111,6 +111,18 @@ impl Head {
         &self.parts
     }
 
+    /// Depth of a place (head frame, m) below the skin, m, to the first order; negative outside.
+    pub fn depth(&self, place: [f64; 3]) -> f64 {
+        let place = Point3::from(place);
+        let depth = |part: &Ellipsoid| {
+            let p = part.parent_from_shape().inverse_transform_point(&place).coords;
+            let unit = p.component_div(part.semi_axes());
+            let (level, gradient) = (unit.norm(), unit.component_div(part.semi_axes()).norm());
+            if gradient > 0.0 { level * (1.0 - level) / gradient } else { part.semi_axes().min() }
+        };
+        self.parts.iter().map(depth).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// How far the head reaches along each axis of the head frame: least and greatest corner, in metres.
     pub fn extent(&self) -> (Vector3<f64>, Vector3<f64>) {
         let mut least = Vector3::repeat(f64::INFINITY);
@@ -131,6 +143,32 @@ impl Head {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_skin_is_where_the_depth_is_zero() {
+        let head = Head::new(1.0).unwrap();
+        for part in head.parts() {
+            for i in 0..200 {
+                let z = (f64::from(i) + 0.5) / 100.0 - 1.0;
+                let (angle, across) = (f64::from(i) * 2.4, (1.0 - z * z).sqrt());
+                let unit = Vector3::new(across * angle.cos(), across * angle.sin(), z);
+                let on = |scale: f64| {
+                    let place = part.semi_axes().component_mul(&unit) * scale;
+                    head.depth((part.parent_from_shape() * Point3::from(place)).into())
+                };
+                // On a part it is on the skin or below it; inside it is deeper.
+                assert!(on(1.0) > -1e-12 && on(0.9) > 0.0);
+            }
+        }
+        let (least, greatest) = head.extent();
+        for axis in 0..3 {
+            for corner in [least, greatest] {
+                let mut outside = Vector3::zeros();
+                outside[axis] = corner[axis] * 1.01;
+                assert!(head.depth(outside.into()) < 0.0);
+            }
+        }
+    }
 
     #[test]
     fn the_head_has_the_proportions_of_an_adult() {

@@ -11,6 +11,7 @@
 //! - `observability`: which directions the surface constrains.
 //! - `search`: where an alignment starts.
 //! - [`tracker`]: a head followed frame by frame.
+//! - [`planned`]: a reference from the planning CT, and where it is found.
 //! - `capture`: when a face becomes the reference.
 //! - `identity`: whether what is followed is still what was captured.
 //! - `uncertainty`: what is known of a pose.
@@ -31,6 +32,7 @@ mod observability;
 mod operator;
 mod output_frame;
 mod patch;
+pub mod planned;
 pub mod quaternion;
 mod search;
 pub mod summit;

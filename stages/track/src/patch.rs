@@ -52,6 +52,15 @@ pub struct Sight {
 }
 
 impl Patch {
+    /// The same patch with its normal to the other side.
+    #[must_use]
+    pub fn turned(mut self) -> Self {
+        let [a, b, c, e, f] = self.shape;
+        (self.normal, self.second) = (-self.normal, -self.second);
+        self.shape = [-a, b, -c, e, -f];
+        self
+    }
+
     /// How a point (m) lies to the quadric.
     #[inline]
     #[must_use]

@@ -93,6 +93,45 @@ impl Surface {
     pub fn new(cloud: &[Vector3<f64>], params: &SurfaceParams) -> Result<Self, SurfaceError> {
         let mut patches = fitted(cloud, params)?;
         drop_what_is_no_surface(&mut patches, ROUGH_LEAST * params.spacing);
+        patches.retain(|p| -p.normal.dot(&p.position) / p.position.norm() >= COSINE_LEAST);
+        Self::of(patches, cloud, params)
+    }
+
+    /// The surface of points (m) whose unit normals say which side is outside: one that is seen from anywhere.
+    ///
+    /// # Errors
+    /// As of [`new`](Self::new).
+    pub fn oriented(
+        points: &[Vector3<f64>],
+        normals: &[Vector3<f64>],
+        params: &SurfaceParams,
+    ) -> Result<Self, SurfaceError> {
+        let mut patches = fitted(points, params)?;
+        drop_what_is_no_surface(&mut patches, ROUGH_LEAST * params.spacing);
+        // The sum of the normals around a patch.
+        let table = NearestTable::new(
+            &patches.iter().map(|p| p.position).collect::<Vec<_>>(),
+            params.spacing,
+            params.spacing,
+        );
+        let mut outward = vec![Vector3::zeros(); patches.len()];
+        for (point, normal) in points.iter().zip(normals) {
+            if let Some(patch) =
+                table.as_ref().and_then(|t| t.nearest(point)).and_then(|p| outward.get_mut(p))
+            {
+                *patch += normal;
+            }
+        }
+        let turned = patches.into_iter().zip(outward);
+        let patches = turned.map(|(p, out)| if p.normal.dot(&out) < 0.0 { p.turned() } else { p }).collect();
+        Self::of(patches, points, params)
+    }
+
+    fn of(
+        mut patches: Vec<Patch>,
+        cloud: &[Vector3<f64>],
+        params: &SurfaceParams,
+    ) -> Result<Self, SurfaceError> {
         let inside = patches.iter().filter(|p| p.place == Place::Inside).count();
         if inside < PATCHES_LEAST {
             return Err(SurfaceError::TooLittle { found: inside, needed: PATCHES_LEAST });
@@ -202,13 +241,10 @@ fn fitted(cloud: &[Vector3<f64>], params: &SurfaceParams) -> Result<Vec<Patch>, 
     Ok(patches)
 }
 
-/// Drops patches that bridge a gap or that are seen edge-on.
+/// Drops patches that bridge a gap.
 fn drop_what_is_no_surface(patches: &mut Vec<Patch>, rough_least: f64) {
     let rough = rough_least.max(ROUGH * median(patches.iter().map(|p| p.residual_sd)));
-    patches.retain(|p| {
-        let cosine = -p.normal.dot(&p.position) / p.position.norm();
-        p.residual_sd <= rough && cosine >= COSINE_LEAST
-    });
+    patches.retain(|p| p.residual_sd <= rough);
 }
 
 /// The middle value; zero of none.

@@ -87,6 +87,8 @@ pub struct Alignment {
     /// Part of the points that lie on the surface within the tolerance, or part of the surface that they lie on: the
     /// smaller of the two.
     pub overlap: f64,
+    /// Part of the surface that the points lie on.
+    pub covered: f64,
     /// Iterations done.
     pub iterations: u32,
     /// Points used.
@@ -168,6 +170,7 @@ impl Aligner {
             rms: (at.squares / at.weight).sqrt(),
             sd: self.scale(),
             overlap: (at.close as f64 / at.used.max(1) as f64).min(covered),
+            covered,
             iterations,
             points: at.used,
         }

@@ -8,6 +8,7 @@ mod drawn;
 mod drawn_motion;
 mod head;
 mod identity;
+mod planned;
 mod rendered;
 #[path = "../../../segment/tests/scene.rs"]
 mod scene;

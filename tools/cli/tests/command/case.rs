@@ -28,6 +28,42 @@ fn a_made_case_is_shown_and_drawn() {
 }
 
 #[test]
+fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let done = stillpoint(folder.path(), arguments);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        text(&done.stdout)
+    };
+    run(&["case", "phantom", "--site", "head", "--out", "cases"]);
+    let told: serde_json::Value =
+        serde_json::from_str(&run(&["case", "show", "cases/head-0.case", "--json"])).unwrap();
+    let volume = |name: &str| {
+        let mut structures = told["structures"].as_array().unwrap().iter();
+        structures.find(|s| s["name"] == name).unwrap()["volume_cm3"].as_f64().unwrap()
+    };
+    for (name, low, high) in
+        [("Brain", 1100.0, 1600.0), ("Brainstem", 10.0, 40.0), ("SpinalCord", 8.0, 25.0), ("EyeL", 5.0, 8.0)]
+    {
+        assert!((low..high).contains(&volume(name)), "{name}: {} cm3", volume(name));
+    }
+    for name in ["head.ply", "head.stl"] {
+        let said = run(&["case", "surface", "cases/head-0.case", "--out", name]);
+        let bytes = std::fs::read(folder.path().join(name)).unwrap();
+        let surface = stillpoint_plan::outline::read_surface(&bytes, None, None).unwrap();
+        let inside = surface.mesh.volume_cm3();
+        assert!((inside / volume("Body") - 1.0).abs() < 0.01, "{said}: {inside} cm3 of {}", volume("Body"));
+        let isocentre = told["isocentre_mm"].as_array().unwrap();
+        for axis in 0..3 {
+            let given = isocentre[axis].as_f64().unwrap();
+            assert!((surface.placing.isocentre_mm[axis] - given).abs() < 1e-3, "{name}");
+        }
+    }
+    let refused = stillpoint(folder.path(), &["case", "surface", "cases/head-0.case", "--out", "head.obj"]);
+    assert_eq!((refused.status.code(), text(&refused.stderr).contains(".ply or .stl")), (Some(2), true));
+}
+
+#[test]
 fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let grid = "\"shape_xyz\": [3, 2, 2], \"spacing_mm\": [2, 2, 2], \"origin_mm\": [0, 0, 0]";

@@ -4,13 +4,16 @@
 //! the PTV. It is no patient and no mean of patients: sizes are drawn from ranges of ordinary adult anatomy so that plans
 //! have the conflicts of the real ones (rectum and bladder beside the target, hips in the lateral beams).
 //!
+//! - `head`: a head under a given skin
 //! - `anatomy`: sizes drawn from the seed, and which tissue is where
 //! - `texture`: noise of tissue and scanner
 
 mod anatomy;
+mod head;
 mod texture;
 
 use anatomy::{Anatomy, Part};
+pub use head::{Skin, head};
 use texture::Texture;
 
 use super::mask::Mask;

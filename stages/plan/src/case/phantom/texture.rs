@@ -46,6 +46,11 @@ impl Texture {
             Part::Gas => (-880.0, 40.0),
             Part::Prostate => (42.0, 7.0),
         };
+        self.value(mean, spread, voxel)
+    }
+
+    /// Hounsfield units of the next voxel of the grid, of a tissue with this mean and spread.
+    pub fn value(&mut self, mean: f64, spread: f64, voxel: [usize; 3]) -> i16 {
         let scanner = SCANNER_HU * normal(&mut self.random);
         let hu = mean + spread * self.smooth(voxel) + scanner;
         libm::round(hu).clamp(-1024.0, 3000.0) as i16

@@ -1,12 +1,14 @@
 //! `stillpoint case`: imports, generates and shows patients, one file for each.
 //!
 //! - `import`: DICOM or NRRD with JSON, to a case file
-//! - `phantom`: the project's own pelvis
+//! - `phantom`: the project's own pelvis and head
 //! - `show`: structures, volumes and pictures
+//! - `surface`: the outline as a mesh
 
 mod import;
 mod phantom;
 mod show;
+mod surface;
 
 use clap::{Args, Subcommand};
 
@@ -23,10 +25,12 @@ pub struct Case {
 enum Command {
     /// Make a case file from a DICOM folder (CT and RTSTRUCT), or from NRRD volumes with their JSON.
     Import(import::Import),
-    /// Generate the case file of a synthetic male pelvis from a seed.
+    /// Generate the case file of a synthetic patient from a seed: a male pelvis, or the head that the rigs show.
     Phantom(phantom::Phantom),
     /// Show the structures of a case and draw its central slices.
     Show(show::Show),
+    /// Write the outline of a case as a mesh.
+    Surface(surface::Surface),
 }
 
 impl Case {
@@ -36,6 +40,7 @@ impl Case {
             Command::Import(c) => c.execute(),
             Command::Phantom(c) => c.execute(),
             Command::Show(c) => c.execute(),
+            Command::Surface(c) => c.execute(),
         }
     }
 }

@@ -2,26 +2,42 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
-use stillpoint_plan::case::{phantom, write};
+use clap::{Args, ValueEnum};
+use stillpoint_plan::case::{Case, Skin, head, phantom, write};
+use stillpoint_rig::head::Head;
 
 use crate::exit::{Ended, Exit, Failure};
 
-/// Generate the case file of a synthetic male pelvis from a seed.
+/// Generate the case file of a synthetic patient from a seed.
 #[derive(Args)]
 pub struct Phantom {
-    /// The folder in which `pelvis-SEED.case` is written.
+    /// The folder in which the case file, `pelvis-SEED.case` or `head-SEED.case`, is written.
     #[arg(long)]
     out: PathBuf,
-    /// Seed of the phantom. Plans without a case use seed 0.
+    /// The part of the body.
+    #[arg(long, value_enum, default_value = "pelvis")]
+    site: Site,
+    /// Seed of the phantom. Plans without a case use the pelvis of seed 0.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+}
+
+/// A part of the body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Site {
+    /// A male pelvis; every seed is another one.
+    Pelvis,
+    /// The head that the rigs show, with the same axes; every seed has another target.
+    Head,
 }
 
 impl Phantom {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        let case = phantom(self.seed).map_err(Failure::failed)?;
+        let case = match self.site {
+            Site::Pelvis => phantom(self.seed).map_err(Failure::failed)?,
+            Site::Head => head_of_rig(self.seed)?,
+        };
         let fault = |e| Failure::failed(format!("{}: {e}", self.out.display()));
         std::fs::create_dir_all(&self.out).map_err(fault)?;
         let path = self.out.join(format!("{}.case", case.name()));
@@ -30,4 +46,13 @@ impl Phantom {
         outln!("hash {hash}");
         Ok(Exit::Done)
     }
+}
+
+/// The CT of the head that the rigs show.
+fn head_of_rig(seed: u64) -> Result<Case, Failure> {
+    let skin = Head::new(1.0).map_err(Failure::failed)?;
+    let (least, greatest) = skin.extent();
+    let depth_mm = |at_mm: [f64; 3]| 1e3 * skin.depth(at_mm.map(|c| 1e-3 * c));
+    let extent_mm = [least, greatest].map(|corner| [corner.x, corner.y, corner.z].map(|c| 1e3 * c));
+    head(&Skin { depth_mm: &depth_mm, extent_mm }, seed).map_err(Failure::failed)
 }

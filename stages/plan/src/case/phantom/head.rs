@@ -1,0 +1,171 @@
+//! A head as a case: the skin is given, what lies beneath is the project's own and follows the proportions of an adult.
+//!
+//! Places beneath the skin are those of the rig's head: origin midway between the ear canals, x to the patient's left, y
+//! to the crown, z out of the face; in the DICOM patient frame x, -z, y.
+
+use super::texture::Texture;
+use crate::Grid;
+use crate::case::mask::Mask;
+use crate::case::patient::{Case, CaseError, CaseParts, Prescription};
+use crate::case::structure::{Role, Structure};
+
+const SPACING_MM: f64 = 2.0;
+/// Air around the head.
+const AROUND_MM: f64 = 10.0;
+const SKULL_MM: f64 = 7.0;
+/// From the CTV to the PTV.
+const MARGIN_MM: f64 = 3.0;
+
+/// The skin of a head of the adult's size.
+pub struct Skin<'a> {
+    /// Depth of a place below the skin, mm, by its place in the axes of the head, mm; negative outside. It has to be
+    /// right to a tenth of a millimetre within a voxel of the skin.
+    pub depth_mm: &'a dyn Fn([f64; 3]) -> f64,
+    /// Corners of a box that holds it, mm.
+    pub extent_mm: [[f64; 3]; 2],
+}
+
+/// What is at a place, in the order in which places are looked up.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Soft,
+    Bone,
+    Brain,
+    Brainstem,
+    Cord,
+    EyeL,
+    EyeR,
+    Airway,
+}
+
+/// The case of a head. The seed draws the place of the target in the brain and the noise of the scanner.
+pub fn head(skin: &Skin<'_>, seed: u64) -> Result<Case, CaseError> {
+    let grid = grid(skin);
+    let len = grid.len();
+    let place = |i: usize| in_head(grid.centre_mm(grid.voxel(i)));
+    let depth: Vec<f64> = (0..len).map(|i| (skin.depth_mm)(place(i))).collect();
+    let parts: Vec<Part> = (0..len).map(|i| part(place(i), depth[i])).collect();
+    let body = Mask::from_fn(len, |i| depth[i] > 0.0);
+    let of = |part: Part| Mask::from_fn(len, |i| depth[i] > 0.0 && parts[i] == part);
+    let brain = Mask::from_fn(len, |i| matches!(parts[i], Part::Brain | Part::Brainstem) && depth[i] > 0.0);
+    let (target, radius) = target(seed);
+    let ball =
+        |more: f64| Mask::from_fn(len, |i| distance(place(i), target) <= radius + more && body.contains(i));
+    let (ctv, ptv) = (ball(0.0), ball(MARGIN_MM));
+    let mut texture = Texture::of_seed(seed, &grid);
+    let hu = (0..len).map(|i| {
+        let (mean, spread) = match parts[i] {
+            Part::Soft => (40.0, 14.0),
+            Part::Bone => (800.0, 90.0),
+            Part::Brain | Part::Brainstem | Part::Cord => (36.0, 5.0),
+            Part::EyeL | Part::EyeR => (12.0, 3.0),
+            Part::Airway => (-1000.0, 0.0),
+        };
+        // A voxel that the skin halves is half air.
+        let within = (0.5 + depth[i] / SPACING_MM).clamp(0.0, 1.0);
+        texture.value(-1000.0 + within * (mean + 1000.0), within * spread, grid.voxel(i))
+    });
+    let hu = hu.collect();
+    let structure = |name: &str, role, mask| Structure { name: name.to_owned(), role, mask };
+    Case::new(CaseParts {
+        name: format!("head-{seed}"),
+        grid,
+        hu,
+        structures: vec![
+            structure("Body", Role::External, body),
+            structure("PTV", Role::Target, ptv),
+            structure("Brain", Role::Organ, brain),
+            structure("Brainstem", Role::Organ, of(Part::Brainstem)),
+            structure("SpinalCord", Role::Organ, of(Part::Cord)),
+            structure("EyeL", Role::Organ, of(Part::EyeL)),
+            structure("EyeR", Role::Organ, of(Part::EyeR)),
+            structure("CTV", Role::ClinicalTarget, ctv),
+        ],
+        isocentre_mm: Some(in_patient(target)),
+        prescription: vec![Prescription { structure: "PTV".to_owned(), dose_gy: 54.0 }],
+        fractions: Some(30),
+        reference_dose_gy: None,
+        uids: None,
+        provenance: format!(
+            "stillpoint's own model of a head, seed {seed}, with the skin of the simulated head; no patient"
+        ),
+    })
+}
+
+fn in_head([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [x, z, -y]
+}
+
+fn in_patient([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [x, -z, y]
+}
+
+fn grid(skin: &Skin<'_>) -> Grid {
+    let [a, b] = skin.extent_mm.map(in_patient);
+    let low: [f64; 3] = std::array::from_fn(|i| a[i].min(b[i]) - AROUND_MM);
+    let high: [f64; 3] = std::array::from_fn(|i| a[i].max(b[i]) + AROUND_MM);
+    let counts = std::array::from_fn(|i| libm::ceil((high[i] - low[i]) / SPACING_MM) as usize + 1);
+    Grid { counts, spacing_mm: [SPACING_MM; 3], origin_mm: low }
+}
+
+/// Place, mm in the head's axes, and radius of the target: in the upper half of the brain, on a side.
+fn target(seed: u64) -> ([f64; 3], f64) {
+    let part = |number: u64| {
+        (seed.wrapping_mul(2_654_435_761).wrapping_add(number * 40_503) >> 7 & 0xff) as f64 / 255.0
+    };
+    let side = if seed.is_multiple_of(2) { 1.0 } else { -1.0 };
+    ([side * (22.0 + 8.0 * part(1)), 48.0 + 8.0 * part(2), 10.0 + 16.0 * part(3)], 14.0 + 4.0 * part(4))
+}
+
+fn part(at: [f64; 3], depth: f64) -> Part {
+    // Brain and skull, open to the neck below.
+    let brain = ellipsoid(at, [0.0, 40.0, 0.0], [64.0, 70.0, 80.0]);
+    let stem = rod(at, [0.0, 6.0, -12.0], [0.0, -34.0, -22.0]) - 11.0;
+    let cord = rod(at, [0.0, -34.0, -22.0], [0.0, -176.0, -34.0]) - 5.5;
+    let vertebrae = rod(at, [0.0, -46.0, -20.0], [0.0, -160.0, -32.0]) - 16.0;
+    let airway =
+        rod(at, [0.0, -30.0, 40.0], [0.0, -40.0, 14.0]).min(rod(at, [0.0, -40.0, 14.0], [0.0, -150.0, 2.0]))
+            - 6.5;
+    let jaw = (ellipsoid(at, [0.0, -48.0, 40.0], [46.0, 30.0, 42.0]).abs() - 4.0).max(at[1] + 46.0);
+    let eye = |side: f64| distance(at, [side * 31.0, 10.0, 66.0]) - 12.0;
+    if stem <= 0.0 {
+        Part::Brainstem
+    } else if cord <= 0.0 {
+        Part::Cord
+    } else if brain <= 0.0 && at[1] > -22.0 {
+        Part::Brain
+    } else if eye(1.0) <= 0.0 {
+        Part::EyeL
+    } else if eye(-1.0) <= 0.0 {
+        Part::EyeR
+    } else if airway <= 0.0 {
+        Part::Airway
+    } else if depth > 3.0 && (brain <= SKULL_MM && at[1] > -30.0 || vertebrae <= 0.0 || jaw <= 0.0) {
+        Part::Bone
+    } else {
+        Part::Soft
+    }
+}
+
+/// Distance from an ellipsoid along the axes, to the first order; negative inside.
+fn ellipsoid(at: [f64; 3], centre: [f64; 3], radii: [f64; 3]) -> f64 {
+    let unit: [f64; 3] = std::array::from_fn(|i| (at[i] - centre[i]) / radii[i]);
+    let level = libm::sqrt(unit.iter().map(|u| u * u).sum());
+    let gradient = libm::sqrt((0..3).map(|i| (unit[i] / radii[i]) * (unit[i] / radii[i])).sum());
+    if gradient == 0.0 {
+        -radii.iter().copied().fold(f64::INFINITY, f64::min)
+    } else {
+        level * (level - 1.0) / gradient
+    }
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    libm::sqrt((0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum())
+}
+
+/// Distance from the line between two points.
+fn rod(at: [f64; 3], a: [f64; 3], b: [f64; 3]) -> f64 {
+    let along = |p: [f64; 3]| (0..3).map(|i| (p[i] - a[i]) * (b[i] - a[i])).sum::<f64>();
+    let t = (along(at) / along(b)).clamp(0.0, 1.0);
+    distance(at, std::array::from_fn(|i| a[i] + t * (b[i] - a[i])))
+}
