@@ -46,10 +46,11 @@ pub struct LqgParams {
 
 /// Linear-quadratic control with an integrator, an observer and a limit to what is integrated (SCIENCE D5-D7).
 ///
-/// The gain is that of the discrete Riccati equation for the plant with its integrators, at the timer's period: it acts on
-/// its timer alone. The target is approached as the reference model of (4.24) does, whose speed is fed forward; without
-/// `model` the pose is predicted to when the order acts (SCIENCE Y2, Y3). Idle, with all valves shut, where estimate or target are missing, old or not finite;
-/// afterwards it begins from where the head is.
+/// The gain is that of the discrete Riccati equation for the plant with its integrators, at the timer's period. So the
+/// operator acts on its timer alone. The head approaches the target as the reference model of (4.24) does. The speed of
+/// the model is fed forward. Without `model` the pose is predicted to when the order acts (SCIENCE Y2, Y3). The
+/// operator is idle, with all valves shut, while the estimate or the target is missing, old or not finite. Afterwards
+/// it begins from where the head is.
 pub struct ControlLqg {
     shell: ControllerShell,
     law: Lqi,

@@ -29,10 +29,11 @@ pub struct PiParams {
 
 /// Proportional and integral control of each channel through the inverse of the bladders' effect (SCIENCE E11).
 ///
-/// The target is approached as the reference model of (4.24) does, whose speed is fed forward; the error from it is that of
-/// the pose's own time, predicted to when the order acts (SCIENCE Y2, Y3). Where a valve is wide open the integrals stand still.
-/// Idle, with all valves shut, where estimate or target are missing, old or not finite; afterwards it begins from where
-/// the head is, with integrals of zero.
+/// The head approaches the target as the reference model of (4.24) does. The speed of the model is fed forward. The
+/// error from the model is that of the pose's own time, predicted to when the order acts (SCIENCE Y2, Y3). The
+/// integrals stand still where a change of them would only demand more of a fully open valve. The operator is idle,
+/// with all valves shut, while the estimate or the target is missing, old or not finite. Afterwards it begins from
+/// where the head is, with integrals of zero.
 pub struct ControlPi {
     shell: ControllerShell,
     law: Pi,
