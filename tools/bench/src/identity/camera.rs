@@ -1,4 +1,4 @@
-//! `rig.patient`: a camera over a drawn patient, whose head moves as that of a rig.
+//! `rig.patient`: a camera over a drawn patient. The head of the patient moves as the head of a rig does.
 
 use nalgebra::{Isometry3, Translation3};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
@@ -19,13 +19,14 @@ const FAR: usize = 1;
 const DEPTH: usize = 0;
 const TRUE_POSE: usize = 1;
 
-/// The event comes at the latest so long after the start, s; in a scene without a head, at once.
+/// Latest time of the event after the first tick, s.
 const LATEST: f64 = 9.0;
+/// The same in a scene without a head, s.
 const LATEST_EMPTY: f64 = 2.0;
-/// Pixels of the largest image.
+/// Number of pixels of the largest image.
 const MOST: usize = 640 * 480;
 
-/// The entry in the list of kinds.
+/// Entry of `rig.patient` in the list of kinds.
 pub const STAGE: Stage = Stage::of::<PatientCamera>();
 
 /// Parameters of `rig.patient`.
@@ -38,7 +39,7 @@ pub struct PatientParams {
     pub period: u64,
 }
 
-/// A camera over a drawn patient.
+/// The camera and the scene that it shows.
 pub struct PatientCamera {
     case: Case,
     renderer: Renderer,
@@ -46,14 +47,14 @@ pub struct PatientCamera {
     intrinsics: Intrinsics,
     mask: Option<Mask>,
     period: u64,
-    /// Time of the first tick, ns, and the rig's first pose.
+    /// Time of the first tick, ns, and pose of the rig's head at that time.
     begin: Option<(u64, Isometry3<f64>)>,
     /// Number of the next image.
     next: u64,
-    /// When the event comes, s.
+    /// Time of the event after the first tick, s. `None` until the beam is on.
     event_at: Option<f64>,
     happened: bool,
-    /// The last image.
+    /// The last image, which a frozen camera repeats.
     kept: Vec<u16>,
 }
 
@@ -93,7 +94,7 @@ impl PatientCamera {
         })
     }
 
-    /// Shows what has come with the event.
+    /// Begins the event, and adds its objects to the scene.
     fn happen(&mut self) -> Result<(), PatientError> {
         self.happened = true;
         let things = self.case.comes()?;
@@ -204,7 +205,7 @@ impl Operator for PatientCamera {
         if seconds >= at && !self.happened {
             self.happen().map_err(failure)?;
         }
-        // As far as the rig's head has moved, about the patient's own place.
+        // The patient's head moves from its own rest pose by the motion of the rig's head.
         let rest = self.case.patient.couch_from_head;
         let moved = rig.translation.vector - first.translation.vector;
         let turned = rig.rotation * first.rotation.inverse();

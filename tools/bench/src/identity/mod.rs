@@ -1,8 +1,8 @@
-//! `stillpoint bench identity`: patients drawn by chance, in a closed loop from camera to beam, and what happens to them.
+//! `stillpoint bench identity`: randomly drawn patients in a closed loop from camera to beam.
 //!
-//! - [`scene`]: what is drawn
-//! - [`camera`]: the operator that shows it
-//! - [`watch`]: what a run of it showed
+//! - [`scene`]: the drawn scenes and their events
+//! - [`camera`]: the operator that renders a scene
+//! - [`watch`]: the observer of a run
 
 pub mod camera;
 mod scene;
@@ -31,46 +31,48 @@ use scene::{Case, Event};
 use watch::{Seen, Watch};
 
 const PIPELINE: &str = include_str!("pipeline.yaml");
-/// Longest run, s: the gate stays shut for up to 10 s after a capture, until the parts were seen to move together.
+/// Maximum length of a run, s. After a capture the gate stays shut for up to 10 s, until the parts of the head were
+/// seen to move together.
 const LONGEST: u64 = 11;
-/// Of the scenes in which a capture is due, at least this part must have one.
+/// Minimum fraction of the scenes with a due capture in which the capture is made.
 const DUE: f64 = 0.95;
 
-/// Draw patients, surroundings and views, capture and follow the head in a closed loop from camera to beam, let something
-/// happen once the beam is on, and say whether anything else was taken for the head, and whether the beam was on while
-/// the head was beyond the limits for longer than 1.5 frame periods and 20 ms.
+/// Draw patients, surroundings and views, and capture and track each head in a closed loop from camera to beam. In most
+/// scenes an event disturbs the head or the camera once the beam is on. Report whether anything else was captured as
+/// the head, and whether the beam stayed on for longer than 1.5 frame periods and 20 ms while the head was beyond the
+/// limits.
 #[derive(Args)]
 pub struct Identity {
-    /// Number of the first scene: each number is one scene, always the same.
+    /// Number of the first scene. A number always gives the same scene.
     #[arg(long, default_value_t = 0)]
     first: u64,
-    /// How many scenes.
+    /// Number of scenes.
     #[arg(long, default_value_t = 200, value_parser = super::at_least::<u64>(1))]
     scenes: u64,
     /// Frames per second of the camera.
     #[arg(long, value_enum, default_value = "10")]
     rate: Rate,
-    /// Runs at a time.
+    /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
-    /// Print JSON: every scene.
+    /// Print every scene as JSON.
     #[arg(long)]
     json: bool,
 }
 
-/// Frames per second.
+/// Frame rate of the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Rate {
     /// 10 Hz.
     #[value(name = "10")]
     Ten,
-    /// 30 Hz: a frame in 33 ms.
+    /// 30 Hz: a frame every 33 ms.
     #[value(name = "30")]
     Thirty,
 }
 
 impl Rate {
-    /// Period of the frames and of the rig's ticks, ms.
+    /// Periods of the frames and of the rig's ticks, ms.
     fn periods(self) -> [u64; 2] {
         match self {
             Self::Ten => [100, 5],
@@ -78,30 +80,31 @@ impl Rate {
         }
     }
 
-    /// Longest time from the event to beam off at the far end, ms.
+    /// Maximum time from the moment at which the head passes the limits to beam off at the far end, ms.
     fn bound(self) -> f64 {
         1.5 * self.periods()[0] as f64 + 20.0
     }
 }
 
-/// A scene and what it showed.
+/// A scene and the figures of its run.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     number: u64,
     about: String,
     event: Event,
-    /// A capture is due.
+    /// Whether a capture is due.
     due: bool,
-    /// Something was captured that is not the head.
+    /// Whether the captured face is not that of the head: too few of its points lie on the head.
     wrong: bool,
-    /// The beam was on beyond the bound.
+    /// Whether the beam stayed on for longer than the bound while the head was beyond the limits.
     astray: bool,
     #[serde(flatten)]
     seen: Seen,
 }
 
 impl Identity {
-    /// Does it.
+    /// Runs the scenes and prints their figures. Fails if a face is not that of the head, if the beam was on beyond the
+    /// bound, or if too few of the due captures were made.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let numbers: Vec<u64> = (self.first..self.first.saturating_add(self.scenes)).collect();
         let rows = crew::each(&numbers, crew::threads(self.threads), |n| run(*n, self.rate, registry))?;
@@ -159,14 +162,14 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
         about: format!("{}, {:.0} % shown{worn}{mask}", case.patient.about.trim(), 100.0 * shown),
         event: case.event,
         due: case.is_due(shown),
-        // NaN counts as wrong.
+        // A purity of NaN counts as wrong.
         wrong: seen.purity.is_some_and(|p| p.is_nan() || p < case.pure()),
         astray: seen.astray_ms > rate.bound(),
         seen,
     })
 }
 
-/// Part of the head that nothing hides, of what the camera would see of it alone.
+/// Visible fraction of the head: its pixels in the scene, relative to its pixels in a view of the head alone.
 fn shown(case: &Case) -> Result<f64, PatientError> {
     let p = &case.patient;
     let pinhole = p.kind.pinhole()?;
@@ -255,7 +258,7 @@ mod tests {
         for row in &rows {
             assert!(!row.wrong && !row.astray, "{row:?}");
         }
-        // Something happened while the beam was on.
+        // In some scenes the head passed the limits while the beam was on.
         let beyond = rows.iter().filter(|r| r.seen.beyond_at.is_some()).count();
         assert!(beyond >= 3, "{beyond} of {} scenes", rows.len());
         let due = rows.iter().filter(|r| r.due);

@@ -1,4 +1,4 @@
-//! The scenes of the campaign: a drawn patient, what is worn, and what happens once the beam is on.
+//! The scenes of the campaign: a drawn patient, worn objects, and an event after the beam is on.
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
@@ -11,31 +11,32 @@ use stillpoint_rig::patient::worn::{WORN, Worn};
 use stillpoint_rig::scene::{Form, Label, Object};
 use stillpoint_rig::shape::{Ellipsoid, ShapeError};
 
-/// Added to a scene's number: the seed of what is drawn here. The limits of the checks were chosen on other patients.
+/// The seed of a scene is this value plus the scene's number.
 const SEED: u64 = 990_000;
+/// Number of the patient of scene 0. The limits of the checks were chosen on other patients.
 const FIRST_PATIENT: u64 = 10_000;
-/// One scene in so many has a mask.
+/// One scene in this many has a mask, if its patient allows one.
 const MASKED: u64 = 12;
 
-/// What happens.
+/// The event of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Event {
-    /// Nothing.
+    /// No event.
     Nothing,
     /// The head moves beyond the limits.
     Moved,
-    /// The head goes.
+    /// The head is removed.
     Gone,
-    /// The head goes, and a ball of its size lies in its place.
+    /// A ball of the head's size replaces the head.
     Ball,
-    /// The head goes, and a head of another size lies in its place.
+    /// A head of another size replaces the head.
     OtherHead,
-    /// A second head comes beside the head, which moves.
+    /// A second head appears beside the head, and the head moves.
     SecondHead,
     /// A hand lies on the face, and the head moves under it.
     Hand,
-    /// The camera sends the same image again and again, and the head moves.
+    /// The camera repeats its last image, and the head moves.
     Frozen,
     /// The camera sends no images, and the head moves.
     Silent,
@@ -43,7 +44,7 @@ pub enum Event {
     Blind,
 }
 
-/// All of them.
+/// All events.
 pub const EVENTS: [Event; 10] = [
     Event::Nothing,
     Event::Moved,
@@ -59,34 +60,36 @@ pub const EVENTS: [Event; 10] = [
 
 /// A scene of the campaign.
 pub struct Case {
-    /// Body, surroundings and view.
+    /// The drawn body, its surroundings and the camera's view.
     pub patient: Patient,
-    /// What moves with the head.
+    /// Object that is worn on the head and moves with it.
     pub worn: Worn,
-    /// Whether a mask that is fixed to the couch lies over the face.
+    /// Whether a mask lies over the face. It is fixed to the couch.
     pub is_masked: bool,
-    /// What happens.
+    /// The event.
     pub event: Event,
-    /// How long the beam is on before it happens, s.
+    /// Time from beam on to the event, s.
     pub wait: f64,
-    /// How far the head moves in it, m and rad, and how long that takes, s.
+    /// Translation of the head by the event, m.
     shift: Vector3<f64>,
+    /// Rotation vector of the head's rotation by the event, rad.
     turn: Vector3<f64>,
+    /// Duration of the head's motion, s.
     over: f64,
-    /// Size of a thing in the head's place over that of the head.
+    /// Size of the other head, relative to the patient's head.
     other: f64,
 }
 
 impl Case {
-    /// The scene of a number.
+    /// Draws the scene of a number. The same number always gives the same scene.
     ///
     /// # Errors
-    /// Never happens for these sizes; it is passed on.
+    /// A size at which no shape exists. No size that is drawn here is one.
     pub fn of(number: u64) -> Result<Self, PatientError> {
         let mut rng = ChaCha8Rng::seed_from_u64(SEED + number);
         let patient = patient(FIRST_PATIENT + number)?;
         let worn = WORN[rng.random_range(0..WORN.len())];
-        // Patients come by 30 of a kind; so every event meets every kind.
+        // The kind of the patient depends on `number % 30`. The shift by `number / 30` gives every kind every event.
         let event = EVENTS[(number + number / 30) as usize % EVENTS.len()];
         let direction = |rng: &mut ChaCha8Rng| {
             Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0_f64))
@@ -108,12 +111,12 @@ impl Case {
         })
     }
 
-    /// Whether the head is no longer there after the event.
+    /// Whether the event removes the head.
     pub fn takes_the_head(&self) -> bool {
         matches!(self.event, Event::Gone | Event::Ball | Event::OtherHead)
     }
 
-    /// The head's pose `since` seconds after the event, from where it would be else.
+    /// Pose of the head `since` seconds after the event. `couch_from_head` is its pose without the event.
     pub fn pose(&self, couch_from_head: &Isometry3<f64>, since: f64) -> Isometry3<f64> {
         let mut pose = *couch_from_head;
         if self.takes_the_head() {
@@ -126,13 +129,13 @@ impl Case {
         pose
     }
 
-    /// What stands still after the event and was not there before.
+    /// Static objects that the event adds to the scene.
     ///
     /// # Errors
-    /// Never happens for these sizes; it is passed on.
+    /// A size at which no shape exists. No size that is drawn here is one.
     pub fn comes(&self) -> Result<Vec<Object>, PatientError> {
         let s = self.patient.scale;
-        // Of a scene without a head, its place over the couch's origin.
+        // In a scene without a head, the objects appear over the origin of the couch.
         let rest = match self.patient.has_head() {
             true => self.patient.couch_from_head,
             false => Isometry3::translation(0.0, 0.0, 0.1 * s + 0.03),
@@ -160,16 +163,17 @@ impl Case {
         })
     }
 
-    /// Whether a capture is due: one head, at most a third of it hidden, seen from within 60 degrees of its front, with
-    /// no mask over it. `shown` is the part of the head that nothing hides.
+    /// Whether a capture is due. It is due if the scene has one head without a mask, at least two thirds of the head
+    /// are visible, and the camera is within 60 degrees of its front. `shown` is the visible fraction of the head.
     pub fn is_due(&self, shown: f64) -> bool {
         let p = &self.patient;
         p.has_head() && p.is_plain() && !self.is_masked && shown >= 2.0 / 3.0 && p.off_front <= 60.0
     }
 
-    /// Least part of a captured face that must be the head's.
+    /// Minimum fraction of the captured points that must lie on the head.
     pub fn pure(&self) -> f64 {
-        // A fist on the chin is cut with it; that it is none of the head, its motion tells.
+        // The segmentation does not separate a fist from the chin. Only its motion shows that it is not part of the
+        // head.
         if self.patient.extra == Extra::Fist { 0.5 } else { 0.7 }
     }
 }

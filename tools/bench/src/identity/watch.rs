@@ -1,4 +1,4 @@
-//! What a run of the campaign showed: the capture, the beam, and where the head truly was.
+//! The observer of a run of the campaign. It compares the capture and the beam with the true pose of the head.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -18,69 +18,72 @@ use stillpoint_samples::{
 use super::scene::Case;
 use crate::observed::{first, isometry, output};
 
-/// What the gate tolerates, and what it lets an estimate be uncertain by, both together: m and rad.
+/// Tolerance of the gate plus the standard deviation that it permits: m, rad.
 pub const LIMITS: [f64; 2] = [1.5e-3, 0.8 * std::f64::consts::PI / 180.0];
-/// A point of a captured face is the head's if it is no farther from its surface, m.
+/// A captured point counts as a point of the head up to this distance outside its surface, m.
 const NEAR: f64 = 0.010;
-/// Truths that are remembered until the frame of their time has been judged.
+/// Number of true poses that are kept. The figures of a frame need the true pose of its acquisition time.
 const REMEMBERED: usize = 200;
-/// The run goes on for so long after the event, ns.
+/// Time for which a run goes on after the latest time of its event, ns.
 const AFTER: u64 = 1_500_000_000;
-/// Nothing is captured any more that was not captured by then, ns: what comes into a scene without a head does so before.
+/// A run without a capture ends at this time, ns. In a scene without a head, the objects of the event appear earlier.
 const CAPTURED_BY: u64 = 4_000_000_000;
 
-/// What a run showed.
+/// Figures of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Seen {
-    /// Part of the captured points that are the head's; nothing where nothing was captured.
+    /// Fraction of the captured points that lie on the head; `None` without a capture.
     pub purity: Option<f64>,
-    /// Why frames before the capture had no face, and captured faces made no reference.
+    /// Number of frames without a face before the capture, by reason, and of captures that the tracker refused.
     pub refusals: BTreeMap<String, u32>,
-    /// When the beam was first on, s.
+    /// Time at which the beam was first on, s.
     pub beam_at: Option<f64>,
-    /// How long it was on, s.
+    /// Total time with the beam on, s.
     pub beam_s: f64,
-    /// When the head was first beyond the limits with the beam on, s.
+    /// Time at which the head first passed the limits with the beam on, s.
     pub beyond_at: Option<f64>,
-    /// Longest time that the beam was on while the head was beyond the limits, from the moment it was, ms.
+    /// Longest time for which the beam was on after the head had passed the limits, ms.
     pub astray_ms: f64,
-    /// The reasons that ended the beam first after that moment.
+    /// Reasons of the gate when it first ended the beam after `beyond_at`.
     pub ended_by: Vec<&'static str>,
-    /// Frames with a pose that were doubted.
+    /// Number of frames that the tracker reported as doubted.
     pub doubted: u32,
-    /// The gate's last reasons against the beam.
+    /// Last reasons of the gate against the beam.
     pub against: Vec<&'static str>,
-    /// Operators of which an activation failed.
+    /// Operators with a failed activation.
     pub failed: Vec<String>,
 }
 
-/// Watches a run.
+/// The observer of one run.
 pub struct Watch {
     graph: Arc<Graph>,
     couch_from_camera: Isometry3<f64>,
     head: Vec<Ellipsoid>,
-    /// What was seen so far.
+    /// Figures of the run so far.
     pub seen: Seen,
-    /// Set when nothing more is to be seen.
+    /// Whether the figures are complete, so that the run can end.
     pub is_done: bool,
+    /// Last true poses of the head in the couch frame, with their times, ns.
     truths: VecDeque<(u64, Isometry3<f64>)>,
-    /// The last face: its time and its points in the camera's frame.
+    /// Acquisition time (ns) and points of the last face, in the camera frame.
     face: Option<(u64, Vec<Point3<f64>>)>,
     reference: u32,
-    /// The truth when the reference was taken; then the point that the tracker follows, at that time.
+    /// True pose of the head when the reference was captured.
     captured: Option<Isometry3<f64>>,
+    /// Pose of the tracked point at that time.
     point: Option<Isometry3<f64>>,
     target: Option<TargetElement>,
-    /// Since when the head is beyond the limits, ns.
+    /// Time at which the head passed the limits, ns; `None` while it is within them.
     beyond: Option<u64>,
+    /// Time of the last state of the far end with the beam on, ns; `None` while the beam is off.
     beam: Option<u64>,
-    /// When the beam was first on, ns.
+    /// Time at which the beam was first on, ns.
     first_on: Option<u64>,
     gate_was_on: bool,
 }
 
 impl Watch {
-    /// Of a scene, before its run.
+    /// Makes the observer of the run of a scene. `head` holds the ellipsoids of the head.
     pub fn new(graph: Arc<Graph>, case: &Case, head: Vec<Ellipsoid>) -> Self {
         Self {
             graph,
@@ -105,7 +108,7 @@ impl Watch {
         self.truths.iter().find(|(at, _)| *at == time).map(|(_, truth)| *truth)
     }
 
-    /// Part of the last face's points that are the head's.
+    /// Fraction of the points of the last face that lie on the head at a time, ns; NaN without a face or a true pose.
     fn purity(&self, time: u64) -> f64 {
         let (Some((_, points)), Some(truth)) = (&self.face, self.truth_at(time)) else { return f64::NAN };
         let head_from_camera = truth.inverse() * self.couch_from_camera;
@@ -245,7 +248,7 @@ impl Observer for Watch {
                 {
                     let time = owned.header().stamp;
                     self.far(time, state.beam == 1);
-                    // What happens does so within a second of the first beam.
+                    // The event comes within a second of the first beam.
                     self.is_done = self.first_on.is_some_and(|on| time > on + 1_000_000_000 + AFTER)
                         || (self.reference == 0 && time > CAPTURED_BY);
                 }
@@ -270,7 +273,7 @@ fn reason(rejection: &stillpoint_samples::RejectionElement) -> String {
     .into()
 }
 
-/// Whether a pose is farther from the target, in a channel that it holds, than the limits.
+/// Whether a pose is farther from the target than the limits in a channel that the target holds.
 fn is_beyond(pose: &Isometry3<f64>, target: &TargetElement) -> bool {
     let now = PoseNumbers::of(pose);
     let angles = [now.pitch, now.roll, now.yaw];
@@ -281,7 +284,7 @@ fn is_beyond(pose: &Isometry3<f64>, target: &TargetElement) -> bool {
     })
 }
 
-/// Distance of a place from the surface of an ellipsoid, m, to the first order; negative inside.
+/// First-order distance of a point from the surface of an ellipsoid, m; negative inside.
 fn distance(shape: &Ellipsoid, place: &Point3<f64>) -> f64 {
     let p = shape.parent_from_shape().inverse_transform_point(place).coords;
     let unit = p.component_div(shape.semi_axes());
