@@ -14,7 +14,7 @@ use super::program::{self, Program, SUPERVISOR};
 use stillpoint::Failure;
 use stillpoint::deliver;
 
-/// What is changed in the pipeline's text: a quarter of the pixels, and a head that stays where it is, so that the beam
+/// Replacements in the pipeline's text: a quarter of the pixels, and a target that does not move, so that the beam
 /// stays on.
 const CHANGES: &[(&str, &str)] = &[
     (
@@ -23,28 +23,29 @@ const CHANGES: &[(&str, &str)] = &[
     ),
     ("at: 2.5 s, z:", "at: 1 h, z:"),
 ];
-/// How long the effect of a fault is watched.
+/// Time for which a run is observed after its fault.
 const WATCHED: Duration = Duration::from_millis(700);
-/// The processes that stand for hardware with its own processors.
+/// Processes that simulate hardware with its own processors: the far end and the rig.
 const BEDSIDE: [&str; 2] = ["bedside", "rig"];
-/// Datagrams of a burst, and of each millisecond of a flood.
+/// Number of datagrams of a burst.
 const BURST: usize = 500;
+/// Number of datagrams in each millisecond of a flood.
 const FLOOD: usize = 200;
 
-/// A fault of a run.
+/// A fault that a trial causes in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// SIGKILL to this process.
     Kill(&'static str),
-    /// SIGSTOP to it.
+    /// SIGSTOP to this process.
     Stop(&'static str),
-    /// The camera falls silent.
+    /// The camera sends no images.
     Silence,
-    /// The pose is not finite any more.
+    /// The pose is not finite.
     Poison,
-    /// Datagrams that nobody of this run has sent, at once.
+    /// A burst of datagrams with random bytes.
     Garbage,
-    /// The same without end: every queue on the way is full.
+    /// Such datagrams without pause, so that every queue on the way is full.
     Flood,
 }
 
@@ -52,20 +53,20 @@ pub enum Fault {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Due {
-    /// Orders end: safe 100 ms after the last one that arrived.
+    /// Orders end. The valves are safe 100 ms after the last order that arrived.
     OrdersEnd,
-    /// Orders to follow end: safe 100 ms after the last of them was obeyed.
+    /// Orders to follow end. The valves are safe 100 ms after the last of them was followed.
     FollowingEnds,
-    /// The pose grows stale, or its reference is lost: safe 100 ms after three frame periods.
+    /// The pose becomes stale, or its reference is lost. The valves are safe 100 ms after three frame periods.
     PoseStale,
-    /// The valves go on following.
+    /// The valves continue to follow.
     GoesOn,
-    /// They go on, or are safe 100 ms after the last order that got through.
+    /// The valves continue to follow, or they are safe 100 ms after the last order that arrived.
     GoesOnOrEnds,
 }
 
 impl Fault {
-    /// All that are tried: every process but those at the bedside, and what comes over the wires.
+    /// All faults: of every process except the far end and the rig, of the camera, of the pose, and of the network.
     pub const ALL: &'static [Self] = &[
         Self::Kill("control"),
         Self::Stop("control"),
@@ -83,7 +84,7 @@ impl Fault {
         Self::Flood,
     ];
 
-    /// Its name.
+    /// Name in the printed table, which the option `--fault` takes.
     pub fn name(self) -> String {
         match self {
             Self::Kill(process) => format!("kill-{process}"),
@@ -106,17 +107,17 @@ impl Fault {
         }
     }
 
-    /// Whether it is the bedside itself that is kept busy.
+    /// Whether the fault is a load on the far end itself.
     pub fn is_flood(self) -> bool {
         matches!(self, Self::Garbage | Self::Flood)
     }
 
-    /// Whether what failed is followed again when it comes back, without a person.
+    /// Whether the valves must follow again after the fault ends, without a command of a person.
     fn comes_back(self) -> bool {
         matches!(self, Self::Stop("control" | "perception") | Self::Silence)
     }
 
-    /// The pipeline with what it needs to fail so.
+    /// The pipeline's text with the changes of all trials and those that this fault needs.
     fn prepare(self, mut text: String) -> String {
         for (from, to) in CHANGES {
             text = text.replace(from, to);
@@ -132,7 +133,8 @@ impl Fault {
         text.replace("rig.truth,", "rig.truth, far.duties,")
     }
 
-    /// Does it. Gives when: of what a person says, when the run has heard it.
+    /// Causes the fault and gives its time, ns since the epoch. A fault by command happens when the run has received
+    /// the command.
     fn strike(self, run: &Program, valves: &str, registry: &Registry) -> Result<u64, Failure> {
         let struck = realtime();
         let say = |value: f64| {
@@ -142,7 +144,7 @@ impl Fault {
             Self::Kill(process) => run.signal(process, Signal::KILL)?,
             Self::Stop(process) => run.signal(process, Signal::STOP)?,
             Self::Silence => return say(f64::from(RigFault::SilentCamera as u32)),
-            // Any command: the rig has nothing to mend.
+            // `bench.poison` acts on any command. This one ends the faults of the rig, which has none.
             Self::Poison => return say(0.0),
             Self::Garbage => {
                 let mut noise = Noise::to(valves)?;
@@ -159,7 +161,7 @@ impl Fault {
         Ok(struck)
     }
 
-    /// Takes it back, as far as that can be done from outside.
+    /// Ends the fault, if it can be ended from outside the run.
     fn mend(self, run: &Program, registry: &Registry) -> Result<(), Failure> {
         match self {
             Self::Stop(process) => run.signal(process, Signal::CONT),
@@ -169,27 +171,27 @@ impl Fault {
     }
 }
 
-/// Times of a run, ms from its fault, and what its session says.
+/// One run with a fault. Times are in ms.
 #[derive(Debug)]
 pub struct Trial {
-    /// What the session holds.
+    /// Evidence from the session.
     pub evidence: Evidence,
-    /// The longest that a process at the bedside waited for a core meanwhile.
+    /// Time for which the far end or the rig waited for a core after the fault: the longer of the two.
     pub bedside_waited_ms: f64,
-    /// What failed came back, and was followed again.
+    /// Whether the valves followed again after the end of the fault; `None` if the fault does not require it.
     pub came_back: Option<bool>,
 }
 
 impl Trial {
-    /// Makes one.
+    /// Runs one trial and reads its session.
     pub fn of(fault: Fault, number: u64, folder: &Path, registry: &Registry) -> Result<Self, Failure> {
         let place = folder.join(number.to_string());
         let valves = program::write(&place, |text| fault.prepare(text))?;
         let mut run = Program::start(&place, &["--for", "60 s", "--record", "s"])?;
         run.treat(registry)?;
-        // Another moment of the frame's and the timers' periods each time.
+        // The fault of each trial comes at another phase of the frames and the timers.
         std::thread::sleep(Duration::from_millis(500 + (number * 37) % 100));
-        // Stamps of a live session are of this clock, as it was when the run began.
+        // `strike` gives realtime. The stamps of a live session are realtime at its start plus monotonic time since.
         let waited = || BEDSIDE.map(|process| run.waited(process));
         let before = waited();
         let struck = fault.strike(&run, &valves, registry)?;
@@ -203,7 +205,7 @@ impl Trial {
             .comes_back()
             .then(|| run.wait(registry, |state| state.doing() == FarEndDoing::Following).is_ok());
         if came_back == Some(true) {
-            // The ramp of what came back.
+            // The session must contain the ramp of the duties after the return.
             std::thread::sleep(Duration::from_millis(200));
         }
         run.end()?;
@@ -212,13 +214,13 @@ impl Trial {
         Ok(Self { evidence: evidence?, bedside_waited_ms: bedside_waited as f64 * 1e-6, came_back })
     }
 
-    /// Whether the session says why: a death, a reason of actuation, or what was refused.
+    /// Whether the session states the cause: a process that died, a reason of actuation, or refused datagrams.
     pub fn says_why(&self, fault: Fault) -> bool {
         use stillpoint_samples::ActuationReason as Reason;
         let e = &self.evidence;
         match fault {
             Fault::Kill(SUPERVISOR) => e.gaps.iter().any(|gap| gap.contains("supervisor died")),
-            // A run that ends before the recorder is back says what it lacks.
+            // If the run ends before the recorder is back, the session states the gap.
             Fault::Kill("recorder") => e.parts > 1 || e.gaps.iter().any(|gap| gap.contains("recorder died")),
             Fault::Kill(process) => e.died.iter().any(|p| p == process),
             Fault::Stop("control") => e.reasons & Reason::GAP != 0,
@@ -227,13 +229,13 @@ impl Trial {
             }
             Fault::Poison => e.reasons & (Reason::POSE_NOT_FINITE | Reason::COMMAND_NOT_FINITE) != 0,
             Fault::Garbage | Fault::Flood => e.refused > 0,
-            // Nothing happened to the valves: there is nothing to say.
+            // The other stops have no effect on the valves, so the session need not state a cause.
             Fault::Stop(_) => true,
         }
     }
 }
 
-/// Datagrams of noise.
+/// Sends datagrams of pseudo-random bytes.
 struct Noise {
     socket: UdpSocket,
     to: String,

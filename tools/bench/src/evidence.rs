@@ -1,4 +1,4 @@
-//! What a session says about a run that was struck.
+//! The evidence about a fault, read from the session of its run.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -12,62 +12,64 @@ use stillpoint_samples::{
 
 use stillpoint::Failure;
 
-/// How fast duties grow from rest: by the default of the sender's slew, and by that of the far end's ramp, 1/s.
+/// Maximum growth of duties from rest, 1/s: the default of the sender's slew and of the far end's ramp.
 const GROWTH: f64 = 10.0;
-/// Period of the sender, s: its first order is as far grown, and its orders are on their way for no longer.
+/// Period of the sender, s. Its first order has the growth of one period. No order is on its way for longer.
 const PERIOD: f64 = 0.01;
-/// Inlets are safe when they are this far open at most, outlets when they are this far open at least.
+/// Maximum opening of a safe inlet.
 const SHUT: f64 = 0.05;
+/// Minimum opening of a safe outlet.
 const OPEN: f64 = 0.5;
 
-/// Times are ms from when the run was struck.
+/// The evidence of one session. Times are in ms after the fault.
 #[derive(Debug, Default)]
 pub struct Evidence {
-    /// When the last order arrived before the far end vented, or at all.
+    /// Arrival of the last order before the far end vented, or before the end of the observation.
     pub last_order_ms: f64,
-    /// When an order was last followed before that.
+    /// Last time before that at which the far end followed an order.
     pub last_followed_ms: f64,
-    /// When the frame of the last pose before that was taken.
+    /// Acquisition time of the newest frame with a pose before that.
     pub last_pose_ms: f64,
-    /// When the far end first vented; none where it did not.
+    /// Time at which the far end first vented; `None` if it did not.
     pub vents_ms: Option<f64>,
-    /// When the valves were first safe after that: inlets shut, outlets at least half open.
+    /// Time after that at which the valves were first safe: inlets shut, outlets at least half open.
     pub valves_ms: Option<f64>,
-    /// When the beam was first off; none where it stayed on.
+    /// Time at which the beam was first off; `None` if it stayed on.
     pub beam_ms: Option<f64>,
-    /// All reasons of actuation after it was struck.
+    /// All reasons and faults of actuation after the fault, as bits.
     pub reasons: u32,
-    /// Datagrams that the far end refused.
+    /// Number of datagrams that the far end refused.
     pub refused: u64,
-    /// Processes that did not end in order, by name.
+    /// Names of the processes that did not end in order.
     pub died: BTreeSet<String>,
-    /// What the session says is missing.
+    /// Gaps that the session states.
     pub gaps: Vec<String>,
-    /// Parts of the session.
+    /// Number of parts of the session.
     pub parts: usize,
-    /// The longest that far end or rig stood still.
+    /// Longest time between two samples of the far end or of the rig.
     pub bedside_stood_ms: f64,
-    /// Where duties grew faster than they may when they were followed again.
+    /// Description of the first duty that grew too fast when the valves followed again; `None` if none did.
     pub jump: Option<String>,
 }
 
-/// A process is known by one of its operators.
+/// Names of processes, each with one of its operators.
 const PROCESSES: [(&str, &str); 3] = [("control", "valves"), ("perception", "head"), ("console", "console")];
 
-/// What is read of a session, in the order of its samples.
+/// Values from the samples of a session, in the order of the samples. Stamps are in ns.
 #[derive(Default)]
 struct Tracks {
     far: Vec<(u64, FarEndElement)>,
     duties: BTreeMap<u64, DutiesElement>,
-    /// Whether the valves are safe.
+    /// Stamps, and whether the valves are safe.
     rig: Vec<(u64, bool)>,
-    /// Stamps of poses, and when their frames were taken.
+    /// Stamps of poses, and acquisition times of their frames, ns.
     poses: Vec<(u64, u64)>,
     reasons: Vec<(u64, u32)>,
 }
 
 impl Evidence {
-    /// Of the session in a folder of a bench, whose run was struck at a time, ns, and watched for a while.
+    /// Reads the session in the folder of a trial. Its fault happened at `struck`, ns since the epoch, and the run was
+    /// observed for `watched` after that.
     pub fn read(place: &Path, struck: u64, watched: Duration) -> Result<Self, Failure> {
         let sessions = place.join("s");
         let folder = std::fs::read_dir(&sessions).map_err(Failure::failed)?.flatten().next();
@@ -147,12 +149,13 @@ impl Tracks {
         }
     }
 
-    /// The first duty that grew faster than it may after something else than following.
+    /// Describes the first duty that grew faster than permitted after a time in which the far end did not follow.
     fn jump(&self) -> Option<String> {
         let mut rested = self.far.first()?.0;
         for (stamp, state) in &self.far {
             if state.doing() != FarEndDoing::Following {
-                // A sender that holds grows its duties from its last order to hold on, a far end from when nothing lived.
+                // Duties grow from the last order to hold while that order is valid, else from the last time without an
+                // order.
                 rested = if state.ends > *stamp { state.arrived } else { *stamp };
                 continue;
             }
@@ -167,7 +170,8 @@ impl Tracks {
     }
 }
 
-/// The longest time without a stamp, from the last one before `from` on, ms.
+/// Longest time between two consecutive stamps up to `until`, ms. The first of them may be the last stamp before
+/// `from`.
 fn longest_pause(stamps: impl Iterator<Item = u64>, from: u64, until: u64) -> f64 {
     let mut last = None;
     let mut longest = 0;
@@ -190,7 +194,8 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// Follows for 10 ms, holds, vents, and follows again, with this duty 10 ms after its last rest.
+    /// A far end that follows for 10 ms, holds, vents, and follows again. One duty has this value 10 ms after the last
+    /// rest.
     fn tracks(duty: f64) -> Tracks {
         let mut tracks = Tracks::default();
         for ms in 0..40 {

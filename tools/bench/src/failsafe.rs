@@ -12,19 +12,22 @@ use super::figures::median;
 use super::folder::Folder;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// From the last order that arrived, or from when the pose is stale, to the safe state, ms.
+/// Maximum time to the safe state, ms: from the last order that arrived or was followed, or from when the pose is
+/// stale.
 const LIMIT_MS: f64 = 100.0;
-/// How long a pose is fresh: three frame periods, ms.
+/// Time after which a pose is stale: three frame periods, ms.
 const FRESH_MS: f64 = 300.0;
-/// Far end and rig stand for hardware with its own processors. If they stood still for this time while, by the count of the
-/// kernel, they waited for a core, the trial is not valid. It is repeated, up to this factor times the requested trials.
+/// The far end and the rig simulate hardware with its own processors. A failed trial is not valid if one of them stood
+/// still for longer than this time, ms, and one of them waited for a core for as long by the count of the kernel.
 const STOOD_MS: f64 = 10.0;
+/// Trials that are not valid are repeated, up to this factor times the requested number of trials.
 const TRIES: usize = 3;
 
-/// Run the default pipeline live, and cause a fault at a random moment: kill or stop a process, silence the camera, make the
-/// pose non-finite, or flood the run with datagrams. Report from the session the time from the last order that arrived, or
-/// from when the pose was stale, until the far end vented and the valves of the rig were safe: inlets shut, outlets open.
-/// The session has to state the reason, and after the fault the valves have to follow without a jump of the duties.
+/// Run the default pipeline live, and cause a fault at a random moment: kill or stop a process, silence the camera,
+/// make the pose non-finite, or flood the run with datagrams. Report from the session the time from the last order that
+/// arrived, or from when the pose was stale, until the far end vented and the valves of the rig were safe: inlets shut,
+/// outlets open. The session has to state the reason, and after the fault the valves have to follow without a jump of
+/// the duties.
 #[derive(Args)]
 pub struct Failsafe {
     /// Number of trials of each fault.
@@ -50,19 +53,19 @@ struct Row {
     due: Due,
     trials: usize,
     safe: usize,
-    /// Trials that were made again, because the bedside got no core.
+    /// Number of trials that were repeated, because the far end or the rig got no core.
     starved: usize,
-    /// From the last order, or from when the pose was stale, to the far end's venting, ms.
+    /// Time from the last order, or from when the pose was stale, until the far end vented, ms: median and maximum.
     ordered_ms: [f64; 2],
-    /// The same to the rig's valves being safe, ms.
+    /// The same until the valves of the rig were safe, ms.
     valves_ms: [f64; 2],
-    /// To the end of the beam, ms.
+    /// The same until the beam was off, ms.
     beam_ms: [f64; 2],
     first_failure: Option<String>,
 }
 
 impl Failsafe {
-    /// Does it.
+    /// Runs the trials and prints their times. Fails if a trial did not have the required reaction.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(None)?;
         let trials = if self.quick { 1 } else { self.trials };
@@ -113,7 +116,7 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
             _ => ends,
         };
         let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);
-        // What floods the bedside does not excuse it.
+        // A flood is itself the reason why the far end waits for a core. So such a trial counts.
         let no_core = e.bedside_stood_ms > STOOD_MS && trial.bedside_waited_ms > STOOD_MS;
         if !good && no_core && !fault.is_flood() && starved < (TRIES - 1) * trials {
             starved += 1;
@@ -141,7 +144,7 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
     }
 }
 
-/// Median and greatest; NaN where there is nothing.
+/// Median and maximum; NaN if there are no times.
 fn spread(all: &[f64]) -> [f64; 2] {
     if all.is_empty() {
         return [f64::NAN; 2];

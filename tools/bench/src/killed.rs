@@ -1,4 +1,4 @@
-//! `stillpoint bench killed`: what a session keeps of a recorder that was killed.
+//! `stillpoint bench killed`: the part of a session that survives the kill of its recorder.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,8 +20,8 @@ use super::processes::Chance;
 use super::window::Window;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// Frequent small samples, occasional larger ones, and a computed topic: so little data that no chunk is full before it is
-/// flushed by time. In this case a kill loses most.
+/// A pipeline with frequent small samples, occasional larger samples, and a computed topic. Its data rate is so low
+/// that every chunk is flushed by time before it is full. In this case a kill loses most.
 const PIPELINE: &str = "
 stillpoint: 1
 name: bench-killed
@@ -31,17 +31,17 @@ operators:
   relay: { use: bench.relay, inputs: { load: often.load }, params: { words: 64 } }
 record: { topics: all }
 ";
-/// The time before a kill whose samples may be lost, ms.
+/// Maximum time before a kill whose samples may be lost, ms.
 const LIMIT_MS: f64 = 1000.0;
 /// The latest moment of a kill, counted from the run's beginning, ms.
 const LATEST_MS: u64 = 2500;
-/// How long the next recorder is given before the run ends, ms.
+/// Time that the next recorder has before the run ends.
 const AFTER: Duration = Duration::from_millis(300);
-/// The longest that a run may take.
+/// Maximum length of a run.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Kill the recorder of a live run at a random moment, repeatedly. Report from the session how long before the kill each
-/// topic ends, whether any sample before that is missing, and whether the MCAP library opens the repaired part.
+/// Kill the recorder of a live run at a random moment, repeatedly. Report from the session how long before the kill
+/// each topic ends, whether any sample before that is missing, and whether the MCAP library opens the repaired part.
 #[derive(Args)]
 pub struct Killed {
     /// Number of kills, each in a separate run.
@@ -55,20 +55,21 @@ pub struct Killed {
     json: bool,
 }
 
-/// What one kill left.
+/// State of a session after one kill.
 struct Left {
-    /// From the end of the topic that ends first to the kill, ms.
+    /// Time from the end of the journal that ends first to the kill, ms.
     lost_ms: f64,
-    /// No number is missing in any topic before its end.
+    /// Whether every topic has all its samples before its end.
     whole: bool,
-    /// The format's own reader finds every message.
+    /// Whether the reader of the MCAP library finds every message.
     opens: bool,
 }
 
 #[derive(Serialize)]
 struct Outcome {
     kills: usize,
-    /// Kills that took at most the last second, with nothing missing before it, and left a part that opens.
+    /// Number of kills that lost at most the last second, left no gap before it, and left a part that the MCAP library
+    /// opens.
     kept: usize,
     whole: usize,
     opens: usize,
@@ -77,7 +78,7 @@ struct Outcome {
 }
 
 impl Killed {
-    /// Does it.
+    /// Runs the kills and prints their losses. Fails if a kill lost more than permitted.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(self.folder.as_deref())?;
         let mut chance = Chance::new();
@@ -111,7 +112,7 @@ impl Killed {
     }
 }
 
-/// Tells the number of the recorder once the run is under way.
+/// Sends the process number of the recorder when the run has started.
 struct Begun(Sender<Pid>);
 
 impl Run for Begun {
@@ -125,7 +126,7 @@ impl Run for Begun {
     }
 }
 
-/// One run whose recorder is killed.
+/// Runs the pipeline once, kills its recorder, and examines the session.
 fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left, Failure> {
     let moment = Duration::from_millis(chance.draw(LATEST_MS));
     let stop = AtomicBool::new(false);
@@ -148,7 +149,7 @@ fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left
         let struck = striker.join().unwrap_or_else(|_| Err(Failure::failed("the striker panicked")));
         outcome.and(struck)
     })?;
-    // As `run` does at its end.
+    // `stillpoint run` recovers the session at its end, too.
     recover_session(session).map_err(Failure::failed)?;
     let parts = session_parts(session).map_err(Failure::failed)?;
     let first = parts.first().ok_or_else(|| Failure::failed("the session has no part"))?;
@@ -164,7 +165,7 @@ fn kill(session: &Path, chance: &mut Chance, registry: &Registry) -> Result<Left
     Ok(left)
 }
 
-/// Waits until the run has begun and its moment has come, then kills the recorder. Gives the time, ns since the epoch.
+/// Kills the recorder `moment` after the run has begun. Gives the time of the kill, ns since the epoch.
 fn strike(begins: &Receiver<Pid>, moment: Duration) -> Result<u64, Failure> {
     let recorder = begins.recv().map_err(|_| Failure::failed("the run did not begin"))?;
     std::thread::sleep(moment);
@@ -174,7 +175,7 @@ fn strike(begins: &Receiver<Pid>, moment: Duration) -> Result<u64, Failure> {
     Ok(struck)
 }
 
-/// Whether the format's own reader finds every message that its summary counts.
+/// Whether the reader of the MCAP library finds every message that the summary of the part counts.
 fn opens(part: &Path) -> Result<bool, Failure> {
     let bytes = std::fs::read(part).map_err(Failure::failed)?;
     let counted = mcap::Summary::read(&bytes).ok().flatten().and_then(|s| s.stats).map(|s| s.message_count);

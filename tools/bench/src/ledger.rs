@@ -15,7 +15,8 @@ use super::processes::{Chance, children};
 use super::window::Window;
 use stillpoint::{Ended, Exit, print_json};
 
-/// Bursts that are longer than their queues, a relay, a consumer of the latest sample, and unlimited restarts.
+/// A pipeline with bursts that are longer than their queues, a relay, a consumer of the latest sample, and up to 1000
+/// restarts of each process.
 const PIPELINE: &str = "
 stillpoint: 1
 name: bench-ledger
@@ -33,12 +34,13 @@ processes:
   middle:  { operators: [relay, direct], restart: { limit: 1000, backoff: 10 ms } }
   sinks:   { operators: [relayed, newest, quiet], restart: { limit: 1000, backoff: 10 ms } }
 ";
-/// Minimum time between kills, ms; with less, no process has the time to start.
+/// Minimum time between kills, ms. In less time no process can start.
 const SHORTEST_LIFE: u64 = 10;
-/// The longest that a run may take.
+/// Maximum length of a run.
 const PATIENCE: Duration = Duration::from_secs(580);
 
-/// Check that every sample is accounted for in a run with overflow, start-up, and `kill -9` of processes at random moments.
+/// Check that every sample is accounted for in a run with overflow, start-up, and `kill -9` of processes at random
+/// moments.
 #[derive(Args)]
 pub struct Ledger {
     /// Number of samples that the sources send.
@@ -67,14 +69,14 @@ struct Result {
     lines: Vec<LedgerLine>,
 }
 
-/// A time between kills, ms.
+/// Parses a mean time between kills, ms.
 fn kill_every(text: &str) -> std::result::Result<u64, String> {
     let time = text.parse::<u64>().ok().filter(|ms| *ms == 0 || *ms >= SHORTEST_LIFE);
     time.ok_or_else(|| format!("it must be 0 or at least {SHORTEST_LIFE}"))
 }
 
 impl Ledger {
-    /// Does it.
+    /// Runs the pipeline with kills and prints the account. Fails if a sample is not accounted for.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let samples = if self.quick { 100_000 } else { self.samples };
         let (stop, kills) = (AtomicBool::new(false), AtomicU64::new(0));
@@ -147,7 +149,7 @@ fn print(result: &Result) {
     );
 }
 
-/// Stops the run when its sources have sent enough.
+/// Stops the run when its sources have sent `samples` samples.
 struct Count<'a> {
     samples: u64,
     stop: &'a AtomicBool,
@@ -164,7 +166,7 @@ impl Run for Count<'_> {
     fn started(&mut self, _: &[(String, u32)]) {}
 }
 
-/// Kills a worker now and then, which one and when by chance.
+/// Kills a random worker at random intervals, `every_ms` on average, until `stop` is set. Counts the kills.
 fn kill(every_ms: u64, stop: &AtomicBool, kills: &AtomicU64) {
     let mut chance = Chance::new();
     loop {

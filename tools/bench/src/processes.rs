@@ -2,7 +2,7 @@
 
 use rustix::process::Pid;
 
-/// The processes that a supervisor started and that still run, by name.
+/// Names and numbers of the running processes that a supervisor started.
 pub fn children(supervisor: u32) -> Vec<(String, Pid)> {
     let path = format!("/proc/{supervisor}/task");
     let Ok(tasks) = std::fs::read_dir(path) else { return Vec::new() };
@@ -26,16 +26,16 @@ pub fn waited(process: Pid) -> u64 {
     lines.filter_map(|line| line.split_whitespace().nth(1)?.parse::<u64>().ok()).sum()
 }
 
-/// Numbers that are other ones in each run.
+/// Pseudo-random numbers that differ from run to run.
 pub struct Chance(u64);
 
 impl Chance {
-    /// From the time of day.
+    /// Seeds the numbers with the time of day.
     pub fn new() -> Self {
         Self(stillpoint_pipeline::clock::realtime())
     }
 
-    /// A number below this one.
+    /// Draws a whole number from 0 to below `below`.
     pub fn draw(&mut self, below: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % below.max(1)

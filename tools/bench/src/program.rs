@@ -1,4 +1,4 @@
-//! The default pipeline as a separate program, which a measurement observes from outside and disturbs.
+//! The default pipeline as a separate program, which a measurement observes and disturbs from outside.
 
 use std::fs::File;
 use std::net::Ipv4Addr;
@@ -19,25 +19,25 @@ use stillpoint::deliver;
 use stillpoint::{Attached, Which};
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
-/// The ports in the pipeline's file: that of the valves, and that of the beam.
+/// Addresses in the pipeline's file: of the valves, and of the beam.
 const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
-/// Their address.
+/// IP address in both of them.
 const HERE: &str = "127.0.0.1";
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";
-/// What the run says on standard error.
+/// Name of the file with the standard error of the run.
 const SAID: &str = "said.txt";
-/// Name of the process that started the others.
+/// Name of the supervisor's process.
 pub const SUPERVISOR: &str = "supervisor";
-/// How long a run may take to follow orders.
+/// Maximum time until the far end has the state that is waited for.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// How long it may take to end: its recorder waits for the disk, which others may keep busy.
+/// Maximum time until a run has ended. Its recorder waits for the disk, which other programs may keep busy.
 const END_PATIENCE: Duration = Duration::from_secs(180);
-/// How long it is waited for the beam before a person arms once more.
+/// Time without the beam after which the commands to arm are sent again.
 const NUDGE: Duration = Duration::from_secs(4);
 
-/// Writes the pipeline into a folder, changed, at an address that no other run has. Gives where datagrams for the valves
-/// go.
+/// Writes the changed pipeline and its files into a folder, with an IP address that no other run has. Gives the address
+/// of the valves.
 pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String, Failure> {
     let io = |e: std::io::Error| Failure::failed(format!("{}: {e}", folder.display()));
     for (name, bytes) in EMBEDDED_FILES {
@@ -54,8 +54,8 @@ pub fn write(folder: &Path, change: impl Fn(String) -> String) -> Result<String,
     Ok(PORTS[0].replace(HERE, &address))
 }
 
-/// An address of this machine's loopback network that no other run has: a port that was free a moment ago may be
-/// somebody else's by the time it is bound.
+/// A loopback address that no other run has. A free port of a shared address would not do: another program may bind it
+/// before the run does.
 fn own_address() -> Ipv4Addr {
     static RUNS: AtomicU32 = AtomicU32::new(0);
     let [.., high, low] = std::process::id().to_be_bytes();
@@ -63,16 +63,16 @@ fn own_address() -> Ipv4Addr {
     Ipv4Addr::new(127, high, low, 1 + run as u8)
 }
 
-/// A run of it. Its supervisor is a process of its own, too: it may be struck.
+/// A run of the default pipeline. Its supervisor is a separate process, too, because a fault may kill or stop it.
 pub struct Program {
     child: Child,
     folder: PathBuf,
-    /// Its processes by name.
+    /// Names and numbers of the processes of the run.
     processes: Vec<(String, Pid)>,
 }
 
 impl Program {
-    /// Starts what stands in the folder, with these arguments besides.
+    /// Starts the pipeline in the folder, with these additional arguments.
     pub fn start(folder: &Path, arguments: &[&str]) -> Result<Self, Failure> {
         let program = std::env::current_exe().map_err(Failure::failed)?;
         let child = Command::new(program)
@@ -87,29 +87,30 @@ impl Program {
         Ok(Self { child, folder: folder.to_owned(), processes: Vec::new() })
     }
 
-    /// Which run it is.
+    /// Selection of this run among the runs of the machine.
     pub fn which(&self) -> Which {
         Which { run: Some(self.child.id().to_string()) }
     }
 
-    /// Joins it.
+    /// Attaches to the run.
     pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
         self.which().attach(registry)
     }
 
-    /// Waits until orders are followed with the beam on. Where the script's arm came too early for a busy machine, a
-    /// person arms.
+    /// Waits until the far end follows orders with the beam on. On a busy machine the script may arm too early. Then
+    /// this function sends the commands to confirm, to resume and to arm.
     pub fn treat(&mut self, registry: &Registry) -> Result<(), Failure> {
         let treats = |state: &FarEndElement| state.doing() == FarEndDoing::Following && state.beam == 1;
         self.wait_with(registry, treats, &mut |which| {
             for verb in [Verb::Confirm, Verb::Resume, Verb::Arm] {
-                // It may not be there yet: it is said again.
+                // The run may not have started yet. The next attempt sends the command again.
                 let _ = deliver(registry, which, "console", verb, &[]);
             }
         })
     }
 
-    /// Waits until the far end is as it is to be; says why it is not, if that takes too long or the run ends.
+    /// Waits until the state of the far end satisfies `is_so`. The error gives the last state if that takes too long,
+    /// and the standard error if the run ends.
     pub fn wait(
         &mut self,
         registry: &Registry,
@@ -156,7 +157,7 @@ impl Program {
         }
     }
 
-    /// What the far end says; `None` where it says nothing.
+    /// State of the far end; `None` if no sample arrives within 200 ms.
     fn look(&self, registry: &Registry) -> Result<Option<FarEndElement>, Failure> {
         let attached = self.attach(registry)?;
         let Some((operator, port)) = attached.graph.topic("far.state") else { return Ok(None) };
@@ -176,12 +177,12 @@ impl Program {
         Ok(None)
     }
 
-    /// Sends a signal to one of its processes.
+    /// Sends a signal to a process of the run.
     pub fn signal(&self, process: &str, signal: Signal) -> Result<(), Failure> {
         kill_process(self.pid(process)?, signal).map_err(Failure::failed)
     }
 
-    /// How long one of its processes has waited for a core so far, ns.
+    /// Total time for which a process of the run has waited for a core, ns.
     pub fn waited(&self, process: &str) -> Result<u64, Failure> {
         self.pid(process).map(waited)
     }
@@ -195,7 +196,7 @@ impl Program {
         found.map(|(_, pid)| *pid).ok_or_else(|| Failure::failed(format!("the run has no process {process}")))
     }
 
-    /// Ends the run, and waits until all of it is over.
+    /// Ends the run, and waits until all its processes have exited.
     pub fn end(&mut self) -> Result<(), Failure> {
         let _ = self.signal(SUPERVISOR, Signal::INT);
         let begun = Instant::now();

@@ -1,15 +1,16 @@
-//! From the last order to the safe state: asserted from the stamps of sessions, live. `stillpoint bench failsafe` makes
-//! a hundred trials of each fault.
+//! The time from the last order to the safe state, asserted from the stamps of live sessions.
+//! `stillpoint bench failsafe` runs a hundred trials of each fault.
 
 use std::sync::Mutex;
 
 use crate::told;
 
 const TRIALS: &str = "2";
-/// One loop at a time: two of them would take each other's cores.
+/// Permits one run of the pipeline at a time: two runs would compete for the cores.
 static LOOP: Mutex<()> = Mutex::new(());
 
-/// Trials of a fault; all of them must end as is due, in time, with the reason in the session and without a jump.
+/// Runs trials of a fault. Each must have the required reaction in time, the reason in the session, and no jump of a
+/// duty.
 fn is_safe_in_time(fault: &str) {
     let _one = LOOP.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();

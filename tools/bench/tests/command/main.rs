@@ -1,5 +1,5 @@
-//! `stillpoint-bench` as a user meets it: it refuses arguments with which it measures nothing, and what it measures
-//! keeps what the design promises.
+//! The command `stillpoint-bench`: it refuses arguments with which it would measure nothing, and short measurements
+//! show that the promises of the design hold.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
@@ -8,7 +8,7 @@ mod failsafe;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// Runs the program in `folder`, with a folder of runs of its own.
+/// Runs the program in `folder`, with its own folder of runs.
 fn stillpoint_bench(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_stillpoint-bench"))
         .args(arguments)
@@ -22,7 +22,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a measurement prints as JSON.
+/// The JSON that a measurement prints.
 fn told(folder: &Path, arguments: &[&str]) -> serde_json::Value {
     let out = stillpoint_bench(folder, arguments);
     assert!(out.status.success(), "{}{}", text(&out.stdout), text(&out.stderr));
