@@ -3,13 +3,13 @@
 /// A disturbance or a fault.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// Its name.
+    /// Name. The option `--case` takes its beginning.
     pub name: String,
-    /// Changes of the pipeline's text.
+    /// Replacements in the pipeline's text: old text and new text.
     pub changes: Vec<(String, String)>,
-    /// Parameters that are set.
+    /// Parameters that are set: `operator.param=value`.
     pub sets: Vec<String>,
-    /// A fault of the rig, without its time.
+    /// Fault of the rig in YAML, without its time.
     pub fault: Option<String>,
 }
 
@@ -47,7 +47,8 @@ impl Case {
             let name = format!("leak of 0.5 mm in bladder {bladder}");
             Self::fault(name, format!("kind: leak, which: {bladder}, diameter: 0.5 mm"))
         }));
-        // An estimate of the pressures knows nothing of a leak: it takes the bladder for full. Sensors know better.
+        // An estimator of the pressures does not know of a leak: it treats the bladder as full. Sensors measure the
+        // leak.
         let mut measured = Self::fault(
             "the first leak, measured".to_owned(),
             "kind: leak, which: 0, diameter: 0.5 mm".to_owned(),
@@ -58,7 +59,7 @@ impl Case {
         ));
         all.push(measured);
         all.push(Self::fault("supply 20 % weaker".into(), "kind: weak_supply, left: 0.8".into()));
-        // White, 3 % of the step in each channel that is held; x, y and yaw like z, z and nothing.
+        // White noise of 3 % of the step in z, pitch and roll. The noise of x and y is that of z; yaw has none.
         let noise = "operators:\n  noise: { use: bench.noise, inputs: { pose: head.pose }, params: { \
                      position: [0.345 mm, 0.345 mm, 0.345 mm], angles: [0.0405 deg, 0.3 deg, 0 deg] } }\n";
         all.push(Self::change(

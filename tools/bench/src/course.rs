@@ -23,15 +23,15 @@ use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
 use crate::observed::{first, isometry, output};
 
-/// What seeing takes: nothing is seen before it could be.
+/// Latencies of perception. Without them a simulated run would know each pose at the acquisition time of its frame.
 const LATENCIES: [&str; 3] = ["cloud.latency=1 ms", "face.latency=12 ms", "head.latency=5 ms"];
 /// The dissertation's step: height in mm, pitch and roll in degrees.
 pub const STEP: [f64; 3] = [11.5, 1.35, 10.0];
-/// A point is kept at most so often, ns.
+/// Minimum time between two kept points, ns.
 const KEPT_EVERY: u64 = 20_000_000;
-/// How long a lease of the beam lasts, ns.
+/// Length of a lease of the beam, ns.
 const LEASE: u64 = 100_000_000;
-/// How many truths are remembered until the frame of their time has become a reference.
+/// Number of true poses that are kept. A reference needs the true pose at the acquisition time of its frame.
 const REMEMBERED: usize = 400;
 
 /// The trained network of the project, by its path from the pipeline file.
@@ -40,77 +40,78 @@ pub const NETWORK: (&str, &[u8]) = (
     include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
 );
 
-/// A pipeline, what is changed in it, and how long it runs.
+/// A pipeline, its changes, and the length of its run.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The text of the pipeline.
     pub text: String,
-    /// Texts of the file and what stands in their place.
+    /// Replacements in the text: old text and new text.
     pub changes: Vec<(String, String)>,
-    /// `operator.param=value`.
+    /// Parameters that are set: `operator.param=value`.
     pub sets: Vec<String>,
-    /// Session time, s.
+    /// Length of the run in session time, s.
     pub seconds: f64,
 }
 
 impl Plan {
-    /// A pipeline as it is.
+    /// Plan of a pipeline without changes. The length of its run is 0 s.
     pub fn of(text: String) -> Self {
         Self { text, changes: Vec::new(), sets: Vec::new(), seconds: 0.0 }
     }
 
-    /// From camera to valve. Seeing takes its time.
+    /// Plan of the default pipeline, from camera to valve, with the latencies of perception.
     pub fn from_camera_to_valve() -> Self {
         Self { sets: LATENCIES.map(str::to_owned).to_vec(), ..Self::of(EMBEDDED.to_owned()) }
     }
 }
 
-/// Where the head was, by the truth, at a moment: height in mm, pitch and roll in degrees.
+/// True motion of the head, and the target, at one time: height in mm, pitch and roll in degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Since the start of the run, s.
+    /// Time since the start of the run, s.
     pub time: f64,
-    /// How far the point that the tracker follows, and the head, have moved since the reference was taken.
+    /// Motion of the tracked point and of the head since the reference was captured.
     pub moved: [f64; 3],
-    /// Where the target has it less where it was taken.
+    /// Target relative to the pose at which the reference was captured.
     pub target: [f64; 3],
-    /// The far end has the beam on.
+    /// Whether the far end has the beam on.
     pub beam: bool,
 }
 
 impl Point {
-    /// Truth less target.
+    /// Truth minus target: mm, degrees, degrees.
     pub fn error(&self) -> [f64; 3] {
         std::array::from_fn(|i| self.moved[i] - self.target[i])
     }
 }
 
-/// What a run showed.
+/// Figures of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
-    /// In the order of time, from the first target on.
+    /// Points in the order of time, from the first target on.
     pub points: Vec<Point>,
-    /// Greatest pressure in a bladder over the room's, Pa: the rig's own, not an estimate.
+    /// Greatest true pressure in a bladder above that of the room, Pa.
     pub pressure: f64,
     /// Greatest duty that was sent.
     pub duty: f64,
-    /// A duty was sent that is below 0 or no number.
+    /// Whether a duty was sent that is below 0 or NaN.
     pub duty_broken: bool,
-    /// Duties as sent, added up over valves and time: seconds of a valve wide open.
+    /// Sum of the sent duties over valves and time: seconds of one fully open valve.
     pub effort: f64,
-    /// Greatest |truth - target| while the beam was on and the target had stood for as long as a lease.
+    /// Greatest |truth - target| while the beam was on and the target had not changed for the length of a lease: mm,
+    /// degrees, degrees.
     pub astray: [f64; 3],
-    /// What actuation was at, with the seconds in each state.
+    /// Time in each state of actuation, s, by the name of the state.
     pub states: BTreeMap<&'static str, f64>,
-    /// Operators of which an activation failed.
+    /// Names of the operators with a failed activation.
     pub failed: Vec<String>,
 }
 
 impl Course {
-    /// Runs it.
+    /// Runs a plan in simulated time.
     ///
     /// # Errors
-    /// The pipeline lacks a text that is to be changed, or cannot run.
+    /// The pipeline lacks a text that the plan replaces, or it cannot run.
     pub fn of(plan: &Plan, registry: &Registry) -> Result<Self, Failure> {
         let mut text = plan.text.clone();
         for (from, to) in &plan.changes {
@@ -131,18 +132,18 @@ impl Course {
         Ok(watch.course)
     }
 
-    /// When the target last stepped, s.
+    /// Time of the last change of the target, s.
     pub fn step_at(&self) -> Option<f64> {
         self.points.windows(2).rev().find(|w| w[0].target != w[1].target).map(|w| w[1].time)
     }
 
-    /// The points from a time on, s.
+    /// Points from this time on, s.
     pub fn since(&self, time: f64) -> &[Point] {
         &self.points[self.points.partition_point(|p| p.time < time)..]
     }
 }
 
-/// Greatest |truth - target| of some points; NaN where there are none.
+/// Greatest |truth - target| of the points: mm, degrees, degrees; NaN if there are none.
 pub fn worst(points: &[Point]) -> [f64; 3] {
     if points.is_empty() {
         return [f64::NAN; 3];
@@ -153,33 +154,34 @@ pub fn worst(points: &[Point]) -> [f64; 3] {
     })
 }
 
-/// The greater of two; NaN where one is, which `max` would pass over.
+/// The greater of two numbers; NaN if one is NaN, which `f64::max` would ignore.
 fn greater(a: f64, b: f64) -> f64 {
     if a.is_nan() || b <= a { a } else { b }
 }
 
-/// Truth less the reference model of this rise, which began where the target was before it stepped at `at`; s, and the
-/// unit of the channel.
+/// Truth minus reference model in one channel: mm or degrees. The model has the rise time `rise`, s. It starts from the
+/// previous target at the time of the step, `at`, s.
 pub fn from_model(point: &Point, channel: usize, at: f64, rise: f64) -> f64 {
     let left = (-(point.time - at) * 9f64.ln() / rise).exp();
     point.error()[channel] + STEP[channel] * left
 }
 
-/// Sees the run.
+/// The observer of a run.
 struct Watch {
     graph: Arc<Graph>,
     course: Course,
-    /// The truth of the last ticks by its time.
+    /// True poses of the head in the last ticks, with their times, ns.
     truths: VecDeque<(u64, Isometry3<f64>)>,
     /// Whether the last frame became the reference, or a part of it.
     capturing: bool,
-    /// The truth when the reference was taken, and the point that the tracker follows.
+    /// True pose of the head when the reference was captured, and pose of the tracked point at that time.
     reference: Option<(Isometry3<f64>, Isometry3<f64>)>,
     target: Option<TargetElement>,
-    /// The target as points have it, and since when, ns.
+    /// Time of the last change of the target, ns, and the target in the units of a point.
     wanted: Option<(u64, [f64; 3])>,
     beam: bool,
     actuation: Option<(u64, ActuationElement)>,
+    /// Time of the last kept point, ns.
     kept: Option<u64>,
 }
 
@@ -206,7 +208,7 @@ impl Watch {
             self.truths.pop_front();
         }
         let (Some((start, point)), Some(target)) = (&self.reference, &self.target) else { return };
-        // The head's own motion, with the axes of the couch at the place of the tracked point.
+        // Motion of the head at the tracked point, along and about the axes of the couch.
         let moved = numbers(&(pose * start.inverse() * point));
         let from = numbers(point);
         let wanted = [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
@@ -232,9 +234,9 @@ impl Watch {
         }
     }
 
-    /// A pose of the frame of this time, and what became of the frame.
+    /// Handles a pose, with the acquisition time of its frame, ns, and the tracker's status of the frame.
     fn tracked(&mut self, origin: u64, pose: &PoseElement, report: Option<PoseStatus>) {
-        // Where there is no camera there is no report: what is tracked first is the reference.
+        // A pipeline without a camera sends no report. Its first pose is the reference.
         let captured = report.map_or(self.reference.is_none(), |r| r == PoseStatus::Captured);
         if captured && !self.capturing {
             let truth = self.truths.iter().find(|(time, _)| *time == origin);
@@ -309,7 +311,7 @@ impl Observer for Watch {
     }
 }
 
-/// Height in mm, pitch and roll in degrees.
+/// Height of a pose in mm, its pitch and roll in degrees.
 fn numbers(pose: &Isometry3<f64>) -> [f64; 3] {
     let n = PoseNumbers::of(pose);
     [n.position[2] * 1e3, n.pitch.to_degrees(), n.roll.to_degrees()]

@@ -10,21 +10,21 @@ use stillpoint::EMBEDDED;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Law {
-    /// Proportional and integral.
+    /// Proportional-integral control.
     Pi,
-    /// Linear-quadratic with an integrator.
+    /// Linear-quadratic control with an integrator.
     Lqg,
-    /// Model-reference adaptive.
+    /// Model-reference adaptive control.
     Mrac,
-    /// The same over the features of the network that comes with the project.
+    /// Model-reference adaptive control over the features of the project's trained network.
     MracLstm,
 }
 
 impl Law {
-    /// All of them.
+    /// All laws.
     pub const ALL: [Self; 4] = [Self::Pi, Self::Lqg, Self::Mrac, Self::MracLstm];
 
-    /// Its kind of operator.
+    /// Kind of the operator that applies the law.
     pub fn kind(self) -> &'static str {
         match self {
             Self::Pi => "control.pi",
@@ -34,7 +34,7 @@ impl Law {
     }
 }
 
-/// Name of the operator in the pipeline that has a law, and the law.
+/// Name of the operator with a law in the default pipeline, and its law.
 pub fn in_pipeline() -> (&'static str, Law) {
     let found = EMBEDDED.lines().find_map(|line| {
         let law = Law::ALL.into_iter().find(|law| line.contains(&format!("use: {}", law.kind())))?;
@@ -43,8 +43,8 @@ pub fn in_pipeline() -> (&'static str, Law) {
     found.unwrap_or(("law", Law::Pi))
 }
 
-/// The pipeline with a law, a rise of its reference model, and the seed of camera and person. Another law than the
-/// pipeline's has its own default gains.
+/// Plan of the default pipeline with a law, a rise time of its reference model, and a seed for camera and person. A law
+/// other than the pipeline's has its own default gains.
 pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
     let (name, now) = in_pipeline();
     let changes = law.filter(|law| *law != now).and_then(|law| {
@@ -60,7 +60,7 @@ pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
     Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
 }
 
-/// A quarter of the camera's pixels.
+/// Parameters that give the camera a quarter of its pixels.
 pub fn small() -> [String; 3] {
     ["width=320 px", "height=240 px", "focal_length=283 px"].map(|set| format!("rig.camera.{set}"))
 }

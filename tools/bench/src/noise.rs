@@ -6,13 +6,13 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Pose, PoseElement, Sample};
 
-/// The kinds.
+/// Kinds of this file.
 pub const STAGES: &[Stage] = &[Stage::of::<Noise>()];
 
 /// Parameters of [`Noise`].
 #[derive(Clone, Debug, Params)]
 pub struct NoiseParams {
-    /// The point that is tracked, on the axes of the pose and from its origin.
+    /// Tracked point in the coordinates of the head, whose pose is the input.
     #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-200 mm", max = "200 mm")]
     point: [f64; 3],
     /// Standard deviation of x, y and z.
@@ -21,13 +21,13 @@ pub struct NoiseParams {
     /// Standard deviation of the rotations about x, y and z.
     #[param(unit = "rad", default = "[0 deg, 0 deg, 0 deg]", min = "0 deg", max = "45 deg")]
     angles: [f64; 3],
-    /// One pose in so many passes.
+    /// One pose in this many is sent.
     #[param(default = 1, min = 1, max = 1000000)]
     keep: u64,
-    /// Part of these that gets lost.
+    /// Fraction of the poses to send that is lost.
     #[param(default = 0, min = 0, max = 1)]
     lost: f64,
-    /// The covariance is that of the noise; else the pose keeps the one that it claims.
+    /// Whether the covariance of the noise replaces that of the pose.
     #[param(default = false)]
     told: bool,
 }

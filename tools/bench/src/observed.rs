@@ -1,4 +1,4 @@
-//! What an observer of a simulated run sees of an activation's outputs.
+//! Access to the outputs of an activation, for the observers of simulated runs.
 
 use nalgebra::Isometry3;
 use stillpoint_pipeline::graph::OperatorNode;

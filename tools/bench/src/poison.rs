@@ -1,4 +1,4 @@
-//! `bench.poison`: a pose that is no number, once a person says so.
+//! `bench.poison`: tracks whose position is NaN from the first command of a person on.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
@@ -7,7 +7,7 @@ use stillpoint_samples::{ConsoleCommand, Sample, Track};
 const STATE: usize = 0;
 const SAID: usize = 1;
 
-/// Sends tracks on; from the first command on without a number in their position.
+/// Forwards tracks. From the first command on their position is NaN.
 pub struct Poison {
     acts: bool,
 }
@@ -58,5 +58,5 @@ impl Operator for Poison {
     }
 }
 
-/// The entry in the list of kinds.
+/// Entry of `bench.poison` in the list of kinds.
 pub const STAGE: Stage = Stage::of::<Poison>();

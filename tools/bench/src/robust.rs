@@ -11,27 +11,27 @@ use super::laws::{self, Law};
 use super::step::{MOVES, WITHIN};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// No bladder of the rig may be above it, Pa: the limit of `actuate.valves`.
+/// Maximum pressure of a bladder of the rig, Pa: the limit of `actuate.valves`.
 const PRESSURE: f64 = 40e3;
-/// Nor a duty.
+/// Maximum duty.
 const DUTY: f64 = 1.0;
-/// What the gate tolerates, and what it lets an estimate be uncertain by: mm, degrees, degrees. With the beam on the
-/// truth is never farther off than both together.
+/// Tolerance of the gate plus the standard deviation that it permits: mm, degrees, degrees. With the beam on the error
+/// of the truth must not exceed it.
 const ASTRAY: [f64; 3] = [1.0 + 0.5, 0.5 + 0.3, 0.5 + 0.3];
-/// The step comes at the latest so long after the start, s.
+/// Latest time of the step after the start of the run, s.
 pub const LEAD: f64 = 4.0;
-/// From so long after the step on the head should be there, s: the reference model of the pipeline rises in 5 s.
+/// Time after the step from which the head must be at the target, s. The reference model rises in 5 s.
 pub const FROM: f64 = 20.0;
-/// The last part of the run, in which the beam is on or not, s.
+/// Length of the last part of a run, s. The beam in this part decides between degraded and gated.
 const LAST: f64 = 10.0;
 
-/// Move the simulated head along the dissertation's step, from camera to valve, with a fault or a deviation from the model
-/// of the law. Report for each case whether the head was tracked, degraded but safe, or gated and safe. Faults happen while
-/// the head moves. Errors and pressures are the true ones of the rig, not estimates.
+/// Move the simulated head along the dissertation's step, from camera to valve, with a fault or a deviation from the
+/// model of the law. Report for each case whether the head was tracked, degraded but safe, or gated and safe. Faults
+/// happen while the head moves. Errors and pressures are the true ones of the rig, not estimates.
 #[derive(Args)]
 pub struct Robust {
-    /// Number of seeds, counted from 1. A seed determines the noise of the camera, the motion of the person, and the time
-    /// of the fault.
+    /// Number of seeds, counted from 1. A seed determines the noise of the camera, the motion of the person, and the
+    /// time of the fault.
     #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
     /// Length of a run after the step, s.
@@ -61,13 +61,13 @@ pub struct Robust {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// It stayed within 0.5 mm, 0.2 degrees and 0.2 degrees of the target from 20 s after the step on.
+    /// The head stayed within 0.5 mm, 0.2 degrees and 0.2 degrees of the target from 20 s after the step on.
     Tracked,
-    /// It did not stay there, and the beam was on at least part of the time.
+    /// The head left this tolerance, and the beam was on for a part of the last 10 s.
     DegradedButSafe,
-    /// It did not stay there, and the beam stayed off.
+    /// The head left this tolerance, and the beam was off during the last 10 s.
     GatedAndSafe,
-    /// A limit was passed.
+    /// The pressure, a duty or the error with the beam on exceeded its limit.
     Unsafe,
 }
 
@@ -82,37 +82,37 @@ impl Verdict {
     }
 }
 
-/// One run.
+/// Figures of one run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
-    /// What it comes to.
+    /// Outcome of the run.
     pub verdict: Verdict,
     /// Greatest |truth - target| from 20 s after the step on: mm, degrees, degrees.
     pub worst: [f64; 3],
-    /// Part of the last 10 s with the beam on.
+    /// Fraction of the last 10 s with the beam on.
     pub beam: f64,
-    /// Greatest |truth - target| with the beam on.
+    /// Greatest |truth - target| with the beam on: mm, degrees, degrees.
     pub astray: [f64; 3],
     /// Greatest pressure in the rig, Pa.
     pub pressure: f64,
     /// Greatest duty that was sent.
     pub duty: f64,
-    /// Seconds for which actuation was armed, holding, venting, at fault.
+    /// Time in each state of actuation, s, by the name of the state.
     pub states: std::collections::BTreeMap<&'static str, f64>,
-    /// What was passed, if anything.
+    /// Names of the limits that were exceeded.
     pub passed: Vec<&'static str>,
 }
 
 #[derive(Serialize)]
 struct Row {
     case: String,
-    /// The worst of all seeds.
+    /// Worst verdict of all seeds.
     verdict: Verdict,
     found: Vec<Found>,
 }
 
 impl Robust {
-    /// Does it.
+    /// Runs the cases and prints their verdicts. Fails if a run was unsafe.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let chosen =
             |c: &Case| self.cases.is_empty() || self.cases.iter().any(|name| c.name.starts_with(name));
@@ -164,7 +164,7 @@ fn run(
     }
     plan.sets.push(MOVES.to_owned());
     if let Some(fault) = &case.fault {
-        // Another moment of the way each time: the valves are open by another bit.
+        // The time of the fault depends on the seed, so that the valves have other openings when it happens.
         let at = 3500 + 400 * (seed % 8);
         plan.sets.push(format!("rig.faults=[{{ {fault}, at: {at} ms }}]"));
     }
@@ -251,7 +251,7 @@ fn print(rows: &[Row]) {
 mod tests {
     use super::*;
 
-    /// A short look at one case: until a little after the head should be there.
+    /// A short run of one case with a quarter of the pixels. It ends 2 s after the head must be at the target.
     fn look(name: &str) -> Found {
         let case = Case::all().into_iter().find(|c| c.name == name).unwrap();
         run(&case, 1, None, FROM + 2.0, true, &crate::registry()).unwrap()
@@ -275,7 +275,7 @@ mod tests {
             assert!(found.verdict != Verdict::Unsafe, "{name}: {found:?}");
             assert!(found.pressure > 5e3 && found.duty > 0.1, "{name}: the head was moved: {found:?}");
         }
-        // What is broken shows; a law that was told another mass is no worse for it.
+        // At least one fault prevents tracking. A head whose mass differs from that of the law's model is tracked.
         assert!(found.iter().any(|f| f.verdict != Verdict::Tracked));
         assert_eq!([found[0].verdict, found[1].verdict], [Verdict::Tracked; 2], "{:?}", &found[..2]);
     }

@@ -1,15 +1,16 @@
-//! A random search in a box: first the given start and random points, then points ever closer to the best one.
+//! A random search in the unit cube. The first round tries the start and random points. Each later round tries points
+//! around the best point, at distances that decrease from round to round.
 
 use chacha20::ChaCha8Rng;
 use rand::{Rng, SeedableRng};
 
-/// Places that are tried together.
+/// Number of points of a round.
 pub const ROUND: usize = 8;
-/// Part of the box's sides, as a standard deviation, around the best: from the second round to the last.
+/// Standard deviation of the distance from the best point in each coordinate, in the second round and in the last.
 const WIDTHS: [f64; 2] = [0.25, 0.04];
 
-/// The best of `rounds` times [`ROUND`] places in the unit cube, and its cost. The first is `start`; a cost that is no
-/// number is no good.
+/// Gives the best of `rounds` times [`ROUND`] points in the unit cube, and its cost. The first point is `start`. A
+/// point whose cost is NaN is never the best.
 pub fn search<E>(
     start: &[f64],
     rounds: usize,
@@ -41,7 +42,7 @@ fn uniform(random: &mut impl Rng) -> f64 {
     (f64::from(random.next_u32()) + 0.5) / (f64::from(u32::MAX) + 1.0)
 }
 
-/// Of variance 1, by the sum of twelve.
+/// An approximately normal deviate of variance 1: the sum of twelve uniform deviates, minus 6.
 fn bell(random: &mut impl Rng) -> f64 {
     (0..12).map(|_| uniform(random)).sum::<f64>() - 6.0
 }

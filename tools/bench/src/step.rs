@@ -14,23 +14,23 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Tolerance around the target: mm, degrees, degrees.
 pub const WITHIN: [f64; 3] = [0.5, 0.2, 0.2];
-/// From so long after the step on, s.
+/// Time after the step from which the head must be within the tolerance, s.
 pub const FROM: f64 = 40.0;
 /// Latest time of the step after the start of the run, s.
 const LEAD: f64 = 4.0;
-/// A step is settled within this part of it, or within [`WITHIN`].
+/// Settling band as a fraction of the step. The band is at least as wide as [`WITHIN`].
 const BAND: f64 = 0.05;
-/// How far the rise may be from the reference model's, as a part of it.
+/// Tolerance of the rise time, as a fraction of that of the reference model.
 const RISE_WITHIN: f64 = 0.1;
-/// A reference model that rises in less is to settle in this, s.
+/// With a reference model that rises in less than this time, the head must settle within this time, s.
 const SETTLES: f64 = 5.0;
-/// The step in the pipeline, which holds the head where it is for a while first.
+/// The dissertation's step as a parameter. The target holds the head where it is before the step.
 pub const MOVES: &str = "target.moves=[{ at: 2 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
 
-/// Move the simulated head along the dissertation's step (11.5 mm, 1.35 degrees, 10 degrees), from camera to valve. Report
-/// for each reference model how many seeds rose as the model does (or settled in 5 s, if the model rises in less), and how
-/// many stayed at the target. A seed determines the noise of the camera and the motion of the person. Times count from the
-/// step, and errors are those of the truth.
+/// Move the simulated head along the dissertation's step (11.5 mm, 1.35 degrees, 10 degrees), from camera to valve.
+/// Report for each reference model how many seeds rose as the model does (or settled in 5 s, if the model rises in
+/// less), and how many stayed at the target. A seed determines the noise of the camera and the motion of the person.
+/// Times count from the step, and errors are those of the truth.
 #[derive(Args)]
 pub struct StepBench {
     /// Number of seeds, counted from 1.
@@ -59,17 +59,17 @@ pub struct StepBench {
     json: bool,
 }
 
-/// What one run came to.
+/// Figures of one run.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Outcome {
     seed: u64,
-    /// How long it was between 10 % and 90 % of the step, s.
+    /// Time from 10 % to 90 % of the step, s.
     rise_s: [Option<f64>; 3],
-    /// Until it stays within 5 % of the step, or within what is allowed, s.
+    /// Time until the head stays within 5 % of the step or within the tolerance, s.
     settling_s: [Option<f64>; 3],
-    /// Greatest distance from the target from 40 s on.
+    /// Greatest distance from the target from 40 s on: mm, degrees, degrees.
     worst: [f64; 3],
-    /// Greatest distance from the reference model's way before that.
+    /// Greatest distance from the reference model before that: mm, degrees, degrees.
     from_model: [f64; 3],
     /// Greatest pressure, Pa.
     pressure: f64,
@@ -79,15 +79,15 @@ struct Outcome {
 struct Row {
     rise: String,
     seeds: usize,
-    /// Seeds that rose as the reference model says, within 10 %, or settled in 5 s.
+    /// Number of seeds whose rise time is that of the reference model within 10 %, or that settled in 5 s.
     rose: usize,
-    /// Seeds that stayed within what is allowed from 40 s on.
+    /// Number of seeds that stayed within the tolerance from 40 s on.
     held: usize,
     outcomes: Vec<Outcome>,
 }
 
 impl StepBench {
-    /// Does it.
+    /// Runs the seeds and prints their figures. Fails if a seed did not rise as required, or left the tolerance.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let mut jobs = Vec::new();
         for rise in &self.rises {
@@ -141,7 +141,7 @@ fn outcome(course: &Course, at: f64, rise: f64, seed: u64) -> Outcome {
         rise_s: answers.map(|a| a?.rise_s),
         settling_s: std::array::from_fn(|i| {
             let band = WITHIN[i].max(BAND * STEP[i].abs());
-            // Where there is no such point, it was there from the beginning.
+            // If there is no such point, the head was within the band from the beginning.
             let after = way.iter().rposition(|p| p.error()[i].abs() > band).map_or(0, |last| last + 1);
             way.get(after).map(|p| p.time - at)
         }),
@@ -212,7 +212,7 @@ fn print(rows: &[Row]) {
 mod tests {
     use super::*;
 
-    /// A part of the bench: a few seeds, until a little after the head should be there.
+    /// A short measurement with a few seeds and a quarter of the pixels.
     fn tenth(law: Option<Law>, rise: &str, seconds: f64, seeds: u64) -> Row {
         let registry = crate::registry();
         let step = StepBench {
@@ -255,7 +255,7 @@ mod tests {
     fn the_adaptive_law_over_the_network_does_so_too() {
         let row = tenth(Some(Law::MracLstm), "20 s", 46.0, 1);
         assert_eq!((row.rose, row.held), (1, 1), "{:?}", row.outcomes);
-        // It is another law than that over the pose.
+        // The law over the features of the network differs from the law over the pose.
         let plain = tenth(Some(Law::Mrac), "20 s", 6.0, 1);
         let network = tenth(Some(Law::MracLstm), "20 s", 6.0, 1);
         assert!(plain.outcomes[0].from_model != network.outcomes[0].from_model);

@@ -1,4 +1,5 @@
-//! The trials of each set of gains in a search: the default pipeline without its camera, with a disturbance or a fault.
+//! The trials of each set of gains in a search. A trial is a run of the default pipeline without its camera, with a
+//! disturbance or a fault.
 
 use super::course::{Course, Plan, from_model, worst};
 use super::laws::{self, Law};
@@ -6,24 +7,25 @@ use super::robust::{self, LEAD};
 use super::step::{self, MOVES, WITHIN};
 use stillpoint::EMBEDDED;
 
-/// A reference model, and how a run with it is judged. Times are session time after the step, s.
+/// A reference model, and the times at which a run with it is judged: session time, s.
 #[derive(Clone, Copy)]
 struct Pace {
-    /// From 10 % to 90 % of the way.
+    /// Rise time of the reference model from 10 % to 90 %, s.
     rise: f64,
-    /// From here on the head should be there.
+    /// Time after the step from which the head must be at the target, s.
     from: f64,
-    /// How long the run goes on.
+    /// Length of the run after the step, s.
     seconds: f64,
 }
 
 const FAST: Pace = Pace { rise: 5.0, from: robust::FROM, seconds: 30.0 };
 const SLOW: Pace = Pace { rise: 20.0, from: step::FROM, seconds: 55.0 };
-/// What a valve that is open all the time costs, in what is allowed to be off.
+/// Cost of a valve that is fully open all the time, in units of the tolerance.
 const EFFORT: f64 = 0.1;
-/// What a head costs that is not held where it is to be: more than any that is.
+/// Cost of a head that is not held at the target, per tolerance of error: more than the cost of any head that is held.
 const LOST: f64 = 100.0;
-/// The point that the tracker follows, with what it was seen to be off by, on the truth, every 100 ms.
+/// Replacement of camera and tracker: the true pose of the tracked point every 100 ms, with the noise that was measured
+/// of the tracker.
 const NOISE: &str = "  head:
     use: bench.noise
     inputs: { pose: rig.truth }
@@ -36,19 +38,19 @@ const NOISE: &str = "  head:
 
 ";
 
-/// Texts of the pipeline, and what stands in their place.
+/// Replacements in the pipeline's text: old text and new text.
 type Changes = &'static [(&'static str, &'static str)];
 
-/// Something that is not as it should be.
+/// A disturbance or a fault of a run.
 pub struct Trial {
-    /// Its name.
+    /// Name in the printed table.
     pub name: &'static str,
     pace: Pace,
     changes: Changes,
     sets: &'static [&'static str],
 }
 
-/// Seeing takes its time, as it does with images.
+/// Delay of the poses: the latency of perception with images.
 const SEEING: (&str, &str) = ("from: head.pose,", "from: head.pose, delay: 18 ms,");
 const LATE: Changes = &[("delay: 18 ms", "delay: 118 ms")];
 const MEASURED: Changes = &[(
@@ -56,7 +58,7 @@ const MEASURED: Changes = &[(
     "      disarm: console.disarm\n      measured: { from: rig.state, delay: 5 ms }\n",
 )];
 
-/// White, half a percent of the step on each pose, of which nobody is told.
+/// White noise on each pose, 0.5 % of the step. The covariance of the pose does not contain it.
 const NOISY: Changes = &[
     (
         "operators:\n",
@@ -66,7 +68,7 @@ const NOISY: Changes = &[
     ("from: head.pose", "from: noise.pose"),
 ];
 
-/// Kinds of things that are not as they should be, with the pace of their runs and what they change in the pipeline.
+/// Names of the disturbances and faults, with the pace of their runs and their changes of the pipeline.
 const KINDS: [(&str, Pace, Changes); COUNT] = [
     ("push", SLOW, &[]),
     ("lost", FAST, &[]),
@@ -77,7 +79,7 @@ const KINDS: [(&str, Pace, Changes); COUNT] = [
     ("leak", FAST, MEASURED),
 ];
 
-/// How many there are.
+/// Number of trials.
 pub const COUNT: usize = 7;
 
 /// The trials of the search.
@@ -108,7 +110,7 @@ pub const HELD_OUT: [Trial; COUNT] = trials([
     &["rig.faults=[{ kind: leak, which: 2, diameter: 0.3 mm, at: 5900 ms }]"],
 ]);
 
-/// The trials with these sets.
+/// Makes the trials. `sets` holds the parameters of each trial.
 const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
     const NONE: Trial = Trial { name: "", pace: FAST, changes: &[], sets: &[] };
     let mut trials = [NONE; COUNT];
@@ -122,10 +124,10 @@ const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
 }
 
 impl Trial {
-    /// The run of a law with these parameters.
+    /// The plan of this trial with a law, a seed, and gains as `operator.param=value`.
     pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {
         let mut plan = laws::plan(Some(law), &format!("{} s", self.pace.rise), seed);
-        // Where these are not, the run says so.
+        // The run fails with an error if the pipeline lacks these texts.
         let between = |from: &str, to: &str| {
             let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
             EMBEDDED.get(from..to).map(str::to_owned)
@@ -149,14 +151,14 @@ impl Trial {
         Plan { seconds: LEAD + self.pace.seconds, ..plan }
     }
 
-    /// What its run costs.
+    /// Cost of a run of this trial.
     pub fn cost(&self, course: &Course) -> f64 {
         cost(course, &self.pace)
     }
 }
 
-/// The root mean square of the truth less the reference model, in parts of what is allowed, and a little for open valves.
-/// A head that is farther from the target than is allowed, once it should be there, costs more than any that is not.
+/// Root mean square of truth minus reference model, in units of the tolerance, plus a small cost of open valves. A head
+/// that exceeds the tolerance after the rise costs more than any head that does not. A failed run costs infinity.
 fn cost(course: &Course, pace: &Pace) -> f64 {
     let Some(at) = course.step_at().filter(|_| course.failed.is_empty()) else { return f64::INFINITY };
     let worst = worst(course.since(at + pace.from));
@@ -172,7 +174,7 @@ fn cost(course: &Course, pace: &Pace) -> f64 {
     (squares / (3 * points.len()) as f64).sqrt() + EFFORT * course.effort / (LEAD + pace.seconds)
 }
 
-/// Whether a cost is that of a head which was held.
+/// Whether a cost is that of a run in which the head was held.
 pub fn held(cost: f64) -> bool {
     cost < LOST
 }
@@ -183,7 +185,7 @@ mod tests {
     use super::super::crew;
     use super::*;
 
-    /// What these gains cost a law in the trials of these names.
+    /// Costs of a law with these gains in the trials of these names.
     fn costs(law: Law, gains: &[&str], names: &[&str]) -> Vec<f64> {
         let registry = crate::registry();
         let name = laws::in_pipeline().0;

@@ -1,4 +1,4 @@
-//! `stillpoint bench tune`: compares the laws after the same search on disturbances that the search has not seen.
+//! `stillpoint bench tune`: tunes each law with the same search, and compares the laws on held-out disturbances.
 
 use clap::Args;
 use serde::Serialize;
@@ -11,16 +11,16 @@ use super::search::{ROUND, search};
 use super::trials::{COUNT, HELD_OUT, TRAINING, Trial, held};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// Seeds of the held-out runs begin here.
+/// First seed of the held-out runs.
 const FIRST_HELD_OUT: u64 = 1000;
-/// The laws that are searched by default.
+/// Laws that are tuned by default.
 const SEARCHED: [Law; 3] = [Law::Pi, Law::Lqg, Law::Mrac];
 
 /// Tune PI, LQI and MRAC with the same search and the same number of runs, and compare them on seeds, masses and faults
-/// that the search has not seen. The cost of a set of gains is that of its worst run: the root mean square of truth minus
-/// reference model, in units of 0.5 mm, 0.2 degrees and 0.2 degrees, plus a small cost of open valves. A run in which the
-/// head exceeds these tolerances after the rise costs more than any run in which it does not. The model rises in 5 s, and
-/// in 20 s in two of the seven runs.
+/// that the search has not seen. The cost of a set of gains is that of its worst run: the root mean square of truth
+/// minus reference model, in units of 0.5 mm, 0.2 degrees and 0.2 degrees, plus a small cost of open valves. A run in
+/// which the head exceeds these tolerances after the rise costs more than any run in which it does not. The model rises
+/// in 5 s, and in 20 s in two of the seven runs.
 #[derive(Args)]
 pub struct Tune {
     /// Number of rounds of the search, with 8 sets of gains each.
@@ -49,7 +49,7 @@ struct Dial {
     unit: &'static str,
     least: f64,
     most: f64,
-    /// Where the search begins.
+    /// Value at which the search begins.
     start: f64,
 }
 
@@ -85,7 +85,7 @@ impl Dial {
         (value / self.least).ln() / (self.most / self.least).ln()
     }
 
-    /// The value at a place, with three digits: what is printed is what was tried.
+    /// Value at a place from 0 to 1, rounded to three digits, so that the printed value is the one that was tried.
     fn value(&self, place: f64) -> f64 {
         let value = self.least * (self.most / self.least).powf(place);
         let digits = 10f64.powi(2 - value.log10().floor() as i32);
@@ -96,29 +96,33 @@ impl Dial {
 #[derive(Serialize)]
 struct Row {
     law: Law,
-    /// Parameters as `--set` takes them.
+    /// Best parameters, in the form of the option `--set`.
     found: Vec<String>,
-    /// Cost of the worst run of the search, before and after.
+    /// Cost of the worst run of the search with the first parameters.
     started: f64,
+    /// The same with the best parameters.
     trained: f64,
-    /// The same on what was held out, and in how many of the runs the head was held.
+    /// Held-out runs with the first parameters.
     before: HeldOut,
+    /// Held-out runs with the best parameters.
     after: HeldOut,
-    /// Runs of the search.
+    /// Number of runs of the search.
     runs: usize,
 }
 
 #[derive(Serialize)]
 struct HeldOut {
+    /// Greatest cost of a run.
     worst: f64,
+    /// Number of runs in which the head was held.
     held: usize,
     runs: usize,
-    /// The worst run by what happens.
+    /// Greatest cost of the runs of each trial.
     by_trial: [f64; COUNT],
 }
 
 impl HeldOut {
-    /// Of the costs of seeds, each with all trials.
+    /// Summary of the costs of all trials of the first seed, then of the next seed, and so on.
     fn of(costs: &[f64]) -> Self {
         let of = |trial: usize| worst(costs.iter().skip(trial).step_by(COUNT));
         Self {
@@ -131,7 +135,7 @@ impl HeldOut {
 }
 
 impl Tune {
-    /// Does it.
+    /// Tunes the laws and prints the comparison.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let laws = self.law.map_or_else(|| SEARCHED.to_vec(), |law| vec![law]);
         let rows = laws.iter().map(|law| self.tuned(*law, registry)).collect::<Result<Vec<_>, _>>()?;
@@ -186,7 +190,7 @@ fn sets(law: Law, place: &[f64]) -> Vec<String> {
     both.map(|(dial, place)| format!("{name}.{}={}{}", dial.name, dial.value(*place), dial.unit)).collect()
 }
 
-/// The greatest; NaN where one is.
+/// The greatest cost; NaN if one is NaN.
 fn worst<'c>(costs: impl IntoIterator<Item = &'c f64>) -> f64 {
     costs.into_iter().fold(0.0, |most: f64, cost| if most.is_nan() || *cost <= most { most } else { *cost })
 }
