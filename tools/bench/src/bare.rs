@@ -1,7 +1,7 @@
-//! Chains of processes on bare iceoryx2 ports: what stillpoint's hops are compared with.
+//! Chains of processes on bare iceoryx2 ports, with which the hops of stillpoint are compared.
 //!
-//! Each process does what a user would write by hand: wait on the topic's Listener, receive, and, in the middle of a
-//! chain, copy into a loan and send it on. No journal, no supervisor, no look at anything else.
+//! Each process has the code that a user would write by hand. It waits on the listener of the topic and receives. In
+//! the middle of a chain it also copies the payload into a loan and sends it on. It has no journal and no supervisor.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::PathBuf;
@@ -19,41 +19,42 @@ use super::figures::Ages;
 use super::stages::{Load, Word, machine_clock, payload, write_load};
 use stillpoint::Failure;
 
-/// Argument that makes this program a process of a bare chain.
+/// First argument of this program when it runs as a process of a bare chain.
 pub const CHILD: &str = "__bench_bare";
-/// How long a receiver sleeps at most, ns: it must notice the end.
+/// Longest wait of a receiver, ns, so that it notices the end of the window.
 const LOOK_UP: u64 = 20_000_000;
 
-/// What a process of a chain is told.
+/// Argument of a process of a chain, as JSON.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Part {
     root: PathBuf,
     prefix: String,
     words: usize,
-    /// Place in the chain, and processes of the chain.
+    /// Place in the chain, counted from 0.
     place: usize,
+    /// Number of processes of the chain.
     places: usize,
     core: usize,
     period_ns: u64,
     length_ns: u64,
 }
 
-/// A chain.
+/// A chain of processes.
 pub struct Chain<'a> {
-    /// Words of each payload.
+    /// Words of 8 bytes in each payload.
     pub words: usize,
-    /// Hops.
+    /// Number of hops.
     pub hops: usize,
     /// Core of each process.
     pub cores: &'a [usize],
     /// Time from one payload to the next.
     pub period: Duration,
-    /// How long.
+    /// Length of the window.
     pub length: Duration,
 }
 
 impl Chain<'_> {
-    /// Runs it and gives the ages that its last process saw.
+    /// Runs the chain and gives the ages that its last process measured.
     pub fn run(&self) -> Result<Ages, Failure> {
         let folder = RunFolder::create().map_err(Failure::failed)?;
         let domain = Domain::create(&folder.root(), folder.prefix(), "bench").map_err(Failure::failed)?;
@@ -75,7 +76,7 @@ impl Chain<'_> {
             };
             processes.push(Process::start(&part)?);
         }
-        // The start barrier: ports are made, then connected, then all begin.
+        // The start barrier: all processes make their ports, then all connect them, then all begin.
         for step in ["made", "connected"] {
             for process in &mut processes {
                 process.hear(step)?;
@@ -137,7 +138,7 @@ impl Process {
     }
 }
 
-/// The same limits as the live executor gives an edge with a queue of 4.
+/// Contract of a hop. Its limits are those that a live run gives an edge with a queue of 4.
 fn contract(hop: usize, words: usize) -> Contract {
     Contract {
         buffer: 4,
@@ -147,7 +148,7 @@ fn contract(hop: usize, words: usize) -> Contract {
     }
 }
 
-/// The body of a process of a chain.
+/// Main function of a process of a chain.
 pub fn child_main(argument: Option<String>) -> ExitCode {
     match serve(&argument.unwrap_or_default()) {
         Ok(()) => ExitCode::SUCCESS,
@@ -210,7 +211,7 @@ impl Outlet {
         Ok(Self { publisher, notifier: topic.notifier().map_err(Failure::failed)?, sequence: 0 })
     }
 
-    /// Sends what `write` writes.
+    /// Sends a payload of `words` words, which `write` fills in.
     fn send(&mut self, words: usize, write: impl FnOnce(&mut [Word])) -> Result<(), Failure> {
         let loan = self.publisher.loan(words).map_err(Failure::failed)?;
         let mut loan = loan.ok_or_else(|| Failure::failed("a bare publisher's memory is used up"))?;
@@ -245,7 +246,7 @@ fn send(part: &Part, outlet: &mut Outlet) -> Result<Vec<u64>, Failure> {
 fn receive(part: &Part, inlet: &Inlet, mut outlet: Option<&mut Outlet>) -> Result<Vec<u64>, Failure> {
     let clock = machine_clock();
     let mut ages = Vec::with_capacity(1 << 16);
-    // The sender's last payload is long here by then.
+    // The last payload has arrived by this time.
     let until = clock.now() + part.length_ns + 2 * LOOK_UP;
     while clock.now() < until {
         inlet.listener.wait(LOOK_UP).map_err(Failure::failed)?;
@@ -269,7 +270,7 @@ fn say(line: &str) -> Result<(), Failure> {
     writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Failure::failed)
 }
 
-/// Waits for the parent's next line.
+/// Waits until the parent writes a byte.
 fn wait() -> Result<(), Failure> {
     let mut byte = [0u8];
     rustix::io::read(std::io::stdin(), &mut byte).map_err(Failure::failed)?;

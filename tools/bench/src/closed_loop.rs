@@ -18,12 +18,12 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// The operators downstream of the image (estimate, control, send), each with the input that the previous one feeds.
 const CHAIN: [(&str, &str); 3] = [("filter", "measurement"), ("law", "state"), ("valves", "command")];
-/// Interval at which journals are read; their buffers hold many times as much.
+/// Interval at which journals are read. Their buffers hold the entries of many intervals.
 const READ: Duration = Duration::from_millis(20);
 
-/// Run the default pipeline live, and report from its journals the latency from the acquisition of each image to the first
-/// datagram for the valves that depends on it: to the filter, to the controller, and until the datagram was sent. Runs with
-/// and without recording alternate.
+/// Run the default pipeline live, and report from its journals the latency from the acquisition of each image to the
+/// first datagram for the valves that depends on it: to the filter, to the controller, and until the datagram was sent.
+/// Runs with and without recording alternate.
 #[derive(Args)]
 pub struct ClosedLoop {
     /// Length of a run, s.
@@ -45,16 +45,16 @@ struct Row {
     recorded: bool,
     /// From the acquisition of an image to the filter's activation, us.
     seen: Quantiles,
-    /// From there to the controller's.
+    /// From the filter's activation to the controller's, us.
     decided: Quantiles,
-    /// From there until the datagram was sent.
+    /// From the controller's activation until the datagram was sent, us.
     sent: Quantiles,
-    /// From the acquisition of the image until the datagram was sent.
+    /// From the acquisition of the image until the datagram was sent, us.
     whole: Quantiles,
 }
 
 impl ClosedLoop {
-    /// Does it.
+    /// Runs the windows and prints their latencies. Fails if no image of a kind of window reached a datagram.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(None)?;
         let (seconds, rounds) = if self.quick { (5, 1) } else { (self.seconds, self.rounds) };
@@ -75,7 +75,7 @@ impl ClosedLoop {
     }
 }
 
-/// One image's way, times in ns.
+/// Times of one image on its way to a datagram, ns of session time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Way {
     acquired: u64,
@@ -99,13 +99,13 @@ fn window(place: &Path, recorded: bool, length: Duration, registry: &Registry) -
     Ok(ways(&entries, [*law as u32, *valves as u32]))
 }
 
-/// Number of an input.
+/// Number of an input of an operator; `None` if the graph has no such input.
 fn port(attached: &Attached, operator: &str, input: &str) -> Option<usize> {
     let node = &attached.graph.operators[attached.graph.operator(operator)?];
     node.stage.kind.inputs.iter().position(|i| i.name == input)
 }
 
-/// The journals of the chain for a while.
+/// Reads the journals of the chain for this length of time.
 fn read(attached: &Attached, length: Duration) -> Result<[Vec<Entry>; 3], Failure> {
     let mut open = Vec::new();
     for (operator, _) in CHAIN {
@@ -130,8 +130,8 @@ fn read(attached: &Attached, length: Duration) -> Result<[Vec<Entry>; 3], Failur
     Ok(entries)
 }
 
-/// The ways of images through filter, controller and valves, whose inputs from the one before have these numbers.
-/// Images whose way is not there as a whole are left out.
+/// Times of the images from the journals of the filter, the controller and the valves. `to_law` and `to_valves` are the
+/// numbers of the inputs that the previous operator feeds. An image without a datagram is left out.
 fn ways([filter, law, valves]: &[Vec<Entry>; 3], [to_law, to_valves]: [u32; 2]) -> Vec<Way> {
     let mut ways = Vec::new();
     for measured in filter {
@@ -155,7 +155,7 @@ fn output(entry: &Entry) -> Option<&JournalRef> {
     entry.refs.iter().find(|r| r.kind == RefKind::Output as u32 && r.port == 0 && r.count > 0)
 }
 
-/// The first activation that takes this sample, or a later one, on an input.
+/// Place and entry of the first activation that takes this sample or a later one on an input.
 fn first_that_takes<'e>(entries: &'e [Entry], port: u32, sample: &JournalRef) -> Option<(usize, &'e Entry)> {
     entries.iter().enumerate().find(|(_, entry)| {
         entry.refs.iter().any(|r| {
@@ -222,7 +222,7 @@ mod tests {
         let (fresh, held, sent) = (RefKind::Fresh, RefKind::Held, RefKind::Output);
         let filter = vec![
             entry(100, 130, 0, vec![reference(fresh, 0, 4), reference(sent, 0, 8)]),
-            // It is never taken.
+            // No activation of the controller takes this sample.
             entry(200, 230, 0, vec![reference(fresh, 0, 5), reference(sent, 0, 9)]),
         ];
         let law = vec![

@@ -1,12 +1,12 @@
-//! Operators for `bench replay`: clouds, which any reader of sessions knows, and work whose outcome shows every order,
-//! loss and random number behind it.
+//! Operators for `bench replay`: a source of point clouds, and an operator whose output depends on the order of its
+//! samples, on losses and on random numbers.
 
 use rand::Rng;
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{CloudShape, Point, PointCloud, Sample};
 
-/// The kinds.
+/// Kinds of this file.
 pub const STAGES: &[Stage] = &[Stage::of::<Cloud>(), Stage::of::<Shift>()];
 
 const CLOUD: Output =
@@ -16,15 +16,15 @@ const fn input(name: &'static str, policy: Policy, required: bool) -> Input {
     Input { name, sample: PointCloud::KIND, policy, required, about: "Points." }
 }
 
-/// Parameters of both.
+/// Parameters of [`Cloud`] and [`Shift`].
 #[derive(Clone, Params)]
 pub struct CloudParams {
-    /// Most points in a sample.
+    /// Maximum number of points in a sample.
     #[param(default = 16, min = 1, max = 1000000)]
     points: usize,
 }
 
-/// Sends clouds whose height is the time.
+/// Sends clouds. The z of their first point is a function of the time of the activation.
 pub struct Cloud(Vec<Point>);
 
 impl Operator for Cloud {
@@ -55,7 +55,7 @@ impl Operator for Cloud {
     }
 }
 
-/// Moves clouds by what has come before, by chance and by what was missed.
+/// Shifts clouds along x. The shift depends on earlier activations, the other input, random numbers and missed samples.
 pub struct Shift {
     moved: f32,
 }

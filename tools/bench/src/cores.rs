@@ -1,22 +1,22 @@
-//! Which cores a bench uses.
+//! The cores that a measurement uses.
 
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde::Serialize;
 
 use stillpoint::Failure;
 
-/// Where the processes of a chain run.
+/// The cores on which the processes of a chain run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layout {
-    /// All on one core.
+    /// All processes run on one core.
     One,
-    /// By turns on two.
+    /// The processes alternate between two cores.
     Two,
 }
 
 impl Layout {
-    /// The core of the process at this place of a chain.
+    /// Core of the process at this place of a chain, counted from 0.
     pub fn core(self, cores: &[usize], place: usize) -> usize {
         let last = cores.last().copied().unwrap_or(0);
         match self {
@@ -33,7 +33,7 @@ pub fn cores() -> Result<Vec<usize>, Failure> {
     Ok((0..CpuSet::MAX_CPU).filter(|c| set.is_set(*c)).collect())
 }
 
-/// Binds this thread, and what it starts from now on, to these cores.
+/// Binds this thread to these cores, and with it the threads and processes that it starts from now on.
 pub fn bind(cores: &[usize]) -> Result<(), Failure> {
     let mut set = CpuSet::new();
     for core in cores {

@@ -1,16 +1,17 @@
-//! Independent runs in several threads. Their results come in the order of the runs.
+//! Independent runs in several threads. The results are in the order of the runs.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use stillpoint::Failure;
 
-/// Default number of threads of a measurement.
+/// Number of threads of a measurement. The default is the number of cores that this process may use.
 pub fn threads(asked: Option<usize>) -> usize {
     asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, Into::into))
 }
 
-/// Executes `work` for each of `jobs` in this number of threads, and shows the progress on standard error.
+/// Executes `work` for each of `jobs` in this number of threads, and shows the progress on standard error. The results
+/// are in the order of `jobs`.
 pub fn each<J: Sync, R: Send>(
     jobs: &[J],
     threads: usize,

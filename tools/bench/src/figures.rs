@@ -5,21 +5,21 @@ use serde::Serialize;
 /// Ages of the samples of one window, ns.
 #[derive(Clone, Debug, Default)]
 pub struct Ages {
-    /// Since just before the payload was written.
+    /// Ages since just before the payload was written.
     pub whole: Vec<u64>,
-    /// Since just after it was written.
+    /// Ages since just after the payload was written.
     pub handed: Vec<u64>,
 }
 
 impl Ages {
-    /// Takes ages as a sink sends them: in pairs.
+    /// Adds ages in pairs, as a sink sends them: `whole`, then `handed`.
     pub fn take(&mut self, pairs: impl IntoIterator<Item = u64>) {
         for (i, age) in pairs.into_iter().enumerate() {
             if i % 2 == 0 { self.whole.push(age) } else { self.handed.push(age) }
         }
     }
 
-    /// Adds another window.
+    /// Adds the ages of another window.
     pub fn add(&mut self, other: &Self) {
         self.whole.extend(&other.whole);
         self.handed.extend(&other.handed);
@@ -40,7 +40,7 @@ pub struct Quantiles {
 }
 
 impl Quantiles {
-    /// Of times in ns.
+    /// Quantiles of times in ns.
     pub fn of(times: &[u64]) -> Self {
         let mut sorted = times.to_vec();
         sorted.sort_unstable();

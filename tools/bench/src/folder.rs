@@ -9,19 +9,20 @@ use tempfile::TempDir;
 
 use stillpoint::Failure;
 
-/// Of the names of such folders.
+/// Prefix of the names of such folders.
 const PREFIX: &str = "stillpoint-bench-";
-/// In such a folder: held by its bench.
+/// Name of the lock file in such a folder. The measurement holds the lock.
 const LOCK: &str = "lock";
 
-/// The folder.
+/// A folder that is removed when it is dropped.
 pub struct Folder {
     at: TempDir,
     _lock: File,
 }
 
 impl Folder {
-    /// Makes one below `parent`, or below the system's folder for such things.
+    /// Creates a folder below `parent`, or below the system's folder for temporary files. Removes the folders of
+    /// measurements that have ended.
     pub fn create(parent: Option<&Path>) -> Result<Self, Failure> {
         let parent = parent.map_or_else(std::env::temp_dir, Path::to_path_buf);
         sweep(&parent);
@@ -34,7 +35,7 @@ impl Folder {
         made.map_err(|e| Failure::failed(format!("{}: {e}; name a folder with --folder", parent.display())))
     }
 
-    /// A place in it where nothing is yet.
+    /// Path of this name in the folder. A folder that is already there is removed.
     pub fn free(&self, name: &str) -> Result<PathBuf, Failure> {
         let path = self.at.path().join(name);
         if path.exists() {

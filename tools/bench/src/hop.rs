@@ -15,18 +15,18 @@ use super::stages::Word;
 use super::window::Window;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// Payloads, bytes, with the time between two of them, us.
+/// Sizes of the payloads, bytes, with the time between two payloads, us.
 const PAYLOADS: [(usize, u64); 4] = [(64, 1000), (4096, 1000), (1_200_000, 5000), (3_700_000, 16_000)];
-/// Number of samples that the sink of a window reports together.
+/// Number of batches of ages that the sink of a window sends per second.
 const BATCHES_PER_SECOND: u64 = 20;
 
 /// Measure the latency from operator to operator, against bare iceoryx2 ports with listeners, in interleaved windows.
 ///
-/// A latency begins just before the sender writes its payload into the loan. It ends at the first line of the receiver's
-/// step in stillpoint, and at the line after `receive` on bare ports. `handed` begins just after the payload is written.
-/// One group leaves the payload in the loan unchanged except for its two times; it measures the hop without the effect of
-/// a large payload on the caches. Both sides read the monotonic clock of the machine. Every window starts new processes.
-/// Journals are on; nothing is recorded. Times in the JSON are in us.
+/// A latency begins just before the sender writes its payload into the loan. It ends at the first line of the
+/// receiver's step in stillpoint, and at the line after `receive` on bare ports. `handed` begins just after the payload
+/// is written. One group leaves the payload in the loan unchanged except for its two times; it measures the hop without
+/// the effect of a large payload on the caches. Both sides read the monotonic clock of the machine. Every window starts
+/// new processes. Journals are on; nothing is recorded. Times in the JSON are in us.
 #[derive(Args)]
 pub struct Hop {
     /// Number of cores: one, two, or both in turn.
@@ -59,7 +59,7 @@ enum Which {
     Both,
 }
 
-/// What runs in a window.
+/// The kind of a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 enum Kind {
@@ -105,7 +105,7 @@ impl Kind {
         matches!(self, Self::Grouped | Self::Busy | Self::Untouched | Self::UntouchedBusy)
     }
 
-    /// No pause between two payloads, so that caches and clock rate stay as they are.
+    /// Whether there is no pause between two payloads. Without a pause, caches and clock rate do not change.
     fn busy(self) -> bool {
         matches!(self, Self::Busy | Self::UntouchedBusy)
     }
@@ -114,7 +114,7 @@ impl Kind {
         if matches!(self, Self::BareThree | Self::Three) { 3 } else { 1 }
     }
 
-    /// The kind with which it is compared.
+    /// The kind to which its latencies are compared.
     fn against(self) -> Option<Self> {
         match self {
             Self::One => Some(Self::BareOne),
@@ -131,18 +131,19 @@ struct HopFigures {
     cores: Layout,
     bytes: usize,
     kind: Kind,
-    /// Since just before the payload was written, us.
+    /// Ages since just before the payload was written, us.
     whole: Quantiles,
-    /// Since just after it was written, us.
+    /// Ages since just after the payload was written, us.
     handed: Quantiles,
-    /// What the ratios are to.
+    /// Kind of window to which the ratios relate.
     against: Option<Kind>,
-    /// Medians over the windows of the ratio of medians.
+    /// Median over the windows of the ratio of the medians of `whole`.
     whole_ratio: Option<f64>,
+    /// The same of `handed`.
     handed_ratio: Option<f64>,
 }
 
-/// A payload that is measured.
+/// Parses the size of one of the payloads, bytes.
 fn payload(text: &str) -> Result<usize, String> {
     let sizes = PAYLOADS.map(|(size, _)| size);
     let asked = text.parse().ok().filter(|size| sizes.contains(size));
@@ -150,7 +151,7 @@ fn payload(text: &str) -> Result<usize, String> {
 }
 
 impl Hop {
-    /// Does it.
+    /// Runs the windows and prints their latencies.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let cores = cores::cores()?;
         let layouts = match self.cores {
@@ -163,7 +164,7 @@ impl Hop {
         }
         let mut lines = Vec::new();
         for layout in layouts {
-            // On one core the supervisor and the taps keep to the others.
+            // If the chain runs on one core, the supervisor and the taps run on the other cores.
             let rest: Vec<usize> = cores.iter().copied().filter(|c| *c != layout.core(&cores, 1)).collect();
             cores::bind(if layout == Layout::One && !rest.is_empty() { &rest } else { &cores })?;
             for (size, period) in PAYLOADS {
@@ -196,7 +197,7 @@ impl Hop {
         let mut ages: BTreeMap<Kind, Vec<Ages>> = BTreeMap::new();
         for _ in 0..windows {
             for kind in KINDS {
-                // A group has one core.
+                // A group runs on one core.
                 if kind.grouped() && layout == Layout::Two
                     || !self.kind.is_empty() && !self.kind.contains(&kind)
                 {
@@ -231,15 +232,15 @@ fn live(
     Ok(window.run()?.ages_of("sink.ages"))
 }
 
-/// A chain as a pipeline.
+/// The text of a pipeline with a chain of operators.
 fn pipeline(kind: Kind, words: usize, cores: &[usize], period: Duration) -> String {
     let mut names = vec!["source".to_string()];
     names.extend((1..kind.hops()).map(|i| format!("relay{i}")));
     names.push("sink".to_string());
     let per_batch = 1_000_000 / (period.as_micros() as u64 * BATCHES_PER_SECOND);
-    // A group without pauses is as fast as its payload allows, whatever its period says.
+    // The rate of a group without pauses depends on its payload, not on its period.
     let batch = if kind.busy() { 64 } else { per_batch.max(1) };
-    // Of an untouched payload only the two times are written, so that it does not drive all else out of the caches.
+    // Only the two times of an untouched payload are written, so that it does not displace other data from the caches.
     let untouched = matches!(kind, Kind::Untouched | Kind::UntouchedBusy);
     let written = if untouched { ", written: 2" } else { "" };
     let mut text = String::from("stillpoint: 1\nname: bench-hop\noperators:\n");

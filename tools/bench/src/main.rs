@@ -1,4 +1,5 @@
-//! `stillpoint-bench`, which `stillpoint bench` starts, measures what the design promises. No measurement asserts a speed.
+//! `stillpoint-bench`, which `stillpoint bench` starts, measures the properties that the design promises. No
+//! measurement asserts a speed.
 //!
 //! - `hop`: latency from operator to operator, against bare iceoryx2
 //! - `record`: the cost of recording
@@ -9,7 +10,7 @@
 //! - `robust`, `cases`: the same step with disturbances and faults
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
-//! - `identity`: drawn patients: captures of what is not the head, and the time to beam off
+//! - `identity`: captures of other objects than the head of drawn patients, and the time to beam off
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
 //! - `program`: the default pipeline as a separate program
 //! - `stages`, `clouds`, `noise`, `poison`: the bench's own kinds of operators
@@ -17,11 +18,12 @@
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `processes`: the processes of a run, and random choices of one to kill
 //! - `course`: one simulated closed loop and its figures
+//! - `observed`: the outputs of an activation, for observers of simulated runs
 //! - `laws`: the laws that replace the law of the pipeline
 //! - `crew`: runs in several threads
-//! - `cores`: which cores are used
+//! - `cores`: the cores that a measurement uses
 //! - `figures`: quantiles and ratios
-//! - `folder`: where sessions are written
+//! - `folder`: the folder of the sessions
 
 // `outln!` and `errln!`.
 #[macro_use]
@@ -87,12 +89,13 @@ enum Measurement {
     Step(step::StepBench),
     Robust(robust::Robust),
     Tune(tune::Tune),
-    /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate programs.
+    /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate
+    /// programs.
     #[command(name = RUN, hide = true)]
     Run(stillpoint::Run),
 }
 
-/// Subcommand that runs a pipeline.
+/// Name of the hidden subcommand that runs a pipeline.
 const RUN: &str = "__run";
 
 impl Measurement {
@@ -119,7 +122,7 @@ fn main() -> ExitCode {
     if let Some(exit) = stillpoint::child(&registry) {
         return exit;
     }
-    // What is not text is for clap to refuse.
+    // clap refuses an argument that is not text.
     let [first, second] = [1, 2].map(|n| std::env::args_os().nth(n).and_then(|a| a.into_string().ok()));
     if first.as_deref() == Some(bare::CHILD) {
         return bare::child_main(second);
@@ -127,7 +130,7 @@ fn main() -> ExitCode {
     stillpoint::program("stillpoint-bench", |arguments: Arguments| arguments.measurement.execute(&registry))
 }
 
-/// The kinds of operators that a bench knows: the command's, and its own.
+/// Kinds of operators of this program: those of `stillpoint`, and its own.
 fn registry() -> Registry {
     stillpoint::registry(&[
         stages::STAGES,
@@ -138,12 +141,12 @@ fn registry() -> Registry {
     ])
 }
 
-/// Reads a whole number that is this at least.
+/// Parser of whole numbers from `least` on.
 fn at_least<T: TryFrom<u64>>(least: u64) -> RangedU64ValueParser<T> {
     RangedU64ValueParser::new().range(least..)
 }
 
-/// Reads a number above 0.
+/// Parses a finite number above 0.
 fn positive(text: &str) -> Result<f64, String> {
     let number = text.parse::<f64>().ok().filter(|n| n.is_finite() && *n > 0.0);
     number.ok_or_else(|| "it must be a number above 0".to_string())

@@ -19,20 +19,20 @@ use super::stages::{Word, payload};
 use super::window::{Outcome, Window};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
-/// Bytes of a payload.
+/// Size of a payload, bytes.
 const PAYLOAD: usize = 1_200_000;
 /// Time from one payload to the next, us: 200 MB/s.
 const PERIOD_US: u64 = 6000;
 
-/// Measure the cost of recording 200 MB/s: the bytes per CPU-second against the bare MCAP writer with the same chunks and
-/// compression, the median latency of a recorded edge against the same edge unrecorded, and the ticks that a 100 Hz loop
-/// misses meanwhile.
+/// Measure the cost of recording 200 MB/s: the bytes per CPU-second against the bare MCAP writer with the same chunks
+/// and compression, the median latency of a recorded edge against the same edge unrecorded, and the ticks that a 100 Hz
+/// loop misses meanwhile.
 ///
-/// The CPU time of the recorder is that of its whole process, from when its topics and its part are open to when the file
-/// is on the disk: polling, copying out of shared memory, journals, writing. The bare writer writes the same number of
-/// messages of the same bytes from ordinary memory, once at full speed, and once at the pace of the source, so that its
-/// caches and file pages are as cold as those of the recorder. Chunks, checksums and disk are the same, and windows are
-/// interleaved. In the JSON, rates are in bytes per CPU-second and times in us.
+/// The CPU time of the recorder is that of its whole process, from when its topics and its part are open to when the
+/// file is on the disk: polling, copying out of shared memory, journals, writing. The bare writer writes the same
+/// number of messages of the same bytes from ordinary memory, once at full speed, and once at the pace of the source,
+/// so that its caches and file pages are as cold as those of the recorder. Chunks, checksums and disk are the same, and
+/// windows are interleaved. In the JSON, rates are in bytes per CPU-second and times in us.
 #[derive(Args)]
 pub struct Record {
     /// Number of windows of each kind.
@@ -59,29 +59,31 @@ struct RecordFigures {
     recorder: f64,
     /// Bytes of messages per CPU-second of the bare writer.
     bare: f64,
-    /// The same, paced.
+    /// Bytes of messages per CPU-second of the bare writer at the pace of the source.
     paced: f64,
-    /// Medians over the windows.
+    /// Median over the windows of the recorder's rate relative to the bare writer's.
     ratio: f64,
+    /// The same relative to the paced bare writer's.
     paced_ratio: f64,
-    /// Samples that the recorder could not keep.
+    /// Number of samples that the recorder lost.
     lost: u64,
-    /// Age of the edge's samples where they are recorded, us.
+    /// Ages of the samples of the recorded edge, us.
     edge: Quantiles,
-    /// Median over the windows of the edge's median, to that of the same edge unrecorded.
+    /// Median over the windows of the median age on the recorded edge, relative to that on the same edge unrecorded.
     edge_ratio: f64,
-    /// Ticks of the 100 Hz loop, and how many of them it missed.
+    /// Number of ticks that the 100 Hz loop executed.
     ticks: u64,
+    /// Number of ticks that the 100 Hz loop missed.
     missed: u64,
 }
 
 impl Record {
-    /// Does it.
+    /// Runs the windows with each compression and prints their figures.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(self.folder.as_deref())?;
         let cores = cores::cores()?;
         let core = Layout::One.core(&cores, 0);
-        // The edge and the loop have a core, recorder and supervisor the others.
+        // The edge and the loop run on one core, the recorder and the supervisor on the others.
         let rest: Vec<usize> = cores.iter().copied().filter(|c| *c != core).collect();
         cores::bind(if rest.is_empty() { &cores } else { &rest })?;
         let mut lines = Vec::new();
@@ -168,7 +170,7 @@ record: {{ topics: [source.load] }}
     )
 }
 
-/// Ticks of the loop that its journal holds, and ticks that it skipped.
+/// Number of ticks in the journal of the loop, and number of ticks that are missing between them.
 fn loop_ticks(session: &Session) -> (u64, u64) {
     let journal = session.journals().get("loop");
     let entries = journal.into_iter().flatten().filter(|e| e.cause() == Some(Cause::Timer));
@@ -179,7 +181,7 @@ fn loop_ticks(session: &Session) -> (u64, u64) {
     }
 }
 
-/// Bytes per CPU-second of the bare writer for so many bytes, a message each `period`.
+/// Writes this number of bytes with the bare writer, one message per `period`. Gives bytes per CPU-second.
 fn bare(folder: &Path, compression: Compression, bytes: u64, period: Duration) -> Result<f64, Failure> {
     let compression = match compression {
         Compression::None => None,
@@ -188,7 +190,7 @@ fn bare(folder: &Path, compression: Compression, bytes: u64, period: Duration) -
     };
     let mut message = vec![0u8; HEADER_SIZE];
     message.extend_from_slice(payload(PAYLOAD / size_of::<Word>()).as_bytes());
-    // As many different ones as a publisher's memory holds.
+    // The bare writer takes turns between as many messages as the memory of a publisher holds.
     let messages: Vec<Vec<u8>> = (0..8).map(|_| message.clone()).collect();
     stillpoint_recorder::create_session(folder).map_err(Failure::failed)?;
     let (_, file) = stillpoint_recorder::create_part(folder).map_err(Failure::failed)?;

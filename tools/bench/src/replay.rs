@@ -22,7 +22,8 @@ use stillpoint::{Ended, Exit, Failure, print_json};
 use stillpoint::{Nobody, opening_of};
 use stillpoint_report::pipeline_of;
 
-/// Rates that do not fit each other, queues that overflow, a held newest sample, and every topic recorded.
+/// A pipeline with operators of different rates, queues that overflow, inputs that hold the newest sample, and every
+/// topic recorded.
 const SESSION: &str = "
 stillpoint: 1
 name: bench-replay
@@ -36,7 +37,8 @@ operators:
 processes: { group: [b, c] }
 record: { topics: all }
 ";
-/// Three topics of 1.2 MB at 30 Hz; the replay recomputes and compares two of them, and writes all three.
+/// A pipeline with three topics of 1.2 MB at 30 Hz. The replay recomputes and compares two of them, and writes all
+/// three.
 const BULK: &str = "
 stillpoint: 1
 name: bench-bulk
@@ -46,11 +48,11 @@ operators:
   three: { use: bench.shift, inputs: { cloud: two.cloud }, params: { points: 100000 } }
 record: { topics: all }
 ";
-/// Replays with output in a row, of which the median counts.
+/// Number of consecutive replays with output. Their median is reported.
 const RUNS: usize = 3;
 
-/// Record a live session, replay it repeatedly, and compare every topic. Then record three topics of 1.2 MB at 30 Hz and
-/// replay them with output on one core.
+/// Record a live session, replay it repeatedly, and compare every topic. Then record three topics of 1.2 MB at 30 Hz
+/// and replay them with output on one core.
 #[derive(Args)]
 pub struct Replay {
     /// Length of the session, s.
@@ -85,30 +87,30 @@ struct Result {
     replays: usize,
     identical: usize,
     first_difference: Option<String>,
-    /// Session time over the time that a replay took, without output.
+    /// Session time divided by the mean wall time of a replay without output.
     speed: f64,
     bulk: Vec<Bulk>,
 }
 
 #[derive(Serialize)]
 struct Bulk {
-    /// Of the session.
+    /// Compression of the session.
     session: Compression,
-    /// Of what the replay writes.
+    /// Compression of the session that the replay writes.
     output: Compression,
     seconds: f64,
     bytes: u64,
-    /// Session time over the time that the first replay took, with output, on one core.
+    /// Session time divided by the wall time of the first replay, with output, on one core.
     first: f64,
-    /// Median over the replays.
+    /// Median of the same over the replays.
     speed: f64,
-    /// Session time over the CPU time that they took; median.
+    /// Median over the replays of session time divided by CPU time.
     cpu_speed: f64,
     identical: bool,
 }
 
 impl Replay {
-    /// Does it.
+    /// Records and replays the sessions, and prints the comparison. The exit is `Differs` if a replay is not identical.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let folder = Folder::create(self.folder.as_deref())?;
         let (seconds, replays) = if self.quick { (3, 2) } else { (self.seconds, self.replays) };
@@ -193,7 +195,7 @@ fn record(
     Window { pipeline: text, registry, length, session, taps: &[] }.run().map(drop)
 }
 
-/// Replays a session, with its output into a folder or without.
+/// Replays a session, and writes the output into a folder if one is given.
 fn again(
     path: &Path,
     registry: &Registry,
@@ -215,7 +217,8 @@ fn again(
     Ok(report)
 }
 
-/// Replays with output: each kind of session into what `replay --record` writes unless told, and once compressed.
+/// Replays two sessions with output, one with LZ4 and one uncompressed. The output is uncompressed, as is the default
+/// of `replay --record`. The LZ4 session is replayed into an LZ4 output, too.
 fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Result<Vec<Bulk>, Failure> {
     let mut found = Vec::new();
     let (none, lz4) = (Compression::None, Compression::Lz4);
@@ -229,8 +232,8 @@ fn bulk(seconds: u64, folder: &Folder, registry: &Registry) -> std::result::Resu
     Ok(found)
 }
 
-/// Replays with output, three times in a row: a virtual machine that gives free memory back to its host pays for every
-/// page of the first output anew.
+/// Replays a session with output three times in a row. The first replay may be slower: a virtual machine that returns
+/// free memory to its host must request every page of the output again.
 fn written(
     path: &Path,
     session: Compression,
@@ -266,7 +269,7 @@ fn written(
     })
 }
 
-/// Does `work` while threads spin.
+/// Executes `work` while `per_core` threads per core spin.
 fn under_load<T>(per_core: usize, work: impl FnOnce() -> T) -> T {
     let threads = per_core * std::thread::available_parallelism().map_or(1, usize::from);
     let over = AtomicBool::new(false);

@@ -1,4 +1,5 @@
-//! The bench's own kinds of operators. Only the children of a bench know them: no pipeline of a user can name them.
+//! Operators that send, relay and time payloads. Only `stillpoint-bench` knows these kinds: no pipeline of a user can
+//! name them.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
@@ -6,18 +7,18 @@ use stillpoint_pipeline::clock::SessionClock;
 use stillpoint_samples::{Layout, Sample, SampleKind, Shape};
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-/// The kinds.
+/// Kinds of this file.
 pub const STAGES: &[Stage] = &[Stage::of::<Source>(), Stage::of::<Relay>(), Stage::of::<Sink>()];
 
-/// A sample of any size. Its first word is the time just before the payload was written, its second the time just
-/// after.
+/// A sample of any size. Its first word is the time just before the payload was written, its second word the time just
+/// after, ns.
 pub struct Load;
 
 /// One word of a [`Load`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable, KnownLayout, Layout)]
 #[repr(C)]
 pub struct Word {
-    /// The word.
+    /// Value of the word.
     pub word: u64,
 }
 
@@ -30,7 +31,7 @@ impl Sample for Load {
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }
 
-/// The payload that every sender writes: smooth with noise in the last bits, as sensors give it.
+/// The payload that every sender writes: smooth values with noise in the last bits, like those of a sensor.
 pub fn payload(words: usize) -> Vec<Word> {
     let mut random = 1u64;
     let mut half = |i: usize| {
@@ -41,8 +42,8 @@ pub fn payload(words: usize) -> Vec<Word> {
     (0..words).map(|i| Word { word: half(i) << 32 | half(i) }).collect()
 }
 
-/// Writes a payload between two readings of the clock, and notes them in its first two words. A buffer that is longer
-/// keeps behind it what it held.
+/// Writes a payload between two readings of the clock, and writes the readings into its first two words. The rest of a
+/// longer buffer is unchanged.
 pub fn write_load(to: &mut [Word], payload: &[Word], clock: &SessionClock) {
     let before = clock.now();
     let written = payload.len().min(to.len());
@@ -53,7 +54,7 @@ pub fn write_load(to: &mut [Word], payload: &[Word], clock: &SessionClock) {
     }
 }
 
-/// The session clock with its zero at that of the machine's monotonic clock: the same in every process.
+/// A session clock whose zero is that of the machine's monotonic clock, so that it is the same in every process.
 pub fn machine_clock() -> SessionClock {
     SessionClock::zero()
 }
@@ -77,7 +78,7 @@ pub struct SourceParams {
     /// Samples per activation.
     #[param(default = 1, min = 1, max = 1000)]
     burst: u32,
-    /// Words that are written into each sample; the others keep what the buffer held.
+    /// Words that are written into each sample; the other words of the buffer are unchanged.
     #[param(default = 1000000, min = 2, max = 1000000)]
     written: usize,
 }
@@ -127,12 +128,12 @@ impl Operator for Source {
 /// Parameters of [`Relay`].
 #[derive(Clone, Params)]
 pub struct RelayParams {
-    /// Most words in a sample.
+    /// Maximum number of words in a sample.
     #[param(default = 8, min = 2, max = 1000000)]
     words: usize,
 }
 
-/// Copies what it gets, times included, into a sample of its own.
+/// Copies each sample, its times included, into a sample of its output.
 pub struct Relay;
 
 impl Operator for Relay {
@@ -165,13 +166,13 @@ impl Operator for Relay {
 /// Parameters of [`Sink`].
 #[derive(Clone, Params)]
 pub struct SinkParams {
-    /// Samples whose ages are sent together.
+    /// Number of samples whose ages are sent together.
     #[param(default = 64, min = 1, max = 4096)]
     batch: usize,
 }
 
-/// Reads the clock as soon as its step begins, and sends the ages of what it got: since before and since after the
-/// writing of each payload.
+/// Reads the clock at the beginning of its step, and sends two ages of each sample: since just before and since just
+/// after its payload was written, ns.
 pub struct Sink {
     ages: Vec<Word>,
     batch: usize,

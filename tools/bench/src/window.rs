@@ -1,4 +1,4 @@
-//! One window of a bench: a pipeline that runs live for a while, with a tap on what its sinks say.
+//! One window of a measurement: a pipeline that runs live for a given time, with taps on the ages that its sinks send.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,45 +18,45 @@ use super::stages::Load;
 use stillpoint::Failure;
 use stillpoint::Which;
 
-/// How often a tap looks, as `echo` does.
+/// Interval at which a tap reads its topics: that of `stillpoint echo`.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// What is run.
+/// A pipeline and the conditions of its run.
 pub struct Window<'a> {
     /// The pipeline's text.
     pub pipeline: &'a str,
     /// Kinds of operators.
     pub registry: &'a Registry,
-    /// How long.
+    /// Maximum length of the run.
     pub length: Duration,
-    /// Where it is recorded, and how it is compressed there.
+    /// Folder and compression of the session; `None` for a run without a recording.
     pub session: Option<(&'a Path, Compression)>,
-    /// Topics that are looked at as `echo` looks at them. What sinks say among them is kept.
+    /// Tapped topics, which are read as `stillpoint echo` reads them. The ages that sinks send are kept.
     pub taps: &'a [&'a str],
 }
 
-/// What came of it.
+/// Result of a window.
 pub struct Outcome {
-    /// By tapped topic: ages that its sink told of.
+    /// Ages that the sinks sent, by tapped topic.
     pub ages: BTreeMap<String, Ages>,
-    /// How the run went.
+    /// Report of the run.
     pub report: RunReport,
 }
 
 impl Outcome {
-    /// The ages that one sink told of.
+    /// Takes the ages of a tapped topic out of the result; empty if there are none.
     pub fn ages_of(&mut self, topic: &str) -> Ages {
         self.ages.remove(topic).unwrap_or_default()
     }
 }
 
 impl Window<'_> {
-    /// Runs it.
+    /// Runs the pipeline for its length.
     pub fn run(&self) -> Result<Outcome, Failure> {
         self.run_watched(&AtomicBool::new(false), &mut Nobody)
     }
 
-    /// Runs it under the eyes of `run`, until `stop` is set or its time is over.
+    /// Runs the pipeline until `stop` is set or its length is over, and notifies `run` of the progress.
     pub fn run_watched(&self, stop: &AtomicBool, run: &mut dyn Run) -> Result<Outcome, Failure> {
         let file = "bench.yaml".to_string();
         let files = stillpoint_operator::files::DiskFiles::beside(Path::new(&file));
@@ -87,7 +87,7 @@ impl Window<'_> {
         })
     }
 
-    /// Looks at topics until the run is over.
+    /// Reads the tapped topics until the run is over.
     fn tap(&self, over: &AtomicBool) -> Result<BTreeMap<String, Ages>, Failure> {
         let mut ages = BTreeMap::new();
         if self.taps.is_empty() {
@@ -121,7 +121,7 @@ impl Window<'_> {
     }
 }
 
-/// Does not care how a run goes on.
+/// Prints the faults of a run and ignores its progress.
 pub struct Nobody;
 
 impl Run for Nobody {
