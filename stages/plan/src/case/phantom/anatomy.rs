@@ -6,6 +6,8 @@
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
 
+use super::variety::{Site, Variety};
+
 /// What is at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -29,12 +31,21 @@ pub enum Part {
     Gas,
     /// The prostate.
     Prostate,
+    /// A target beyond the prostate.
+    Tumour,
+    /// Small bowel.
+    Bowel,
+    /// A hip implant.
+    Metal,
 }
 
 /// An ellipsoid along the axes.
-struct Ellipsoid {
-    centre_mm: [f64; 3],
-    radii_mm: [f64; 3],
+#[derive(Clone, Debug)]
+pub struct Ellipsoid {
+    /// Its centre.
+    pub centre_mm: [f64; 3],
+    /// Half of its extent along each axis.
+    pub radii_mm: [f64; 3],
 }
 
 impl Ellipsoid {
@@ -62,6 +73,13 @@ pub struct Anatomy {
     /// Middle of the femoral heads: distance from the midline, y and z.
     hip_mm: [f64; 3],
     hip_radius_mm: f64,
+    /// The target beyond the prostate.
+    tumour: Vec<Ellipsoid>,
+    /// Whether the prostate is (a part of) the target.
+    prostate_is_target: bool,
+    /// Sides with a hip implant: 1 left, -1 right.
+    implants: Vec<f64>,
+    bowel: Option<Ellipsoid>,
 }
 
 impl Anatomy {
@@ -104,7 +122,42 @@ impl Anatomy {
             rectum_y_mm,
             hip_mm: [between(82.0, 96.0), between(-6.0, 8.0), between(0.0, 16.0)],
             hip_radius_mm: between(22.5, 26.5),
+            tumour: Vec::new(),
+            prostate_is_target: true,
+            implants: Vec::new(),
+            bowel: None,
         }
+    }
+
+    /// The man of this seed with a variety.
+    pub fn varied(seed: u64, variety: &Variety) -> Self {
+        let mut man = Self::of_seed(seed);
+        man.body_mm = [0, 1].map(|axis| man.body_mm[axis] * variety.body[axis]);
+        man.fat_mm *= variety.fat;
+        let [prostate, bladder, rectum] = variety.organs;
+        // The rectum stays against the prostate, the bladder upon it.
+        let behind = (prostate - 1.0) * man.prostate.radii_mm[1] + (rectum - 1.0) * man.rectum_radius_mm;
+        man.rectum_y_mm += behind;
+        man.bladder.centre_mm[2] +=
+            (prostate - 1.0) * man.prostate.radii_mm[2] + (bladder - 1.0) * man.bladder.radii_mm[2];
+        man.prostate.radii_mm = man.prostate.radii_mm.map(|r| prostate * r);
+        man.bladder.radii_mm = man.bladder.radii_mm.map(|r| bladder * r);
+        man.rectum_radius_mm *= rectum;
+        man.tumour = variety.target(&man.prostate, &man.bladder, man.rectum_y_mm);
+        man.prostate_is_target = matches!(variety.site, Site::Prostate | Site::Vesicles);
+        man.implants.clone_from(&variety.implants);
+        man.bowel.clone_from(&variety.bowel);
+        man
+    }
+
+    /// Whether a part belongs to the clinical target.
+    pub fn is_target(&self, part: Part) -> bool {
+        part == Part::Tumour || (part == Part::Prostate && self.prostate_is_target)
+    }
+
+    /// Sides with a hip implant: 1 left, -1 right.
+    pub fn implants(&self) -> &[f64] {
+        &self.implants
     }
 
     /// Half of the body's width and depth, at its widest.
@@ -123,6 +176,9 @@ impl Anatomy {
         if depth <= 0.0 {
             return Part::Air;
         }
+        if self.tumour.iter().any(|part| part.level(point_mm) <= 1.0) {
+            return Part::Tumour;
+        }
         if self.prostate.level(point_mm) <= 1.0 {
             return Part::Prostate;
         }
@@ -131,6 +187,12 @@ impl Anatomy {
         }
         if self.bladder.level(point_mm) <= 1.0 {
             return Part::Bladder;
+        }
+        if self.bowel.as_ref().is_some_and(|bowel| bowel.level(point_mm) <= 1.0) {
+            return Part::Bowel;
+        }
+        if self.implants.iter().any(|side| self.implant(*side, point_mm)) {
+            return Part::Metal;
         }
         if let Some(part) = self.bone(point_mm) {
             return part;
@@ -182,6 +244,16 @@ impl Anatomy {
 
     fn hip(&self, side: f64) -> [f64; 3] {
         [side * self.hip_mm[0], self.hip_mm[1], self.hip_mm[2]]
+    }
+
+    /// Whether a place is in the implant of a side: a ball in the socket, and a stem down the thigh.
+    pub fn implant(&self, side: f64, point_mm: [f64; 3]) -> bool {
+        let head = self.hip(side);
+        let out = |x: f64, y: f64, z: f64| [head[0] + side * x, head[1] + y, head[2] + z];
+        let ball = distance(point_mm, head) - 0.9 * self.hip_radius_mm;
+        let neck = from_rod(point_mm, head, out(40.0, 6.0, -28.0)) - 8.0;
+        let stem = from_rod(point_mm, out(40.0, 6.0, -28.0), out(38.0, 4.0, -140.0)) - 8.0;
+        ball.min(neck).min(stem) <= 0.0
     }
 
     fn bone(&self, point_mm: [f64; 3]) -> Option<Part> {

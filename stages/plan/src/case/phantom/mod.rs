@@ -7,14 +7,17 @@
 //! - `head`: a head under a given skin
 //! - `anatomy`: sizes drawn from the seed, and which tissue is where
 //! - `texture`: noise of tissue and scanner
+//! - `variety`: pelves that differ in what decides the beams
 
 mod anatomy;
 mod head;
 mod texture;
+mod variety;
 
 use anatomy::{Anatomy, Part};
 pub use head::{Skin, head};
 use texture::Texture;
+use variety::{Site, Variety};
 
 use super::mask::Mask;
 use super::patient::{Case, CaseError, CaseParts, Prescription};
@@ -31,38 +34,91 @@ const MARGIN_TO_RECTUM_MM: f64 = 5.0;
 
 /// The pelvis of this seed; every seed is another man, and the same one on every machine.
 pub fn phantom(seed: u64) -> Result<Case, CaseError> {
-    let anatomy = Anatomy::of_seed(seed);
-    let grid = grid(&anatomy);
+    let provenance = format!("stillpoint's own model of a male pelvis, seed {seed}; no patient");
+    case(seed, &Anatomy::of_seed(seed), Course::of(78.0, 39), format!("pelvis-{seed}"), provenance)
+}
+
+/// The varied pelvis of this seed: besides the sizes, the seed draws the site, the side and the shape of the target, a
+/// loop of bowel, and hip implants. So the best beams differ from pelvis to pelvis.
+pub fn varied_phantom(seed: u64) -> Result<Case, CaseError> {
+    let variety = Variety::of_seed(seed);
+    let course = match variety.site {
+        Site::Prostate | Site::Vesicles => Course::of(78.0, 39),
+        _ => Course::of(66.0, 33),
+    };
+    let anatomy = Anatomy::varied(seed, &variety);
+    let provenance = format!(
+        "stillpoint's own model of a male pelvis, varied, seed {seed} (target: {}); no patient",
+        variety.site.word()
+    );
+    case(seed, &anatomy, course, format!("pelvis-varied-{seed}"), provenance)
+}
+
+/// Dose to the target and number of fractions.
+struct Course {
+    dose_gy: f64,
+    fractions: u32,
+}
+
+impl Course {
+    fn of(dose_gy: f64, fractions: u32) -> Self {
+        Self { dose_gy, fractions }
+    }
+}
+
+fn case(
+    seed: u64,
+    anatomy: &Anatomy,
+    course: Course,
+    name: String,
+    provenance: String,
+) -> Result<Case, CaseError> {
+    let grid = grid(anatomy);
     let len = grid.len();
     let parts: Vec<Part> = (0..len).map(|i| anatomy.part(grid.centre_mm(grid.voxel(i)))).collect();
     let of = |part: Part| Mask::from_fn(len, |i| parts[i] == part);
-    let ctv = of(Part::Prostate);
+    let ctv = Mask::from_fn(len, |i| anatomy.is_target(parts[i]));
     let body = Mask::from_fn(len, |i| parts[i] != Part::Air);
-    let ptv = widened(&grid, &ctv);
+    let around = widened(&grid, &ctv);
+    let ptv = Mask::from_fn(len, |i| around.contains(i) && body.contains(i));
     let rectum = Mask::from_fn(len, |i| matches!(parts[i], Part::RectumWall | Part::Stool | Part::Gas));
     let head = |side: f64| Mask::from_fn(len, |i| anatomy.femoral_head(side, grid.centre_mm(grid.voxel(i))));
+    let metal = |side: f64| {
+        Mask::from_fn(len, |i| {
+            parts[i] == Part::Metal && anatomy.implant(side, grid.centre_mm(grid.voxel(i)))
+        })
+    };
     let mut texture = Texture::of_seed(seed, &grid);
     let hu = parts.iter().enumerate().map(|(i, part)| texture.hu(*part, grid.voxel(i))).collect();
     let structure = |name: &str, role, mask| Structure { name: name.to_owned(), role, mask };
+    let hip = |side: f64, head_name: &str, implant_name: &str| match anatomy.implants().contains(&side) {
+        false => structure(head_name, Role::Organ, head(side)),
+        true => structure(implant_name, Role::Organ, metal(side)),
+    };
+    let mut structures = vec![
+        structure("Body", Role::External, body),
+        structure("PTV", Role::Target, ptv),
+        structure("Rectum", Role::Organ, rectum),
+        structure("Bladder", Role::Organ, of(Part::Bladder)),
+        hip(1.0, "FemoralHeadL", "HipImplantL"),
+        hip(-1.0, "FemoralHeadR", "HipImplantR"),
+        structure("CTV", Role::ClinicalTarget, ctv),
+    ];
+    let bowel = of(Part::Bowel);
+    if !bowel.is_empty() {
+        structures.push(structure("Bowel", Role::Organ, bowel));
+    }
     Case::new(CaseParts {
-        name: format!("pelvis-{seed}"),
+        name,
         grid,
         hu,
-        structures: vec![
-            structure("Body", Role::External, body),
-            structure("PTV", Role::Target, ptv),
-            structure("Rectum", Role::Organ, rectum),
-            structure("Bladder", Role::Organ, of(Part::Bladder)),
-            structure("FemoralHeadL", Role::Organ, head(1.0)),
-            structure("FemoralHeadR", Role::Organ, head(-1.0)),
-            structure("CTV", Role::ClinicalTarget, ctv),
-        ],
+        structures,
         isocentre_mm: None,
-        prescription: vec![Prescription { structure: "PTV".to_owned(), dose_gy: 78.0 }],
-        fractions: Some(39),
+        prescription: vec![Prescription { structure: "PTV".to_owned(), dose_gy: course.dose_gy }],
+        fractions: Some(course.fractions),
         reference_dose_gy: None,
         uids: None,
-        provenance: format!("stillpoint's own model of a male pelvis, seed {seed}; no patient"),
+        provenance,
     })
 }
 
@@ -163,5 +219,44 @@ mod tests {
             "bb2cd07ccd8cd65aa3a67c6dc9a98b79a67dcf5406dea889b15c1b936571c85a",
             "the phantom of seed 0 has changed: plans and caches made for it are void"
         );
+    }
+
+    #[test]
+    fn varied_pelves_differ_in_site_side_implants_and_organs_and_are_valid() {
+        let mut seen = std::collections::BTreeMap::new();
+        for seed in 0..16 {
+            let case = varied_phantom(seed).unwrap();
+            let mut see = |what: &str| *seen.entry(what.to_owned()).or_insert(0) += 1;
+            see(case.provenance().split("target: ").nth(1).unwrap());
+            let target = case.structure("PTV").unwrap();
+            let x = case.isocentre_mm()[0];
+            see(if x > 20.0 {
+                "left"
+            } else if x < -20.0 {
+                "right"
+            } else {
+                "middle"
+            });
+            for name in ["HipImplantL", "HipImplantR", "Bowel"] {
+                if case.structure(name).is_some() {
+                    see(name);
+                }
+            }
+            let body = case.structure("Body").unwrap();
+            assert!(target.mask.indices().all(|i| body.mask.contains(i)), "seed {seed}");
+            let volume = case.volume_cm3(target);
+            assert!((30.0..450.0).contains(&volume), "seed {seed}: {volume} cm3");
+            assert!(case.structures().iter().all(|s| !s.mask.is_empty()), "seed {seed}");
+            let dense = case.structures().iter().filter(|s| s.name.starts_with("HipImplant"));
+            for implant in dense {
+                assert!(implant.mask.indices().all(|i| case.hu()[i] > 2500), "seed {seed}");
+            }
+        }
+        for what in ["left", "right", "middle", "HipImplantL", "HipImplantR", "Bowel"] {
+            assert!(seen.contains_key(what), "{what}: {seen:?}");
+        }
+        assert!(seen.keys().filter(|k| k.contains("no patient")).count() >= 4, "{seen:?}");
+        let hash = |seed| crate::case::content_hash(&varied_phantom(seed).unwrap()).unwrap();
+        assert_eq!(hash(3), hash(3));
     }
 }

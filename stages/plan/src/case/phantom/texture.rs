@@ -45,6 +45,9 @@ impl Texture {
             Part::Stool => (28.0, 25.0),
             Part::Gas => (-880.0, 40.0),
             Part::Prostate => (42.0, 7.0),
+            Part::Tumour => (45.0, 8.0),
+            Part::Bowel => (25.0, 20.0),
+            Part::Metal => (2900.0, 20.0),
         };
         self.value(mean, spread, voxel)
     }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use stillpoint_plan::case::{Case, Skin, head, phantom, write};
+use stillpoint_plan::case::{Case, Skin, head, phantom, varied_phantom, write};
 use stillpoint_rig::head::Head;
 
 use crate::exit::{Ended, Exit, Failure};
@@ -20,6 +20,9 @@ pub struct Phantom {
     /// Seed of the phantom. Plans without a case use the pelvis of seed 0.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Also draw the site, side and shape of the target, a loop of bowel, and hip implants: `pelvis-varied-SEED.case`.
+    #[arg(long)]
+    varied: bool,
 }
 
 /// A part of the body.
@@ -34,9 +37,13 @@ enum Site {
 impl Phantom {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        let case = match self.site {
-            Site::Pelvis => phantom(self.seed).map_err(Failure::failed)?,
-            Site::Head => head_of_rig(self.seed)?,
+        let case = match (self.site, self.varied) {
+            (Site::Pelvis, false) => phantom(self.seed).map_err(Failure::failed)?,
+            (Site::Pelvis, true) => varied_phantom(self.seed).map_err(Failure::failed)?,
+            (Site::Head, false) => head_of_rig(self.seed)?,
+            (Site::Head, true) => {
+                return Err(Failure::wrong("--varied draws pelves; leave it out for --site head"));
+            }
         };
         let fault = |e| Failure::failed(format!("{}: {e}", self.out.display()));
         std::fs::create_dir_all(&self.out).map_err(fault)?;
