@@ -1,0 +1,116 @@
+//! The model file: safetensors, with the widths in its metadata.
+
+use std::collections::HashMap;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+use crate::eye::{PAIR, STRUCTURE, TARGET};
+use crate::model::{Model, ModelError, Sizes};
+
+/// Greatest file that is read.
+const GREATEST_FILE: usize = 5 << 20;
+/// The entry of the metadata: version, number of features, widths.
+const ENTRY: &str = "stillpoint_planner";
+const VERSION: u32 = 1;
+
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Meaning {
+    version: u32,
+    features: [usize; 3],
+    sizes: Sizes,
+}
+
+/// Why a file is refused.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum ModelFileError {
+    /// It is no file of this format.
+    #[error("it is not a safetensors file: {0}")]
+    Form(String),
+    /// It is not of this network.
+    #[error(
+        "its metadata has no `{ENTRY}` that this build reads ({0}); train the model with `stillpoint train planner`"
+    )]
+    Meaning(String),
+    /// A tensor is not there, or of another form.
+    #[error("the tensor `{name}` {reason}")]
+    Tensor {
+        /// Which.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The numbers make no network.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+impl Model {
+    /// Reads a model file.
+    pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelFileError> {
+        if bytes.len() > GREATEST_FILE {
+            return Err(ModelFileError::Form("it is larger than 5 MiB".into()));
+        }
+        let form = |e: safetensors::SafeTensorError| ModelFileError::Form(e.to_string());
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(form)?;
+        let entry = header.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
+        let text = entry.ok_or_else(|| ModelFileError::Meaning("it is missing".into()))?;
+        let meaning: Meaning =
+            serde_json::from_str(text).map_err(|e| ModelFileError::Meaning(e.to_string()))?;
+        if meaning.version != VERSION {
+            let why = format!("version {}, and this build reads {VERSION}", meaning.version);
+            return Err(ModelFileError::Meaning(why));
+        }
+        if meaning.features != [TARGET, STRUCTURE, PAIR] {
+            let why = format!(
+                "{:?} features, and this build has {:?}",
+                meaning.features,
+                [TARGET, STRUCTURE, PAIR]
+            );
+            return Err(ModelFileError::Meaning(why));
+        }
+        if !meaning.sizes.are_sound() {
+            return Err(ModelError::Sizes(meaning.sizes).into());
+        }
+        let tensors = SafeTensors::deserialize(bytes).map_err(form)?;
+        let due = meaning.sizes.tensors();
+        if let Some(name) = tensors.names().into_iter().find(|name| !due.iter().any(|(due, _)| due == name)) {
+            return Err(ModelFileError::Tensor {
+                name: (*name).to_owned(),
+                reason: "is none of the network's".into(),
+            });
+        }
+        let read = |(name, shape): (&'static str, Vec<usize>)| {
+            let wrong = |reason: String| ModelFileError::Tensor { name: name.to_owned(), reason };
+            let view = tensors.tensor(name).map_err(|_| wrong("is missing".into()))?;
+            if view.dtype() != Dtype::F32 {
+                return Err(wrong(format!("is {:?}, and F32 is due", view.dtype())));
+            }
+            if view.shape() != shape {
+                return Err(wrong(format!("has the shape {:?}, and {shape:?} is due", view.shape())));
+            }
+            Ok(view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
+        };
+        let numbers = due.into_iter().map(read).collect::<Result<Vec<Vec<f32>>, _>>()?;
+        Ok(Self::new(meaning.sizes, numbers)?)
+    }
+
+    /// The bytes of the model file: the same for the same numbers.
+    pub fn to_safetensors(&self) -> Result<Vec<u8>, ModelFileError> {
+        let meaning = Meaning { version: VERSION, features: [TARGET, STRUCTURE, PAIR], sizes: self.sizes() };
+        let text = serde_json::to_string(&meaning).map_err(|e| ModelFileError::Meaning(e.to_string()))?;
+        let form = |e: safetensors::SafeTensorError| ModelFileError::Form(e.to_string());
+        let bytes: Vec<Vec<u8>> = self
+            .numbers()
+            .iter()
+            .map(|values| values.iter().flat_map(|v| v.to_le_bytes()).collect())
+            .collect();
+        let views = self.sizes().tensors().into_iter().zip(&bytes);
+        let views = views
+            .map(|((name, shape), bytes)| {
+                Ok((name, TensorView::new(Dtype::F32, shape, bytes).map_err(form)?))
+            })
+            .collect::<Result<Vec<_>, ModelFileError>>()?;
+        safetensors::serialize(views, Some(HashMap::from([(ENTRY.to_owned(), text)]))).map_err(form)
+    }
+}

@@ -1,0 +1,25 @@
+//! A learned prior of beam angles: which gantry angles suit a patient, from the geometry alone. No dose is computed.
+//!
+//! The network sees each angle of a ring through the beam's eye: path lengths through tissue, which organs lie before,
+//! behind and beside the target, and how much two beams overlap outside of it. It has two heads (SCIENCE G7): the value of a
+//! set of beams, and the policy, that is which beam to add to those that are kept. This crate runs a trained network in plain
+//! code; `stillpoint-train` trains it.
+//!
+//! - [`volume`]: density and structures of a case, and rays through them
+//! - [`eye`]: the features
+//! - [`model`]: the network's numbers and its forward pass
+//! - [`file`]: the model file
+//! - [`judgement`]: what the network says of the sets of a case, and the sets of the best value
+
+#![forbid(unsafe_code)]
+
+pub mod eye;
+pub mod file;
+pub mod judgement;
+pub mod model;
+pub mod volume;
+
+pub use eye::{Eye, EyeError};
+pub use file::ModelFileError;
+pub use judgement::Judgement;
+pub use model::{Model, Sizes};

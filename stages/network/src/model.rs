@@ -1,0 +1,289 @@
+//! The network: its numbers, and the forward pass in plain code.
+//!
+//! For each angle: an embedding of each structure at risk, summed over them (so that their number and order do not matter);
+//! with the features of the target through two circular convolutions over the ring with symmetric taps (so that a mirrored
+//! patient gets mirrored answers), and beside the mean over the ring through a dense layer. For each pair of angles: a
+//! perceptron over the pair's features and both angles, symmetric in them. Each of the two gives two numbers, for the value
+//! and for the policy.
+
+use serde::{Deserialize, Serialize};
+
+use crate::eye::{Eye, PAIR, STRUCTURE, TARGET};
+use crate::judgement::Judgement;
+
+/// Distances of the taps of the first and of the second convolution, in steps of the ring.
+pub const TAPS: [[usize; 3]; 2] = [[0, 1, 2], [0, 4, 8]];
+
+/// Widths of the layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sizes {
+    /// Embedding of a structure at risk.
+    pub structure: usize,
+    /// Channels of the convolutions.
+    pub ring: usize,
+    /// What is known of an angle at last.
+    pub angle: usize,
+    /// What of it goes into pairs.
+    pub beside: usize,
+    /// Hidden layer of the pairs' perceptron.
+    pub pair: usize,
+}
+
+impl Default for Sizes {
+    fn default() -> Self {
+        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24 }
+    }
+}
+
+/// Greatest width of a layer.
+pub const WIDEST: usize = 512;
+
+/// Place of each tensor in [`Sizes::tensors`].
+pub mod place {
+    //! The order of the tensors.
+    #![allow(missing_docs)]
+    pub const TARGET_MEAN: usize = 0;
+    pub const TARGET_SCALE: usize = 1;
+    pub const STRUCTURE_MEAN: usize = 2;
+    pub const STRUCTURE_SCALE: usize = 3;
+    pub const PAIR_MEAN: usize = 4;
+    pub const PAIR_SCALE: usize = 5;
+    /// The first tensor that training sets.
+    pub const TRAINED: usize = 6;
+    pub const STRUCTURE_1: usize = 6;
+    pub const STRUCTURE_2: usize = 8;
+    pub const RING_1: usize = 10;
+    pub const RING_2: usize = 14;
+    pub const ANGLE: usize = 18;
+    pub const SINGLE: usize = 20;
+    pub const BESIDE: usize = 22;
+    pub const PAIR_1: usize = 23;
+    pub const PAIR_2: usize = 25;
+}
+
+impl Sizes {
+    /// Name and shape of every tensor, in order. Matrices have a row for each output.
+    pub fn tensors(&self) -> Vec<(&'static str, Vec<usize>)> {
+        let Self { structure, ring, angle, beside, pair } = *self;
+        let seen = TARGET + structure;
+        vec![
+            ("target.mean", vec![TARGET]),
+            ("target.scale", vec![TARGET]),
+            ("structure.mean", vec![STRUCTURE]),
+            ("structure.scale", vec![STRUCTURE]),
+            ("pair.mean", vec![PAIR]),
+            ("pair.scale", vec![PAIR]),
+            ("structure.1.weight", vec![structure, STRUCTURE]),
+            ("structure.1.bias", vec![structure]),
+            ("structure.2.weight", vec![structure, structure]),
+            ("structure.2.bias", vec![structure]),
+            ("ring.1.tap.0", vec![ring, seen]),
+            ("ring.1.tap.1", vec![ring, seen]),
+            ("ring.1.tap.2", vec![ring, seen]),
+            ("ring.1.bias", vec![ring]),
+            ("ring.2.tap.0", vec![ring, ring]),
+            ("ring.2.tap.1", vec![ring, ring]),
+            ("ring.2.tap.2", vec![ring, ring]),
+            ("ring.2.bias", vec![ring]),
+            ("angle.weight", vec![angle, 2 * ring]),
+            ("angle.bias", vec![angle]),
+            ("single.weight", vec![2, angle]),
+            ("single.bias", vec![2]),
+            ("beside.weight", vec![beside, angle]),
+            ("pair.1.weight", vec![pair, PAIR + 2 * beside]),
+            ("pair.1.bias", vec![pair]),
+            ("pair.2.weight", vec![2, pair]),
+            ("pair.2.bias", vec![2]),
+        ]
+    }
+
+    /// Whether every width is from 1 to [`WIDEST`].
+    pub fn are_sound(&self) -> bool {
+        let Self { structure, ring, angle, beside, pair } = *self;
+        [structure, ring, angle, beside, pair].iter().all(|width| (1..=WIDEST).contains(width))
+    }
+}
+
+/// A network with its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    sizes: Sizes,
+    numbers: Vec<Vec<f32>>,
+}
+
+/// Why numbers make no network.
+#[derive(Clone, Debug, thiserror::Error, PartialEq)]
+pub enum ModelError {
+    /// A width that cannot be.
+    #[error("the widths {0:?} are not all from 1 to {WIDEST}")]
+    Sizes(Sizes),
+    /// Another number of tensors.
+    #[error("there are {found} tensors, and the network has {expected}")]
+    Tensors {
+        /// Given.
+        found: usize,
+        /// Due.
+        expected: usize,
+    },
+    /// A tensor of another size.
+    #[error("the tensor `{name}` has {found} numbers, and {expected} are due")]
+    Length {
+        /// Which.
+        name: &'static str,
+        /// Given.
+        found: usize,
+        /// Due.
+        expected: usize,
+    },
+    /// A number that is infinite or none, or a scale that is not positive.
+    #[error("the tensor `{name}` has {value} at place {at}: numbers must be finite, and scales positive")]
+    Number {
+        /// Which.
+        name: &'static str,
+        /// Where.
+        at: usize,
+        /// Its value.
+        value: f32,
+    },
+}
+
+impl Model {
+    /// The network of these numbers, in the order of [`Sizes::tensors`].
+    pub fn new(sizes: Sizes, numbers: Vec<Vec<f32>>) -> Result<Self, ModelError> {
+        if !sizes.are_sound() {
+            return Err(ModelError::Sizes(sizes));
+        }
+        let tensors = sizes.tensors();
+        if numbers.len() != tensors.len() {
+            return Err(ModelError::Tensors { found: numbers.len(), expected: tensors.len() });
+        }
+        for ((name, shape), values) in tensors.into_iter().zip(&numbers) {
+            let expected = shape.iter().product();
+            if values.len() != expected {
+                return Err(ModelError::Length { name, found: values.len(), expected });
+            }
+            let scale = name.ends_with(".scale");
+            let wrong = |v: &f32| !v.is_finite() || (scale && *v <= 0.0);
+            if let Some(at) = values.iter().position(wrong) {
+                return Err(ModelError::Number { name, at, value: values[at] });
+            }
+        }
+        Ok(Self { sizes, numbers })
+    }
+
+    /// Its widths.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Its numbers, in the order of [`Sizes::tensors`].
+    pub fn numbers(&self) -> &[Vec<f32>] {
+        &self.numbers
+    }
+
+    /// How many numbers training sets.
+    pub fn parameters(&self) -> usize {
+        self.numbers[place::TRAINED..].iter().map(Vec::len).sum()
+    }
+
+    /// What the network says of a case.
+    pub fn judge(&self, eye: &Eye) -> Judgement {
+        let angles = self.angles(eye);
+        let beside: Vec<Vec<f32>> = angles
+            .iter()
+            .map(|h| product(&self.numbers[place::BESIDE], h, vec![0.0; self.sizes.beside]))
+            .collect();
+        let single = angles.iter().map(|h| two(&self.dense(place::SINGLE, h))).collect();
+        let count = eye.angles;
+        let mut pair = vec![[0.0; 2]; count * count];
+        let mut input = vec![0.0; PAIR + 2 * self.sizes.beside];
+        for a in 0..count {
+            for b in a + 1..count {
+                self.scaled(place::PAIR_MEAN, &eye.pairs[a * count + b], &mut input[..PAIR]);
+                for (i, (x, y)) in beside[a].iter().zip(&beside[b]).enumerate() {
+                    input[PAIR + i] = x + y;
+                    input[PAIR + self.sizes.beside + i] = (x - y).abs();
+                }
+                let hidden = rectified(self.dense(place::PAIR_1, &input));
+                let said = two(&self.dense(place::PAIR_2, &hidden));
+                pair[a * count + b] = said;
+                pair[b * count + a] = said;
+            }
+        }
+        Judgement::new(single, pair)
+    }
+
+    /// What is known of each angle.
+    fn angles(&self, eye: &Eye) -> Vec<Vec<f32>> {
+        let count = eye.angles;
+        let mut seen: Vec<Vec<f32>> = Vec::with_capacity(count);
+        for a in 0..count {
+            let mut x = vec![0.0; TARGET + self.sizes.structure];
+            self.scaled(place::TARGET_MEAN, &eye.target[a], &mut x[..TARGET]);
+            for of_structure in &eye.structures {
+                let mut input = [0.0; STRUCTURE];
+                self.scaled(place::STRUCTURE_MEAN, &of_structure[a], &mut input);
+                let first = rectified(self.dense(place::STRUCTURE_1, &input));
+                let second = rectified(self.dense(place::STRUCTURE_2, &first));
+                x[TARGET..].iter_mut().zip(second).for_each(|(sum, value)| *sum += value);
+            }
+            seen.push(x);
+        }
+        let first = self.around(place::RING_1, TAPS[0], &seen);
+        let second = self.around(place::RING_2, TAPS[1], &first);
+        let mut mean = vec![0.0; self.sizes.ring];
+        for of_angle in &second {
+            mean.iter_mut().zip(of_angle).for_each(|(sum, value)| *sum += value / count as f32);
+        }
+        second
+            .iter()
+            .map(|of_angle| rectified(self.dense(place::ANGLE, &[&of_angle[..], &mean].concat())))
+            .collect()
+    }
+
+    /// A circular convolution with symmetric taps, rectified.
+    fn around(&self, first: usize, taps: [usize; 3], x: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        let count = x.len();
+        let one = |a: usize| {
+            let mut sum = self.numbers[first + 3].clone();
+            for (tap, distance) in taps.into_iter().enumerate() {
+                let weights = &self.numbers[first + tap];
+                sum = product(weights, &x[(a + distance) % count], sum);
+                if distance > 0 {
+                    sum = product(weights, &x[(a + count - distance % count) % count], sum);
+                }
+            }
+            rectified(sum)
+        };
+        (0..count).map(one).collect()
+    }
+
+    fn dense(&self, first: usize, x: &[f32]) -> Vec<f32> {
+        product(&self.numbers[first], x, self.numbers[first + 1].clone())
+    }
+
+    fn scaled(&self, mean: usize, features: &[f32], out: &mut [f32]) {
+        let with = self.numbers[mean].iter().zip(&self.numbers[mean + 1]);
+        for ((out, value), (mean, scale)) in out.iter_mut().zip(features).zip(with) {
+            *out = ((value - mean) / scale).clamp(-8.0, 8.0);
+        }
+    }
+}
+
+/// `sum + weights x`, the weights row by row.
+fn product(weights: &[f32], x: &[f32], mut sum: Vec<f32>) -> Vec<f32> {
+    for (sum, row) in sum.iter_mut().zip(weights.chunks_exact(x.len())) {
+        *sum += row.iter().zip(x).map(|(w, x)| w * x).sum::<f32>();
+    }
+    sum
+}
+
+fn rectified(mut x: Vec<f32>) -> Vec<f32> {
+    x.iter_mut().for_each(|x| *x = x.max(0.0));
+    x
+}
+
+fn two(x: &[f32]) -> [f32; 2] {
+    [x[0], x[1]]
+}
