@@ -4,6 +4,8 @@
 //! - [`dataset`]: samples, windows of them, and what is to be predicted
 //! - [`network`]: the network of `stillpoint-control` as tensors, with gradients
 //! - [`fit`]: descent, validation and early stop
+//! - [`planner`]: the prior of beam angles of `stillpoint-network`
+//! - [`tower`]: the dissertation's residual tower
 //! - [`card`]: what a model was trained on, and how well it predicts
 
 #![forbid(unsafe_code)]
@@ -13,6 +15,8 @@ pub mod dataset;
 pub mod excite;
 pub mod fit;
 pub mod network;
+pub mod planner;
+pub mod tower;
 
 /// Why there is no trained model.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +52,17 @@ pub enum TrainError {
     /// The head on the rig has no rest.
     #[error("the rig: {0}")]
     Rig(String),
+    /// A case, its doses or its features.
+    #[error("planning: {0}")]
+    Plan(String),
+    /// A file that cannot be read or written.
+    #[error("{}: {why}", path.display())]
+    File {
+        /// Which.
+        path: std::path::PathBuf,
+        /// What is wrong.
+        why: String,
+    },
     /// What candle says.
     #[error("training failed: {0}")]
     Tensor(#[from] candle_core::Error),

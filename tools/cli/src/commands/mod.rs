@@ -54,7 +54,7 @@ pub enum Command {
     Send(send::Send),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
-    /// Train the network of a controller offline.
+    /// Train the network of a controller, or the prior of beams, offline.
     Train(train::Train),
     /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),

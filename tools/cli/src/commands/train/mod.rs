@@ -1,5 +1,6 @@
 //! `stillpoint train`
 
+mod planner;
 mod sessions;
 
 use std::path::{Path, PathBuf};
@@ -29,6 +30,8 @@ pub struct Train {
 enum What {
     /// Train the network whose features `control.mrac` adapts over.
     Controller(Controller),
+    /// Train the prior of beam angles that `plan --prior network` uses.
+    Planner(planner::Planner),
 }
 
 impl Train {
@@ -36,6 +39,7 @@ impl Train {
     pub fn execute(&self) -> Ended {
         match &self.what {
             What::Controller(controller) => controller.execute(),
+            What::Planner(planner) => planner.execute(),
         }
     }
 }

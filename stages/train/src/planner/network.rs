@@ -1,0 +1,204 @@
+//! The network of `stillpoint_network` as tensors, with gradients.
+
+use candle_core::{D, Device, Tensor, Var};
+use stillpoint_network::model::{TAPS, place};
+use stillpoint_network::{Model, Sizes};
+use stillpoint_random::Random;
+
+use super::examples::{Example, States};
+use crate::TrainError;
+
+/// What a beam that may not be added gets for a logit.
+const FORBIDDEN: f32 = -1e4;
+
+/// A network whose numbers can be trained.
+pub struct Network {
+    sizes: Sizes,
+    /// Means and scales of the features.
+    fixed: Vec<Vec<f32>>,
+    vars: Vec<Var>,
+}
+
+/// An example as tensors.
+pub struct Loaded {
+    angles: usize,
+    target: Tensor,
+    /// All structures, one behind the other.
+    structures: Tensor,
+    /// Pairs `a < b`.
+    pairs: Tensor,
+    first: Tensor,
+    second: Tensor,
+    /// For each tap its distances as rows to take.
+    turned: Vec<Tensor>,
+}
+
+/// What the network says of each angle and of each pair `a < b`.
+pub struct Said {
+    single: Tensor,
+    pair: Tensor,
+    angles: usize,
+}
+
+impl Network {
+    /// A network whose numbers begin uniformly within the root of 3 over the inputs of their layer (He et al., 2015), half of
+    /// that in the heads. `fixed` are means and scales of the features.
+    pub fn new(sizes: Sizes, fixed: Vec<Vec<f32>>, seed: u64) -> Result<Self, TrainError> {
+        let mut random = Random::stream(seed, u64::MAX);
+        let mut vars = Vec::new();
+        for (name, shape) in sizes.tensors().into_iter().skip(place::TRAINED) {
+            let inputs = shape.get(1).copied().unwrap_or(0);
+            let head = name.starts_with("single") || name.starts_with("pair.2");
+            let bound = match inputs {
+                0 => 0.0,
+                n => libm::sqrt(3.0 / n as f64) * if head { 0.1 } else { 1.0 },
+            };
+            let numbers =
+                (0..shape.iter().product()).map(|_| random.between(-1.0, 1.0) as f32 * bound as f32);
+            let tensor = Tensor::from_vec(numbers.collect::<Vec<f32>>(), shape, &Device::Cpu)?;
+            vars.push(Var::from_tensor(&tensor)?);
+        }
+        Ok(Self { sizes, fixed, vars })
+    }
+
+    /// All that is trained.
+    pub fn vars(&self) -> &[Var] {
+        &self.vars
+    }
+
+    /// The numbers that are trained.
+    pub fn numbers(&self) -> Result<Vec<Vec<f32>>, TrainError> {
+        self.vars.iter().map(|v| Ok(v.flatten_all()?.to_vec1::<f32>()?)).collect()
+    }
+
+    /// Puts numbers in, in the order and the sizes of [`numbers`](Self::numbers).
+    pub fn set(&self, numbers: &[Vec<f32>]) -> Result<(), TrainError> {
+        for (var, numbers) in self.vars.iter().zip(numbers) {
+            var.set(&Tensor::from_slice(numbers, var.dims(), &Device::Cpu)?)?;
+        }
+        Ok(())
+    }
+
+    /// The network that runs without tensors.
+    pub fn model(&self, numbers: &[Vec<f32>]) -> Result<Model, TrainError> {
+        let all = self.fixed.iter().chain(numbers).cloned().collect();
+        Model::new(self.sizes, all).map_err(|e| TrainError::Plan(e.to_string()))
+    }
+
+    /// An example as tensors.
+    pub fn load(&self, example: &Example) -> Result<Loaded, TrainError> {
+        let (eye, device) = (&example.eye, &Device::Cpu);
+        let n = eye.angles;
+        let scaled = |values: &[f32], first: usize| -> Vec<f32> {
+            let of = values.iter().zip(self.fixed[first].iter().zip(&self.fixed[first + 1]));
+            of.map(|(v, (mean, scale))| ((v - mean) / scale).clamp(-8.0, 8.0)).collect()
+        };
+        let matrix = |rows: Vec<Vec<f32>>| -> Result<Tensor, TrainError> {
+            let shape = (rows.len(), rows.first().map_or(0, Vec::len));
+            Ok(Tensor::from_vec(rows.concat(), shape, device)?)
+        };
+        let both = || (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
+        let index = |all: Vec<usize>| -> Result<Tensor, TrainError> {
+            let all: Vec<u32> = all.into_iter().map(|i| i as u32).collect();
+            Ok(Tensor::from_vec(all.clone(), all.len(), device)?)
+        };
+        let mut turned = Vec::new();
+        for distance in TAPS.into_iter().flatten() {
+            turned.push(index((0..n).map(|a| (a + distance) % n).collect())?);
+            turned.push(index((0..n).map(|a| (a + n - distance % n) % n).collect())?);
+        }
+        Ok(Loaded {
+            angles: n,
+            target: matrix(eye.target.iter().map(|f| scaled(f, place::TARGET_MEAN)).collect())?,
+            structures: matrix(
+                eye.structures.iter().flatten().map(|f| scaled(f, place::STRUCTURE_MEAN)).collect(),
+            )?,
+            pairs: matrix(both().map(|(a, b)| scaled(&eye.pairs[a * n + b], place::PAIR_MEAN)).collect())?,
+            first: index(both().map(|(a, _)| a).collect())?,
+            second: index(both().map(|(_, b)| b).collect())?,
+            turned,
+        })
+    }
+
+    /// What it says of an example.
+    pub fn forward(&self, x: &Loaded) -> Result<Said, TrainError> {
+        let at = |place: usize| -> &Tensor { &self.vars[place - place::TRAINED] };
+        let dense = |x: &Tensor, first: usize| -> Result<Tensor, TrainError> {
+            Ok(x.matmul(&at(first).t()?)?.broadcast_add(at(first + 1))?)
+        };
+        let structures = dense(&x.structures, place::STRUCTURE_1)?.relu()?;
+        let structures = dense(&structures, place::STRUCTURE_2)?.relu()?;
+        let count = structures.dim(0)? / x.angles;
+        let summed = structures.reshape((count, x.angles, self.sizes.structure))?.sum(0)?;
+        let seen = Tensor::cat(&[&x.target, &summed], 1)?;
+        let around = |input: &Tensor, first: usize, turned: &[Tensor]| -> Result<Tensor, TrainError> {
+            let mut sum = input.matmul(&at(first).t()?)?.broadcast_add(at(first + 3))?;
+            for tap in 1..3 {
+                let sides = (input.index_select(&turned[2 * tap], 0)?
+                    + input.index_select(&turned[2 * tap + 1], 0)?)?;
+                sum = (sum + sides.matmul(&at(first + tap).t()?)?)?;
+            }
+            Ok(sum.relu()?)
+        };
+        let first = around(&seen, place::RING_1, &x.turned[..6])?;
+        let second = around(&first, place::RING_2, &x.turned[6..])?;
+        let mean = second.mean_keepdim(0)?.broadcast_as(second.shape())?;
+        let angles = dense(&Tensor::cat(&[&second, &mean], 1)?, place::ANGLE)?.relu()?;
+        let single = dense(&angles, place::SINGLE)?;
+        let beside = angles.matmul(&at(place::BESIDE).t()?)?;
+        let (a, b) = (beside.index_select(&x.first, 0)?, beside.index_select(&x.second, 0)?);
+        let input = Tensor::cat(&[&x.pairs, &(&a + &b)?, &(&a - &b)?.abs()?], 1)?;
+        let pair = dense(&dense(&input, place::PAIR_1)?.relu()?, place::PAIR_2)?;
+        Ok(Said { single, pair, angles: x.angles })
+    }
+}
+
+impl Said {
+    /// The value of each set, `ln(cost / reference)`. All sets have the same number of beams.
+    pub fn values(&self, sets: &[&Vec<u16>]) -> Result<Tensor, TrainError> {
+        let beams = sets.first().map_or(0, |set| set.len());
+        let singles: Vec<u32> = sets.iter().flat_map(|set| set.iter().map(|b| u32::from(*b))).collect();
+        let mut pairs = Vec::new();
+        for set in sets {
+            for (place, a) in set.iter().enumerate() {
+                pairs.extend(set[..place].iter().map(|b| self.place(*a, *b)));
+            }
+        }
+        let each = beams * beams.saturating_sub(1) / 2;
+        let mean = |all: &Tensor, places: Vec<u32>, width: usize| -> Result<Tensor, TrainError> {
+            let index = Tensor::from_vec(places.clone(), places.len(), &Device::Cpu)?;
+            let taken = all.narrow(1, 0, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
+            Ok(taken.reshape((sets.len(), width))?.mean(D::Minus1)?)
+        };
+        Ok((mean(&self.single, singles, beams)? + mean(&self.pair, pairs, each)?)?)
+    }
+
+    /// The logits of the policy: a row for each state, a column for each angle.
+    pub fn logits(&self, states: &States) -> Result<Tensor, TrainError> {
+        let (rows, n) = (states.kept.len(), self.angles);
+        let kept = states.kept.first().map_or(0, Vec::len);
+        let own = self.single.narrow(1, 1, 1)?.squeeze(1)?.reshape((1, n))?.broadcast_as((rows, n))?;
+        let forbidden: Vec<f32> =
+            states.legal.iter().flatten().map(|legal| if *legal { 0.0 } else { FORBIDDEN }).collect();
+        let mut logits = (own + Tensor::from_vec(forbidden, (rows, n), &Device::Cpu)?)?;
+        if kept > 0 {
+            let mut places = Vec::with_capacity(rows * n * kept);
+            for beams in &states.kept {
+                for a in 0..n as u16 {
+                    // A beam beside itself is forbidden, so that any pair stands in for it.
+                    places.extend(beams.iter().map(|b| if *b == a { 0 } else { self.place(a, *b) }));
+                }
+            }
+            let index = Tensor::from_vec(places.clone(), places.len(), &Device::Cpu)?;
+            let taken = self.pair.narrow(1, 1, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
+            logits = (logits + taken.reshape((rows, n, kept))?.mean(D::Minus1)?)?;
+        }
+        Ok(logits)
+    }
+
+    /// The row of a pair.
+    fn place(&self, a: u16, b: u16) -> u32 {
+        let (a, b, n) = (u32::from(a.min(b)), u32::from(a.max(b)), self.angles as u32);
+        a * n - a * (a + 1) / 2 + b - a - 1
+    }
+}
