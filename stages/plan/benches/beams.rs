@@ -90,7 +90,7 @@ fn goals(case: &stillpoint_plan::case::Case, params: &DoseParams) -> Goals {
         let mask = &case.structure(name).unwrap_or_else(|| panic!("no {name}")).mask;
         let mut voxels = voxels_on(&params.grid, case.grid(), mask);
         voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
-        Wanted { name: name.into(), voxels, volumes: Vec::new(), objectives }
+        Wanted { name: name.into(), voxels, volumes: Vec::new(), to_target_mm: Vec::new(), objectives }
     });
     Goals::new(wanted.to_vec(), params.grid.len()).unwrap()
 }

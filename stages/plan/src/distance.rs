@@ -21,6 +21,19 @@ pub fn distances_mm(grid: &Grid, set: impl Fn(usize) -> bool) -> Vec<f32> {
     squares
 }
 
+/// Distance from the centre of each voxel to the nearest voxel of air, mm. Where the image ends there is no skin: a voxel
+/// beyond it is no air.
+pub fn depths_mm(grid: &Grid, image: &Grid, in_patient: impl Fn(usize) -> bool) -> Vec<f32> {
+    let seen = |voxel: usize| {
+        let centre = grid.centre_mm(grid.voxel(voxel));
+        (0..3).all(|axis| {
+            let place = (centre[axis] - image.origin_mm[axis]) / image.spacing_mm[axis];
+            (-0.5..=image.counts[axis] as f64 - 0.5).contains(&place)
+        })
+    };
+    distances_mm(grid, |voxel| !in_patient(voxel) && seen(voxel))
+}
+
 /// Room for the transform of one line of voxels.
 struct Line {
     spacing_mm: f64,

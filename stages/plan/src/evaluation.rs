@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::Grid;
 use crate::case::{Case, Mask, Role, Structure};
-use crate::distance::distances_mm;
+use crate::distance::{depths_mm, distances_mm};
 use crate::metrics::{Dvh, paddick_conformity};
 use crate::occupancy::Occupancy;
 
@@ -198,17 +198,10 @@ fn far_and_entry(
 ) -> (Occupancy, Occupancy) {
     let mut in_target = vec![false; grid.len()];
     targets.voxels().iter().for_each(|v| in_target[*v as usize] = true);
-    let mut air = vec![true; grid.len()];
-    external.voxels().iter().for_each(|v| air[*v as usize] = false);
-    let seen = |voxel: usize| {
-        let centre = grid.centre_mm(grid.voxel(voxel));
-        (0..3).all(|axis| {
-            let place = (centre[axis] - image.origin_mm[axis]) / image.spacing_mm[axis];
-            (-0.5..=image.counts[axis] as f64 - 0.5).contains(&place)
-        })
-    };
+    let mut in_patient = vec![false; grid.len()];
+    external.voxels().iter().for_each(|v| in_patient[*v as usize] = true);
     let to_target = distances_mm(grid, |voxel| in_target[voxel]);
-    let to_air = distances_mm(grid, |voxel| air[voxel] && seen(voxel));
+    let to_air = depths_mm(grid, image, |voxel| in_patient[voxel]);
     let chosen = |wanted: &dyn Fn(usize) -> bool| {
         let whole = external.whole.iter().copied().filter(|v| wanted(*v as usize)).collect();
         Occupancy { whole, border: Vec::new() }

@@ -15,6 +15,7 @@
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
+//! - [`protocol`]: limits of doses, and a plan beside them
 //! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
 //! - [`sampling`]: the points whose dose is optimised
 //! - `sparse`: the dose-influence matrix
@@ -34,6 +35,7 @@ pub mod metrics;
 pub mod objectives;
 pub mod occupancy;
 pub mod outline;
+pub mod protocol;
 pub mod recompute;
 pub mod sampling;
 mod sparse;

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use crate::Grid;
 use crate::case::{Case, Mask, Role, Structure};
-use crate::distance::distances_mm;
+use crate::distance::{depths_mm, distances_mm};
 use crate::dose::density::voxels_inside;
 use crate::dose::engine::{check_bixel, check_grid};
 use crate::dose::{DoseEngine, DoseError, DoseParams};
@@ -104,6 +104,14 @@ impl Sampling {
     /// The lattice.
     pub fn grid(&self) -> &Grid {
         &self.grid
+    }
+
+    /// Depth of each voxel of the lattice below the skin of this outline, mm.
+    pub(crate) fn depths_mm(&self, case: &Case, outline: &Structure) -> Vec<f32> {
+        let place = case.structures().iter().position(|s| s.name == outline.name);
+        let mut inside = vec![false; self.grid.len()];
+        place.iter().flat_map(|place| &self.members[*place]).for_each(|v| inside[*v as usize] = true);
+        depths_mm(&self.grid, case.grid(), |voxel| inside[voxel])
     }
 
     /// Number of points: rows of the dose matrices.

@@ -13,6 +13,7 @@
 //!     name: "target".into(),
 //!     voxels: vec![0],
 //!     volumes: Vec::new(),
+//!     to_target_mm: Vec::new(),
 //!     objectives: vec![Objective::Underdose { dose: 60.0, weight: 1.0 }],
 //! };
 //! let goals = Goals::new(vec![target], 2)?;

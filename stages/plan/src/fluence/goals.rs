@@ -16,6 +16,8 @@ pub struct Wanted {
     pub voxels: Vec<u32>,
     /// Volume that each voxel stands for, in any one unit; none where all are alike.
     pub volumes: Vec<f64>,
+    /// Distance of each voxel to the nearest target, mm, not negative; none where no objective asks for it.
+    pub to_target_mm: Vec<f64>,
     /// Its objectives.
     pub objectives: Vec<Objective>,
 }
@@ -52,6 +54,18 @@ pub enum GoalsError {
         voxels: usize,
         /// Volumes given.
         volumes: usize,
+    },
+    /// Distances to the targets that do not belong to the voxels, or are none.
+    #[error(
+        "{name} has {voxels} voxels and {distances} distances to the targets; for its fall-off each voxel needs one that is not negative"
+    )]
+    Distances {
+        /// The structure.
+        name: String,
+        /// Its voxels.
+        voxels: usize,
+        /// Distances given.
+        distances: usize,
     },
     /// A number of an objective is out of its range.
     #[error("{name}: {what} is {value}; it must be {range}")]
@@ -130,6 +144,12 @@ impl Goals {
             }
             for objective in &structure.objectives {
                 objective.check(&structure.name)?;
+                let distances = &structure.to_target_mm;
+                let known = distances.len() == structure.voxels.len() && distances.iter().all(|r| *r >= 0.0);
+                if matches!(objective, Objective::FallOff { .. }) && !known {
+                    let (voxels, distances) = (structure.voxels.len(), distances.len());
+                    return Err(GoalsError::Distances { name: name(), voxels, distances });
+                }
             }
         }
         let needed = (0..voxels as u32).filter(|v| row_of[*v as usize] != LEFT_OUT).collect::<Vec<_>>();
@@ -166,7 +186,7 @@ impl Goals {
             let rows: Vec<u32> = structure.voxels.iter().map(|v| self.row_of[*v as usize]).collect();
             let alike = vec![1.0; if structure.volumes.is_empty() { rows.len() } else { 0 }];
             let volumes = if structure.volumes.is_empty() { &alike } else { &structure.volumes };
-            let region = Region { rows: &rows, volumes };
+            let region = Region { rows: &rows, volumes, to_target_mm: &structure.to_target_mm };
             for objective in &structure.objectives {
                 objective.add(region, &mut matrix, bixels, &mut parts);
             }

@@ -18,6 +18,20 @@ pub enum Objective {
         /// Weight.
         weight: f64,
     },
+    /// `weight / v sum max(0, d - goal(r))^2`, where `r` is a voxel's distance to the nearest target. The goal falls linearly
+    /// from `near` at the target to `far` at `over_mm` and stays there; `v` is the volume within `over_mm`.
+    FallOff {
+        /// Gray.
+        #[serde(rename = "near_gy")]
+        near: f64,
+        /// Gray, not above `near`.
+        #[serde(rename = "far_gy")]
+        far: f64,
+        /// Millimetres, above 0.
+        over_mm: f64,
+        /// Weight.
+        weight: f64,
+    },
     /// `weight / v sum max(0, dose - d)^2`.
     Underdose {
         /// Gray.
@@ -69,6 +83,8 @@ pub(super) struct Region<'a> {
     pub rows: &'a [u32],
     /// One for each row.
     pub volumes: &'a [f64],
+    /// One for each row where an objective asks for it.
+    pub to_target_mm: &'a [f64],
 }
 
 /// A DVH objective whose voxels are chosen by dose.
@@ -99,6 +115,7 @@ impl Objective {
     pub fn scaled(mut self, factor: f64) -> Self {
         match &mut self {
             Self::Overdose { weight, .. }
+            | Self::FallOff { weight, .. }
             | Self::Underdose { weight, .. }
             | Self::MeanDose { weight, .. }
             | Self::Homogeneity { weight }
@@ -113,6 +130,7 @@ impl Objective {
             Self::Overdose { dose, weight }
             | Self::Underdose { dose, weight }
             | Self::MeanDose { dose, weight } => (dose, 0.0, weight),
+            Self::FallOff { near, weight, .. } => (near, 0.0, weight),
             Self::Homogeneity { weight } => (0.0, 0.0, weight),
             Self::DvhAtMost { dose, volume, weight } | Self::DvhAtLeast { dose, volume, weight } => {
                 (dose, volume, weight)
@@ -121,6 +139,18 @@ impl Objective {
         let bad = |what, value, range| Err(GoalsError::Number { name: name.to_owned(), what, value, range });
         if !(dose.is_finite() && dose >= 0.0) {
             return bad("a dose", dose, "a finite number of gray, not negative");
+        }
+        if let Self::FallOff { near, far, over_mm, .. } = *self {
+            if !(0.0..=near).contains(&far) {
+                return bad(
+                    "the dose at the end of a fall-off",
+                    far,
+                    "between 0 Gy and the dose at its beginning",
+                );
+            }
+            if !(over_mm.is_finite() && over_mm > 0.0) {
+                return bad("the length of a fall-off", over_mm, "a finite number of millimetres above 0");
+            }
         }
         if !(0.0..=1.0).contains(&volume) {
             return bad("a volume", volume, "a fraction between 0 and 1");
@@ -142,6 +172,18 @@ impl Objective {
         match *self {
             Self::Overdose { dose, weight } => each(Side::Over, dose, weight),
             Self::Underdose { dose, weight } => each(Side::Under, dose, weight),
+            Self::FallOff { near, far, over_mm, weight } => {
+                let within: f64 = both()
+                    .zip(region.to_target_mm)
+                    .filter(|(_, r)| **r <= over_mm)
+                    .map(|((_, v), _)| v)
+                    .sum();
+                let unit = if within > 0.0 { within } else { whole };
+                terms.extend(both().zip(region.to_target_mm).map(|((row, v), r)| {
+                    let goal = near + (far - near) * (r / over_mm).min(1.0);
+                    Term { row, side: Side::Over, goal, weight: weight * v / unit }
+                }));
+            }
             Self::MeanDose { dose, weight } => {
                 // One more row: the mean over the structure.
                 let shares: Vec<(u32, f64)> = both().map(|(row, v)| (row, v / whole)).collect();

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::table::{Dose, ObjectiveTable, Volume, Wish};
+use super::table::{Dose, Length, ObjectiveTable, Volume, Wish};
 use crate::Grid;
 use crate::case::{Case, Role, Structure};
 use crate::fluence::{Goals, GoalsError, Objective, Wanted};
@@ -87,17 +87,23 @@ impl ObjectiveTable {
             if wishes.is_empty() {
                 continue;
             }
+            let (regional, wishes): (Vec<&Wish>, Vec<&Wish>) = wishes.iter().partition(|w| w.is_regional());
+            let all = || wishes.iter().chain(&regional);
             let prescribed = match structure.role {
-                Role::Target if wishes.iter().any(|w| matches!(w.dose(), Some(Dose::OfPrescription(_)))) => {
+                Role::Target if all().any(|w| matches!(w.dose(), Some(Dose::OfPrescription(_)))) => {
                     own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?
                 }
-                _ if highest == 0.0
-                    && wishes.iter().any(|w| !matches!(w.dose(), None | Some(Dose::Gray(_)))) =>
-                {
+                _ if highest == 0.0 && all().any(|w| !matches!(w.dose(), None | Some(Dose::Gray(_)))) => {
                     return Err(AimsError::NoPrescription(structure.name.clone()));
                 }
                 _ => highest,
             };
+            for wish in &regional {
+                aims.add_region(case, sampling, (place, structure), wish, [prescribed, highest]);
+            }
+            if wishes.is_empty() {
+                continue;
+            }
             let mut voxels = sampling.members[place].clone();
             voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
             let Points { rows: voxels, volumes, .. } = sampling.points(place, structure, &voxels);
@@ -110,7 +116,8 @@ impl ObjectiveTable {
             }
             aims.moves.push(follows(structure.role));
             let objectives = wishes.iter().map(|wish| wish.objective(prescribed, highest)).collect();
-            aims.wanted.push(Wanted { name: structure.name.clone(), voxels, volumes, objectives });
+            let name = structure.name.clone();
+            aims.wanted.push(Wanted { name, voxels, volumes, to_target_mm: Vec::new(), objectives });
         }
         if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
             return Err(AimsError::NoTarget);
@@ -132,11 +139,41 @@ impl Aims {
                 let voxels = structure.voxels.iter().map(|v| before + v).collect();
                 let share = |objective: &Objective| objective.scaled(1.0 / times as f64);
                 let objectives = structure.objectives.iter().map(share).collect();
-                let volumes = structure.volumes.clone();
-                wanted.push(Wanted { name: structure.name.clone(), voxels, volumes, objectives });
+                wanted.push(Wanted { voxels, objectives, ..structure.clone() });
             }
         }
         Ok(Goals::new(wanted, setups * self.rows)?)
+    }
+
+    /// Adds a wish for a part of a structure, of which all points outside targets count, also those of organs.
+    fn add_region(
+        &mut self,
+        case: &Case,
+        sampling: &Sampling,
+        (place, structure): (usize, &Structure),
+        wish: &Wish,
+        [prescribed, highest]: [f64; 2],
+    ) {
+        let outside = sampling.members[place].iter().filter(|v| sampling.to_target_mm[**v as usize] > 0.0);
+        let (part, voxels): (String, Vec<u32>) = match wish {
+            Wish::Entry { depth: Length(depth), .. } => {
+                let depths = case.external().map(|body| sampling.depths_mm(case, body)).unwrap_or_default();
+                let shallow = |v: &&u32| depths.get(**v as usize).is_some_and(|d| f64::from(*d) <= *depth);
+                (format!("{} (first {depth} mm)", structure.name), outside.filter(shallow).copied().collect())
+            }
+            _ => (format!("{} (fall-off)", structure.name), outside.copied().collect()),
+        };
+        let Points { rows: voxels, volumes, to_target_mm } = sampling.points(place, structure, &voxels);
+        if voxels.is_empty() {
+            self.notes.push(format!("{part} has no voxel on the dose grid, so nothing is wanted of it"));
+            return;
+        }
+        // From the border of the target: half a voxel nearer than the centre of its last voxel.
+        let half = 0.5 * sampling.grid().spacing_mm[0];
+        let to_target_mm = to_target_mm.iter().map(|r| (r - half).max(0.0)).collect();
+        let objectives = vec![wish.objective(prescribed, highest)];
+        self.moves.push(follows(structure.role));
+        self.wanted.push(Wanted { name: part, voxels, volumes, to_target_mm, objectives });
     }
 
     /// Rows of structures that are followed through every set-up, rising.
@@ -156,12 +193,19 @@ impl Wish {
     fn dose(&self) -> Option<Dose> {
         match self {
             Self::Overdose { dose, .. }
+            | Self::Entry { dose, .. }
+            | Self::FallOff { near: dose, .. }
             | Self::Underdose { dose, .. }
             | Self::MeanDose { dose, .. }
             | Self::DvhAtMost { dose, .. }
             | Self::DvhAtLeast { dose, .. } => Some(*dose),
             Self::Homogeneity { .. } => None,
         }
+    }
+
+    /// Whether it is for a part of the structure by its place, not for the points that no structure before has.
+    fn is_regional(&self) -> bool {
+        matches!(self, Self::FallOff { .. } | Self::Entry { .. })
     }
 
     fn objective(&self, prescribed: f64, highest: f64) -> Objective {
@@ -171,7 +215,12 @@ impl Wish {
             Dose::OfHighest(part) => part * highest,
         };
         match *self {
-            Self::Overdose { dose, weight } => Objective::Overdose { dose: gray(dose), weight },
+            Self::Overdose { dose, weight } | Self::Entry { dose, weight, .. } => {
+                Objective::Overdose { dose: gray(dose), weight }
+            }
+            Self::FallOff { near, far, over: Length(over_mm), weight } => {
+                Objective::FallOff { near: gray(near), far: gray(far), over_mm, weight }
+            }
             Self::Underdose { dose, weight } => Objective::Underdose { dose: gray(dose), weight },
             Self::MeanDose { dose, weight } => Objective::MeanDose { dose: gray(dose), weight },
             Self::Homogeneity { weight } => Objective::Homogeneity { weight },
@@ -202,13 +251,27 @@ mod tests {
     fn targets_come_first_and_a_voxel_counts_once() {
         let (_, aims) = aims();
         let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
-        assert_eq!(names, ["PTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR", "Body"]);
-        let mut all: Vec<u32> = aims.wanted.iter().flat_map(|w| w.voxels.clone()).collect();
+        assert_eq!(
+            names,
+            [
+                "PTV",
+                "Rectum",
+                "Bladder",
+                "FemoralHeadL",
+                "FemoralHeadR",
+                "Body (fall-off)",
+                "Body (fall-off)",
+                "Body (first 10 mm)",
+                "Body"
+            ]
+        );
+        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let mut all: Vec<u32> = whole.flat_map(|w| w.voxels.clone()).collect();
         let count = all.len();
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), count);
-        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 600.0 });
+        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 1300.0 });
     }
 
     #[test]
@@ -216,16 +279,56 @@ mod tests {
         let (_, aims) = aims();
         let goals = aims.goals(7).unwrap();
         assert_eq!(goals.rows(), 7 * aims.rows);
-        assert_eq!(goals.wanted().len(), 7 * 5 + 1);
-        let all = aims.wanted.iter().map(|w| w.voxels.len()).sum::<usize>();
+        assert_eq!(goals.wanted().len(), 7 * 5 + 4);
+        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let all = whole.map(|w| w.voxels.len()).sum::<usize>();
         let moving: usize = aims.wanted[..5].iter().map(|w| w.voxels.len()).sum();
         assert_eq!(goals.voxels().len(), all + 6 * moving);
         assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
         assert_eq!(
             goals.wanted()[6].objectives[0],
-            Objective::Underdose { dose: 78.0, weight: 600.0 * (1.0 / 7.0) }
+            Objective::Underdose { dose: 78.0, weight: 1300.0 * (1.0 / 7.0) }
         );
-        assert!(matches!(goals.wanted()[35].objectives[0], Objective::Overdose { weight: 8.0, .. }));
+        assert!(matches!(goals.wanted()[38].objectives[0], Objective::Overdose { weight: 8.0, .. }));
+    }
+
+    /// A ball of the patient's outline: goals by distance hold for all points outside the target, also those of organs.
+    #[test]
+    fn the_fall_off_and_the_entry_count_for_every_point_of_their_region_outside_the_targets() {
+        let (case, aims) = aims();
+        let find = |name: &str| aims.wanted.iter().find(|w| w.name == name).unwrap();
+        let (fall_off, entry) = (find("Body (fall-off)"), find("Body (first 10 mm)"));
+        let rectum = find("Rectum");
+        assert!(rectum.voxels.iter().all(|v| fall_off.voxels.contains(v)));
+        assert!(find("PTV").voxels.iter().all(|v| !fall_off.voxels.contains(v)));
+        let nearest = fall_off.to_target_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        assert_eq!((fall_off.to_target_mm.len(), nearest), (fall_off.voxels.len(), 2.5), "voxels of 5 mm");
+        assert!(matches!(fall_off.objectives[..], [Objective::FallOff { near: 78.0, over_mm: 15.0, .. }]));
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let body = case.external().unwrap();
+        let deep = |voxel: u32| {
+            let centre = grid.centre_mm(grid.voxel(voxel as usize));
+            // A cross of 15 mm arms around the voxel is in the patient.
+            (0..3).all(|axis| {
+                [-15.0, 15.0].iter().all(|by| {
+                    let mut at = centre;
+                    at[axis] += by;
+                    let place = std::array::from_fn(|i| {
+                        ((at[i] - case.grid().origin_mm[i]) / case.grid().spacing_mm[i]).round().max(0.0)
+                            as usize
+                    });
+                    (0..3).all(|i| place[i] < case.grid().counts[i])
+                        && body.mask.contains(case.grid().index(place))
+                })
+            })
+        };
+        let too_deep = entry.voxels.iter().filter(|v| deep(**v)).count();
+        assert!(
+            !entry.voxels.is_empty() && too_deep * 20 < entry.voxels.len(),
+            "{too_deep} of {}",
+            entry.voxels.len()
+        );
+        assert!(matches!(entry.objectives[..], [Objective::Overdose { dose: 39.0, .. }]));
     }
 
     #[test]
@@ -276,7 +379,7 @@ mod tests {
         assert_eq!(names, ["PTV", "low"]);
         for (wanted, own) in aims.wanted.iter().zip([70.0, 50.0]) {
             let expected = [
-                Objective::Underdose { dose: own, weight: 600.0 },
+                Objective::Underdose { dose: own, weight: 1300.0 },
                 Objective::Overdose { dose: 1.02 * own, weight: 150.0 },
                 Objective::Overdose { dose: 1.04 * 70.0, weight: 1500.0 },
             ];

@@ -29,6 +29,8 @@ pub(super) struct TableLine {
 #[serde(deny_unknown_fields, rename_all = "snake_case")]
 pub(super) enum Wish {
     Overdose { dose: Dose, weight: f64 },
+    FallOff { near: Dose, far: Dose, over: Length, weight: f64 },
+    Entry { dose: Dose, depth: Length, weight: f64 },
     Underdose { dose: Dose, weight: f64 },
     MeanDose { dose: Dose, weight: f64 },
     Homogeneity { weight: f64 },
@@ -49,6 +51,11 @@ pub(super) enum Dose {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "String")]
 pub(super) struct Volume(pub f64);
+
+/// A length: `20 mm`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Length(pub f64);
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -127,6 +134,15 @@ impl TryFrom<String> for Volume {
     fn try_from(text: String) -> Result<Self, String> {
         let part = number(&text, "%").map(|p| p / 100.0).filter(|part| (0.0..=1.0).contains(part));
         part.map(Self).ok_or_else(|| format!("{text:?} is no volume: `30 %` (of the structure) is due"))
+    }
+}
+
+impl TryFrom<String> for Length {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let mm = number(&text, "mm").filter(|mm| *mm > 0.0);
+        mm.map(Self).ok_or_else(|| format!("{text:?} is no length: `20 mm` is due"))
     }
 }
 

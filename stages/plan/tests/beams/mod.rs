@@ -47,6 +47,7 @@ fn disc() -> (Vec<Rows>, Goals) {
         name: name.into(),
         voxels,
         volumes: Vec::new(),
+        to_target_mm: Vec::new(),
         objectives,
     };
     let target = vec![

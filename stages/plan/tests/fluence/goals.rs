@@ -42,7 +42,8 @@ pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
     let square = |x: f64| x.max(0.0).powi(2);
     let mut cost = 0.0;
     for structure in wanted {
-        let mut d: Vec<f64> = structure.voxels.iter().map(|v| dose[*v as usize]).collect();
+        let by_place: Vec<f64> = structure.voxels.iter().map(|v| dose[*v as usize]).collect();
+        let mut d = by_place.clone();
         d.sort_by(f64::total_cmp);
         let v = d.len() as f64;
         let mean = d.iter().sum::<f64>() / v;
@@ -50,6 +51,13 @@ pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
         for objective in &structure.objectives {
             cost += match *objective {
                 Objective::Overdose { dose, weight } => weight * sum(&|d| square(d - dose)),
+                Objective::FallOff { near, far, over_mm, weight } => {
+                    let r = &structure.to_target_mm;
+                    let v = r.iter().filter(|r| **r <= over_mm).count() as f64;
+                    let goal = |r: f64| if r < over_mm { near - (near - far) * r / over_mm } else { far };
+                    let costs = by_place.iter().zip(r).map(|(d, r)| square(d - goal(*r)));
+                    weight / v * costs.sum::<f64>()
+                }
                 Objective::Underdose { dose, weight } => weight * sum(&|d| square(dose - d)),
                 Objective::MeanDose { dose, weight } => weight * square(mean - dose),
                 Objective::Homogeneity { weight } => weight * sum(&|d| (d - mean).powi(2)),
@@ -74,12 +82,14 @@ fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<Wanted> {
             name: "target".into(),
             voxels: vec![0, 1, 2, 3, 4, 5],
             volumes: Vec::new(),
+            to_target_mm: Vec::new(),
             objectives: target,
         },
         Wanted {
             name: "organ".into(),
             voxels: vec![4, 5, 6, 7, 8, 9, 10],
             volumes: Vec::new(),
+            to_target_mm: vec![0.0, 0.5, 3.0, 6.0, 8.0, 10.0, 40.0],
             objectives: organ,
         },
     ]
@@ -100,6 +110,7 @@ proptest! {
         let organ = vec![
             Objective::MeanDose { dose: 20.0, weight: 3.0 },
             Objective::Overdose { dose: 30.0, weight: 1.0 },
+            Objective::FallOff { near: 50.0, far: 15.0, over_mm: 8.0, weight: 2.0 },
         ];
         let wanted = wanted([[prescribed(), vec![Objective::Homogeneity { weight: 4.0 }]].concat(), organ]);
         let (plan, found) = solve(&wanted, &matrix);
@@ -156,6 +167,7 @@ fn a_dvh_point_lets_the_hottest_part_go() {
         name: "both".into(),
         voxels: vec![0, 1],
         volumes: Vec::new(),
+        to_target_mm: Vec::new(),
         objectives: vec![
             Objective::Underdose { dose: 60.0, weight: 1.0 },
             Objective::DvhAtMost { dose: 10.0, volume: 0.5, weight: 1000.0 },
@@ -184,7 +196,13 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
         Objective::DvhAtMost { dose: 30.0, volume: 0.5, weight: 4.0 },
     ];
     let solve = |rows: &Rows, voxels: Vec<u32>, volumes: Vec<f64>| {
-        let wanted = Wanted { name: "all".into(), voxels, volumes, objectives: objectives.clone() };
+        let wanted = Wanted {
+            name: "all".into(),
+            voxels,
+            volumes,
+            to_target_mm: Vec::new(),
+            objectives: objectives.clone(),
+        };
         let goals = Goals::new(vec![wanted], 4).unwrap();
         solve_plan(&goals.problem(&[rows.view().into()]).unwrap(), None, Options::default()).unwrap()
     };
@@ -198,16 +216,33 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
 #[test]
 fn wishes_that_cannot_be_used_are_refused_by_name() {
     let one = |voxels: Vec<u32>, objective| {
-        let wanted =
-            Wanted { name: "rectum".into(), voxels, volumes: Vec::new(), objectives: vec![objective] };
+        let wanted = Wanted {
+            name: "rectum".into(),
+            voxels,
+            volumes: Vec::new(),
+            to_target_mm: Vec::new(),
+            objectives: vec![objective],
+        };
         Goals::new(vec![wanted], 3).err()
     };
     let fine = Objective::Overdose { dose: 1.0, weight: 1.0 };
     assert_eq!(one(vec![0, 2], fine), None);
     for volumes in [vec![1.0], vec![1.0, 0.0], vec![1.0, f64::NAN]] {
-        let wanted = Wanted { name: "rectum".into(), voxels: vec![0, 2], volumes, objectives: vec![fine] };
+        let wanted = Wanted {
+            name: "rectum".into(),
+            voxels: vec![0, 2],
+            volumes,
+            to_target_mm: Vec::new(),
+            objectives: vec![fine],
+        };
         let fault = Goals::new(vec![wanted], 3).err();
         assert!(matches!(fault, Some(GoalsError::Volumes { voxels: 2, .. })), "{fault:?}");
+    }
+    let fall_off = Objective::FallOff { near: 9.0, far: 3.0, over_mm: 20.0, weight: 1.0 };
+    assert!(matches!(one(vec![0, 2], fall_off), Some(GoalsError::Distances { voxels: 2, distances: 0, .. })));
+    for (far, over_mm) in [(-1.0, 20.0), (10.0, 20.0), (f64::NAN, 20.0), (3.0, 0.0), (3.0, f64::INFINITY)] {
+        let fault = one(vec![0, 2], Objective::FallOff { near: 9.0, far, over_mm, weight: 1.0 });
+        assert!(matches!(fault, Some(GoalsError::Number { .. })), "{far} {over_mm}: {fault:?}");
     }
     assert_eq!(one(vec![], fine), Some(GoalsError::Empty { name: "rectum".into() }));
     assert!(matches!(one(vec![2, 1], fine), Some(GoalsError::Voxel { at: 1, .. })));

@@ -114,6 +114,7 @@ fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<Wanted> {
         name: name.into(),
         voxels,
         volumes: Vec::new(),
+        to_target_mm: Vec::new(),
         objectives,
     };
     let target = vec![
@@ -149,6 +150,7 @@ fn written_down(disc: &Dense, wanted: &[Wanted], dose: &[f64]) -> Dense {
             };
             match *objective {
                 Objective::Overdose { dose, weight } => each(voxels, Side::Over, dose, weight),
+                Objective::FallOff { .. } => unreachable!("no structure here has one"),
                 Objective::Underdose { dose, weight } => each(voxels, Side::Under, dose, weight),
                 Objective::DvhAtMost { dose, volume, weight } => {
                     let costing = rising.len() - (volume * v) as usize;

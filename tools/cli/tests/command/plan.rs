@@ -49,7 +49,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
         (&wanted["structure"], wanted["objectives"].as_array().unwrap().len()),
         (&Value::from("PTV"), 3)
     );
-    let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 600.0 } });
+    let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 1300.0 } });
     assert_eq!(wanted["objectives"][0], under, "a share of the prescription is told in gray");
     let ptv = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
     assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");

@@ -1,5 +1,6 @@
 //! `stillpoint plan`: beams and fluence for a case.
 //!
+//! - `protocol`: limits from protocol files
 //! - `request`: what is asked for, checked
 //! - `ground`: the case made ready: goals, dose engines, doses from the cache
 //! - `way`: the names of the methods of choosing beams
@@ -15,6 +16,7 @@ mod export;
 mod folder;
 mod ground;
 mod outcome;
+mod protocol;
 mod request;
 mod search;
 mod table;
@@ -64,6 +66,10 @@ pub struct Plan {
     /// JSON table of objectives; its entries take precedence over the built-in table.
     #[arg(long, value_name = "FILE")]
     objectives: Option<PathBuf>,
+    /// YAML file of limits that the plan is compared with. Default: the built-in protocol of the site of the case, prostate or
+    /// head and neck.
+    #[arg(long, value_name = "FILE")]
+    protocol: Option<PathBuf>,
     /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,

@@ -6,6 +6,7 @@ use stillpoint_plan::beams::Progress;
 use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
 use stillpoint_plan::objectives::follows;
+use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
 use super::ground::{Ground, bar};
@@ -27,6 +28,8 @@ pub struct Outcome<'a> {
     pub figures: Vec<StructureDose>,
     /// How the dose falls off in the planned set-up.
     pub fall_off: Option<FallOff>,
+    /// The limits of the protocol, in the planned set-up.
+    pub limits: Vec<Judged>,
     /// Figures of the other set-ups; of structures that are followed through them.
     pub moved: Vec<Vec<StructureDose>>,
     /// The dose that came with the case, on the same grid, gray.
@@ -71,6 +74,7 @@ impl<'a> Outcome<'a> {
             angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
             figures: figures(&gray[0]),
             fall_off: on_grid.fall_off(&gray[0]),
+            limits: request.protocol.iter().flat_map(|p| p.judge(case, &on_grid, &gray[0])).collect(),
             moved: gray[1..].iter().map(of_moving).collect(),
             reference: reference_gray.as_deref().map(figures),
             reference_gray,
@@ -124,6 +128,7 @@ impl<'a> Outcome<'a> {
             "beams": best.beams.beams().iter().map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
             "fall_off": self.fall_off,
+            "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
             "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
             "reference": self.reference,
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),

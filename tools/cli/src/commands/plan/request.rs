@@ -8,9 +8,10 @@ use stillpoint_plan::beams::{Method, Ring, class_solution, pelvis_solutions};
 use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::protocol::Protocol;
 
-use super::Plan;
 use super::way::Way;
+use super::{Plan, protocol};
 use crate::exit::Failure;
 use crate::quantity::quantity;
 
@@ -35,6 +36,8 @@ pub struct Request {
     pub setups_mm: Vec<[f64; 3]>,
     /// The objectives.
     pub objectives: ObjectiveTable,
+    /// The limits that the plan is compared with.
+    pub protocol: Option<Protocol>,
     /// The machine.
     pub machine: Machine,
     /// Spacing of the dose grid, mm.
@@ -78,6 +81,7 @@ impl Request {
             methods,
             setups_mm: setups(given.robust.as_deref())?,
             objectives: objectives(given.objectives.as_deref())?,
+            protocol: protocol::of(&case, given.protocol.as_deref())?,
             machine: machine(given.machine.as_deref())?,
             grid_mm: length("grid", &given.grid)?,
             bixel_mm: length("bixel", &given.bixel)?,

@@ -1,6 +1,7 @@
 //! The figures of a plan, for people.
 
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
+use stillpoint_plan::protocol::Judged;
 
 use super::ground::Ground;
 use super::outcome::Outcome;
@@ -30,6 +31,9 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
     structures(&outcome.figures, &ground.volumes_at_gy);
     if let Some(fall_off) = &outcome.fall_off {
         outln!("{}", describe(fall_off));
+    }
+    if let Some(protocol) = &request.protocol {
+        limits(&protocol.name, &outcome.limits);
     }
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
@@ -88,6 +92,26 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
          V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
          CI is Paddick's conformity index of the 95 % isodose"
     );
+}
+
+/// The limits of a protocol, with the values of the plan.
+fn limits(protocol: &str, limits: &[Judged]) {
+    let head =
+        [(Side::Left, "structure"), (Side::Left, "limit"), (Side::Right, "plan"), (Side::Left, "result")];
+    let mut table = Columns::new(head.into_iter().chain([(Side::Left, "source")]));
+    let word = |passed| if passed { "pass" } else { "FAIL" };
+    for (value, passed, j) in limits.iter().filter_map(|j| Some((j.value?, j.passed?, j))) {
+        let value = if value < 10.0 { format!("{value:.2}") } else { format!("{value:.1}") };
+        table.row([j.structure.clone(), j.limit.clone(), value, word(passed).to_owned(), j.source.clone()]);
+    }
+    let count = |wanted: Option<bool>| limits.iter().filter(|j| j.passed == wanted).count();
+    outln!("\nprotocol {protocol}: {} limits kept, {} not kept\n", count(Some(true)), count(Some(false)));
+    out!("{table}");
+    let missing: Vec<&str> =
+        limits.iter().filter(|j| j.passed.is_none()).map(|j| j.structure.as_str()).collect();
+    if !missing.is_empty() {
+        outln!("not in the case: {}", missing.join(", "));
+    }
 }
 
 /// The fall-off of the dose around the targets.

@@ -1,0 +1,142 @@
+//! Protocols of a plan: the shipped ones, and a file of one's own.
+
+use std::path::Path;
+
+use stillpoint_operator::config::faults::{Code, Faults, Findings};
+use stillpoint_operator::config::source::Sources;
+use stillpoint_operator::config::tree::{Entry, Keys, Node, TEXT, Value};
+use stillpoint_operator::config::{text, yaml};
+use stillpoint_plan::case::{Case, name_fits};
+use stillpoint_plan::protocol::{Limit, Of, Protocol};
+
+use crate::exit::Failure;
+
+const SHIPPED: [(&str, &str); 2] = [
+    ("prostate.yaml", include_str!("../../../data/protocols/prostate.yaml")),
+    ("head-and-neck.yaml", include_str!("../../../data/protocols/head-and-neck.yaml")),
+];
+const KEYS: [&str; 3] = ["name", "site", "limits"];
+const KEYS_OF_LIMIT: [&str; 6] = ["structure", "match", "target", "plan", "limit", "source"];
+
+/// The protocol of this file; without one the first shipped protocol of whose site the case has a structure.
+pub fn of(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failure> {
+    if let Some(path) = file {
+        let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+        let bytes = std::fs::read(path).map_err(|e| fault(&e))?;
+        let name = path.display().to_string();
+        let text = text(bytes, &name).map_err(|faults| Failure::wrong(faults.to_string()))?;
+        let read = read(&name, &text).map_err(|faults| Failure::wrong(faults.to_string()))?;
+        return Ok(Some(read.0));
+    }
+    for (name, text) in SHIPPED {
+        let (protocol, site) = read(name, text).map_err(|faults| Failure::failed(faults.to_string()))?;
+        let here = |pattern: &String| case.structures().iter().any(|s| name_fits(pattern, &s.name));
+        if site.iter().any(here) {
+            return Ok(Some(protocol));
+        }
+    }
+    Ok(None)
+}
+
+/// A protocol and the structures of its site.
+fn read(file_name: &str, text: &str) -> Result<(Protocol, Vec<String>), Faults> {
+    let findings = Findings::default();
+    let read = yaml::parse(text, 0, 0, &findings).and_then(|root| protocol(&root, &findings));
+    match read {
+        Some(read) if findings.is_empty() => Ok(read),
+        _ => Err(findings.into_faults(Sources::new(file_name, text, &[]))),
+    }
+}
+
+fn protocol(root: &Node, findings: &Findings) -> Option<(Protocol, Vec<String>)> {
+    let keys = Keys::of(root.map("the protocol", "a mapping", findings)?, &KEYS, "a protocol", findings);
+    let due = |key: &str| {
+        if keys.get(key).is_none() {
+            let help = "write `name: NAME` and `limits: [...]`";
+            findings.say(root.span.first(1), Code::MissingKey, format!("the protocol has no `{key}`"), help);
+        }
+        keys.get(key).map(|entry| &entry.value)
+    };
+    let name = due("name").and_then(|node| node.scalar("the name", TEXT, findings));
+    let limits = due("limits").and_then(|node| node.list("`limits`", "a list", findings));
+    let site = keys.get("site").map_or(Some(Vec::new()), |entry| texts(entry, findings));
+    let limits: Vec<Option<Limit>> = limits?.iter().map(|node| limit(node, findings)).collect();
+    let limits: Option<Vec<Limit>> = limits.into_iter().collect();
+    Some((Protocol { name: name?.to_owned(), limits: limits? }, site?))
+}
+
+fn limit(node: &Node, findings: &Findings) -> Option<Limit> {
+    let keys = Keys::of(node.map("a limit", "a mapping", findings)?, &KEYS_OF_LIMIT, "a limit", findings);
+    let scalar = |key: &str| keys.get(key)?.value.scalar(&format!("`{key}`"), TEXT, findings);
+    let of = match (keys.get("structure"), keys.get("target"), keys.get("plan")) {
+        (Some(_), None, None) => Of::Structure {
+            name: scalar("structure")?.to_owned(),
+            patterns: keys.get("match").map_or(Some(Vec::new()), |entry| texts(entry, findings))?,
+        },
+        (None, Some(entry), None) => match scalar("target")? {
+            "each" => Of::EachTarget,
+            "highest" => Of::HighestTarget,
+            _ => {
+                entry.value.refuse("`target`", "`each` or `highest`", findings);
+                return None;
+            }
+        },
+        (None, None, Some(Entry { value: Node { value: Value::Switch(true), .. }, .. })) => Of::Plan,
+        _ => {
+            let help = "write one of `structure: NAME`, `target: each`, `target: highest` and `plan: true`";
+            let message = "a limit must say what it is on, once";
+            findings.say(node.span, Code::MissingKey, message, help);
+            return None;
+        }
+    };
+    let Some(written) = keys.get("limit") else {
+        let help = "write `limit: \"V75Gy[%] <= 15\"`";
+        findings.say(node.span, Code::MissingKey, "a limit has no `limit`", help);
+        return None;
+    };
+    let source = scalar("source").unwrap_or_default();
+    match Limit::new(of, scalar("limit")?, source) {
+        Ok(limit) => Some(limit),
+        Err(fault) => {
+            let help = "quantities are named as by AAPM TG-263; see docs/planning.md";
+            findings.say(written.value.span, Code::OutOfRange, fault.to_string(), help);
+            None
+        }
+    }
+}
+
+fn texts(entry: &Entry, findings: &Findings) -> Option<Vec<String>> {
+    let what = format!("`{}`", entry.key.value);
+    let items = entry.value.list(&what, "a list of names", findings)?;
+    items.iter().map(|item| item.scalar(&what, TEXT, findings).map(str::to_owned)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_plan::case::phantom;
+
+    #[test]
+    fn the_shipped_protocols_are_read_and_a_pelvis_gets_that_of_the_prostate() {
+        for (name, text) in SHIPPED {
+            let (protocol, site) = read(name, text).unwrap();
+            assert!(protocol.limits.len() > 10 && !site.is_empty(), "{name}");
+        }
+        let found = of(&phantom(0).unwrap(), None).unwrap().unwrap();
+        assert_eq!(found.name, "prostate");
+    }
+
+    #[test]
+    fn a_fault_of_a_protocol_has_its_line() {
+        let refused = |text: &str| read("own.yaml", text).unwrap_err().to_string();
+        let limit = |limit: &str| refused(&format!("name: own\nlimits:\n  - {{ {limit} }}\n"));
+        assert!(refused("limits: []").contains("no `name`"));
+        assert!(refused("name: own\nlimit: []\n").contains("did you mean `limits`?"));
+        let unknown = limit("structure: Rectum, limit: \"V75[%] <= 15\"");
+        assert!(unknown.contains("own.yaml:3") && unknown.contains("is no quantity"), "{unknown}");
+        assert!(limit("structure: Rectum, target: each, limit: \"Mean[Gy] <= 1\"").contains("once"));
+        assert!(limit("plan: false, limit: \"R50 <= 5\"").contains("once"));
+        assert!(limit("target: all, limit: \"D98%[%] >= 95\"").contains("`highest`"));
+        assert!(limit("structure: Rectum").contains("no `limit`"));
+    }
+}
