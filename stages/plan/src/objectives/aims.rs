@@ -292,7 +292,7 @@ mod tests {
         assert!(matches!(goals.wanted()[38].objectives[0], Objective::Overdose { weight: 8.0, .. }));
     }
 
-    /// A ball of the patient's outline: goals by distance hold for all points outside the target, also those of organs.
+    /// Goals by distance hold for all points outside the targets, also those of organs.
     #[test]
     fn the_fall_off_and_the_entry_count_for_every_point_of_their_region_outside_the_targets() {
         let (case, aims) = aims();
