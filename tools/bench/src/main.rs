@@ -11,6 +11,7 @@
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
 //! - `identity`: captures of other objects than the head of drawn patients, and the time to beam off
+//! - `acceptance`: figures of plans, beside those of a finer grid
 //! - `closed_loop`: the latency from an image to the datagram that depends on it
 //! - `program`: the default pipeline as a separate program
 //! - `stages`, `clouds`, `noise`, `poison`: the bench's own kinds of operators
@@ -29,6 +30,7 @@
 #[macro_use]
 extern crate stillpoint;
 
+mod acceptance;
 mod bare;
 mod cases;
 mod casualty;
@@ -89,6 +91,7 @@ enum Measurement {
     Step(step::StepBench),
     Robust(robust::Robust),
     Tune(tune::Tune),
+    Plans(acceptance::Plans),
     /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate
     /// programs.
     #[command(name = RUN, hide = true)]
@@ -112,6 +115,7 @@ impl Measurement {
             Self::Step(b) => b.execute(registry),
             Self::Robust(b) => b.execute(registry),
             Self::Tune(b) => b.execute(registry),
+            Self::Plans(b) => b.execute(),
             Self::Run(run) => run.execute(registry),
         }
     }

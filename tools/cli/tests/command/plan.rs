@@ -51,6 +51,12 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     );
     let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 1300.0 } });
     assert_eq!(wanted["objectives"][0], under, "a share of the prescription is told in gray");
+    let limits = told["protocol"]["limits"].as_array().unwrap();
+    assert_eq!(told["protocol"]["name"], "prostate");
+    let of_rectum: Vec<&Value> = limits.iter().filter(|l| l["structure"] == "Rectum").collect();
+    assert_eq!(of_rectum.len(), 5);
+    assert!(of_rectum.iter().all(|l| l["value"].is_number() && l["passed"].is_boolean()), "{of_rectum:?}");
+    assert!(limits.iter().any(|l| l["structure"] == "PenileBulb" && l["passed"].is_null()), "{limits:?}");
     let ptv = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
     assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");
 }
