@@ -195,7 +195,7 @@ impl Planned {
             .map_err(|e| text(&e))?;
         let goals = table.for_points(case, &sampling).and_then(|aims| aims.goals(1)).map_err(|e| text(&e))?;
         let mut evaluator = Evaluator::new(&doses, &goals, ring, count, Budget { solves: 1 });
-        let best = choose(&Method::Class(angles), &mut evaluator, 0).map_err(|e| text(&e))?.best;
+        let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(|e| text(&e))?.best;
         let weighted =
             |beam: &u16| (ring.angle_deg(*beam), best.weights_of(*beam).unwrap_or_default().to_vec());
         let points_mm = sampling.grid().spacing_mm[0];

@@ -271,7 +271,7 @@ mod tests {
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), count);
-        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 1300.0 });
+        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 1600.0 });
     }
 
     #[test]
@@ -287,7 +287,7 @@ mod tests {
         assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
         assert_eq!(
             goals.wanted()[6].objectives[0],
-            Objective::Underdose { dose: 78.0, weight: 1300.0 * (1.0 / 7.0) }
+            Objective::Underdose { dose: 78.0, weight: 1600.0 * (1.0 / 7.0) }
         );
         assert!(matches!(goals.wanted()[38].objectives[0], Objective::Overdose { weight: 8.0, .. }));
     }
@@ -303,7 +303,7 @@ mod tests {
         assert!(find("PTV").voxels.iter().all(|v| !fall_off.voxels.contains(v)));
         let nearest = fall_off.to_target_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
         assert_eq!((fall_off.to_target_mm.len(), nearest), (fall_off.voxels.len(), 2.5), "voxels of 5 mm");
-        assert!(matches!(fall_off.objectives[..], [Objective::FallOff { near: 78.0, over_mm: 15.0, .. }]));
+        assert!(matches!(fall_off.objectives[..], [Objective::FallOff { near: 78.0, over_mm: 13.0, .. }]));
         let grid = DoseParams::over(case.grid(), 5.0).grid;
         let body = case.external().unwrap();
         let deep = |voxel: u32| {
@@ -379,7 +379,7 @@ mod tests {
         assert_eq!(names, ["PTV", "low"]);
         for (wanted, own) in aims.wanted.iter().zip([70.0, 50.0]) {
             let expected = [
-                Objective::Underdose { dose: own, weight: 1300.0 },
+                Objective::Underdose { dose: own, weight: 1600.0 },
                 Objective::Overdose { dose: 1.02 * own, weight: 150.0 },
                 Objective::Overdose { dose: 1.04 * 70.0, weight: 1500.0 },
             ];

@@ -49,7 +49,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
         (&wanted["structure"], wanted["objectives"].as_array().unwrap().len()),
         (&Value::from("PTV"), 3)
     );
-    let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 1300.0 } });
+    let under = serde_json::json!({ "underdose": { "dose_gy": 78.0, "weight": 1600.0 } });
     assert_eq!(wanted["objectives"][0], under, "a share of the prescription is told in gray");
     let limits = told["protocol"]["limits"].as_array().unwrap();
     assert_eq!(told["protocol"]["name"], "prostate");
