@@ -71,6 +71,7 @@ fn wanted() -> Vec<Wanted> {
         name: name.into(),
         voxels: Vec::new(),
         volumes: Vec::new(),
+        to_target_mm: Vec::new(),
         objectives: vec![Objective::Overdose { dose, weight }],
     };
     vec![

@@ -82,7 +82,13 @@ impl Problem {
             };
             voxels.retain(counts);
             if !voxels.is_empty() {
-                wanted.push(Wanted { name: name.to_owned(), voxels, volumes: Vec::new(), objectives });
+                wanted.push(Wanted {
+                    name: name.to_owned(),
+                    voxels,
+                    volumes: Vec::new(),
+                    to_target_mm: Vec::new(),
+                    objectives,
+                });
             }
         }
         let mut samples: Vec<u32> = wanted.iter().flat_map(|w| w.voxels.iter().copied()).collect();
