@@ -1,0 +1,48 @@
+//! The transport between hosts: publications over zenoh behind the seam [`stillpoint_transport::Transport`].
+//!
+//! A [`Host`] is one end of the network: two zenoh sessions, one for small samples and beats, one for bulk, each with a
+//! TCP connection of its own. Each edge that leaves or reaches the host is a [`Remote`], a transport of one channel.
+//!
+//! zenoh discards without a message, and waits before it discards. So each sender has a bounded queue of its own, from
+//! which a thread puts; the beats of each host carry the counts of its senders and receivers, so that lost tails are
+//! seen; and a peer is alive only as long as its beats arrive.
+//!
+//! - `endpoints`: where a host listens and connects, and the zenoh session for it
+//! - `identity`: what two hosts compare before anything flows
+//! - `beat`: the message by which a host is alive, with the counts of its ends
+//! - `attachment`: what precedes the body of a sample on the wire
+//! - `names`: keys of publications
+//! - `clocks`: the offset between the clocks of two hosts
+//! - `peers`: what a host knows of the others
+//! - `host`: the sessions, and the thread that beats
+//! - `sender`, `receiver`: the two ends of an edge
+//! - `lane`: the thread that puts
+//! - `router`: a router between hosts that cannot reach each other
+
+mod attachment;
+mod beat;
+mod clocks;
+mod endpoints;
+mod error;
+mod host;
+mod identity;
+mod lane;
+mod names;
+mod peers;
+mod receiver;
+mod remote;
+mod router;
+mod sender;
+
+pub use attachment::Attachment;
+pub use beat::{Beat, BeatError, Heard, Sends, Takes};
+pub use clocks::Offset;
+pub use endpoints::Endpoints;
+pub use error::RemoteError;
+pub use host::{Host, HostSettings};
+pub use identity::Identity;
+pub use peers::{PEER_SILENCE, PeerReport, PeerState};
+pub use receiver::Taken;
+pub use remote::Remote;
+pub use router::Router;
+pub use sender::Sent;

@@ -1,0 +1,269 @@
+//! What a host knows of the others.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::{Duration, Instant};
+
+use stillpoint_transport::{LinkState, Refusal};
+
+use crate::beat::{MOST_PEERS, Sends};
+use crate::clocks::Offsets;
+use crate::{Beat, Heard, Identity, Offset};
+
+/// How long a peer may be silent before it counts as gone: three beats and a half.
+pub const PEER_SILENCE: Duration = Duration::from_millis(350);
+/// Messages about peers that wait to be read.
+const MOST_EVENTS: usize = 64;
+
+/// How a peer stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PeerState {
+    /// Samples can flow.
+    Here,
+    /// Its beats do not arrive any more.
+    Silent,
+    /// It is there, but nothing is exchanged with it, for these reasons.
+    Refused(Vec<String>),
+}
+
+/// What is known of a peer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PeerReport {
+    /// Its name.
+    pub host: String,
+    /// How it stands.
+    pub state: PeerState,
+    /// Its clock against the clock of this host.
+    pub offset: Option<Offset>,
+}
+
+/// The other hosts.
+pub struct Peers {
+    host: String,
+    incarnation: u64,
+    identity: Identity,
+    table: BTreeMap<String, Peer>,
+    events: VecDeque<String>,
+    last_look: Instant,
+    /// The reason for which the last message was no beat.
+    malformed: Option<String>,
+}
+
+struct Peer {
+    beat: Beat,
+    /// When the beat arrived, ns of this host's clock.
+    at: u64,
+    arrived: Instant,
+    is_alive: bool,
+    /// What differs from this host.
+    differences: Vec<String>,
+    offsets: Offsets,
+}
+
+impl Peer {
+    /// What the peer says of this host in its newest beat.
+    fn of<'p>(&'p self, host: &str, incarnation: u64) -> Option<&'p Heard> {
+        self.beat.heard.iter().find(|h| h.host == host && h.incarnation == incarnation)
+    }
+}
+
+impl Peers {
+    pub fn new(host: String, incarnation: u64, identity: Identity) -> Self {
+        Self {
+            host,
+            incarnation,
+            identity,
+            table: BTreeMap::new(),
+            events: VecDeque::new(),
+            last_look: Instant::now(),
+            malformed: None,
+        }
+    }
+
+    fn tell(&mut self, event: String) {
+        if self.events.len() < MOST_EVENTS {
+            self.events.push_back(event);
+        }
+    }
+
+    /// Messages about peers since the last call.
+    pub fn take_events(&mut self) -> Vec<String> {
+        self.events.drain(..).collect()
+    }
+
+    /// Takes a beat that arrived at `now`, ns of this host's clock. Gives whether this host should answer at once.
+    pub fn hear(&mut self, bytes: &[u8], now: u64) -> bool {
+        let beat = match Beat::read(bytes) {
+            Ok(beat) => beat,
+            Err(error) => {
+                let reason = error.to_string();
+                if self.malformed.as_ref() != Some(&reason) {
+                    self.tell(format!("a message of another host is not understood: {reason}"));
+                    self.malformed = Some(reason);
+                }
+                return false;
+            }
+        };
+        if beat.host == self.host {
+            if beat.incarnation != self.incarnation && self.malformed.is_none() {
+                let host = &self.host;
+                self.malformed = Some(String::new());
+                self.tell(format!(
+                    "another program says that it is the host `{host}`: its messages are not used"
+                ));
+            }
+            return false;
+        }
+        let known = self.table.get(&beat.host);
+        if known.is_none() && self.table.len() >= MOST_PEERS {
+            return false;
+        }
+        // A life that ended, or a beat that was overtaken.
+        if known.is_some_and(|p| {
+            beat.incarnation < p.beat.incarnation
+                || (beat.incarnation == p.beat.incarnation && beat.number <= p.beat.number)
+        }) {
+            return false;
+        }
+        let ends = |b: &Beat| -> Vec<u64> { b.sends.iter().map(|s| s.end).collect() };
+        let edges = |b: &Beat| -> Vec<String> { b.takes.iter().map(|t| t.edge.clone()).collect() };
+        let same_life = known.is_some_and(|p| p.beat.incarnation == beat.incarnation);
+        let is_news = known.is_none_or(|p| {
+            !same_life || !p.is_alive || ends(&p.beat) != ends(&beat) || edges(&p.beat) != edges(&beat)
+        });
+        let was_alive = same_life && known.is_some_and(|p| p.is_alive);
+        let mut offsets =
+            self.table.remove(&beat.host).filter(|_| same_life).map(|p| p.offsets).unwrap_or_default();
+        let differences = self.identity.differences(&beat.identity);
+        if let Some(own) =
+            beat.heard.iter().find(|h| h.host == self.host && h.incarnation == self.incarnation)
+        {
+            offsets.add(own.at, beat.at.saturating_sub(own.held), beat.at, now);
+        }
+        if !was_alive {
+            let host = &beat.host;
+            let event = match differences.is_empty() {
+                true => format!("host `{host}` is here"),
+                false => format!("host `{host}` is refused: {}", differences.join("; ")),
+            };
+            self.tell(event);
+        }
+        let peer = Peer { at: now, arrived: Instant::now(), is_alive: true, differences, offsets, beat };
+        self.table.insert(peer.beat.host.clone(), peer);
+        is_news
+    }
+
+    /// Counts peers as gone whose beats do not arrive. Gives whether one is gone since the last look.
+    pub fn look(&mut self) -> bool {
+        let now = Instant::now();
+        // While this host itself stood still, no beat could be read: that time does not count.
+        let pause = now.saturating_duration_since(self.last_look).saturating_sub(Duration::from_millis(75));
+        self.last_look = now;
+        let mut gone = Vec::new();
+        for peer in self.table.values_mut().filter(|p| p.is_alive) {
+            peer.arrived = (peer.arrived + pause).min(now);
+            if now.saturating_duration_since(peer.arrived) > PEER_SILENCE {
+                peer.is_alive = false;
+                gone.push(peer.beat.host.clone());
+            }
+        }
+        for host in &gone {
+            self.tell(format!("host `{host}` is silent for more than {} ms", PEER_SILENCE.as_millis()));
+        }
+        !gone.is_empty()
+    }
+
+    /// What a beat says of the peers that this host hears.
+    pub fn heard(&self, now: u64) -> Vec<Heard> {
+        let alive = self.table.values().filter(|p| p.is_alive);
+        alive
+            .map(|p| Heard {
+                host: p.beat.host.clone(),
+                incarnation: p.beat.incarnation,
+                number: p.beat.number,
+                at: p.beat.at,
+                held: now.saturating_sub(p.at),
+                refused: p.differences.clone(),
+            })
+            .collect()
+    }
+
+    /// Every peer that was ever heard.
+    pub fn reports(&self, now: u64) -> Vec<PeerReport> {
+        let report = |p: &Peer| PeerReport {
+            host: p.beat.host.clone(),
+            state: match (p.is_alive, p.differences.is_empty()) {
+                (false, _) => PeerState::Silent,
+                (true, true) => PeerState::Here,
+                (true, false) => PeerState::Refused(p.differences.clone()),
+            },
+            offset: p.offsets.best(now),
+        };
+        self.table.values().map(report).collect()
+    }
+
+    /// The clock of a peer.
+    pub fn offset(&self, host: &str, now: u64) -> Option<Offset> {
+        self.table.get(host)?.offsets.best(now)
+    }
+
+    /// How a sending end stands that was announced in the beat of this number.
+    pub fn of_sender(&self, edge: &str, channel: &str, announced: u64) -> LinkState {
+        let mut state = LinkState::Waiting;
+        for peer in self.table.values().filter(|p| p.is_alive) {
+            let Some(takes) = peer.beat.takes.iter().find(|t| t.edge == edge) else { continue };
+            if let Some(refusal) = self.refusal(peer, &takes.channel, channel) {
+                state = LinkState::Refused(refusal);
+            } else if peer.of(&self.host, self.incarnation).is_some_and(|h| h.number >= announced) {
+                return LinkState::Open;
+            }
+        }
+        state
+    }
+
+    /// How a taking end stands, and the sending ends from which it takes with what they have put.
+    pub fn of_receiver(&self, edge: &str, channel: &str) -> (LinkState, Vec<(String, Sends)>) {
+        let mut state = LinkState::Waiting;
+        let mut accepted = Vec::new();
+        for peer in self.table.values() {
+            for sends in peer.beat.sends.iter().filter(|s| s.edge == edge) {
+                match self.refusal(peer, &sends.channel, channel) {
+                    Some(refusal) if peer.is_alive && accepted.is_empty() => {
+                        state = LinkState::Refused(refusal)
+                    }
+                    Some(_) => {}
+                    None => {
+                        accepted.push((peer.beat.host.clone(), sends.clone()));
+                        if peer.is_alive {
+                            state = LinkState::Open;
+                        }
+                    }
+                }
+            }
+        }
+        (state, accepted)
+    }
+
+    /// Why nothing passes between an end of a peer and one of this host.
+    fn refusal(&self, peer: &Peer, there: &str, here: &str) -> Option<Refusal> {
+        let host = &peer.beat.host;
+        if !peer.differences.is_empty() {
+            return Some(Refusal::Other(format!(
+                "host `{host}` is refused: {}",
+                peer.differences.join("; ")
+            )));
+        }
+        if let Some(of_us) = peer.of(&self.host, self.incarnation)
+            && !of_us.refused.is_empty()
+        {
+            return Some(Refusal::Other(format!(
+                "host `{host}` refuses this host: {}",
+                of_us.refused.join("; ")
+            )));
+        }
+        (there != here).then(|| Refusal::OtherChannel {
+            peer: host.clone(),
+            found: there.to_owned(),
+            expected: here.to_owned(),
+        })
+    }
+}
