@@ -41,9 +41,9 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             sizes: Sizes::default(),
-            weights: Weights { mse: 100.0, ce: 0.3, lambda: 1e-5 },
-            rate: 2e-3,
-            epochs: 60,
+            weights: Weights { mse: 3000.0, ce: 0.03, lambda: 3e-4 },
+            rate: 3e-3,
+            epochs: 24,
             sets: 96,
             states: 8,
             seed: 1,
