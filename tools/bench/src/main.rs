@@ -8,6 +8,7 @@
 //! - `replay`: bit-for-bit replay, and its speed
 //! - `step`: the dissertation's step, with many seeds
 //! - `robust`, `cases`: the same step with disturbances and faults
+//! - `optimum`: methods of choosing beams against the proved optimum
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
 //! - `identity`: captures of other objects than the head of drawn patients, and the time to beam off
@@ -50,6 +51,7 @@ mod laws;
 mod ledger;
 mod noise;
 mod observed;
+mod optimum;
 mod poison;
 mod processes;
 mod program;
@@ -92,6 +94,7 @@ enum Measurement {
     Robust(robust::Robust),
     Tune(tune::Tune),
     Plans(acceptance::Plans),
+    Optimum(optimum::Optimum),
     /// `stillpoint run` with the bench's own kinds of operators, because a measurement runs pipelines in separate
     /// programs.
     #[command(name = RUN, hide = true)]
@@ -116,6 +119,7 @@ impl Measurement {
             Self::Robust(b) => b.execute(registry),
             Self::Tune(b) => b.execute(registry),
             Self::Plans(b) => b.execute(),
+            Self::Optimum(b) => b.execute(),
             Self::Run(run) => run.execute(registry),
         }
     }

@@ -80,6 +80,14 @@ pub struct Progress {
 /// Accuracy of a solve: a thousandth of what counts as one.
 const ACCURACY: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
 
+/// What earlier runs solved and priced. A search that begins again with it takes the same way at once, and goes on behind
+/// its end: so a search can be cut into parts of so many solves each.
+#[derive(Clone, Debug, Default)]
+pub struct Memo {
+    solved: BTreeMap<BeamSet, Arc<Evaluated>>,
+    priced: BTreeMap<BeamSet, (Vec<u16>, Vec<f64>)>,
+}
+
 /// Solves sets of beams for a search, each once, and counts what that takes.
 ///
 /// Any search stands on this: it sees costs, fluences and prices, and ends when [`Stop::Spent`] comes. Results do not
@@ -92,6 +100,7 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     budget: Budget,
     threads: NonZeroUsize,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
+    memo: Memo,
     prices: usize,
     best: Option<Arc<Evaluated>>,
     history: Vec<Progress>,
@@ -109,6 +118,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             budget,
             threads: NonZeroUsize::MIN,
             cache: BTreeMap::new(),
+            memo: Memo::default(),
             prices: 0,
             best: None,
             history: Vec::new(),
@@ -121,6 +131,19 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     pub fn with_threads(mut self, threads: NonZeroUsize) -> Self {
         self.threads = threads;
         self
+    }
+
+    /// Takes what earlier runs with the same doses and goals solved; it counts as solved and priced when it is asked for.
+    #[must_use]
+    pub fn with_memo(mut self, memo: Memo) -> Self {
+        self.memo = memo;
+        self
+    }
+
+    /// All that was solved and priced, for a run that goes on.
+    pub fn into_memo(mut self) -> Memo {
+        self.memo.solved.append(&mut self.cache);
+        self.memo
     }
 
     /// Calls this after each solve.
@@ -195,15 +218,16 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         if within == 0 && !sets.is_empty() {
             return Err(Stop::Spent);
         }
-        let (influence, goals) = (self.influence, self.goals);
-        for solved in on_threads(&missing, self.threads, |set| solve(influence, goals, set, near))? {
-            self.take(solved);
-        }
+        let (influence, goals, memo) = (self.influence, self.goals, &self.memo.solved);
+        let solved = on_threads(&missing, self.threads, |set| match memo.get(*set) {
+            Some(known) => Ok(Arc::clone(known)),
+            None => solve(influence, goals, set, near).map(Arc::new),
+        })?;
+        solved.into_iter().for_each(|solved| self.take(solved));
         Ok(sets[..within].iter().filter_map(|set| self.cache.get(set).cloned()).collect())
     }
 
-    fn take(&mut self, solved: Evaluated) {
-        let solved = Arc::new(solved);
+    fn take(&mut self, solved: Arc<Evaluated>) {
         let better = self.best.as_ref().is_none_or(|best| solved.cost < best.cost);
         if better && solved.beams.beams().len() == self.beams {
             self.best = Some(Arc::clone(&solved));
@@ -223,6 +247,12 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     /// How much each of `candidates` promises beside a solved set, or beside no beam at all. Counted, one for each.
     pub fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         self.prices += candidates.len();
+        let key = beside.map_or_else(BeamSet::default, |beside| beside.beams.clone());
+        if let Some((of, prices)) = self.memo.priced.get(&key)
+            && of == candidates
+        {
+            return Ok(prices.clone());
+        }
         let (influence, goals) = (self.influence, self.goals);
         let slopes = match beside {
             Some(beside) => Slopes::new(goals, &beside.plan),
@@ -231,13 +261,15 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
                 Slopes::new(goals, &none)
             }
         };
-        on_threads(candidates, self.threads, |candidate| {
+        let prices = on_threads(candidates, self.threads, |candidate| {
             let beam = influence.beam(*candidate);
             match beam.rows() == goals.rows() {
                 true => Ok(promise(&beam, &slopes)),
-                false => Err(GoalsError::Grid { found: beam.rows(), expected: goals.rows() }.into()),
+                false => Err(Stop::from(GoalsError::Grid { found: beam.rows(), expected: goals.rows() })),
             }
-        })
+        })?;
+        self.memo.priced.insert(key, (candidates.to_vec(), prices.clone()));
+        Ok(prices)
     }
 }
 

@@ -55,7 +55,9 @@ pub fn search<I: Influence + ?Sized>(
 }
 
 /// Rotations of equal beams, evenly spread, that take a quarter of the budget at most.
-fn some_rotations<I: Influence + ?Sized>(evaluator: &Evaluator<'_, I>) -> Result<Vec<BeamSet>, RingError> {
+pub fn some_rotations<I: Influence + ?Sized>(
+    evaluator: &Evaluator<'_, I>,
+) -> Result<Vec<BeamSet>, RingError> {
     let all = rotations(evaluator.ring(), evaluator.beams())?;
     let most = (evaluator.solves_left() / FOR_ROTATIONS).max(1);
     Ok(all.iter().step_by(all.len().div_ceil(most).max(1)).cloned().collect())

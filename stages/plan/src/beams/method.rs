@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::evaluator::{Evaluated, Evaluator, Influence, Stop};
 use super::prior::{Prior, PriorError, Uniform, set_of_prior};
 use super::ring::{BeamSet, Ring, RingError};
+use super::search::{self, BeamGame, SearchOptions};
 use super::{annealing, columns, exchange, greedy, random};
 
 /// A way to choose beams.
@@ -28,6 +29,10 @@ pub enum Method {
     Annealing,
     /// Beams are added by price beyond the number wanted, then those that carry least are taken away, again and again.
     ColumnGeneration,
+    /// Tree search over exchanges; see [`SearchOptions`]. It uses the prior.
+    Search(SearchOptions),
+    /// A game of the dissertation, searched by its algorithm 1. It uses the prior.
+    Game(BeamGame),
     /// The set that the prior builds by itself, and no other: one solve.
     Prior,
 }
@@ -113,6 +118,8 @@ pub fn choose<I: Influence + ?Sized>(
         Method::Exchange(starts) => exchange(evaluator, starts, seed),
         Method::Annealing => annealing::search(evaluator, seed).map_err(Into::into),
         Method::ColumnGeneration => columns::search(evaluator).map_err(Into::into),
+        Method::Search(options) => tree_search(evaluator, options, prior, seed),
+        Method::Game(game) => search::play(evaluator, *game, prior),
         Method::Prior => by_prior(evaluator, prior.unwrap_or(&Uniform)),
     };
     let spent = match ended {
@@ -162,6 +169,18 @@ fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]
     let set = nearest_set(evaluator.ring(), evaluator.beams(), angles)?;
     evaluator.evaluate(&set, None)?;
     Ok(())
+}
+
+fn tree_search<I: Influence + ?Sized>(
+    evaluator: &mut Evaluator<'_, I>,
+    options: &SearchOptions,
+    prior: Option<&dyn Prior>,
+    seed: u64,
+) -> Result<(), ChoiceError> {
+    let (ring, beams) = (evaluator.ring(), evaluator.beams());
+    let starts: Result<Vec<BeamSet>, _> =
+        options.starts.iter().map(|angles| nearest_set(ring, beams, angles)).collect();
+    search::search(evaluator, options, &starts?, prior, seed)
 }
 
 fn by_prior<I: Influence + ?Sized>(

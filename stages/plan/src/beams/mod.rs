@@ -29,6 +29,7 @@
 //! - `evaluator`: what a set costs: solved once, cached, counted
 //! - `price`: what a beam promises beside a plan
 //! - `prior`: what is thought of a beam without a solve; `geometry`: from the image
+//! - [`search`]: tree search: exchanges, games
 //! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
 
 mod annealing;
@@ -43,11 +44,13 @@ mod price;
 mod prior;
 mod random;
 mod ring;
+pub mod search;
 
 pub use doses::RingDoses;
-pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Progress, Stop};
+pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Memo, Progress, Stop};
 pub use geometry::Geometry;
 pub use method::{Choice, ChoiceError, Method, choose, class_solution, pelvis_solutions, rotations};
 pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores, set_of_prior};
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};
+pub use search::{BeamGame, SearchOptions};

@@ -48,7 +48,7 @@ impl Prior for ClassAngles {
 #[derive(Default)]
 pub struct Mixture<'a> {
     /// Weights and priors.
-    pub parts: Vec<(f64, &'a dyn Prior)>,
+    pub parts: Vec<(f64, Box<dyn Prior + 'a>)>,
 }
 
 impl Prior for Mixture<'_> {
@@ -196,7 +196,8 @@ mod tests {
     #[test]
     fn a_mixture_weighs_its_parts() {
         let (one, other) = (ClassAngles { degrees: vec![0.0] }, ClassAngles { degrees: vec![180.0] });
-        let mixture = Mixture { parts: vec![(1.0, &one), (0.2, &other), (1.0, &Uniform)] };
+        let mixture =
+            Mixture { parts: vec![(1.0, Box::new(one)), (0.2, Box::new(other)), (1.0, Box::new(Uniform))] };
         assert_eq!(set_of_prior(&mixture, ring(), 1).unwrap().beams(), [0]);
     }
 

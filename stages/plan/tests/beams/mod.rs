@@ -6,7 +6,8 @@ use std::num::NonZeroUsize;
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use stillpoint_plan::beams::{
-    Budget, Choice, Evaluator, Method, Progress, Ring, Stop, choose, class_solution, random_set, rotations,
+    BeamGame, Budget, Choice, ClassAngles, Evaluator, Memo, Method, Progress, Ring, SearchOptions, Stop,
+    choose, class_solution, random_set, rotations,
 };
 use stillpoint_plan::fluence::{Goals, Objective, Wanted};
 use stillpoint_plan::{Csc, Rows};
@@ -84,6 +85,16 @@ fn methods() -> Vec<Method> {
         Method::Annealing,
         Method::ColumnGeneration,
         Method::Prior,
+        Method::Search(SearchOptions::default()),
+        Method::Search(SearchOptions {
+            price: 0.0,
+            plies: 2,
+            batch: 3,
+            noise: 0.25,
+            ..SearchOptions::default()
+        }),
+        Method::Game(BeamGame::Construction),
+        Method::Game(BeamGame::Alternating { depth: 2 }),
     ]
 }
 
@@ -131,7 +142,8 @@ fn every_method_keeps_to_the_budget_and_to_the_separation() {
 
 #[test]
 fn methods_that_go_on_end_exactly_at_the_budget() {
-    for method in [Method::Random, Method::Exchange(Vec::new()), Method::Annealing] {
+    let search = Method::Search(SearchOptions::default());
+    for method in [Method::Random, Method::Exchange(Vec::new()), Method::Annealing, search] {
         let (choice, told, _) = run(&method, 17, 2);
         assert!(choice.spent && told.len() == 17, "{method:?}: {}", told.len());
     }
@@ -241,4 +253,67 @@ fn random_sets_come_up_equally_often() {
     assert_eq!(counts.len(), all);
     // Five standard deviations of a binomial count.
     assert!(counts.values().all(|n| n.abs_diff(2000) < 5 * 45), "{counts:?}");
+}
+
+#[test]
+fn search_improves_on_its_start_and_follows_the_best_set() {
+    let options =
+        SearchOptions { starts: vec![vec![0.0, 72.0, 144.0, 216.0, 288.0]], ..SearchOptions::default() };
+    let (choice, told, prices) = run(&Method::Search(options.clone()), 60, 1);
+    assert_eq!(told[0].beams.beams(), [0, 18, 36, 54, 72]);
+    assert_eq!(told[1].beams.beams().len(), BEAMS - 1, "a set without one beam is solved and priced");
+    assert!(prices > 0 && choice.best.cost < 0.99 * told[0].cost, "{} {}", choice.best.cost, told[0].cost);
+    // Without prices no smaller set is solved, and nothing is priced.
+    let plain = SearchOptions { price: 0.0, ..options };
+    let (choice, told, prices) = run(&Method::Search(plain), 60, 1);
+    assert!(prices == 0 && told.iter().all(|progress| progress.beams.beams().len() == BEAMS));
+    assert!(choice.best.cost <= told[0].cost);
+}
+
+#[test]
+fn a_prior_that_knows_the_best_set_is_followed() {
+    let best = run(&Method::Exchange(Vec::new()), 120, 2).0.best;
+    let degrees: Vec<f64> = best.beams.beams().iter().map(|beam| ring().angle_deg(*beam)).collect();
+    let (matrices, goals) = disc();
+    let prior = ClassAngles { degrees };
+    let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 12 });
+    // One beam of the best set is another one at first.
+    let others = &best.beams.beams()[1..];
+    let wrong = *ring()
+        .legal(others)
+        .iter()
+        .max_by_key(|beam| ring().steps_between(**beam, best.beams.beams()[0]))
+        .unwrap();
+    let start = [others, &[wrong]].concat().iter().map(|beam| ring().angle_deg(*beam)).collect();
+    let options =
+        SearchOptions { starts: vec![start], price: 0.0, prior: 2.0, c: 4.0, ..SearchOptions::default() };
+    let found = choose(&Method::Search(options), &mut evaluator, Some(&prior), 1).unwrap().best;
+    assert!(evaluator.history()[0].cost > best.cost);
+    assert_eq!(found.beams, best.beams);
+    assert_eq!(run_prior(&prior).beams, best.beams);
+}
+
+fn run_prior(prior: &ClassAngles) -> stillpoint_plan::beams::Evaluated {
+    let (matrices, goals) = disc();
+    let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 1 });
+    let found = choose(&Method::Prior, &mut evaluator, Some(prior), 1).unwrap().best;
+    (*found).clone()
+}
+
+#[test]
+fn a_search_in_parts_takes_the_way_of_the_whole() {
+    let (matrices, goals) = disc();
+    for method in [Method::Search(SearchOptions::default()), Method::Exchange(Vec::new())] {
+        let mut memo = Memo::default();
+        let mut last = Vec::new();
+        for solves in [4, 9, 23] {
+            let budget = Budget { solves };
+            let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, budget).with_memo(memo);
+            let _ = choose(&method, &mut evaluator, None, 7);
+            last = evaluator.history().to_vec();
+            memo = evaluator.into_memo();
+        }
+        let (_, whole, _) = run(&method, 23, 1);
+        assert_eq!(last, whole, "{method:?}");
+    }
 }

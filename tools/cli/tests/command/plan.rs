@@ -67,7 +67,7 @@ fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     let asked = ["--beams", "3", "--budget", "6", "--compare", "--robust", "5mm", "--out", "both"];
     let told = plan(folder.path(), &asked);
     let searches = told["searches"].as_array().unwrap();
-    assert_eq!(searches.len(), 7);
+    assert_eq!(searches.len(), 8);
     let cost = |s: &Value| s["objective"].as_f64().unwrap();
     let least = searches.iter().map(cost).fold(f64::INFINITY, f64::min);
     assert_eq!(cost(&told), least);
@@ -77,7 +77,9 @@ fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     assert_eq!(setups[1]["patient_moved_mm"], serde_json::json!([5.0, 0.0, 0.0]));
     assert!(setups[0]["structures"].as_array().unwrap().iter().all(|s| s["name"] != "Body"));
     let svg = std::fs::read_to_string(folder.path().join("both/compare.svg")).unwrap();
-    assert!(["greedy", "annealing", "columns", "best objective"].iter().all(|word| svg.contains(word)));
+    assert!(
+        ["greedy", "annealing", "columns", "search", "best objective"].iter().all(|word| svg.contains(word))
+    );
 }
 
 /// What pydicom reads of a plan and its dose.

@@ -3,6 +3,7 @@
 //! - `protocol`: limits from protocol files
 //! - `request`: what is asked for, checked
 //! - `ground`: the case made ready: goals, dose engines, doses from the cache
+//! - `guide`: the priors of beams
 //! - `way`: the names of the methods of choosing beams
 //! - `search`: the ways to choose beams, with their progress
 //! - `outcome`: what a plan gives
@@ -15,6 +16,7 @@ mod charts;
 mod export;
 mod folder;
 mod ground;
+mod guide;
 mod outcome;
 mod protocol;
 mod request;
@@ -30,6 +32,7 @@ use serde_json::json;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use ground::Ground;
+use guide::Guide;
 use outcome::Outcome;
 use request::Request;
 use search::Run;
@@ -53,8 +56,12 @@ pub struct Plan {
     /// Method of choosing beams.
     #[arg(long, value_enum, default_value_t = Way::Exchange)]
     method: Way,
+    /// What is known of a beam before it is solved, for the methods `search`, `prior`, `construction` and `two-player`.
+    /// Several, separated by commas, are mixed in equal parts.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "price")]
+    prior: Vec<Guide>,
     /// Gantry angles in degrees, such as `0,40,80`; no search is run.
-    #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare"])]
+    #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
     angles: Option<String>,
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]

@@ -4,12 +4,15 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use stillpoint_dicom::Identity;
-use stillpoint_plan::beams::{Method, Ring, class_solution, pelvis_solutions};
+use stillpoint_plan::beams::{
+    BeamGame, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions, set_of_prior,
+};
 use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::dose::Machine;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Protocol;
 
+use super::guide::{self, Guide};
 use super::way::Way;
 use super::{Plan, protocol};
 use crate::exit::Failure;
@@ -17,6 +20,9 @@ use crate::quantity::quantity;
 
 /// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
 const RING: (u16, u16) = (90, 5);
+
+/// Exchanges of the game of two players.
+const EXCHANGES: usize = 2;
 
 /// A consistent request.
 pub struct Request {
@@ -32,6 +38,8 @@ pub struct Request {
     pub budget: usize,
     /// The methods of choosing beams, with their names.
     pub methods: Vec<(Way, Method)>,
+    /// What is known of beams without a solve, beside prices.
+    mixture: Option<Mixture<'static>>,
     /// Shifts of the patient (mm), the planned set-up first.
     pub setups_mm: Vec<[f64; 3]>,
     /// The objectives.
@@ -69,6 +77,12 @@ impl Request {
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
         let (beams, methods) = methods(given, ring, &case)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
+        let mixture = guide::mixture(&given.prior, &case, ring, beams)?;
+        if given.method == Way::Prior && mixture.is_none() {
+            return Err(Failure::wrong(
+                "--method prior: prices need solves; choose --prior geometry, class or uniform",
+            ));
+        }
         if given.budget == 0 {
             return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
         }
@@ -79,6 +93,7 @@ impl Request {
             beams,
             budget: given.budget,
             methods,
+            mixture,
             setups_mm: setups(given.robust.as_deref())?,
             objectives: objectives(given.objectives.as_deref())?,
             protocol: protocol::of(&case, given.protocol.as_deref())?,
@@ -98,9 +113,18 @@ impl Request {
         })
     }
 
-    /// Whether any method draws or prices over the whole ring, so that every beam must have its dose.
+    /// What is known of beams without a solve.
+    pub fn prior(&self) -> Option<&dyn Prior> {
+        self.mixture.as_ref().map(|mixture| mixture as &dyn Prior)
+    }
+
+    /// Beams that need a dose: all of the ring, unless the methods are sure to use fewer.
     pub fn needed_beams(&self) -> Vec<u16> {
         match &self.methods[..] {
+            [(_, Method::Prior)] => {
+                let set = self.prior().and_then(|prior| set_of_prior(prior, self.ring, self.beams).ok());
+                set.map_or_else(|| (0..self.ring.count()).collect(), |set| set.beams().to_vec())
+            }
             [(_, Method::Class(angles))] => {
                 let mut beams: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
                 beams.sort_unstable();
@@ -143,9 +167,26 @@ fn methods(given: &Plan, ring: Ring, case: &Case) -> Result<(usize, Vec<(Way, Me
         }
         Way::Annealing => Method::Annealing,
         Way::Columns => Method::ColumnGeneration,
+        Way::Search => Method::Search(search_options(given, case)),
+        Way::Prior => Method::Prior,
+        Way::Construction => Method::Game(BeamGame::Construction),
+        Way::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
     };
     let ways = if given.compare { Way::CHOOSING.to_vec() } else { vec![given.method] };
     Ok((given.beams, ways.into_iter().map(|way| (way, method(way))).collect()))
+}
+
+/// With prices alone the search begins where exchange does; with another prior at the set that the prior builds.
+fn search_options(given: &Plan, case: &Case) -> SearchOptions {
+    let by_price = given.prior.contains(&Guide::Price);
+    let mixed = given.prior.iter().any(|guide| *guide != Guide::Price);
+    let starts = if mixed || !pelvis(case) { Vec::new() } else { pelvis_solutions(given.beams) };
+    SearchOptions {
+        starts: starts.into_iter().take(1).collect(),
+        price: if by_price { 1.0 } else { 0.0 },
+        prior: if mixed { 1.0 } else { 0.0 },
+        ..SearchOptions::default()
+    }
 }
 
 /// The planned set-up, and shifts along each axis both ways.

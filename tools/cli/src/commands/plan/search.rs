@@ -44,7 +44,7 @@ fn run(
             bar.set_message(format!("best {:.2}", progress.best));
         }
     });
-    let choice = choose(method, &mut evaluator, None, request.seed);
+    let choice = choose(method, &mut evaluator, request.prior(), request.seed);
     bar.finish_and_clear();
     let choice = choice.map_err(|e| Failure::failed(format!("{}: {e}", way.word())))?;
     let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());

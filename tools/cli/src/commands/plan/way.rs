@@ -22,6 +22,14 @@ pub enum Way {
     Annealing,
     /// Column generation: adds beams by price beyond the requested number, removes those with the least weight, and repeats.
     Columns,
+    /// Tree search over exchanges, guided by `--prior`.
+    Search,
+    /// The set that the prior builds by itself: one solve.
+    Prior,
+    /// Tree search of the game in which beams are added one by one.
+    Construction,
+    /// Tree search of the game in which two players exchange beams in turn: one for a low objective, one for a high one.
+    TwoPlayer,
     /// The angles of the command line.
     #[value(skip)]
     Given,
@@ -29,7 +37,7 @@ pub enum Way {
 
 impl Way {
     /// The methods that run a search.
-    pub const CHOOSING: [Self; 7] = [
+    pub const CHOOSING: [Self; 8] = [
         Self::Equidistant,
         Self::Class,
         Self::Random,
@@ -37,6 +45,7 @@ impl Way {
         Self::Exchange,
         Self::Annealing,
         Self::Columns,
+        Self::Search,
     ];
 
     /// Its name.
@@ -49,6 +58,10 @@ impl Way {
             Self::Exchange => "exchange",
             Self::Annealing => "annealing",
             Self::Columns => "columns",
+            Self::Search => "search",
+            Self::Prior => "prior",
+            Self::Construction => "construction",
+            Self::TwoPlayer => "two_player",
             Self::Given => "given",
         }
     }
