@@ -38,8 +38,8 @@ pub struct Optimum {
     /// Number of runs of the methods that draw, with seeds from 0.
     #[arg(long, default_value_t = 2, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
-    /// Number of gantry angles.
-    #[arg(long, default_value_t = 18, value_parser = clap::builder::PossibleValuesParser::new(["18", "90"]).map(|n| if n == "18" { 18 } else { 90 }))]
+    /// Number of gantry angles: 18 or 90.
+    #[arg(long, default_value_t = 18, value_parser = ring)]
     ring: u16,
     /// Numbers of solves.
     #[arg(long, value_delimiter = ',')]
@@ -47,6 +47,14 @@ pub struct Optimum {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+fn ring(text: &str) -> Result<u16, String> {
+    match text {
+        "18" => Ok(18),
+        "90" => Ok(90),
+        other => Err(format!("{other}: the ring has 18 or 90 angles")),
+    }
 }
 
 /// One method on one pelvis, the mean over its seeds.
