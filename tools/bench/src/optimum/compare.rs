@@ -58,8 +58,6 @@ pub struct Ran {
     pub best: Vec<f64>,
     /// Of the whole run, of the largest number of solves.
     pub cpu_s: f64,
-    /// Beams priced in that run.
-    pub prices: usize,
 }
 
 /// Runs a method on a pelvis.
@@ -75,7 +73,7 @@ pub fn run(
         Guide::None => None,
         Guide::Geometry => Some(&geometry),
     };
-    let once = |solves: usize| -> Result<(Vec<f64>, f64, usize), Box<dyn std::error::Error>> {
+    let once = |solves: usize| -> Result<(Vec<f64>, f64), Box<dyn std::error::Error>> {
         let began = cpu_seconds();
         let mut evaluator =
             Evaluator::new(&pelvis.doses[..], &pelvis.goals, pelvis.ring, beams, Budget { solves });
@@ -87,7 +85,7 @@ pub fn run(
             }
         }
         let best: Vec<f64> = evaluator.history().iter().map(|progress| progress.best).collect();
-        Ok((best, cpu_seconds() - began, evaluator.prices()))
+        Ok((best, cpu_seconds() - began))
     };
     let after = |history: &[f64], solves: usize| {
         history
@@ -96,7 +94,7 @@ pub fn run(
             .unwrap_or(f64::INFINITY)
     };
     let largest = at.iter().copied().max().unwrap_or(1);
-    let (history, cpu_s, prices) = once(largest)?;
+    let (history, cpu_s) = once(largest)?;
     let mut best = Vec::new();
     for solves in at {
         best.push(match entry.planned && *solves != largest {
@@ -104,7 +102,7 @@ pub fn run(
             false => after(&history, *solves),
         });
     }
-    Ok(Ran { best, cpu_s, prices })
+    Ok(Ran { best, cpu_s })
 }
 
 fn cpu_seconds() -> f64 {
