@@ -79,10 +79,10 @@ pub fn run(
             Evaluator::new(&pelvis.doses[..], &pelvis.goals, pelvis.ring, beams, Budget { solves });
         // Fewer solves than a plan needs leave no best set, which is infinite here.
         let chosen = choose(&entry.method, &mut evaluator, prior, seed);
-        if let Err(why) = chosen {
-            if evaluator.best().is_some() || evaluator.solves() < solves.min(beams) {
-                return Err(why.into());
-            }
+        if let Err(why) = chosen
+            && (evaluator.best().is_some() || evaluator.solves() < solves.min(beams))
+        {
+            return Err(why.into());
         }
         let best: Vec<f64> = evaluator.history().iter().map(|progress| progress.best).collect();
         Ok((best, cpu_seconds() - began))
