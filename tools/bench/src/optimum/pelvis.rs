@@ -61,6 +61,7 @@ impl Pelvis {
             name: name.into(),
             voxels: voxels.iter().map(row).collect(),
             volumes: Vec::new(),
+            to_target_mm: Vec::new(),
             objectives,
         });
         let goals = Goals::new(wanted.collect(), samples.len())?;
