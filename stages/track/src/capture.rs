@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
+use crate::planned::{Foreign, Planned};
 use crate::surface::SurfaceError;
 use crate::tracker::HeadTracker;
 
@@ -20,6 +21,9 @@ pub enum CaptureError {
     /// It makes no surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// It is not the patient of the known surface.
+    #[error(transparent)]
+    Foreign(#[from] Foreign),
 }
 
 /// What an offered face was needed for.
@@ -117,6 +121,34 @@ impl Capture {
         thin(&mut self.cloud, self.most / self.frames as usize);
         self.state = if self.frames > 1 { State::Gathering(self.frames) } else { State::Complete };
         Ok(Offer::Taken)
+    }
+
+    /// Offers a face, as [`offer`](Self::offer), that has to show a known surface: what the camera sees of the surface
+    /// becomes the reference. Returns where the surface is, in the frame of the face.
+    ///
+    /// # Errors
+    /// Why a face that was awaited did not become the reference.
+    pub fn offer_known(
+        &mut self,
+        tracker: &mut HeadTracker,
+        known: &Planned,
+        cloud: &[Vector3<f64>],
+        time: u64,
+        needed: usize,
+    ) -> Result<Option<Isometry3<f64>>, CaptureError> {
+        if self.state != State::Awaited {
+            return Ok(None);
+        }
+        if cloud.len() < needed {
+            return Err(CaptureError::TooFewPoints { found: cloud.len(), needed });
+        }
+        let found = known.register(cloud)?;
+        tracker.capture(&found.seen, time)?;
+        self.settle(tracker);
+        self.cloud = found.seen;
+        thin(&mut self.cloud, self.most);
+        self.state = State::Complete;
+        Ok(Some(found.camera_from_model))
     }
 
     /// Adds a face that was tracked, if the reference is to have more frames. The first face itself counts as one. Says

@@ -3,16 +3,18 @@
 use nalgebra::{Isometry3, Matrix6, Point3, Translation3, Vector3};
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
+use stillpoint_plan::outline::read_surface;
 use stillpoint_samples::{
     CloudShape, ConsoleCommand, Point, PointCloud, Pose, PoseElement, PoseReport, PoseReportElement,
     PoseStatus, Proof, Rejection, Sample, Verb,
 };
 
-use super::params::{CaptureBy, Confirm, HeadParams, Method, Origin};
+use super::params::{CaptureBy, Confirm, HeadParams, Method, Origin, Reference, ReferenceParams};
 use super::report;
-use crate::capture::{Capture, Offer};
+use crate::capture::{Capture, CaptureError, Offer};
 use crate::identity::{ENOUGH, Frame, Identity, Needed};
 use crate::output_frame::output_from_face;
+use crate::planned::{Limits, Planned};
 use crate::quaternion::PairedPose;
 use crate::tracker::{HeadTracker, Loss, TrackedPose};
 use crate::uncertainty::{Uncertainty, of_three_points};
@@ -33,6 +35,10 @@ const REPORT: usize = 3;
 ///
 /// The head's frame is that of the capture: its axes are those of the pose's frame, its origin is `origin`. So the pose
 /// at the capture is a translation, and a pose's rotation is the head's since.
+///
+/// With `reference: { surface: FILE }` the head's frame is that of the plan: its origin is the isocentre, its axes are those
+/// of the couch in the planned position. So a pose is the absolute set-up error: its position less `isocentre`, and its
+/// rotation.
 pub struct TrackHead {
     method: Method,
     origin: Origin,
@@ -40,6 +46,11 @@ pub struct TrackHead {
     min_points: usize,
     tracker: HeadTracker,
     capture: Capture,
+    /// The surface of the planning CT.
+    known: Option<Planned>,
+    /// Of a known surface: where the isocentre and the axes of the couch that belong to it were in the reference, in the
+    /// face's frame.
+    face_from_head: Option<Isometry3<f64>>,
     confirm: Confirm,
     /// Number of the reference that a person has confirmed.
     confirmed: u32,
@@ -132,17 +143,30 @@ impl Operator for TrackHead {
     };
 
     fn new(params: HeadParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let awaited = params.capture == CaptureBy::Command && params.reference.is_none();
+        let (start, surface) = match &params.reference {
+            None => (None, None),
+            Some(Reference::Cloud(name)) => (Some(name), None),
+            Some(Reference::Given(given)) => match (&given.cloud, &given.surface) {
+                (Some(name), None) => (Some(name), None),
+                (None, Some(name)) => (None, Some((name, given))),
+                _ => return Err(SetupError("`reference` needs one of `cloud` and `surface`".into())),
+            },
+        };
+        let awaited = params.capture == CaptureBy::Command && start.is_none();
         if awaited && !setup.is_connected(COMMAND) {
             return Err(SetupError(
                 "no command can reach it: connect `command`, name a `reference`, or say `capture: first`"
                     .into(),
             ));
         }
-        let output_from_face = output_from_face(setup)?;
+        let output_from_face = stillpoint_pose::of_frame(&output_from_face(setup)?);
+        let known = match surface {
+            Some((name, given)) => Some(known(name, given, &params, &output_from_face, setup)?),
+            None => None,
+        };
         let mut tracker = HeadTracker::new(params.tracking());
         let mut capture = Capture::new(params.capture_frames, params.max_points as usize);
-        match &params.reference {
+        match start {
             Some(name) => {
                 let cloud = reference_file(name, setup)?;
                 capture.start_with(&mut tracker, cloud).map_err(|e| SetupError(format!("{name}: {e}")))?;
@@ -157,12 +181,14 @@ impl Operator for TrackHead {
             min_points: params.min_points as usize,
             tracker,
             capture,
+            known,
+            face_from_head: None,
             confirm: params.confirm,
             confirmed: 0,
             identity: None,
             min_overlap: params.min_overlap,
             tolerance: params.tolerance,
-            output_from_face: stillpoint_pose::of_frame(&output_from_face),
+            output_from_face,
             cloud: Vec::new(),
             before: Vec::new(),
             found: None,
@@ -197,7 +223,7 @@ impl Operator for TrackHead {
         self.cloud.clear();
         self.cloud.extend(face.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from))));
         let time = face.header.origin;
-        let captured = self.capture.offer(&mut self.tracker, &self.cloud, time, self.min_points);
+        let captured = self.offer(time);
         let is_repeated = self.cloud == self.before && captured != Ok(Offer::Taken);
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
         // each time, and nobody would notice that the camera is frozen.
@@ -222,6 +248,10 @@ impl Operator for TrackHead {
             reference: self.capture.number(),
             ..self.standing(found.report)
         };
+        let report = match &captured {
+            Err(CaptureError::Foreign(why)) => report::of_foreign(report, why),
+            _ => report,
+        };
         let report = match found.doubted {
             true if report.status != PoseStatus::CaptureRefused as u32 => {
                 PoseReportElement { status: PoseStatus::Doubted as u32, ..report }
@@ -240,6 +270,19 @@ impl Operator for TrackHead {
 }
 
 impl TrackHead {
+    /// Offers the face as the reference that may be awaited.
+    fn offer(&mut self, time: u64) -> Result<Offer, CaptureError> {
+        let Self { capture, tracker, known, cloud, min_points, face_from_head, .. } = self;
+        let Some(known) = known else { return capture.offer(tracker, cloud, time, *min_points) };
+        match capture.offer_known(tracker, known, cloud, time, *min_points)? {
+            Some(place) => {
+                *face_from_head = Some(place);
+                Ok(Offer::Taken)
+            }
+            None => Ok(Offer::NotAwaited),
+        }
+    }
+
     fn without_a_face(&self) -> PoseReportElement {
         let (status, reference) = (PoseStatus::NoFace as u32, self.capture.number());
         PoseReportElement { status, reference, ..self.standing(report::empty()) }
@@ -268,6 +311,9 @@ impl TrackHead {
 
     /// The head's pose after a motion in the face's frame since the capture.
     fn output_from_head(&self, motion: &Isometry3<f64>) -> Isometry3<f64> {
+        if let Some(face_from_head) = &self.face_from_head {
+            return self.output_from_face * motion * face_from_head;
+        }
         let origin = self.output_from_face * Translation3::from(self.origin());
         let moved = self.output_from_face * motion * self.output_from_face.inverse();
         moved * Translation3::from(origin.translation.vector)
@@ -343,6 +389,25 @@ fn send_cloud(cloud: &[Vector3<f64>], outputs: &mut Outputs<'_>) -> Result<(), S
         *slot = Point { xyz: [point.x as f32, point.y as f32, point.z as f32] };
     }
     writer.finish(count)
+}
+
+/// The surface of the planning CT, and where the plan has it.
+fn known(
+    name: &str,
+    given: &ReferenceParams,
+    params: &HeadParams,
+    output_from_face: &Isometry3<f64>,
+    setup: &Setup<'_>,
+) -> Result<Planned, SetupError> {
+    let fault = |e: &dyn std::fmt::Display| SetupError(format!("{name}: {e}"));
+    let bytes = setup.file(name)?;
+    let planned_mm = given.planned_isocentre.map(|place| place.map(|c| 1e3 * c));
+    let surface = read_surface(&bytes, planned_mm, None).map_err(|e| fault(&e))?;
+    let region = [[-given.region; 3], [given.region; 3]];
+    let points = surface.about_isocentre(region[0], region[1]);
+    let place = output_from_face.inverse() * Translation3::from(given.isocentre);
+    let limits = Limits { tolerance: params.tolerance, most_rms: given.max_misfit, ..Limits::default() };
+    Planned::new(&points, region, place, params.tracking().surface, limits).map_err(|e| fault(&e))
 }
 
 /// The finite points of a PCD file.

@@ -1,5 +1,7 @@
 //! Parameters of `track.head`.
 
+use stillpoint_operator::config::tree::{Node, Value};
+use stillpoint_operator::params::{ParamField, ParamReader, ParamType, ParamValue, json};
 use stillpoint_operator::{Choice, Params};
 
 use crate::align::AlignParams;
@@ -42,6 +44,59 @@ pub enum Origin {
     Centre,
 }
 
+/// A reference that is known before a face is captured: one of `cloud` and `surface`.
+#[derive(Clone, Debug, Params)]
+pub struct ReferenceParams {
+    /// A PCD file with a face, in the frame of `face`. `reference: FILE` says the same. A `capture` replaces it.
+    #[param(file)]
+    pub cloud: Option<String>,
+    /// The surface of the patient in the planning CT: a case file, or a mesh in mm in the DICOM patient frame (PLY, STL).
+    /// A capture looks for this surface in the face, and refuses a face that is not this patient's.
+    #[param(file)]
+    pub surface: Option<String>,
+    /// Place of the machine's isocentre in the frame of the pose: where the plan wants the isocentre of the surface.
+    #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-10 m", max = "10 m")]
+    pub isocentre: [f64; 3],
+    /// Isocentre of the plan in the frame of the surface. Without it the file has to name it, as cases do, and the meshes
+    /// of `stillpoint case surface`.
+    #[param(unit = "m", min = "-10 m", max = "10 m")]
+    pub planned_isocentre: Option<[f64; 3]>,
+    /// The surface counts up to this distance from the isocentre along each axis of the couch.
+    #[param(unit = "m", default = "150 mm", min = "50 mm", max = "490 mm")]
+    pub region: f64,
+    /// Largest root mean square distance of a face from the surface, beside the camera's noise, at which it is this
+    /// patient's.
+    #[param(unit = "m", default = "0.8 mm", above = "0 mm", max = "10 mm")]
+    pub max_misfit: f64,
+}
+
+/// [`ReferenceParams`] as a config gives them: a text alone is the PCD file.
+#[derive(Clone, Debug)]
+pub enum Reference {
+    /// A face in a PCD file.
+    Cloud(String),
+    /// The parameters.
+    Given(Box<ReferenceParams>),
+}
+
+impl ParamValue for Reference {
+    const TYPE: ParamType = ParamType::Group(ReferenceParams::FIELDS);
+
+    fn read(node: &Node, field: &ParamField, reader: &ParamReader<'_>) -> Option<Self> {
+        match &node.value {
+            Value::Text(_) => String::read(node, &ReferenceParams::FIELDS[0], reader).map(Self::Cloud),
+            _ => reader.group(node, field).map(|given| Self::Given(Box::new(given))),
+        }
+    }
+
+    fn resolved(&self) -> json::Value {
+        match self {
+            Self::Cloud(name) => name.resolved(),
+            Self::Given(params) => params.resolved(),
+        }
+    }
+}
+
 /// Parameters of `track.head`.
 #[derive(Clone, Debug, Params)]
 pub struct HeadParams {
@@ -54,9 +109,8 @@ pub struct HeadParams {
     /// Whether a person must confirm a reference (`console.confirm`) before valves arm and the beam is allowed.
     #[param(default = "required")]
     pub confirm: Confirm,
-    /// A PCD file with the reference at the start: a face, in the frame of `face`. A `capture` replaces it.
-    #[param(file)]
-    pub reference: Option<String>,
+    /// A reference that is known before a face is captured: a PCD file with a face, or the surface of the planning CT.
+    pub reference: Option<Reference>,
     /// Number of frames of a reference. The head may move: each frame is aligned with the first.
     #[param(default = 1, min = 1, max = 16)]
     pub capture_frames: u32,

@@ -5,6 +5,7 @@ use stillpoint_samples::{PoseReportElement, PoseStatus};
 use crate::align::Alignment;
 use crate::capture::{CaptureError, Offer};
 use crate::identity::Judged;
+use crate::planned::Foreign;
 use crate::tracker::{Loss, TrackedPose, Way};
 use crate::uncertainty::Uncertainty;
 
@@ -42,6 +43,16 @@ pub fn of_identity(said: &mut PoseReportElement, judged: &Judged) {
     said.certainty = judged.certainty;
     said.scale = judged.agreement.scale;
     said.apart = judged.agreement.apart;
+}
+
+/// Says how a face lies on the surface of a patient that it does not show.
+pub fn of_foreign(said: PoseReportElement, why: &Foreign) -> PoseReportElement {
+    match why.fit() {
+        Some(fit) => {
+            PoseReportElement { overlap: fit.near, residual_rms: fit.misfit, scale: fit.scale, ..said }
+        }
+        None => said,
+    }
 }
 
 /// What became of a frame.

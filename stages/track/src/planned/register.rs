@@ -11,11 +11,13 @@ use crate::surface::{Surface, SurfaceError, SurfaceParams};
 /// Turns about each axis that are tried, degrees, and the largest of the turns that they make together.
 const TURNS: [f64; 7] = [-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0];
 const TURN_MOST: f64 = 52.0;
+/// How far the middle of what is seen may be shifted towards the feet (against y) by a neck that the model has not, m.
+const NECKS: [f64; 3] = [0.0, 0.025, 0.05];
 /// Points by which starts are compared, and the distance that counts as far, m.
 const POINTS: usize = 250;
 const CAP: f64 = 0.02;
 /// Starts that are followed, and ends of them that are followed to the end.
-const FOLLOWED: usize = 16;
+const FOLLOWED: usize = 24;
 const FINISHED: usize = 4;
 /// A first step takes points as far as twice this for the surface's, m.
 const WIDE: f64 = 0.015;
@@ -144,6 +146,8 @@ pub struct Registered {
 #[derive(Debug, Clone)]
 pub struct Planned {
     model: Model,
+    /// Corners of the box in which the model was cut out, in its frame, m.
+    region: [[f64; 3]; 2],
     params: SurfaceParams,
     limits: Limits,
     /// Where the model should be.
@@ -151,18 +155,19 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// A surface of points with normals (m), which `camera_from_model` brings to where the plan has it in the frame of the
+    /// A surface of points with normals (m), cut out within the corners of `region`, which `camera_from_model` brings to where the plan has it in the frame of the
     /// camera.
     ///
     /// # Errors
     /// Points that make no surface.
     pub fn new(
         points: &[(Vector3<f64>, Vector3<f64>)],
+        region: [[f64; 3]; 2],
         camera_from_model: Isometry3<f64>,
         params: SurfaceParams,
         limits: Limits,
     ) -> Result<Self, SurfaceError> {
-        Ok(Self { model: Model::new(points, &params)?, params, limits, camera_from_model })
+        Ok(Self { model: Model::new(points, &params)?, region, params, limits, camera_from_model })
     }
 
     /// Looks for the patient in points (m, finite, seen from the origin).
@@ -208,10 +213,11 @@ impl Planned {
             angles().flat_map(move |y| angles().map(move |z| UnitQuaternion::from_euler_angles(x, y, z)))
         });
         let centre = self.model.surface().centre();
-        turns.filter(|turn| turn.angle().to_degrees() <= TURN_MOST).map(move |turn| {
+        turns.filter(|turn| turn.angle().to_degrees() <= TURN_MOST).flat_map(move |turn| {
             let rotation = turn * planned;
             let to = self.model.middle_seen_from(&(rotation * back));
-            Isometry3::from_parts(Translation3::from(to - centre - rotation * middle), rotation)
+            let onto = to - centre - rotation * middle;
+            NECKS.map(|neck| Isometry3::from_parts(Translation3::from(onto - Vector3::y() * neck), rotation))
         })
     }
 
@@ -232,7 +238,13 @@ impl Planned {
         // The model is where the points lie on what is seen of it.
         let moved = (Translation3::from(reference.centre()) * aligned.surface_from_cloud).inverse();
         let camera_from_model = moved * camera_from_model;
-        let fit = self.fit(&reference, cloud, &aligned.surface_from_cloud, aligned.covered);
+        let fit = self.fit(
+            &reference,
+            cloud,
+            &aligned.surface_from_cloud,
+            &camera_from_model.inverse(),
+            aligned.covered,
+        );
         let planned = self.camera_from_model.inverse() * camera_from_model;
         let origin = (self.camera_from_model.inverse() * camera_from_model * Point3::origin()).coords;
         let (shift, turn) = (origin.norm(), planned.rotation.angle());
@@ -255,13 +267,29 @@ impl Planned {
         Ok(Registered { camera_from_model, seen, fit })
     }
 
-    fn fit(&self, surface: &Surface, cloud: &[Vector3<f64>], pose: &Isometry3<f64>, covered: f64) -> Fit {
+    fn fit(
+        &self,
+        surface: &Surface,
+        cloud: &[Vector3<f64>],
+        pose: &Isometry3<f64>,
+        model_from_cloud: &Isometry3<f64>,
+        covered: f64,
+    ) -> Fit {
+        let [least, greatest] = self.region;
+        // Where the model was cut off, nothing can be said: the neck goes on.
+        let is_within = |point: &Vector3<f64>| {
+            let at = model_from_cloud * Point3::from(*point);
+            (0..3).all(|i| (least[i]..=greatest[i]).contains(&at[i]))
+        };
         let tolerance = self.limits.tolerance;
         let rotation = pose.rotation.to_rotation_matrix().into_inner();
         let mut groups = vec![(0.0, 0.0_f64, 0.0_f64); surface.group_count()];
         let (mut used, mut near) = (0.0, 0.0);
         let count = cloud.len().min(JUDGED);
         for point in (0..count).map(|k| &cloud[k * cloud.len() / count]) {
+            if !is_within(point) {
+                continue;
+            }
             let at = rotation * point + pose.translation.vector;
             let partner = surface.partner(&at);
             used += 1.0;

@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
+use stillpoint_operator::Registry;
+use stillpoint_operator::files::MemoryFiles;
 use stillpoint_plan::case::{Case, Skin, head};
 use stillpoint_plan::outline::{PatientSurface, Placing, outline};
 use stillpoint_rig::head::Head;
@@ -11,6 +13,8 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::shape::Ellipsoid;
+use stillpoint_samples::{Pose, PoseReport, PoseStatus};
+use stillpoint_testing::{Run, run};
 use stillpoint_track::planned::{Foreign, Limits, Planned, Registered};
 use stillpoint_track::surface::SurfaceParams;
 
@@ -116,7 +120,8 @@ fn trial(
     let cloud = seen(shown, kind, &couch_from_camera, &pose, rng);
     let points = planned_surface.about_isocentre(LEAST, GREATEST);
     let camera_from_planned = couch_from_camera.inverse() * planned;
-    let known = Planned::new(&points, camera_from_planned, SURFACE, Limits::default()).unwrap();
+    let known =
+        Planned::new(&points, [LEAST, GREATEST], camera_from_planned, SURFACE, Limits::default()).unwrap();
     let result = known.register(&cloud);
     let error = result.as_ref().ok().map(|found| {
         let found = couch_from_camera * found.camera_from_model;
@@ -224,4 +229,87 @@ fn difference(surface: &PatientSurface, other: &Head) -> f64 {
         pose = Isometry3::from_parts(Translation3::new(step[0], step[1], step[2]), turn) * pose;
     }
     rms
+}
+
+/// A camera over the rig's head at rest, whose reference is the surface of a case.
+fn run_with(case: &Case, isocentre: &Vector3<f64>) -> Run {
+    let [x, y, z]: [f64; 3] = (*isocentre).into();
+    let text = format!(
+        "
+stillpoint: 1
+name: planned
+seed: 3
+frames:
+  camera: {{ parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 deg, 0 deg, 0 deg] }}
+operators:
+  rig: {{ use: rig.camera, every: 100 ms, frame: camera, params: {{ motion: nods }} }}
+  cloud: {{ use: ingest.depth, inputs: {{ image: rig.depth }}, frame: camera }}
+  face: {{ use: segment.face, inputs: {{ cloud: cloud.cloud }}, params: {{ body: waived }} }}
+  head: {{ use: track.head, inputs: {{ face: face.face }}, frame: couch, params: {{ reference: {{ surface: head.case, isocentre: [{x} m, {y} m, {z} m] }} }} }}
+"
+    );
+    let mut files = MemoryFiles::default();
+    files.files.insert("head.case".into(), stillpoint_plan::case::to_bytes(case).unwrap().0);
+    let registry = Registry::new(&[
+        stillpoint_rig::STAGES,
+        stillpoint_ingest::STAGES,
+        stillpoint_segment::STAGES,
+        stillpoint_track::STAGES,
+    ]);
+    let run = run(&text, &registry, &files, 1000).unwrap();
+    assert_eq!(run.failed(), [] as [&str; 0]);
+    run
+}
+
+fn pose(element: &stillpoint_samples::PoseElement) -> Isometry3<f64> {
+    stillpoint_pose::isometry(element.position, element.orientation)
+}
+
+/// Statuses of the frames.
+fn statuses(run: &Run) -> Vec<PoseStatus> {
+    let reports = run.samples::<PoseReport>("head.report");
+    reports.iter().filter_map(|r| PoseStatus::from_number(r.first()?.status)).collect()
+}
+
+#[test]
+fn the_first_pose_against_the_planning_ct_is_the_error_of_the_set_up_at_the_isocentre() {
+    let case = case_of(&Head::new(1.0).unwrap());
+    let iso = isocentre(&case);
+    // The plan wants the isocentre 7 mm from where the head at rest has it.
+    let rest = Vector3::new(0.0, -0.02, 0.131);
+    let wanted = rest + iso + Vector3::new(0.004, -0.003, 0.005);
+    let run = run_with(&case, &wanted);
+    let seen = statuses(&run);
+    let first = run.samples::<PoseReport>("head.report");
+    let first = first[0].first().unwrap();
+    assert_eq!(seen[0], PoseStatus::Captured, "{seen:?} {first:?}");
+    assert!(seen[1..].iter().all(|s| *s == PoseStatus::Tracked), "{seen:?}");
+    let truths = run.samples::<Pose>("rig.truth");
+    let poses = run.samples::<Pose>("head.pose");
+    assert_eq!(poses.len(), seen.len());
+    for sample in &poses {
+        let truth = truths.iter().find(|t| t.header.stamp == sample.header.origin).unwrap();
+        let truth = pose(truth.first().unwrap()) * Translation3::from(iso);
+        let element = sample.first().unwrap();
+        let found = pose(element);
+        let mm = 1e3 * (found.translation.vector - truth.translation.vector).norm();
+        let degrees = found.rotation.angle_to(&truth.rotation).to_degrees();
+        assert!(mm < 0.5 && degrees < 0.3, "{mm} mm, {degrees} degrees");
+        let set_up = found.translation.vector - wanted;
+        assert!((set_up.norm() - 7e-3).abs() < 2e-3, "{set_up}");
+        assert!((0..6).all(|i| element.covariance[7 * i] > 0.0 && element.covariance[7 * i] < 1e-6));
+    }
+}
+
+#[test]
+fn a_capture_of_another_patient_is_refused_with_its_numbers() {
+    let mut rng = Random::seed_from_u64(6_000);
+    let other = drawn(&mut rng, 0.15);
+    let case = case_of(&other);
+    let run = run_with(&case, &(Vector3::new(0.0, -0.02, 0.131) + isocentre(&case)));
+    assert!(statuses(&run).iter().all(|s| *s == PoseStatus::CaptureRefused), "{:?}", statuses(&run));
+    assert!(run.samples::<Pose>("head.pose").is_empty());
+    let reports = run.samples::<PoseReport>("head.report");
+    let last = reports.last().unwrap().first().unwrap();
+    assert!(last.residual_rms > 0.8e-3 || last.overlap < 0.8, "{last:?}");
 }
