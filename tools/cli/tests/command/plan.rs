@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use serde_json::Value;
+use stillpoint_network::{Model, Sizes};
 
 use super::{stillpoint, text};
 
@@ -155,4 +156,27 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(said(&["--budget", "0"]).contains("at least one solve per beam"));
     assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
     assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
+    assert!(said(&["--method", "prior", "--prior", "network"]).contains("stillpoint train planner"));
+    let out = said(&["--prior", "network", "--network", "file"]);
+    assert!(out.contains("file: it is not a safetensors file"), "{out}");
+    assert!(said(&["--network", "file"]).contains("give both, or none"));
+}
+
+#[test]
+fn a_trained_network_chooses_from_the_image_and_only_its_beams_get_doses() {
+    let folder = tempfile::tempdir().unwrap();
+    // Numbers without meaning, but a network.
+    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2 };
+    let some = |n: usize| (0..n).map(|i| 0.3 + 0.1 * ((7 * i) % 5) as f32).collect::<Vec<f32>>();
+    let numbers = sizes.tensors().into_iter().map(|(_, shape)| some(shape.iter().product())).collect();
+    let model = Model::new(sizes, numbers).unwrap();
+    std::fs::write(folder.path().join("model"), model.to_safetensors().unwrap()).unwrap();
+    let told = plan(
+        folder.path(),
+        &["--method", "prior", "--prior", "network", "--network", "model", "--out", "one"],
+    );
+    assert_eq!(angles(&told).len(), 5);
+    assert_eq!(told["searches"][0]["solves"], 1);
+    let doses = std::fs::read_dir(folder.path().join("doses")).unwrap().count();
+    assert!((5..20).contains(&doses), "{doses} doses, and the ring has 90 beams");
 }

@@ -1,6 +1,7 @@
 //! The priors of beams that the command line names.
 
 use clap::ValueEnum;
+use stillpoint_network::Judgement;
 use stillpoint_plan::beams::{ClassAngles, Geometry, Mixture, Prior, Ring, Uniform, pelvis_solutions};
 use stillpoint_plan::case::Case;
 
@@ -17,6 +18,8 @@ pub enum Guide {
     Geometry,
     /// The usual angles for the pelvis with 5 or 7 beams.
     Class,
+    /// A trained network over the geometry of the case; see `--network`.
+    Network,
 }
 
 /// The mixture of the named priors but for prices; none if none is left.
@@ -25,11 +28,13 @@ pub fn mixture(
     case: &Case,
     ring: Ring,
     beams: usize,
+    learned: impl Fn() -> Result<Judgement, Failure>,
 ) -> Result<Option<Mixture<'static>>, Failure> {
     let mut parts: Vec<(f64, Box<dyn Prior>)> = Vec::new();
     for guide in guides {
         parts.push(match guide {
             Guide::Price => continue,
+            Guide::Network => (1.0, Box::new(learned()?)),
             Guide::Uniform => (1.0, Box::new(Uniform)),
             Guide::Geometry => (1.0, Box::new(Geometry::of_case(case, ring))),
             Guide::Class => {

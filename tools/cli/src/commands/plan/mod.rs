@@ -3,7 +3,7 @@
 //! - `protocol`: limits from protocol files
 //! - `request`: what is asked for, checked
 //! - `ground`: the case made ready: goals, dose engines, doses from the cache
-//! - `guide`: the priors of beams
+//! - `guide`: the priors of beams; `learned`: that of a trained network
 //! - `way`: the names of the methods of choosing beams
 //! - `search`: the ways to choose beams, with their progress
 //! - `outcome`: what a plan gives
@@ -17,6 +17,7 @@ mod export;
 mod folder;
 mod ground;
 mod guide;
+mod learned;
 mod outcome;
 mod protocol;
 mod request;
@@ -60,6 +61,9 @@ pub struct Plan {
     /// Several, separated by commas, are mixed in equal parts.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "price")]
     prior: Vec<Guide>,
+    /// Model file of `--prior network`, made by `stillpoint train planner`.
+    #[arg(long, value_name = "FILE")]
+    network: Option<PathBuf>,
     /// Gantry angles in degrees, such as `0,40,80`; no search is run.
     #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
     angles: Option<String>,

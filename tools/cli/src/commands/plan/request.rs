@@ -14,7 +14,7 @@ use stillpoint_plan::protocol::Protocol;
 
 use super::guide::{self, Guide};
 use super::way::Way;
-use super::{Plan, protocol};
+use super::{Plan, learned, protocol};
 use crate::exit::Failure;
 use crate::quantity::quantity;
 
@@ -77,10 +77,17 @@ impl Request {
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
         let (beams, methods) = methods(given, ring, &case)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
-        let mixture = guide::mixture(&given.prior, &case, ring, beams)?;
+        let (objectives, machine) =
+            (objectives(given.objectives.as_deref())?, machine(given.machine.as_deref())?);
+        let network = given.network.as_deref();
+        let learned = || learned::judgement(&case, &objectives, &machine, network);
+        let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
+        if network.is_some() && !given.prior.contains(&Guide::Network) {
+            return Err(Failure::wrong("--network is the model of --prior network; give both, or none"));
+        }
         if given.method == Way::Prior && mixture.is_none() {
             return Err(Failure::wrong(
-                "--method prior: prices need solves; choose --prior geometry, class or uniform",
+                "--method prior: prices need solves; choose --prior geometry, class, uniform or network",
             ));
         }
         if given.budget == 0 {
@@ -95,9 +102,9 @@ impl Request {
             methods,
             mixture,
             setups_mm: setups(given.robust.as_deref())?,
-            objectives: objectives(given.objectives.as_deref())?,
+            objectives,
             protocol: protocol::of(&case, given.protocol.as_deref())?,
-            machine: machine(given.machine.as_deref())?,
+            machine,
             grid_mm: length("grid", &given.grid)?,
             bixel_mm: length("bixel", &given.bixel)?,
             out: given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name())),

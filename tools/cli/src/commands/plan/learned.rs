@@ -1,0 +1,36 @@
+//! The learned prior of beams: from the image, the objectives and a model file, without any dose.
+
+use std::path::Path;
+
+use stillpoint_network::{Eye, Judgement, Model};
+use stillpoint_plan::case::Case;
+use stillpoint_plan::dose::{DoseParams, Machine};
+use stillpoint_plan::objectives::ObjectiveTable;
+
+use crate::exit::Failure;
+
+/// Angles at which the network looks.
+const ANGLES: usize = 90;
+/// Spacing of the grid on which the objectives of structures are looked up, mm.
+const GRID_MM: f64 = 8.0;
+
+/// What the network of this file says of a case.
+pub fn judgement(
+    case: &Case,
+    objectives: &ObjectiveTable,
+    machine: &Machine,
+    file: Option<&Path>,
+) -> Result<Judgement, Failure> {
+    let file = file.ok_or_else(|| {
+        Failure::wrong(
+            "no trained network comes with stillpoint: give one with --network FILE, or train one with `stillpoint train planner`",
+        )
+    })?;
+    let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", file.display()));
+    let bytes = std::fs::read(file).map_err(|e| fault(&e))?;
+    let model = Model::from_safetensors(&bytes).map_err(|e| fault(&e))?;
+    let grid = DoseParams::over(case.grid(), GRID_MM).grid;
+    let aims = objectives.for_case(case, &grid).map_err(Failure::failed)?;
+    let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES).map_err(Failure::failed)?;
+    Ok(model.judge(&eye))
+}
