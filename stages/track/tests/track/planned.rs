@@ -143,7 +143,7 @@ fn the_head_is_registered_from_starts_within_150_mm_and_40_degrees() {
     let skin = Head::new(1.0).unwrap();
     let case = case_of(&skin);
     let surface = surface_of(&case);
-    let starts = count("STILLPOINT_STARTS", 12);
+    let starts = count("STILLPOINT_STARTS", 6);
     let mut rng = Random::seed_from_u64(4_000);
     let (mut good, mut wrong) = (0, 0);
     for number in 0..starts {
@@ -169,7 +169,7 @@ fn a_foreign_head_is_refused() {
     let skin = Head::new(1.0).unwrap();
     let case = case_of(&skin);
     let surface = surface_of(&case);
-    let heads = count("STILLPOINT_FOREIGN", 6);
+    let heads = count("STILLPOINT_FOREIGN", 4);
     let mut rng = Random::seed_from_u64(5_000);
     let (mut foreign, mut accepted) = (0, 0);
     let mut number = 0;
