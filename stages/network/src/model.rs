@@ -40,9 +40,8 @@ impl Default for Sizes {
 pub const WIDEST: usize = 512;
 
 /// Place of each tensor in [`Sizes::tensors`].
+#[allow(missing_docs)]
 pub mod place {
-    //! The order of the tensors.
-    #![allow(missing_docs)]
     pub const TARGET_MEAN: usize = 0;
     pub const TARGET_SCALE: usize = 1;
     pub const STRUCTURE_MEAN: usize = 2;

@@ -123,7 +123,8 @@ fn a_tiny_network_overfits_two_cases() {
 #[test]
 fn the_tensors_say_what_the_plain_network_says() {
     let case = example(4);
-    let fitted: Fitted = fit(&[case.clone()], &[case.clone()], &options(2), None, |_| ()).unwrap();
+    let fitted: Fitted =
+        fit(std::slice::from_ref(&case), std::slice::from_ref(&case), &options(2), None, |_| ()).unwrap();
     let fixed: Vec<Vec<f32>> = fitted.model.numbers()[..6].to_vec();
     let network = Network::new(TINY, fixed, 1).unwrap();
     network.set(&fitted.model.numbers()[6..]).unwrap();

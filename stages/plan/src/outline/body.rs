@@ -56,8 +56,7 @@ enum Border {
 fn border(grid: &Grid, mask: &Mask, border: Border) -> Vec<bool> {
     let mut now: Vec<bool> = (0..grid.len()).map(|i| mask.contains(i)).collect();
     let strides = [1, grid.counts[0], grid.counts[0] * grid.counts[1]];
-    for axis in 0..3 {
-        let (stride, count) = (strides[axis], grid.counts[axis]);
+    for (stride, count) in strides.into_iter().zip(grid.counts) {
         let join = |i: usize| {
             let at = i / stride % count;
             let low = (at > 0).then(|| now[i - stride]);

@@ -58,12 +58,12 @@ pub fn read_surface(
         let case = from_bytes(bytes)?;
         (outline(&case)?, Some(case.isocentre_mm()), case.position())
     } else {
-        let (mesh, said, term) = if bytes.starts_with(b"ply") { read_ply(bytes)? } else { read_stl(bytes)? };
-        let lies = match term {
+        let read = if bytes.starts_with(b"ply") { read_ply(bytes)? } else { read_stl(bytes)? };
+        let lies = match read.position {
             Some(term) => PatientPosition::of_term(&term).ok_or(SurfaceFileError::Position(term))?,
             None => PatientPosition::default(),
         };
-        (mesh, said, lies)
+        (read.mesh, read.isocentre_mm, lies)
     };
     let axis =
         |i: usize| mesh.vertices_mm.iter().fold([f64::MAX, f64::MIN], |[a, b], v| [a.min(v[i]), b.max(v[i])]);

@@ -40,6 +40,17 @@ pub struct Placing {
     pub position: PatientPosition,
 }
 
+/// A mesh as a file holds it, with what the file says of its place.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshFile {
+    /// The triangles.
+    pub mesh: Mesh,
+    /// The isocentre in the frame of the vertices, mm.
+    pub isocentre_mm: Option<[f64; 3]>,
+    /// How the patient lies, as a term of DICOM.
+    pub position: Option<String>,
+}
+
 /// Why bytes are no mesh.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum MeshError {

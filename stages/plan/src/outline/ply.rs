@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use super::{Mesh, MeshError, Placing};
+use super::{Mesh, MeshError, MeshFile, Placing};
 
 /// Writes a mesh, mm, as binary PLY.
 ///
@@ -67,9 +67,9 @@ struct Element {
 ///
 /// # Errors
 /// What is wrong, with its line; a mesh without faces.
-pub fn read_ply(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>), MeshError> {
+pub fn read_ply(bytes: &[u8]) -> Result<MeshFile, MeshError> {
     let (mut format, mut elements) = (None, Vec::<Element>::new());
-    let (mut isocentre, mut position) = (None, None);
+    let (mut isocentre_mm, mut position) = (None, None);
     let (mut at, mut line) = (0, 0);
     loop {
         line += 1;
@@ -93,7 +93,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>)
                 let (Some(x), Some(y), Some(z)) = (read(x), read(y), read(z)) else {
                     return Err(fault(format!("{text:?} has no three numbers")));
                 };
-                isocentre = Some([x, y, z]);
+                isocentre_mm = Some([x, y, z]);
             }
             ["comment", "position", word] => position = Some(word.to_owned()),
             ["element", name, count] => {
@@ -114,6 +114,10 @@ pub fn read_ply(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>)
     let mut reader = Reader { bytes, at, format, line };
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for element in &elements {
+        // Such elements take no bytes: nothing would end their reading before their count.
+        if element.properties.is_empty() && element.count > 0 {
+            return Err(MeshError::Line { line, why: format!("element {:?} has no property", element.name) });
+        }
         for number in 0..element.count {
             let mut vertex = [f64::NAN; 3];
             for property in &element.properties {
@@ -141,7 +145,7 @@ pub fn read_ply(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>)
             }
         }
     }
-    Ok((Mesh::checked(vertices, triangles)?, isocentre, position))
+    Ok(MeshFile { mesh: Mesh::checked(vertices, triangles)?, isocentre_mm, position })
 }
 
 fn fan(corners: &[f64], face: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), MeshError> {
@@ -244,7 +248,8 @@ mod tests {
         let placing = Placing { isocentre_mm: [1.5, -2.0, 1e-3], position: PatientPosition::FeetFirstProne };
         let mut bytes = Vec::new();
         write_ply(&mesh, &placing, &mut bytes).unwrap();
-        assert_eq!(read_ply(&bytes), Ok((mesh, Some([1.5, -2.0, 1e-3]), Some("FFP".into()))));
+        let isocentre_mm = Some([1.5, -2.0, 1e-3]);
+        assert_eq!(read_ply(&bytes), Ok(MeshFile { mesh, isocentre_mm, position: Some("FFP".into()) }));
         // Cut anywhere, it is refused.
         for end in 0..bytes.len() {
             assert!(read_ply(&bytes[..end]).is_err(), "{end}");
@@ -256,12 +261,20 @@ mod tests {
         let text = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float nx\nproperty double y\n\
             property float z\nelement face 1\nproperty list uchar int vertex_index\nend_header\n\
             0 9 0 0\n1 9 0 0\n1 9 1 0\n0 9 1 0\n4 0 1 2 3\n";
-        let (mesh, isocentre, position) = read_ply(text).unwrap();
-        assert_eq!((mesh.triangles, isocentre, position), (vec![[0, 1, 2], [0, 2, 3]], None, None));
-        assert_eq!(mesh.vertices_mm[2], [1.0, 1.0, 0.0]);
+        let read = read_ply(text).unwrap();
+        assert_eq!((read.isocentre_mm, read.position), (None, None));
+        assert_eq!(read.mesh.triangles, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(read.mesh.vertices_mm[2], [1.0, 1.0, 0.0]);
         let broken = String::from_utf8(text.to_vec()).unwrap().replace("4 0 1 2 3", "4 0 1 x 3");
         assert_eq!(read_ply(broken.as_bytes()).unwrap_err().to_string(), "line 15: \"x\" is no number");
         let points = String::from_utf8(text.to_vec()).unwrap().replace("face 1", "face 0");
         assert_eq!(read_ply(points.as_bytes()).unwrap_err(), MeshError::NoTriangles);
+    }
+
+    #[test]
+    fn an_element_without_properties_is_refused_at_once() {
+        let text = format!("ply\nformat ascii 1.0\nelement vertex {}\nend_header\n", usize::MAX);
+        let why = read_ply(text.as_bytes()).unwrap_err().to_string();
+        assert_eq!(why, "line 4: element \"vertex\" has no property");
     }
 }

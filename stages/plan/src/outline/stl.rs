@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use super::{Mesh, MeshError, Placing};
+use super::{Mesh, MeshError, MeshFile, Placing};
 
 const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
@@ -40,7 +40,7 @@ pub fn write_stl(mesh: &Mesh, placing: &Placing, to: &mut impl Write) -> io::Res
 ///
 /// # Errors
 /// What is wrong, with its line or the bytes that are due.
-pub fn read_stl(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>), MeshError> {
+pub fn read_stl(bytes: &[u8]) -> Result<MeshFile, MeshError> {
     let count = bytes.get(HEADER..HEADER + 4).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let length = count.map(|n| HEADER + 4 + TRIANGLE * n as usize);
     if length == Some(bytes.len()) {
@@ -52,8 +52,8 @@ pub fn read_stl(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>)
             [0, 12, 24].map(|corner| [0, 4, 8].map(|c| number(at + corner + c)))
         });
         let header: String = bytes[..HEADER].iter().map(|b| char::from(*b)).collect();
-        let (isocentre, position) = placed(&header);
-        return Ok((joined(corners)?, isocentre, position));
+        let (isocentre_mm, position) = placed(&header);
+        return Ok(MeshFile { mesh: joined(corners)?, isocentre_mm, position });
     }
     if !bytes.starts_with(b"solid") {
         return Err(MeshError::Short { expected: length.unwrap_or(HEADER + 4), found: bytes.len() });
@@ -71,7 +71,7 @@ pub fn read_stl(bytes: &[u8]) -> Result<(Mesh, Option<[f64; 3]>, Option<String>)
     if corners.len() % 3 != 0 {
         return Err(MeshError::Short { expected: 3 * (corners.len() / 3 + 1), found: corners.len() });
     }
-    Ok((joined(corners.into_iter())?, None, None))
+    Ok(MeshFile { mesh: joined(corners.into_iter())?, isocentre_mm: None, position: None })
 }
 
 /// What the header says, after its words.
@@ -79,7 +79,8 @@ fn placed(header: &str) -> (Option<[f64; 3]>, Option<String>) {
     let words: Vec<&str> = header.split([' ', '\0']).filter(|w| !w.is_empty()).collect();
     let after = |word: &str| words.iter().position(|w| *w == word).map(|at| &words[at + 1..]);
     let isocentre = after("isocentre_mm").and_then(|rest| {
-        let numbers: Vec<f64> = rest.iter().take(3).filter_map(|w| w.parse().ok()).collect();
+        let numbers: Vec<f64> =
+            rest.iter().take(3).filter_map(|w| w.parse().ok()).filter(|c: &f64| c.is_finite()).collect();
         numbers.try_into().ok()
     });
     (isocentre, after("position").and_then(|rest| rest.first()).map(|word| (*word).to_owned()))
@@ -115,7 +116,8 @@ mod tests {
         let placing = Placing { isocentre_mm: [1.5, -2.0, 0.25], position: PatientPosition::HeadFirstSupine };
         let mut bytes = Vec::new();
         write_stl(&mesh, &placing, &mut bytes).unwrap();
-        assert_eq!(read_stl(&bytes), Ok((mesh, Some([1.5, -2.0, 0.25]), Some("HFS".into()))));
+        let isocentre_mm = Some([1.5, -2.0, 0.25]);
+        assert_eq!(read_stl(&bytes), Ok(MeshFile { mesh, isocentre_mm, position: Some("HFS".into()) }));
         for end in 0..bytes.len() {
             assert!(read_stl(&bytes[..end]).is_err(), "{end}");
         }
@@ -124,7 +126,7 @@ mod tests {
     #[test]
     fn text_is_read() {
         let text = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1e1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
-        assert_eq!(read_stl(text.as_bytes()).unwrap().0.vertices_mm[1], [10.0, 0.0, 0.0]);
+        assert_eq!(read_stl(text.as_bytes()).unwrap().mesh.vertices_mm[1], [10.0, 0.0, 0.0]);
         let broken = text.replace("1e1 0 0", "1e1 0");
         assert!(read_stl(broken.as_bytes()).unwrap_err().to_string().starts_with("line 5: "));
     }

@@ -54,9 +54,8 @@ fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
         let inside = surface.mesh.volume_cm3();
         assert!((inside / volume("Body") - 1.0).abs() < 0.01, "{said}: {inside} cm3 of {}", volume("Body"));
         let isocentre = told["isocentre_mm"].as_array().unwrap();
-        for axis in 0..3 {
-            let given = isocentre[axis].as_f64().unwrap();
-            assert!((surface.placing.isocentre_mm[axis] - given).abs() < 1e-3, "{name}");
+        for (written, given) in surface.placing.isocentre_mm.iter().zip(isocentre) {
+            assert!((written - given.as_f64().unwrap()).abs() < 1e-3, "{name}");
         }
     }
     let refused = stillpoint(folder.path(), &["case", "surface", "cases/head-0.case", "--out", "head.obj"]);
