@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use stillpoint_control::channels::{Channel, Channels};
@@ -151,22 +152,7 @@ impl Controller {
             windows: set.counts(),
         };
         let card = Card::of(&predictor, &fitted, &options, about);
-        let text = serde_json::to_string_pretty(&card).map_err(Failure::failed)? + "\n";
-        for (ending, content) in [
-            ("safetensors", bytes),
-            ("json", text.into_bytes()),
-            ("md", card.markdown().into_bytes()),
-            ("svg", losses(&fitted.epochs)?.into_bytes()),
-        ] {
-            write(&self.out, ending, &content)?;
-        }
-        if self.json {
-            print_json(&json!(card))?;
-        } else {
-            out!("{}", card.markdown());
-            outln!("\nwritten: {}.safetensors, .json, .md, .svg", self.out.display());
-        }
-        Ok(Exit::Done)
+        publish(&self.out, bytes, &card, &card.markdown(), losses(&fitted.epochs)?, self.json)
     }
 
     fn data(&self, sample_time: f64) -> Result<(Vec<Vec<Sample>>, Data), Failure> {
@@ -211,6 +197,29 @@ impl Controller {
 fn progress(length: u64, what: &str) -> Result<ProgressBar, Failure> {
     let style = ProgressStyle::with_template(&format!("{what} {{pos}}/{{len}} {{wide_bar}} {{msg}} {{eta}}"));
     Ok(ProgressBar::new(length).with_style(style.map_err(Failure::failed)?))
+}
+
+/// Writes a trained model, its card and its curves, and prints the card.
+fn publish(
+    out: &Path,
+    model: Vec<u8>,
+    card: &impl Serialize,
+    text: &str,
+    curves: String,
+    json: bool,
+) -> Ended {
+    let numbers = serde_json::to_string_pretty(card).map_err(Failure::failed)? + "\n";
+    write(out, "safetensors", &model)?;
+    write(out, "json", numbers.as_bytes())?;
+    write(out, "md", text.as_bytes())?;
+    write(out, "svg", curves.as_bytes())?;
+    if json {
+        print_json(&json!(card))?;
+    } else {
+        out!("{text}");
+        outln!("\nwritten: {}.safetensors, .json, .md, .svg", out.display());
+    }
+    Ok(Exit::Done)
 }
 
 fn write(out: &Path, ending: &str, content: &[u8]) -> Result<(), Failure> {

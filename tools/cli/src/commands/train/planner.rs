@@ -5,14 +5,13 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use serde_json::json;
 use sha2::{Digest, Sha256};
 use stillpoint_train::planner::{
     About, Card, Epoch, Gather, Options, SolvedCase, Summary, examples, fit, gather, strength,
 };
 
-use super::{progress, write};
-use crate::exit::{Ended, Exit, Failure, print_json};
+use super::{progress, publish};
+use crate::exit::{Ended, Exit, Failure};
 use stillpoint_report::chart::{Chart, Series, Style};
 
 /// Sets of a model that are solved for its strength.
@@ -127,22 +126,7 @@ impl Planner {
             strength: Summary::of(&all),
         };
         let card = Card::of(&fitted.model, &fitted, &options, about);
-        let text = serde_json::to_string_pretty(&card).map_err(Failure::failed)? + "\n";
-        for (ending, content) in [
-            ("safetensors", bytes),
-            ("json", text.into_bytes()),
-            ("md", card.markdown().into_bytes()),
-            ("svg", losses(&fitted.epochs)?.into_bytes()),
-        ] {
-            write(&self.out, ending, &content)?;
-        }
-        if self.json {
-            print_json(&json!(card))?;
-        } else {
-            out!("{}", card.markdown());
-            outln!("\nwritten: {}.safetensors, .json, .md, .svg", self.out.display());
-        }
-        Ok(Exit::Done)
+        publish(&self.out, bytes, &card, &card.markdown(), losses(&fitted.epochs)?, self.json)
     }
 
     /// The command that makes the same model again.
