@@ -36,6 +36,8 @@ pub struct Evidence {
     pub valves_ms: Option<f64>,
     /// Time at which the beam was first off; `None` if it stayed on.
     pub beam_ms: Option<f64>,
+    /// Every vent of the far end.
+    pub vents: Vec<Vent>,
     /// All reasons and faults of actuation after the fault, as bits.
     pub reasons: u32,
     /// Number of datagrams that the far end refused.
@@ -50,6 +52,17 @@ pub struct Evidence {
     pub bedside_stood_ms: f64,
     /// Description of the first duty that grew too fast when the valves followed again; `None` if none did.
     pub jump: Option<String>,
+}
+
+/// One vent of the far end. Times are in ms after the fault.
+#[derive(Debug, PartialEq)]
+pub struct Vent {
+    /// Arrival of the last order before it.
+    pub order_ms: f64,
+    /// Time after its begin at which the valves were first safe.
+    pub valves_ms: Option<f64>,
+    /// Time after its begin at which the far end first followed an order again.
+    pub follows_ms: Option<f64>,
 }
 
 /// Names of processes, each with one of its operators.
@@ -140,6 +153,7 @@ impl Tracks {
             vents_ms: vents.map(after),
             valves_ms: safe.map(|(stamp, _)| after(*stamp)),
             beam_ms: watched().find(|(_, s)| s.beam == 0).map(|(stamp, _)| after(*stamp)),
+            vents: self.vents(struck, until),
             reasons: self.reasons.iter().filter(|(s, _)| *s >= struck).fold(0, |all, (_, r)| all | r),
             refused: self.far.last().map_or(0, |(_, s)| s.refused),
             bedside_stood_ms: longest_pause(self.far.iter().map(|(s, _)| *s), struck, until)
@@ -147,6 +161,29 @@ impl Tracks {
             jump: self.jump(),
             ..Evidence::default()
         }
+    }
+
+    fn vents(&self, struck: u64, until: u64) -> Vec<Vent> {
+        let after = |stamp: u64| (stamp as f64 - struck as f64) * 1e-6;
+        let watched = self.far.iter().filter(|(stamp, _)| (struck..=until).contains(stamp));
+        let mut vents = Vec::new();
+        let mut vented = false;
+        for (begin, state) in watched {
+            let begins = state.doing() == FarEndDoing::Venting && !vented;
+            vented = state.doing() == FarEndDoing::Venting;
+            if !begins {
+                continue;
+            }
+            let follows = |s: &FarEndElement| s.doing() == FarEndDoing::Following;
+            let safe = self.rig.iter().find(|(stamp, safe)| stamp >= begin && *safe);
+            let followed = self.far.iter().find(|(stamp, s)| stamp >= begin && follows(s));
+            vents.push(Vent {
+                order_ms: after(state.arrived),
+                valves_ms: safe.map(|(stamp, _)| after(*stamp)),
+                follows_ms: followed.map(|(stamp, _)| after(*stamp)),
+            });
+        }
+        vents
     }
 
     /// Describes the first duty that grew faster than permitted after a time in which the far end did not follow.
@@ -223,6 +260,13 @@ mod tests {
         assert_eq!((e.last_order_ms, e.last_followed_ms), (3.0, 4.0));
         assert_eq!((e.beam_ms, e.vents_ms, e.valves_ms), (Some(5.0), Some(7.0), Some(15.0)));
         assert!((e.bedside_stood_ms - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_vent_ends_where_an_order_is_followed_again() {
+        let due = Vent { order_ms: 3.0, valves_ms: Some(15.0), follows_ms: Some(25.0) };
+        assert_eq!(tracks(0.0).vents(5 * MS, 35 * MS), [due]);
+        assert_eq!(tracks(0.0).vents(31 * MS, 35 * MS), []);
     }
 
     #[test]

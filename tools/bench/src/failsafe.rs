@@ -8,6 +8,7 @@ use stillpoint_operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
 use super::crew;
+use super::evidence::Vent;
 use super::figures::median;
 use super::folder::Folder;
 use stillpoint::{Ended, Exit, Failure, print_json};
@@ -112,7 +113,14 @@ fn row(fault: Fault, trials: usize, folder: &Path, registry: &Registry) -> Row {
         let ends = since(e.valves_ms).is_some_and(|ms| ms <= LIMIT_MS) && e.beam_ms <= e.vents_ms;
         let in_time = match fault.due() {
             Due::GoesOn => e.vents_ms.is_none(),
-            Due::GoesOnOrEnds if e.vents_ms.is_none() => true,
+            // A late order that is still in time ends a vent before the valves have moved.
+            Due::GoesOnOrEnds => {
+                let in_time = |vent: &Vent| {
+                    let within = |at: Option<f64>| at.is_some_and(|at| at - vent.order_ms <= LIMIT_MS);
+                    within(vent.valves_ms) || within(vent.follows_ms)
+                };
+                e.vents.iter().all(in_time) && (e.vents_ms.is_none() || e.beam_ms <= e.vents_ms)
+            }
             _ => ends,
         };
         let good = in_time && e.jump.is_none() && trial.came_back != Some(false) && trial.says_why(fault);
