@@ -224,38 +224,38 @@ mod tests {
     #[test]
     fn varied_pelves_differ_in_site_side_implants_and_organs_and_are_valid() {
         let mut seen = std::collections::BTreeMap::new();
-        for seed in 0..16 {
-            let case = varied_phantom(seed).unwrap();
-            let mut see = |what: &str| *seen.entry(what.to_owned()).or_insert(0) += 1;
-            see(case.provenance().split("target: ").nth(1).unwrap());
-            let target = case.structure("PTV").unwrap();
-            let x = case.isocentre_mm()[0];
-            see(if x > 20.0 {
-                "left"
-            } else if x < -20.0 {
-                "right"
-            } else {
-                "middle"
-            });
-            for name in ["HipImplantL", "HipImplantR", "Bowel"] {
-                if case.structure(name).is_some() {
-                    see(name);
-                }
+        for seed in 0..64 {
+            let variety = Variety::of_seed(seed);
+            let implants = variety.implants.iter().map(|side| format!("implant at side {side}"));
+            let bowel = variety.bowel.iter().map(|_| "bowel".to_owned());
+            let place = [variety.site.word().to_owned(), format!("side {}", variety.side)];
+            for what in place.into_iter().chain(implants).chain(bowel) {
+                *seen.entry(what).or_insert(0) += 1;
             }
+        }
+        // Five sites, two sides, implants at both, bowel.
+        assert!(seen.len() == 10 && seen.values().all(|times| (2..60).contains(times)), "{seen:?}");
+        for seed in 0..10 {
+            let case = varied_phantom(seed).unwrap();
+            let variety = Variety::of_seed(seed);
+            let site = case.provenance().split("target: ").nth(1).unwrap();
+            assert!(site.starts_with(variety.site.word()), "seed {seed}: {site}");
+            if variety.site == Site::Nodes {
+                assert!(case.isocentre_mm()[0] * variety.side > 20.0, "seed {seed}");
+            }
+            assert_eq!(case.structure("Bowel").is_some(), variety.bowel.is_some(), "seed {seed}");
+            let target = case.structure("PTV").unwrap();
             let body = case.structure("Body").unwrap();
             assert!(target.mask.indices().all(|i| body.mask.contains(i)), "seed {seed}");
             let volume = case.volume_cm3(target);
             assert!((30.0..450.0).contains(&volume), "seed {seed}: {volume} cm3");
             assert!(case.structures().iter().all(|s| !s.mask.is_empty()), "seed {seed}");
             let dense = case.structures().iter().filter(|s| s.name.starts_with("HipImplant"));
+            assert_eq!(dense.clone().count(), variety.implants.len(), "seed {seed}");
             for implant in dense {
                 assert!(implant.mask.indices().all(|i| case.hu()[i] > 2500), "seed {seed}");
             }
         }
-        for what in ["left", "right", "middle", "HipImplantL", "HipImplantR", "Bowel"] {
-            assert!(seen.contains_key(what), "{what}: {seen:?}");
-        }
-        assert!(seen.keys().filter(|k| k.contains("no patient")).count() >= 4, "{seen:?}");
         let hash = |seed| crate::case::content_hash(&varied_phantom(seed).unwrap()).unwrap();
         assert_eq!(hash(3), hash(3));
     }
