@@ -253,14 +253,14 @@ mod tests {
     #[test]
     fn nothing_but_the_head_is_captured_and_the_beam_is_off_in_time_when_it_goes() {
         let registry = crate::registry();
-        let numbers: Vec<u64> = (0..20).collect();
+        let numbers: Vec<u64> = (0..10).collect();
         let rows = crew::each(&numbers, 2, |n| run(*n, Rate::Ten, &registry)).unwrap();
         for row in &rows {
             assert!(!row.wrong && !row.astray, "{row:?}");
         }
         // In some scenes the head passed the limits while the beam was on.
         let beyond = rows.iter().filter(|r| r.seen.beyond_at.is_some()).count();
-        assert!(beyond >= 3, "{beyond} of {} scenes", rows.len());
+        assert!(beyond >= 2, "{beyond} of {} scenes", rows.len());
         let due = rows.iter().filter(|r| r.due);
         assert!(due.clone().filter(|r| r.seen.purity.is_some()).count() * 10 >= 9 * due.count(), "{rows:#?}");
     }
