@@ -35,6 +35,7 @@ mod hull;
 mod journal;
 mod kind;
 mod layout;
+mod plan;
 mod plane;
 mod pose;
 mod pose_report;
@@ -61,6 +62,9 @@ pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
 pub use kind::{Sample, SampleKind, Shape};
 pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+pub use plan::{
+    BixelWeight, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody,
+};
 pub use plane::{Plane, PlaneElement};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
@@ -117,6 +121,8 @@ pub fn all() -> &'static [&'static SampleKind] {
         Health::KIND,
         Hull::KIND,
         Journal::KIND,
+        PlanRequest::KIND,
+        PlanUpdate::KIND,
         Plane::KIND,
         PointCloud::KIND,
         Pose::KIND,

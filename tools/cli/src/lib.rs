@@ -74,6 +74,7 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_control::STAGES,
         stillpoint_actuate::STAGES,
         stillpoint_rig::STAGES,
+        stillpoint_planner::STAGES,
         stillpoint_sink::STAGES,
     ];
     lists.extend(extra);

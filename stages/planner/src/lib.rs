@@ -1,0 +1,18 @@
+//! Plans in a pipeline: a person has moved on the couch; does the plan still hold, and which plan is better?
+//!
+//! - [`optimizer`]: `plan.optimizer`, which answers requests
+//! - [`watch`]: `plan.watch`, which makes requests from poses
+//! - `job`: the work on one request, in parts
+//! - `patient`: a case, ready for plans in any set-up
+
+#![forbid(unsafe_code)]
+
+mod job;
+pub mod optimizer;
+mod patient;
+pub mod watch;
+
+use stillpoint_operator::Stage;
+
+/// The operators of this family.
+pub const STAGES: &[Stage] = &[Stage::of::<optimizer::PlanOptimizer>(), Stage::of::<watch::PlanWatch>()];
