@@ -80,8 +80,8 @@ pub struct Progress {
 /// Accuracy of a solve: a thousandth of what counts as one.
 const ACCURACY: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
 
-/// What earlier runs solved and priced. A search that begins again with it takes the same way at once, and goes on behind
-/// its end: so a search can be cut into parts of so many solves each.
+/// What earlier runs solved and priced. A search of the same budget that begins again with it takes the same way at once,
+/// and goes on behind its end: with [`Evaluator::with_pause`], a search is cut into parts of so many solves each.
 #[derive(Clone, Debug, Default)]
 pub struct Memo {
     solved: BTreeMap<BeamSet, Arc<Evaluated>>,
@@ -98,6 +98,8 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     ring: Ring,
     beams: usize,
     budget: Budget,
+    /// Solves after which the search pauses, whatever its budget.
+    pause: usize,
     threads: NonZeroUsize,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
     memo: Memo,
@@ -116,6 +118,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             ring,
             beams,
             budget,
+            pause: usize::MAX,
             threads: NonZeroUsize::MIN,
             cache: BTreeMap::new(),
             memo: Memo::default(),
@@ -137,6 +140,13 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     #[must_use]
     pub fn with_memo(mut self, memo: Memo) -> Self {
         self.memo = memo;
+        self
+    }
+
+    /// Stops after so many solves as if the budget were spent. Searches that share out their budget share out the whole.
+    #[must_use]
+    pub fn with_pause(mut self, solves: usize) -> Self {
+        self.pause = solves;
         self
     }
 
@@ -204,11 +214,12 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         sets: &[BeamSet],
         near: Option<&Evaluated>,
     ) -> Result<Vec<Arc<Evaluated>>, Stop> {
+        let room = self.solves_left().min(self.pause.saturating_sub(self.solves()));
         let mut missing: Vec<&BeamSet> = Vec::new();
         let mut within = 0;
         for set in sets {
             if !self.knows(set) && !missing.contains(&set) {
-                if missing.len() == self.solves_left() {
+                if missing.len() >= room {
                     break;
                 }
                 missing.push(set);

@@ -306,17 +306,21 @@ impl Prior for Knows {
 #[test]
 fn a_search_in_parts_takes_the_way_of_the_whole() {
     let (matrices, goals) = disc();
-    for method in [Method::Search(SearchOptions::default()), Method::Exchange(Vec::new())] {
+    let exchange = Method::Exchange(Vec::new());
+    for method in [Method::Search(SearchOptions::default()), exchange, Method::Annealing, Method::Random] {
+        let (_, whole, _) = run(&method, 23, 1);
         let mut memo = Memo::default();
-        let mut last = Vec::new();
-        for solves in [4, 9, 23] {
-            let budget = Budget { solves };
-            let mut evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, budget).with_memo(memo);
+        for solves in [1, 4, 5, 9, 23] {
+            let budget = Budget { solves: 23 };
+            let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, budget);
+            let mut evaluator = evaluator.with_memo(memo).with_pause(solves);
             let _ = choose(&method, &mut evaluator, None, 7);
-            last = evaluator.history().to_vec();
+            let (part, way) = (evaluator.history(), &whole[..solves]);
+            assert_eq!(part.len(), solves, "{method:?}");
+            // Prices that were asked for just before a pause are counted then.
+            let seen = |p: &Progress| (p.solves, p.beams.clone(), p.cost, p.best);
+            assert!(part.iter().map(seen).eq(way.iter().map(seen)), "{method:?}: {part:?} {way:?}");
             memo = evaluator.into_memo();
         }
-        let (_, whole, _) = run(&method, 23, 1);
-        assert_eq!(last, whole, "{method:?}");
     }
 }
