@@ -94,9 +94,9 @@ impl Job {
         let Asked { beams, budget, .. } = self.asked;
         self.allowed = (self.allowed + solves).min(budget);
         let memo = std::mem::take(&mut self.memo);
-        let allowed = Budget { solves: self.allowed };
-        let evaluator = Evaluator::new(&self.doses[..], &patient.goals, patient.ring, beams, allowed);
-        let mut evaluator = evaluator.with_memo(memo);
+        let whole = Budget { solves: budget };
+        let evaluator = Evaluator::new(&self.doses[..], &patient.goals, patient.ring, beams, whole);
+        let mut evaluator = evaluator.with_memo(memo).with_pause(self.allowed);
         // The search begins again in each part and takes the way of the whole: what earlier parts solved is known.
         let chosen = choose(&Method::Exchange(Vec::new()), &mut evaluator, None, seed);
         self.best = evaluator.best().cloned();
