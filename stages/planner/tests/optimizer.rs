@@ -1,6 +1,6 @@
 //! `plan.optimizer` on a bench.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 mod small;
 
