@@ -33,6 +33,7 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_estimate::STAGES,
     stillpoint_control::STAGES,
     stillpoint_actuate::STAGES,
+    stillpoint_planner::STAGES,
     stillpoint_sink::STAGES,
 ];
 
