@@ -8,7 +8,7 @@
 //! - [`volume`]: density and structures of a case, and rays through them
 //! - [`eye`]: the features
 //! - [`model`]: the network's numbers and its forward pass
-//! - [`file`]: the model file
+//! - [`mod@file`]: the model file
 //! - [`judgement`]: what the network says of the sets of a case, and the sets of the best value
 
 #![forbid(unsafe_code)]
