@@ -16,8 +16,8 @@ use proptest::prelude::*;
 use stillpoint_recorder::{Compression, Session, Source, recover};
 use stillpoint_samples::{
     Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Datagram, DepthImage, Diagnostics, Duties,
-    FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, Plane, PointCloud, Pose, PoseReport,
-    Rejection, RigState, Sample, Target, Track,
+    FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate, Plane,
+    PointCloud, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
 };
 
 /// Looks at the pieces as a sample of each kind.
@@ -45,6 +45,8 @@ view_as_each!(
     Health,
     Hull,
     Journal,
+    PlanRequest,
+    PlanUpdate,
     Plane,
     PointCloud,
     Pose,
