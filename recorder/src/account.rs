@@ -28,7 +28,7 @@ pub struct Lost {
     pub incarnation: u32,
     /// Number of the first.
     pub first: u64,
-    /// How many.
+    /// Number of them.
     pub count: u64,
 }
 

@@ -52,7 +52,7 @@ pub enum Gap {
         part: PathBuf,
         /// Where, in bytes from the start of the file.
         offset: u64,
-        /// What is wrong.
+        /// Description of the fault.
         what: String,
     },
     /// Samples of a topic that replay needs, listed as lost by the recorder.

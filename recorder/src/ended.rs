@@ -14,7 +14,7 @@ pub enum Ended {
     InOrder,
     /// The recorder ended it, but the run did not end as it should.
     Early {
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// Not yet: a recorder writes it.

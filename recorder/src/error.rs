@@ -54,7 +54,7 @@ pub enum SessionError {
         recorded: String,
         /// Type name in this build.
         ours: String,
-        /// Which fields differ.
+        /// Names of the fields that differ.
         difference: String,
     },
     /// A message that is not the sample that its channel promises.
@@ -70,7 +70,7 @@ pub enum SessionError {
         offset: u64,
         /// Where the message starts in the chunk's records.
         within: usize,
-        /// What is wrong.
+        /// Description of the fault.
         what: String,
     },
 }

@@ -23,7 +23,7 @@ pub enum TopicKind {
     Changed {
         /// The kind as this build has it.
         ours: &'static SampleKind,
-        /// Which fields differ.
+        /// Names of the fields that differ.
         difference: String,
     },
     /// No kind of this build: to be shown by its schema.

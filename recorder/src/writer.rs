@@ -64,7 +64,7 @@ impl<W: Write> PartWriter<W> {
     /// Starts a part with its attachments and metadata, and flushes them.
     ///
     /// # Errors
-    /// What writing answers.
+    /// The file could not be written.
     pub fn new(w: W, compression: Compression, opening: &Opening) -> Result<Self, WriteError> {
         let options = mcap::WriteOptions::new()
             .profile("ros2")
@@ -139,7 +139,7 @@ impl<W: Write> PartWriter<W> {
     /// Writes a sample that is laid out already for this topic.
     ///
     /// # Errors
-    /// What writing answers.
+    /// The file could not be written.
     pub fn write_encoded(
         &mut self,
         topic: TopicId,
@@ -175,7 +175,7 @@ impl<W: Write> PartWriter<W> {
     /// Lists samples that could not be kept.
     ///
     /// # Errors
-    /// What writing answers.
+    /// The file could not be written.
     pub fn note_lost(
         &mut self,
         topic: TopicId,
@@ -195,7 +195,7 @@ impl<W: Write> PartWriter<W> {
     /// Writes how the session's time stands to realtime.
     ///
     /// # Errors
-    /// What writing answers.
+    /// The file could not be written.
     pub fn clock(&mut self, sample: ClockSample) -> Result<(), WriteError> {
         self.message.clear();
         sample.encode(&mut self.message);
@@ -205,7 +205,7 @@ impl<W: Write> PartWriter<W> {
     /// Closes the chunk and flushes the file: all that was written so far survives the process.
     ///
     /// # Errors
-    /// What writing answers.
+    /// The file could not be written.
     pub fn flush(&mut self) -> Result<(), WriteError> {
         Ok(self.out.flush()?)
     }
@@ -213,7 +213,7 @@ impl<W: Write> PartWriter<W> {
     /// Ends the session in order and gives the `Write` back.
     ///
     /// # Errors
-    /// What writing answers; the session then counts as cut.
+    /// The file could not be written; the session then counts as cut.
     pub fn finish(mut self, closing: &Closing) -> Result<W, WriteError> {
         if let Some(ledger) = &closing.ledger {
             attach(&mut self.out, LEDGER_ATTACHMENT, "application/json", ledger, closing.realtime_ns)?;

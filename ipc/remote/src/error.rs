@@ -20,7 +20,7 @@ pub enum RemoteError {
     Session {
         /// Where it listens, or connects.
         place: String,
-        /// What zenoh says.
+        /// Message of zenoh.
         reason: String,
     },
     /// A name cannot be used as a part of a key.
@@ -31,7 +31,7 @@ pub enum RemoteError {
     Declare {
         /// The key.
         key: String,
-        /// What zenoh says.
+        /// Message of zenoh.
         reason: String,
     },
     /// A thread cannot be had.

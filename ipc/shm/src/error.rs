@@ -15,7 +15,7 @@ pub enum ShmError {
     Node {
         /// Root folder of the domain.
         root: PathBuf,
-        /// Why.
+        /// The reason that iceoryx2 gives.
         cause: Refusal,
     },
     /// A service could not be created or opened.
@@ -25,7 +25,7 @@ pub enum ShmError {
         topic: String,
         /// Contract text.
         type_name: String,
-        /// Why.
+        /// The reason that iceoryx2 gives.
         cause: Refusal,
     },
     /// A port could not be made or used.
@@ -35,7 +35,7 @@ pub enum ShmError {
         topic: String,
         /// Which port.
         port: PortKind,
-        /// Why.
+        /// The reason that iceoryx2 gives.
         cause: Refusal,
     },
     /// A name that iceoryx2 does not take.

@@ -111,7 +111,7 @@ pub enum FromWorker {
         operator: String,
         /// Its incarnation.
         incarnation: u32,
-        /// What it said.
+        /// Message of the operator.
         reason: String,
         /// Whether the process ends by it.
         fatal: bool,
@@ -122,7 +122,7 @@ pub enum FromWorker {
         operator: String,
         /// Its incarnation.
         incarnation: u32,
-        /// What it said.
+        /// Message of the operator.
         reason: String,
     },
     /// Inputs are drained and ends are marked.

@@ -59,7 +59,7 @@ pub enum WorkerError {
     Setup {
         /// Name of the operator.
         operator: String,
-        /// What it said.
+        /// Message of the operator.
         reason: SetupError,
     },
     /// An operator that panicked cannot be made again.
@@ -67,7 +67,7 @@ pub enum WorkerError {
     SetupAgain {
         /// Name of the operator.
         operator: String,
-        /// What it said.
+        /// Message of the operator.
         reason: SetupError,
     },
     /// An order that this kind of worker does not take.

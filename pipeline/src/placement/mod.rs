@@ -38,7 +38,7 @@ pub enum PlacementError {
     Setup {
         /// Name of the operator.
         operator: String,
-        /// What it said.
+        /// Message of the operator.
         reason: String,
     },
     /// A sample that the record names is not there.
@@ -60,7 +60,7 @@ pub enum PlacementError {
     Gone {
         /// Name of the operator.
         operator: String,
-        /// What happened.
+        /// Description of the event.
         reason: String,
     },
 }

@@ -12,7 +12,7 @@ use crate::record::Record;
 /// Which operators are compared.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Selection {
-    /// All of them.
+    /// All operators.
     All,
     /// This one.
     Only(String),

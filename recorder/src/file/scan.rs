@@ -18,7 +18,7 @@ const CHUNK_HEADER_READ: usize = 256;
 pub(crate) struct Damage {
     /// Where it starts, in bytes from the start of the file.
     pub offset: u64,
-    /// What is wrong.
+    /// Description of the fault.
     pub what: String,
 }
 

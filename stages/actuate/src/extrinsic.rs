@@ -6,7 +6,7 @@ use stillpoint_operator::{Choice, Params};
 /// Whether a condition is required for arming.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Need {
-    /// It is.
+    /// It is required.
     Required,
     /// It is not required, for a bench without it.
     Waived,

@@ -80,7 +80,7 @@ impl Channels {
         }
     }
 
-    /// How many.
+    /// Number of them.
     #[must_use]
     pub fn count(&self) -> usize {
         self.0.len()

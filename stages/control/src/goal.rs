@@ -13,7 +13,7 @@ pub struct PlannedMove {
     pub at: u64,
     /// How long it takes, ns.
     pub over: u64,
-    /// How it goes.
+    /// Profile of the motion over time.
     pub profile: Profile,
     /// Where to, for each channel that moves.
     pub to: [Option<f64>; 6],

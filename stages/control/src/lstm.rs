@@ -32,7 +32,7 @@ pub enum NetworkError {
     /// A matrix of another size.
     #[error("{what} has {found} numbers where {due} are due")]
     Size {
-        /// Which.
+        /// Name of the quantity.
         what: String,
         /// Its numbers.
         found: usize,

@@ -19,11 +19,11 @@ pub struct Leg {
     pub begin: u64,
     /// How long it takes, ns; 0 for a step.
     pub over: u64,
-    /// How it goes.
+    /// Profile of the motion over time.
     pub profile: Profile,
-    /// Where it begins.
+    /// Pose at the begin.
     pub from: [f64; 6],
-    /// Where it ends.
+    /// Pose at the end.
     pub to: [f64; 6],
 }
 

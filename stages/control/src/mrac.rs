@@ -68,7 +68,7 @@ pub enum MracError {
     /// The dead zone has another number of channels.
     #[error("the dead zone has {found} numbers for {channels} channels")]
     DeadZone {
-        /// Numbers.
+        /// Number of values found.
         found: usize,
         /// Channels.
         channels: usize,

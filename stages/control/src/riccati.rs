@@ -44,7 +44,7 @@ pub enum RiccatiError {
     /// Matrices that do not fit each other.
     #[error("{what} is {rows} by {columns} where {due_rows} by {due_columns} is due")]
     Shape {
-        /// Which.
+        /// Name of the quantity.
         what: &'static str,
         /// Its rows.
         rows: usize,

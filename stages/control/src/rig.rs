@@ -87,7 +87,7 @@ struct At<const D: usize, const B: usize, const N: usize> {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{why} (after {percent:.0} % of the way)", percent = part * 100.0)]
 pub struct InTheWay {
-    /// Why.
+    /// The reason.
     pub why: Unreachable,
     /// How far.
     pub part: f64,

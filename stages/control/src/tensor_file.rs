@@ -14,17 +14,17 @@ pub enum TensorFileError {
     /// A tensor is not there, or of another form.
     #[error("the tensor `{name}` {reason}")]
     Tensor {
-        /// Which.
+        /// Name of the entry.
         name: String,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// An entry of the metadata is missing or cannot be read.
     #[error("the metadata's `{name}` {reason}; train the model with `stillpoint train controller`")]
     Metadata {
-        /// Which.
+        /// Name of the entry.
         name: &'static str,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
 }

@@ -27,7 +27,7 @@ pub struct DetectParams {
 /// A face in an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Face {
-    /// Where it is.
+    /// Area of the image.
     pub area: Area,
     /// How certain the detector is, in its own unit.
     pub score: f64,

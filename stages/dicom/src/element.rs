@@ -17,9 +17,9 @@ pub enum TagError {
     /// The value cannot be used.
     #[error("{} is {found:?}: {why}", named(*tag))]
     Value {
-        /// Which.
+        /// Tag of the element.
         tag: Tag,
-        /// What it is.
+        /// Value that was found.
         found: String,
         /// Why that will not do, and what will.
         why: &'static str,
@@ -31,7 +31,7 @@ pub enum TagError {
         number: usize,
         /// Name of the region.
         region: String,
-        /// What is wrong with it.
+        /// The underlying error.
         source: Box<TagError>,
     },
 }

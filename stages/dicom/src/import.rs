@@ -46,17 +46,17 @@ pub enum ImportError {
     /// A file or folder cannot be read.
     #[error("{}: {source}", path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// A file is damaged, or of a kind that is not read.
     #[error("{}: {source}", path.display())]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: ReadError,
     },
     /// The images make no volume.
@@ -126,7 +126,7 @@ pub enum ImportError {
     Case {
         /// The folder.
         folder: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: CaseError,
     },
 }

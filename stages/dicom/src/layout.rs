@@ -56,7 +56,7 @@ pub enum LayoutError {
     Short {
         /// The element.
         tag: Tag,
-        /// Where it begins.
+        /// Offset of its first byte in the file.
         at: usize,
         /// Bytes that it says it has.
         length: u64,
@@ -68,7 +68,7 @@ pub enum LayoutError {
     End {
         /// The last element.
         tag: Tag,
-        /// Where.
+        /// Offset in the file, bytes.
         at: usize,
     },
     /// Sequences are too deep.
@@ -76,7 +76,7 @@ pub enum LayoutError {
     Deep {
         /// The element.
         tag: Tag,
-        /// Where it begins.
+        /// Offset of its first byte in the file.
         at: usize,
     },
     /// An element at a place where it is not allowed.
@@ -84,9 +84,9 @@ pub enum LayoutError {
     Wrong {
         /// The element.
         tag: Tag,
-        /// Where it begins.
+        /// Offset of its first byte in the file.
         at: usize,
-        /// What is wrong.
+        /// Description of the fault.
         why: &'static str,
     },
     /// A transfer syntax that is not read.

@@ -22,9 +22,9 @@ pub enum SeriesError {
     /// Two images do not belong together.
     #[error("{}: {what} differs from {}: give one series alone", file.display(), first.display())]
     Mixed {
-        /// One.
+        /// The first of the two files.
         file: PathBuf,
-        /// Another.
+        /// The second of the two files.
         first: PathBuf,
         /// The tag, with its name.
         what: &'static str,
@@ -35,9 +35,9 @@ pub enum SeriesError {
         file.display(), other.display()
     )]
     Twice {
-        /// One.
+        /// The first of the two files.
         file: PathBuf,
-        /// The other.
+        /// The second of the two files.
         other: PathBuf,
         /// Their place along the patient, mm.
         z_mm: f64,

@@ -51,11 +51,11 @@ pub enum ExportError {
     /// A number cannot be written.
     #[error("{what} of {value} cannot be: {why}")]
     Number {
-        /// What it is.
+        /// Name of the quantity.
         what: &'static str,
         /// The number.
         value: f64,
-        /// What is due.
+        /// Value that is expected.
         why: &'static str,
     },
     /// The dose has another number of values than its grid has voxels.

@@ -3,7 +3,7 @@
 /// Why a sensor is used, or not.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// It is.
+    /// The sensor is used.
     Used,
     /// No sample was seen yet.
     Waiting,

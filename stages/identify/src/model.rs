@@ -70,7 +70,7 @@ pub enum ModelError {
     /// Its matrices do not fit each other.
     #[error("{what} has {found} numbers where the order {order} needs {needed}")]
     Shape {
-        /// Which.
+        /// Name of the quantity.
         what: &'static str,
         /// Numbers found.
         found: usize,
@@ -82,7 +82,7 @@ pub enum ModelError {
     /// A number that cannot be.
     #[error("{what} is {value}: it must be {must}")]
     Number {
-        /// Which.
+        /// Name of the quantity.
         what: &'static str,
         /// The value.
         value: f64,

@@ -15,7 +15,7 @@ pub struct Grid {
     pub start: u64,
     /// From one to the next, ns.
     pub step: u64,
-    /// How many.
+    /// Number of them.
     pub count: usize,
 }
 

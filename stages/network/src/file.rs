@@ -35,9 +35,9 @@ pub enum ModelFileError {
     /// A tensor is not there, or of another form.
     #[error("the tensor `{name}` {reason}")]
     Tensor {
-        /// Which.
+        /// Name of the entry.
         name: String,
-        /// What is wrong.
+        /// Description of the fault.
         reason: String,
     },
     /// The numbers make no network.

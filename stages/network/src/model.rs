@@ -120,27 +120,27 @@ pub enum ModelError {
     /// Another number of tensors.
     #[error("there are {found} tensors, and the network has {expected}")]
     Tensors {
-        /// Given.
+        /// Number that was given.
         found: usize,
-        /// Due.
+        /// Number that is expected.
         expected: usize,
     },
     /// A tensor of another size.
     #[error("the tensor `{name}` has {found} numbers, and {expected} are due")]
     Length {
-        /// Which.
+        /// Name of the entry.
         name: &'static str,
-        /// Given.
+        /// Number that was given.
         found: usize,
-        /// Due.
+        /// Number that is expected.
         expected: usize,
     },
     /// A number that is infinite or none, or a scale that is not positive.
     #[error("the tensor `{name}` has {value} at place {at}: numbers must be finite, and scales positive")]
     Number {
-        /// Which.
+        /// Name of the entry.
         name: &'static str,
-        /// Where.
+        /// Offset in the file, bytes.
         at: usize,
         /// Its value.
         value: f32,

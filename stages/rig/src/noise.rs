@@ -18,7 +18,7 @@ pub enum NoiseError {
     /// A number out of its range, or not finite.
     #[error("{name} is {value}; give a number from {least} to {greatest}")]
     Range {
-        /// Which number.
+        /// Name of the quantity.
         name: &'static str,
         /// The value given.
         value: f64,

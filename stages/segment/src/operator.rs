@@ -65,9 +65,9 @@ pub enum Rule {
 /// Whether a check is made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Check {
-    /// It is.
+    /// It is required.
     Required,
-    /// It is not.
+    /// It is not required.
     Waived,
 }
 

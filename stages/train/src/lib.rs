@@ -39,7 +39,7 @@ pub enum TrainError {
     /// An option that cannot be.
     #[error("{what} is {value}: it must be {must}")]
     Option {
-        /// Which.
+        /// Name of the quantity.
         what: &'static str,
         /// The value.
         value: f64,
@@ -58,12 +58,12 @@ pub enum TrainError {
     /// A file that cannot be read or written.
     #[error("{}: {why}", path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: std::path::PathBuf,
-        /// What is wrong.
+        /// Description of the fault.
         why: String,
     },
-    /// What candle says.
+    /// An operation on tensors failed.
     #[error("training failed: {0}")]
     Tensor(#[from] candle_core::Error),
     /// The numbers do not make a model.

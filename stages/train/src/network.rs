@@ -34,7 +34,7 @@ impl Network {
     /// A network of layers of these sizes. Numbers begin uniformly within 1 over the root of the cells of their layer.
     ///
     /// # Errors
-    /// What candle says.
+    /// An operation on tensors failed.
     pub fn new(inputs: usize, hidden: &[usize], outputs: usize, seed: u64) -> Result<Self, TrainError> {
         let device = Device::Cpu;
         let mut random = Random::stream(seed, u64::MAX);
@@ -64,7 +64,7 @@ impl Network {
     /// What it says after windows of `window` samples each, a row for each window.
     ///
     /// # Errors
-    /// What candle says.
+    /// An operation on tensors failed.
     pub fn forward(
         &self,
         numbers: &[f32],
@@ -80,7 +80,7 @@ impl Network {
     /// windows after the second, and so on.
     ///
     /// # Errors
-    /// What candle says.
+    /// An operation on tensors failed.
     pub fn forward_all(&self, numbers: &[f32], window: usize) -> Result<Tensor, TrainError> {
         let said: Result<Vec<Tensor>, _> =
             self.hidden(numbers, window, None)?.iter().map(|h| self.said(h)).collect();
@@ -114,7 +114,7 @@ impl Network {
     /// Mean over the windows of half the sum of squares (4.39).
     ///
     /// # Errors
-    /// What candle says.
+    /// An operation on tensors failed.
     pub fn loss(&self, said: &Tensor, changes: &[f32]) -> Result<Tensor, TrainError> {
         let (rows, outputs) = said.dims2()?;
         let due = Tensor::from_slice(changes, (rows, outputs), &self.device)?;
@@ -124,7 +124,7 @@ impl Network {
     /// The numbers as they are now.
     ///
     /// # Errors
-    /// What candle says.
+    /// An operation on tensors failed.
     pub fn numbers(&self) -> Result<Vec<Vec<f32>>, TrainError> {
         self.vars().iter().map(|v| Ok(v.flatten_all()?.to_vec1::<f32>()?)).collect()
     }

@@ -8,9 +8,9 @@ const WIDTH: usize = 100;
 /// On which side of a column its cells stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Words.
+    /// Text is aligned left.
     Left,
-    /// Numbers.
+    /// Numbers are aligned right.
     Right,
 }
 

@@ -61,7 +61,7 @@ pub enum Refused {
     Unreadable {
         /// The file, as the user named it.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: std::io::Error,
     },
     /// It has faults.
@@ -101,7 +101,7 @@ fn read(path: &Path) -> std::io::Result<Vec<u8>> {
 }
 
 impl PipelineFile {
-    /// Reads it.
+    /// Reads the file.
     pub fn read(&self) -> Result<Source, Refused> {
         let default = PathBuf::from("pipeline.yaml");
         let path = match &self.file {

@@ -53,7 +53,7 @@ pub struct FarEnd {
 pub struct Refused {
     /// The reason.
     pub reason: String,
-    /// How many.
+    /// Number of them.
     pub count: u64,
 }
 

@@ -42,7 +42,7 @@ pub enum Block {
     Drawing(String, String),
     /// A long text that the reader can open.
     Listing {
-        /// What it is.
+        /// Title of the part.
         title: String,
         /// The text.
         text: String,
@@ -52,7 +52,7 @@ pub enum Block {
 /// An important number.
 #[derive(Debug)]
 pub struct Tile {
-    /// What it is.
+    /// Name of the figure.
     pub name: String,
     /// The number with its unit.
     pub value: String,
@@ -157,7 +157,7 @@ impl Table {
 }
 
 impl Cell {
-    /// Words.
+    /// A paragraph of text.
     pub fn text(words: impl Into<String>) -> Self {
         Self::Text(words.into())
     }

@@ -76,7 +76,7 @@ pub struct Signal {
 /// Named numbers over time.
 #[derive(Clone, Debug, Default)]
 pub struct Metrics {
-    /// Their topic.
+    /// Topic of the samples.
     pub topic: String,
     /// Whether they are durations that the live executor measured.
     pub is_timing: bool,
@@ -161,7 +161,7 @@ pub struct Aims {
 /// Duties of valves over time.
 #[derive(Clone, Debug, Default)]
 pub struct Orders {
-    /// Their topic.
+    /// Topic of the samples.
     pub topic: String,
     /// How many valves there are.
     pub valves: usize,
@@ -219,7 +219,7 @@ impl Gates {
 /// Pressures in bladders over time.
 #[derive(Clone, Debug, Default)]
 pub struct Pressures {
-    /// Their topic.
+    /// Topic of the samples.
     pub topic: String,
     /// How many bladders there are.
     pub bladders: usize,
@@ -234,7 +234,7 @@ pub struct Refusal {
     pub topic: String,
     /// When, ns.
     pub stamp: u64,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 

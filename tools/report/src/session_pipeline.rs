@@ -18,7 +18,7 @@ pub enum SessionPipelineError {
     Unreadable {
         /// Name of the attachment.
         name: &'static str,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// The pipeline has faults for this build.

@@ -134,7 +134,7 @@ impl Complaint {
 /// A fault: a complaint and its place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Where.
+    /// Place in the text.
     pub span: Span,
     /// Kind of the fault.
     pub code: Code,

@@ -30,7 +30,7 @@ impl Span {
 pub struct Marked<T> {
     /// The value.
     pub value: T,
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
 }
 

@@ -10,7 +10,7 @@ pub const TEXT: &str = "a text";
 /// A value and where it stands.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// Where it stands.
+    /// Place in the text.
     pub span: Span,
     /// Its value.
     pub value: Value,

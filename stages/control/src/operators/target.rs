@@ -36,7 +36,7 @@ pub struct MoveParams {
     /// How long it takes; 0 s for a step.
     #[param(unit = "ns", default = "0 s", max = "24 h")]
     pub over: u64,
-    /// How it goes.
+    /// Profile of the motion over time.
     #[param(default = "linear")]
     pub profile: Profile,
     /// Where to, along x.

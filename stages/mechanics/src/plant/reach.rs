@@ -65,7 +65,7 @@ pub enum Unreachable {
     /// A bladder would be pressed flat.
     #[error("bladder {bladder} would be pressed to {gap} m, below its least gap of {least} m")]
     Flat {
-        /// Which.
+        /// Number of the bladder, from 0.
         bladder: usize,
         /// Its gap, m.
         gap: f64,
@@ -77,7 +77,7 @@ pub enum Unreachable {
         "bladder {bladder} would have to bridge {gap} m, more than it does at {pressure} Pa and its greatest stretch"
     )]
     Apart {
-        /// Which.
+        /// Number of the bladder, from 0.
         bladder: usize,
         /// Its gap, m.
         gap: f64,
@@ -87,7 +87,7 @@ pub enum Unreachable {
     /// A bladder would have to push less than it must to stay in touch, or pull.
     #[error("bladder {bladder} would have to push with {force} N, less than {least} N: it cannot pull")]
     Pulls {
-        /// Which.
+        /// Number of the bladder, from 0.
         bladder: usize,
         /// Its push, N.
         force: f64,
@@ -97,7 +97,7 @@ pub enum Unreachable {
     /// A bladder would have to push more than it does at the greatest pressure and stretch.
     #[error("bladder {bladder} would have to push with {force} N, more than the {greatest} N that it can")]
     TooHard {
-        /// Which.
+        /// Number of the bladder, from 0.
         bladder: usize,
         /// Its push, N.
         force: f64,

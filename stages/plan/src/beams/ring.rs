@@ -29,9 +29,9 @@ pub enum RingError {
     /// Two beams stand too near.
     #[error("angles {a} and {b} of a ring of {count} are nearer than {gap} steps")]
     Near {
-        /// One.
+        /// The first of the two beams.
         a: u16,
-        /// The other.
+        /// The second of the two beams.
         b: u16,
         /// Angles of the ring.
         count: u16,

@@ -34,31 +34,31 @@ pub enum DescribedError {
     /// A file cannot be read.
     #[error("{}: {source}", path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The JSON is no description of a case.
     #[error("{}: this JSON does not describe a case: {source}", path.display())]
     Json {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: serde_json::Error,
     },
     /// A volume cannot be read.
     #[error("{}: {source}", path.display())]
     Nrrd {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: NrrdError,
     },
     /// The JSON is at odds with itself or with a volume.
     #[error("{}: {why}", path.display())]
     Disagree {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
         /// Where.
         why: String,
@@ -68,7 +68,7 @@ pub enum DescribedError {
     Case {
         /// The JSON.
         path: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: CaseError,
     },
 }

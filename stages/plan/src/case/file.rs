@@ -52,17 +52,17 @@ pub enum CaseFileError {
     /// The file cannot be read or written.
     #[error("{}: {source}", path.display())]
     File {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// What a file holds is no case.
     #[error("{}: {source}", path.display())]
     Content {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The underlying error.
         source: Box<CaseFileError>,
     },
     /// Another kind of file.
@@ -82,7 +82,7 @@ pub enum CaseFileError {
     Block {
         /// Which block.
         block: String,
-        /// What is wrong.
+        /// The underlying error.
         source: InflateError,
     },
     /// A mask has bits beyond the volume.

@@ -48,11 +48,11 @@ pub enum NrrdError {
     /// A field cannot be read.
     #[error("the NRRD field `{field}: {text}` cannot be used: {why}")]
     Field {
-        /// Which.
+        /// Name of the field.
         field: &'static str,
-        /// What it says.
+        /// Text of the field.
         text: String,
-        /// What is due.
+        /// Value that is expected.
         why: &'static str,
     },
     /// The data cannot be unpacked.

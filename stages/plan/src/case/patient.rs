@@ -87,13 +87,13 @@ pub enum CaseError {
         spacing_mm: [f64; 3],
         /// Origin.
         origin_mm: [f64; 3],
-        /// What is wrong.
+        /// Description of the fault.
         why: &'static str,
     },
     /// A volume has another number of values than the grid has voxels.
     #[error("{what} has {found} values, but the grid has {expected} voxels")]
     Length {
-        /// Which volume.
+        /// Name of the volume.
         what: String,
         /// Voxels of the grid.
         expected: usize,
@@ -106,9 +106,9 @@ pub enum CaseError {
     /// More than one outline of the patient.
     #[error("{first:?} and {second:?} are both outlines of the patient: give one of them another role")]
     TwoOutlines {
-        /// One.
+        /// The first of the two.
         first: String,
-        /// The other.
+        /// The second of the two.
         second: String,
     },
     /// No voxel of any target, and no isocentre.
@@ -126,7 +126,7 @@ pub enum CaseError {
         structure: String,
         /// Its dose.
         dose_gy: f64,
-        /// What is wrong.
+        /// Description of the fault.
         why: &'static str,
     },
     /// The number of fractions cannot be.

@@ -48,15 +48,15 @@ pub enum CacheError {
     Write {
         /// Which file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// What was just written cannot be read.
     #[error("the dose cache cannot use {}, which it has just written: {source}", path.display())]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What is wrong.
+        /// The underlying error.
         source: BeamFileError,
     },
 }

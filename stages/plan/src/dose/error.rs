@@ -9,7 +9,7 @@ pub enum DoseError {
     /// A volume does not belong to the image's grid.
     #[error("{volume} has {found} values, but the image's grid has {expected} voxels")]
     Length {
-        /// Which volume.
+        /// Name of the volume.
         volume: &'static str,
         /// Voxels of the grid.
         expected: usize,
@@ -31,9 +31,9 @@ pub enum DoseError {
     /// A number is out of its range.
     #[error("the {what} is {value}; it must be from {least} to {most} (lengths in mm, angles in degrees)")]
     Number {
-        /// Which number.
+        /// Name of the quantity.
         what: &'static str,
-        /// What it is.
+        /// Value of the quantity.
         value: f64,
         /// The least that it may be.
         least: f64,

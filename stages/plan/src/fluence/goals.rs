@@ -72,7 +72,7 @@ pub enum GoalsError {
     Number {
         /// The structure.
         name: String,
-        /// Which number.
+        /// Name of the quantity.
         what: &'static str,
         /// Its value.
         value: f64,

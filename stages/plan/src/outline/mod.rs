@@ -67,7 +67,7 @@ pub enum MeshError {
     Line {
         /// From 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the fault.
         why: String,
     },
     /// A triangle names a corner that is not there.

@@ -7,12 +7,12 @@ use stillpoint_samples::{Command, RigFault};
 pub enum Fault {
     /// A valve keeps the opening that it has. Inlet and outlet of the first bladder are 0 and 1, and so on.
     StuckValve {
-        /// Which.
+        /// Number of the valve, from 0.
         valve: usize,
     },
     /// A bladder has a hole to the room.
     Leak {
-        /// Which.
+        /// Number of the bladder, from 0.
         bladder: usize,
         /// Diameter, m.
         diameter: f64,

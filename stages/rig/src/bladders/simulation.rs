@@ -45,7 +45,7 @@ pub struct Push {
     pub offset: [f64; 6],
     /// When, ns after the rig's start.
     pub begin: u64,
-    /// Until when.
+    /// End of the simulation, ns.
     pub end: u64,
 }
 

@@ -14,7 +14,7 @@ enum Tree {
 /// How a node hangs on its tree.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Parent {
-    /// Not at all.
+    /// The node has no parent.
     None,
     /// It was cut off and looks for another parent.
     Orphan,

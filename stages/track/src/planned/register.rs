@@ -74,7 +74,7 @@ pub enum Foreign {
     /// Too much lies elsewhere.
     #[error("{:.0} % of what is seen lies on the surface, it takes {:.0} %", 100.0 * fit.near, 100.0 * needed)]
     Elsewhere {
-        /// The best fit.
+        /// The best fit that was found.
         fit: Fit,
         /// Part needed.
         needed: f64,
@@ -82,7 +82,7 @@ pub enum Foreign {
     /// The shape is another.
     #[error("what is seen differs from the surface by {:.2} mm RMS, at most {:.2} mm are this patient's", 1e3 * fit.misfit, 1e3 * most)]
     Shape {
-        /// The best fit.
+        /// The best fit that was found.
         fit: Fit,
         /// The most, m.
         most: f64,
@@ -90,13 +90,13 @@ pub enum Foreign {
     /// The size is another.
     #[error("what is seen has {:.1} % of the size of the surface", 100.0 * fit.scale)]
     Size {
-        /// The best fit.
+        /// The best fit that was found.
         fit: Fit,
     },
     /// Too little of it is seen.
     #[error("{:.0} % of the surface that the camera should see have points, it takes {:.0} %", 100.0 * fit.covered, 100.0 * needed)]
     Hidden {
-        /// The best fit.
+        /// The best fit that was found.
         fit: Fit,
         /// Part needed.
         needed: f64,

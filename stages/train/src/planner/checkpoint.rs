@@ -78,7 +78,7 @@ impl Checkpoint {
             .map_err(|e| fault(e.to_string()))
     }
 
-    /// Reads it.
+    /// Reads the file.
     pub fn read(path: &Path) -> Result<Self, TrainError> {
         let fault = |why: String| TrainError::File { path: path.to_owned(), why };
         let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;

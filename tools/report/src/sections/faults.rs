@@ -48,7 +48,7 @@ pub struct Event {
     pub operator: String,
     /// Its incarnation.
     pub incarnation: u32,
-    /// What happened.
+    /// Description of the event.
     pub what: String,
 }
 
