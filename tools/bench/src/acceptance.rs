@@ -34,6 +34,9 @@ pub struct Plans {
     /// Run only the first cases.
     #[arg(long, value_name = "NUMBER")]
     first: Option<usize>,
+    /// Run only the cases with these numbers, from 0.
+    #[arg(long, value_delimiter = ',', value_name = "NUMBERS", conflicts_with = "first")]
+    only: Vec<usize>,
     /// Numbers of beams.
     #[arg(long, value_delimiter = ',', default_values_t = [5, 9, 15])]
     beams: Vec<usize>,
@@ -73,10 +76,12 @@ struct Row {
     differences: Differences,
 }
 
-#[derive(Clone, Copy, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 struct Differences {
     /// Of D98, D95, D50, D2, D0.03cc, gray.
     dose_gy: f64,
+    /// Structure and figure of that difference, with both values.
+    dose_of: String,
     /// Of the part of a target that gets 95 % of its prescription.
     covered: f64,
     /// Of the part of a structure that gets 10 Gy.
@@ -89,9 +94,9 @@ impl Plans {
         let mut rows = Vec::new();
         if !self.json {
             outln!(
-                "| case | beams | bixels, mm | V95%, least | D98 | D2 | HI | Paddick | R50 | beyond 2 cm, % | first cm, % | off: dose, Gy | off: V95%, % | off: V10, % |"
+                "| case | beams | bixels, mm | V95%, least | D98 | D2 | HI | Paddick | R50 | beyond 2 cm, % | first cm, % | off: dose, Gy | of: told, finer | off: V95%, % | off: V10, % |"
             );
-            outln!("|{}", " --- |".repeat(14));
+            outln!("|{}", " --- |".repeat(15));
         }
         for (name, case) in self.cases()? {
             for &bixel_mm in &self.bixels {
@@ -130,7 +135,10 @@ impl Plans {
             }
             let of_seed =
                 |seed: u64| Ok((format!("pelvis of seed {seed}"), phantom(seed).map_err(Failure::failed)?));
-            return (0..self.first.unwrap_or(16).min(16) as u64).map(of_seed).collect();
+            return (0..16)
+                .filter(|place| self.is_wanted(*place))
+                .map(|place| of_seed(place as u64))
+                .collect();
         };
         let root = data.join("planning");
         let files: Vec<PathBuf> = match self.cases {
@@ -146,7 +154,12 @@ impl Plans {
             let case = import_described(file, &names).map_err(Failure::failed)?.case;
             Ok((file.file_stem().and_then(|s| s.to_str()).unwrap_or_default().to_owned(), case))
         };
-        files.iter().take(self.first.unwrap_or(usize::MAX)).map(read).collect()
+        let wanted = files.iter().enumerate().filter(|(place, _)| self.is_wanted(*place));
+        wanted.map(|(_, file)| read(file)).collect()
+    }
+
+    fn is_wanted(&self, place: usize) -> bool {
+        self.first.is_none_or(|first| place < first) && (self.only.is_empty() || self.only.contains(&place))
     }
 
     fn row(
@@ -235,8 +248,12 @@ impl Differences {
         let mut largest = Self::default();
         for (a, b) in told.iter().zip(finer) {
             let doses = |f: &StructureDose| [f.d98_gy, f.d95_gy, f.d50_gy, f.d2_gy, f.d003cc_gy];
-            for (a, b) in doses(a).iter().zip(doses(b)) {
-                largest.dose_gy = largest.dose_gy.max((a - b).abs());
+            let names = ["D98", "D95", "D50", "D2", "D0.03cc"];
+            for (name, (told, finer)) in names.iter().zip(doses(a).into_iter().zip(doses(b))) {
+                if (told - finer).abs() > largest.dose_gy {
+                    largest.dose_gy = (told - finer).abs();
+                    largest.dose_of = format!("{} {name}: {told:.2}, {finer:.2}", a.name);
+                }
             }
             let covered = |f: &StructureDose| f.covered.unwrap_or(0.0);
             let v10 = |f: &StructureDose| f.volumes.first().map_or(0.0, |v| v.fraction);
@@ -271,6 +288,7 @@ impl Row {
             percent(fall_off.and_then(|f| f.d2cm_gy)),
             percent(fall_off.and_then(|f| f.first_cm_gy)),
             format!("{:.2}", self.differences.dose_gy),
+            self.differences.dose_of.clone(),
             format!("{:.2}", 100.0 * self.differences.covered),
             format!("{:.2}", 100.0 * self.differences.v10),
         ];
