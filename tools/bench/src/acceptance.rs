@@ -16,13 +16,11 @@ use stillpoint_plan::sampling::Sampling;
 
 /// Spacing of the optimiser's points, mm: the default of `stillpoint plan`.
 const GRID_MM: f64 = 5.0;
-/// Spacing of the grid that figures are compared with, mm.
-const FINER_MM: f64 = 1.5;
 /// Dose whose volume is compared, gray.
 const VOLUME_AT_GY: f64 = 10.0;
 
 /// Plan cases with given beams and the built-in objectives. Print the figures by which a plan is accepted, and their largest
-/// difference from those of a dose on a grid of 1.5 mm.
+/// difference from those of a dose on a finer grid.
 ///
 /// Beams are those of the class solution of their number (equally spaced, except for five and seven); nothing is searched. Doses are in Gy, volumes and isodoses in percent.
 #[derive(Args)]
@@ -43,6 +41,9 @@ pub struct Plans {
     /// Widths of a bixel, mm.
     #[arg(long, value_delimiter = ',', default_values_t = [5.0, 10.0])]
     bixels: Vec<f64>,
+    /// Spacing of the grid that figures are compared with, mm.
+    #[arg(long, default_value_t = 1.5, value_name = "MM")]
+    finer: f64,
     /// Folder of the reference data; the default is the environment variable STILLPOINT_DATA.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -171,7 +172,7 @@ impl Plans {
     ) -> Result<Row, String> {
         let plan = Planned::new(case, table, (beams, bixel_mm), self.threads)?;
         let (structures, fall_off) = plan.figures(case, None, self.threads)?;
-        let (finer, _) = plan.figures(case, Some(FINER_MM), self.threads)?;
+        let (finer, _) = plan.figures(case, Some(self.finer), self.threads)?;
         let differences = Differences::between(&structures, &finer);
         Ok(Row { case: name.to_owned(), beams, bixel_mm, structures, fall_off, differences })
     }
