@@ -7,7 +7,7 @@ use stillpoint_samples::{DepthImage, Diagnostics, GreyImage, Header, Metric, Pie
 
 use crate::operator::activation::Activation;
 use crate::operator::outputs::Outputs;
-use crate::operator::outside::Arrivals;
+use crate::operator::outside::{Arrivals, ClockOffset};
 use crate::operator::params::CheckedParams;
 use crate::operator::{
     ErasedOperator, FrameRule, Input, Kind, Output, Params, Policy, Role, Setup, SetupError, Stage,
@@ -22,7 +22,7 @@ pub const SAMPLE: usize = 0;
 pub const MOST_WAITING: usize = 4;
 
 const DIAGNOSTICS: usize = 1;
-const METRICS: usize = 3;
+const METRICS: usize = 5;
 
 /// Sends on what came over a link in a live run, with the time at which it was acquired; in any other run, what its
 /// input brings. Type and frame of the samples are those of its ports.
@@ -35,15 +35,35 @@ pub struct FarEnd {
     lost: u64,
     malformed: u64,
     dropped: u64,
+    /// The clock of the other host, as it was last told.
+    clock: Option<ClockOffset>,
 }
 
 impl FarEnd {
     fn new(setup: &Setup<'_>) -> Self {
         let arrivals = setup.outside.arrivals.clone();
-        Self { arrivals, last: None, lost: 0, malformed: 0, dropped: 0 }
+        Self { arrivals, last: None, lost: 0, malformed: 0, dropped: 0, clock: None }
     }
 
-    fn send(&mut self, bytes: &[u8], now: u64, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    /// Takes the clock of the other host. Gives whether it is another one than that told before.
+    fn take_clock(&mut self, clock: Option<ClockOffset>) -> bool {
+        let Some(clock) = clock else { return false };
+        let is_known = self.clock.is_some_and(|told| {
+            told.offset.abs_diff(clock.offset) <= told.uncertainty.max(clock.uncertainty).unsigned_abs()
+        });
+        if !is_known {
+            self.clock = Some(clock);
+        }
+        !is_known
+    }
+
+    fn send(
+        &mut self,
+        bytes: &[u8],
+        clock: Option<ClockOffset>,
+        now: u64,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
         let kind = outputs.kind(SAMPLE).ok_or_else(|| StepError("it has no output".to_string()))?;
         let whole = Pieces::split(kind, bytes).ok();
         let Some(pieces) = whole.filter(|p| p.header().count as usize <= outputs.capacity(SAMPLE)) else {
@@ -59,8 +79,9 @@ impl FarEnd {
             _ => 0,
         };
         self.last = Some(header);
+        let origin = clock.map_or(header.origin, |clock| clock.here(header.origin));
         // A clock that is ahead of this one acquires nothing in the future.
-        outputs.acquired_at(header.origin.min(now));
+        outputs.acquired_at(origin.min(now));
         outputs.send_pieces(SAMPLE, pieces)
     }
 }
@@ -74,19 +95,24 @@ impl ErasedOperator for FarEnd {
             };
         };
         let missing = self.lost + self.malformed + self.dropped;
+        let clock = arrivals.clock();
         // One at a time: each has its own time of acquisition.
         if let Some(bytes) = arrivals.take() {
-            let sent = self.send(&bytes, activation.time, outputs);
+            let sent = self.send(&bytes, clock, activation.time, outputs);
             arrivals.give_back(bytes);
             sent?;
         }
         self.dropped += arrivals.dropped();
-        if self.lost + self.malformed + self.dropped > missing {
-            let metrics = [
+        if self.take_clock(clock) | (self.lost + self.malformed + self.dropped > missing) {
+            let mut metrics = vec![
                 Metric::new("lost", self.lost as f64),
                 Metric::new("malformed", self.malformed as f64),
                 Metric::new("too_many_at_once", self.dropped as f64),
             ];
+            if let Some(clock) = self.clock {
+                metrics.push(Metric::new("clock_offset_s", clock.offset as f64 * 1e-9));
+                metrics.push(Metric::new("clock_uncertainty_s", clock.uncertainty as f64 * 1e-9));
+            }
             outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics)?;
         }
         Ok(())
@@ -111,7 +137,7 @@ const fn outputs(sample: &'static SampleKind) -> [Output; 2] {
             name: "diagnostics",
             sample: Diagnostics::KIND,
             frame: FrameRule::None,
-            about: "Counts of samples that did not arrive, that were invalid, and that newer samples replaced, when there are new ones.",
+            about: "Counts of samples that did not arrive, that were invalid, and that newer samples replaced, and the offset of the clock of another host, when one of them is new.",
         },
     ]
 }

@@ -41,7 +41,7 @@ impl Snapshot {
     /// The files that a graph names, where they are.
     pub fn of(graph: &Graph, disk: &DiskFiles) -> Result<Self, FileError> {
         let mut files = BTreeMap::new();
-        for name in graph.operators.iter().flat_map(|o| &o.files) {
+        for name in graph.files() {
             for file in disk.list(name).map_err(|e| FileError::new(name, &e))? {
                 let place = match disk.place(&file) {
                     FilePlace::Memory(bytes) => Place::Here(bytes),

@@ -2,6 +2,8 @@
 
 use std::net::SocketAddr;
 
+use serde::{Deserialize, Serialize};
+
 use crate::frames::Frames;
 use crate::operator::{Policy, Stage, TIMING};
 use crate::params::CheckedParams;
@@ -21,6 +23,21 @@ pub struct Graph {
     pub processes: Vec<ProcessNode>,
     /// What a recording keeps besides the journal.
     pub record: Record,
+    /// The hosts that exchange samples over the network.
+    pub hosts: Vec<HostNode>,
+    /// Which part of a pipeline this is; `None`: all of it.
+    pub part: Option<Part>,
+}
+
+/// A part of a pipeline: what one host runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The host.
+    pub host: String,
+    /// Name of the whole pipeline.
+    pub pipeline: String,
+    /// Files and folders that params of operators on other hosts name: the check of the whole reads them, too.
+    pub files: Vec<String>,
 }
 
 /// An operator of a checked pipeline.
@@ -94,6 +111,21 @@ pub enum Wire {
     Udp(SocketAddr),
     /// A stream of whole samples; the producer serves it.
     Tcp(SocketAddr),
+    /// An edge between hosts, carried by the bridge of each: the number of the host that takes the samples.
+    Host(usize),
+}
+
+/// A host that others reach over the network.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HostNode {
+    /// Its name.
+    pub name: String,
+    /// Endpoints at which others reach it.
+    pub listen: Vec<String>,
+    /// Endpoints of others.
+    pub connect: Vec<String>,
+    /// Endpoints of a router, through which it reaches the others.
+    pub router: Vec<String>,
 }
 
 /// What happens when a process ends without being asked.
@@ -151,9 +183,9 @@ pub enum Record {
 
 impl Graph {
     /// The graph of a live run: the edges into the far ends of links are cut, and their producers send over wires
-    /// instead.
+    /// instead. An edge between hosts stays an edge where both of its ends are in this graph.
     pub fn live(mut self) -> Self {
-        self.cut(|_, _| true);
+        self.cut(|_, far| !matches!(far.far_end, Some(Wire::Host(_))));
         self
     }
 
@@ -169,6 +201,12 @@ impl Graph {
                 }
             }
         }
+    }
+
+    /// Files and folders that params name, those of other hosts included.
+    pub fn files(&self) -> impl Iterator<Item = &String> {
+        let elsewhere = self.part.iter().flat_map(|part| &part.files);
+        self.operators.iter().flat_map(|o| &o.files).chain(elsewhere)
     }
 
     /// How long something of this run may go on after its supervisor died, ns.

@@ -1,9 +1,18 @@
 //! A pipeline in parts: the operators of one host, which run without the others.
 
-use crate::graph::{Graph, Record};
+use crate::graph::{Graph, OperatorNode, Part, Priority, ProcessNode, Record, Restart, Wire};
 
 /// The host of processes that name none.
 pub const MAIN: &str = "main";
+/// Name of the process that carries the samples between hosts.
+pub const BRIDGE: &str = "bridge";
+/// The bridge is started again after each fault, as the network's other ends may be at fault.
+const BRIDGE_RESTART: Restart = Restart::OnFault { limit: u32::MAX, backoff: 100_000_000 };
+
+/// Name of the operator that takes a topic on another host: also that of the edge.
+pub fn edge_name(operator: &str, port: &str, host: &str) -> String {
+    format!("{operator}_{port}_{host}")
+}
 
 impl Graph {
     /// The part that runs on a host. What comes from another host comes over a wire, and what goes there leaves by one;
@@ -14,6 +23,9 @@ impl Graph {
         let stays = |process: usize| homes[process] == host;
         let operators = renumbered(self.operators.iter().map(|o| stays(o.process)));
         let processes = renumbered((0..homes.len()).map(stays));
+        let elsewhere =
+            self.operators.iter().filter(|o| !stays(o.process)).flat_map(|o| o.files.clone()).collect();
+        self.part = Some(Part { host: host.to_owned(), pipeline: self.name.clone(), files: elsewhere });
         self.operators.retain(|o| stays(o.process));
         for node in &mut self.operators {
             node.process = processes[node.process];
@@ -32,10 +44,48 @@ impl Graph {
                 |topic: &String| self.operators.iter().flat_map(|o| &o.outputs).any(|o| o.topic == *topic);
             topics.retain(here);
         }
+        if self.has_bridge() {
+            self.processes.push(ProcessNode {
+                name: BRIDGE.to_owned(),
+                operators: Vec::new(),
+                restart: BRIDGE_RESTART,
+                core: None,
+                priority: Priority::Normal,
+                outlives: 0,
+                host: host.to_owned(),
+            });
+        }
         if host != MAIN {
             self.name = format!("{}-{host}", self.name);
         }
         self
+    }
+
+    /// Whether samples go to other hosts or come from them over the network.
+    pub fn has_bridge(&self) -> bool {
+        self.leaves().next().is_some() || self.arrives().next().is_some()
+    }
+
+    /// The outputs that leave for other hosts, with the name of the edge.
+    pub fn leaves(&self) -> impl Iterator<Item = (usize, usize, String)> {
+        self.operators.iter().enumerate().flat_map(move |(operator, node)| {
+            node.outputs.iter().enumerate().flat_map(move |(port, output)| {
+                output.links.iter().filter_map(move |wire| {
+                    let Wire::Host(host) = wire else { return None };
+                    let host = &self.hosts.get(*host)?.name;
+                    let name = edge_name(&node.name, node.stage.kind.outputs[port].name, host);
+                    Some((operator, port, name))
+                })
+            })
+        })
+    }
+
+    /// The operators whose samples come from other hosts.
+    pub fn arrives(&self) -> impl Iterator<Item = usize> {
+        let is_cut = |n: &OperatorNode| {
+            matches!(n.far_end, Some(Wire::Host(_))) && n.inputs.iter().all(|i| i.edge.is_none())
+        };
+        (0..self.operators.len()).filter(move |o| is_cut(&self.operators[*o]))
     }
 }
 

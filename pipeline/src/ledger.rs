@@ -9,6 +9,7 @@ use serde::Serialize;
 use stillpoint_samples::{Entry, JournalRef, RefKind};
 
 use crate::graph::Graph;
+use crate::live::bridge::ShmAccount;
 
 /// The journal entries of a run, as far as the ledger needs them.
 #[derive(Default)]
@@ -42,6 +43,15 @@ pub struct LedgerLine {
     pub down: u64,
     /// Waiting when the consumer ended, or cut off by the end of the producer's incarnation.
     pub left: u64,
+    /// Over the network: no host was there to take them.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unheard: u64,
+    /// Over the network: the other host did not take them for valid.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub refused: u64,
+    /// Over the network: lost on the way, or under way at the end.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub lost: u64,
     /// What none of these explains: must be 0.
     pub unexplained: u64,
 }
@@ -81,29 +91,54 @@ impl Ledger {
         for (consumer, node) in graph.operators.iter().enumerate() {
             for (port, input) in node.inputs.iter().enumerate() {
                 let Some(edge) = input.edge else { continue };
-                let mut line = LedgerLine {
-                    topic: graph.operators[edge.operator].outputs[edge.output].topic.clone(),
-                    consumer: format!("{}.{}", node.name, node.stage.kind.inputs[port].name),
-                    sent: 0,
-                    received: 0,
-                    passed: 0,
-                    overwritten: 0,
-                    pool_exhausted: 0,
-                    down: 0,
-                    left: 0,
-                    unexplained: 0,
-                };
-                let sent = self
-                    .sent
-                    .iter()
-                    .filter(|((o, p, _), _)| (*o, *p as usize) == (edge.operator, edge.output));
-                for ((_, _, incarnation), (total, pool_exhausted)) in sent {
-                    self.balance(&mut line, consumer, port as u32, *incarnation, *total, *pool_exhausted);
-                }
-                lines.push(line);
+                let name = format!("{}.{}", node.name, node.stage.kind.inputs[port].name);
+                lines.push(self.line(graph, (edge.operator, edge.output), &name, (consumer, port as u32)));
             }
         }
         lines
+    }
+
+    /// The account between an output and one of its consumers.
+    fn line(
+        &self,
+        graph: &Graph,
+        (operator, output): (usize, usize),
+        name: &str,
+        (consumer, port): (usize, u32),
+    ) -> LedgerLine {
+        let mut line = LedgerLine::of(&graph.operators[operator].outputs[output].topic, name);
+        let sent = self.sent.iter().filter(|((o, p, _), _)| (*o, *p as usize) == (operator, output));
+        for ((_, _, incarnation), (total, pool_exhausted)) in sent {
+            self.balance(&mut line, consumer, port, *incarnation, *total, *pool_exhausted);
+        }
+        line
+    }
+
+    /// The account between an output and the bridge, from what each life of the bridge took of each incarnation.
+    pub(crate) fn line_of_bridge<'l>(
+        &mut self,
+        graph: &Graph,
+        output: (usize, usize),
+        name: &str,
+        lives: impl Iterator<Item = &'l [(u32, ShmAccount)]>,
+    ) -> LedgerLine {
+        // It is no operator of the graph: each output has a number of its own behind those.
+        let consumer = graph.operators.len() + output.0;
+        let port = output.1 as u32;
+        for (life, taken) in lives.enumerate() {
+            for (incarnation, account) in taken.iter().filter(|(_, account)| account.total > 0) {
+                let ShmAccount { last, total, lost } = *account;
+                let taken = JournalRef { first: last, total, lost, ..JournalRef::default() };
+                self.taken.insert((consumer, life as u32, port, *incarnation), taken);
+            }
+        }
+        self.line(graph, output, name, (consumer, port))
+    }
+
+    /// Samples that an output sent, over all incarnations.
+    pub(crate) fn total_sent(&self, operator: usize, output: usize) -> u64 {
+        let of = self.sent.iter().filter(|((o, p, _), _)| (*o, *p as usize) == (operator, output));
+        of.map(|(_, (total, without_memory))| total.saturating_sub(*without_memory)).sum()
     }
 
     /// Adds what one incarnation of the producer sent. `total` counts from sequence 0.
@@ -151,10 +186,37 @@ impl Ledger {
     }
 }
 
+// serde asks for a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
 impl LedgerLine {
+    /// An account of nothing yet.
+    pub(crate) fn of(topic: &str, consumer: &str) -> Self {
+        Self {
+            topic: topic.to_owned(),
+            consumer: consumer.to_owned(),
+            sent: 0,
+            received: 0,
+            passed: 0,
+            overwritten: 0,
+            pool_exhausted: 0,
+            down: 0,
+            left: 0,
+            unheard: 0,
+            refused: 0,
+            lost: 0,
+            unexplained: 0,
+        }
+    }
+
     /// Whether the account balances.
     pub fn balances(&self) -> bool {
-        let accounted = self.received + self.overwritten + self.pool_exhausted + self.down + self.left;
+        let over_the_network = self.unheard + self.refused + self.lost;
+        let in_memory = self.received + self.overwritten + self.pool_exhausted + self.down + self.left;
+        let accounted = in_memory + over_the_network;
         self.unexplained == 0 && accounted == self.sent
     }
 }

@@ -121,7 +121,7 @@ pub fn opening(
     let files = &source.files;
     let mut hashes = BTreeMap::new();
     let mut names = BTreeSet::new();
-    for name in graph.operators.iter().flat_map(|o| &o.files) {
+    for name in graph.files() {
         names.extend(files.list(name).map_err(|e| FileError::new(name, &e))?);
     }
     for file in names {

@@ -17,7 +17,7 @@ use crate::lane::{Lane, LaneShared};
 use crate::peers::Peers;
 use crate::receiver::{Incoming, RemoteReceiver};
 use crate::sender::{Outgoing, RemoteSender};
-use crate::{Beat, Endpoints, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names};
+use crate::{Beat, Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names};
 
 /// Period of the beats.
 const BEAT: Duration = Duration::from_millis(100);
@@ -171,7 +171,7 @@ impl Host {
     }
 
     /// Messages about peers since the last call.
-    pub fn events(&self) -> Vec<String> {
+    pub fn events(&self) -> Vec<HostEvent> {
         lock(&self.shared.peers).take_events()
     }
 
@@ -334,6 +334,7 @@ impl Shared {
         let peers = lock(&self.peers);
         for outgoing in &ends.outgoing {
             outgoing.set_state(peers.of_sender(&outgoing.edge, &outgoing.channel, outgoing.announced));
+            peers.confirmed(&outgoing.edge, outgoing.end).into_iter().for_each(|c| outgoing.confirm(c));
         }
         for incoming in &ends.incoming {
             let (state, senders) = peers.of_receiver(&incoming.edge, &incoming.channel);

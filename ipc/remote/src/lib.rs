@@ -41,7 +41,7 @@ pub use endpoints::Endpoints;
 pub use error::RemoteError;
 pub use host::{Host, HostSettings};
 pub use identity::Identity;
-pub use peers::{PEER_SILENCE, PeerReport, PeerState};
+pub use peers::{HostEvent, PEER_SILENCE, PeerReport, PeerState};
 pub use receiver::Taken;
 pub use remote::Remote;
 pub use router::Router;

@@ -7,6 +7,7 @@ use stillpoint_transport::{LinkState, Refusal};
 
 use crate::beat::{MOST_PEERS, Sends};
 use crate::clocks::Offsets;
+use crate::sender::Confirmed;
 use crate::{Beat, Heard, Identity, Offset};
 
 /// How long a peer may be silent before it counts as gone: three beats and a half.
@@ -23,6 +24,15 @@ pub enum PeerState {
     Silent,
     /// It is there, but nothing is exchanged with it, for these reasons.
     Refused(Vec<String>),
+}
+
+/// Something that happened to the peers of a host.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HostEvent {
+    /// What happened.
+    pub text: String,
+    /// Nothing is exchanged with a peer any more, or never was.
+    pub is_fault: bool,
 }
 
 /// What is known of a peer.
@@ -42,7 +52,7 @@ pub struct Peers {
     incarnation: u64,
     identity: Identity,
     table: BTreeMap<String, Peer>,
-    events: VecDeque<String>,
+    events: VecDeque<HostEvent>,
     last_look: Instant,
     /// The reason for which the last message was no beat.
     malformed: Option<String>,
@@ -79,14 +89,14 @@ impl Peers {
         }
     }
 
-    fn tell(&mut self, event: String) {
+    fn tell(&mut self, text: String, is_fault: bool) {
         if self.events.len() < MOST_EVENTS {
-            self.events.push_back(event);
+            self.events.push_back(HostEvent { text, is_fault });
         }
     }
 
     /// Messages about peers since the last call.
-    pub fn take_events(&mut self) -> Vec<String> {
+    pub fn take_events(&mut self) -> Vec<HostEvent> {
         self.events.drain(..).collect()
     }
 
@@ -97,7 +107,7 @@ impl Peers {
             Err(error) => {
                 let reason = error.to_string();
                 if self.malformed.as_ref() != Some(&reason) {
-                    self.tell(format!("a message of another host is not understood: {reason}"));
+                    self.tell(format!("a message of another host is not understood: {reason}"), true);
                     self.malformed = Some(reason);
                 }
                 return false;
@@ -107,9 +117,8 @@ impl Peers {
             if beat.incarnation != self.incarnation && self.malformed.is_none() {
                 let host = &self.host;
                 self.malformed = Some(String::new());
-                self.tell(format!(
-                    "another program says that it is the host `{host}`: its messages are not used"
-                ));
+                let text = format!("another program says that it is the host `{host}`: its messages are not used");
+                self.tell(text, true);
             }
             return false;
         }
@@ -119,7 +128,8 @@ impl Peers {
         }
         // A life that ended, or a beat that was overtaken.
         if known.is_some_and(|p| {
-            beat.incarnation < p.beat.incarnation
+            // The clock by which lives are numbered may be set back while a peer is away.
+            (beat.incarnation < p.beat.incarnation && p.is_alive)
                 || (beat.incarnation == p.beat.incarnation && beat.number <= p.beat.number)
         }) {
             return false;
@@ -145,7 +155,7 @@ impl Peers {
                 true => format!("host `{host}` is here"),
                 false => format!("host `{host}` is refused: {}", differences.join("; ")),
             };
-            self.tell(event);
+            self.tell(event, !differences.is_empty());
         }
         let peer = Peer { at: now, arrived: Instant::now(), is_alive: true, differences, offsets, beat };
         self.table.insert(peer.beat.host.clone(), peer);
@@ -167,7 +177,8 @@ impl Peers {
             }
         }
         for host in &gone {
-            self.tell(format!("host `{host}` is silent for more than {} ms", PEER_SILENCE.as_millis()));
+            let silence = PEER_SILENCE.as_millis();
+            self.tell(format!("host `{host}` is silent for more than {silence} ms"), true);
         }
         !gone.is_empty()
     }
@@ -218,6 +229,18 @@ impl Peers {
             }
         }
         state
+    }
+
+    /// What the peer that takes the samples of a sending end says of them.
+    pub fn confirmed(&self, edge: &str, end: u64) -> Option<Confirmed> {
+        self.table.values().find_map(|peer| {
+            let takes = peer.beat.takes.iter().find(|t| t.edge == edge && t.from == end)?;
+            Some(Confirmed {
+                incarnation: peer.beat.incarnation,
+                received: takes.received,
+                refused: takes.refused,
+            })
+        })
     }
 
     /// How a taking end stands, and the sending ends from which it takes with what they have put.

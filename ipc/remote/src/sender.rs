@@ -37,6 +37,21 @@ pub struct Sent {
     pub put: u64,
     /// Samples in the queue.
     pub waiting: u64,
+    /// Samples of `put` that the other host says it has: what is neither here nor in `refused` is lost or under way.
+    pub received: u64,
+    /// Samples of `put` that the other host has refused.
+    pub refused: u64,
+}
+
+/// What another host says of the samples of a sending end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Confirmed {
+    /// Life of the other host: in a new one its counts begin anew.
+    pub incarnation: u64,
+    /// Samples that it has.
+    pub received: u64,
+    /// Samples that it has refused.
+    pub refused: u64,
 }
 
 /// What sender, lane and beats share of a sending end.
@@ -55,6 +70,8 @@ struct Queue {
     waiting: VecDeque<(Header, Vec<u8>)>,
     sent: Sent,
     state: LinkState,
+    /// Counts of the other host in its present life.
+    confirmed: Confirmed,
     /// Number of the newest sample that was acknowledged, or that is given up.
     acknowledged: u64,
     /// Since when the oldest sample that is not acknowledged is waited for.
@@ -81,6 +98,7 @@ impl Outgoing {
                 waiting: VecDeque::new(),
                 sent: Sent::default(),
                 state: LinkState::Waiting,
+                confirmed: Confirmed::default(),
                 acknowledged: 0,
                 since: Instant::now(),
                 most_outstanding: fit.clamp(1, MOST_OUTSTANDING),
@@ -94,7 +112,12 @@ impl Outgoing {
 
     pub fn sent(&self) -> Sent {
         let queue = self.queue();
-        Sent { waiting: queue.waiting.len() as u64, ..queue.sent }
+        Sent {
+            waiting: queue.waiting.len() as u64,
+            received: queue.sent.received + queue.confirmed.received,
+            refused: queue.sent.refused + queue.confirmed.refused,
+            ..queue.sent
+        }
     }
 
     pub fn state(&self) -> LinkState {
@@ -125,6 +148,17 @@ impl Outgoing {
             queue.acknowledged = number;
             queue.since = Instant::now();
         }
+    }
+
+    /// Takes what the other host says that it has.
+    pub fn confirm(&self, confirmed: Confirmed) {
+        let mut queue = self.queue();
+        let before = queue.confirmed;
+        if confirmed.incarnation != before.incarnation || confirmed.received < before.received {
+            queue.sent.received += before.received;
+            queue.sent.refused += before.refused;
+        }
+        queue.confirmed = confirmed;
     }
 
     fn offer(&self, header: Header, body: &[&[u8]]) -> Result<(), TransportError> {

@@ -133,7 +133,7 @@ fn a_link_that_is_cut_without_being_closed_is_noticed_on_both_sides_and_heals() 
         eventually("the peer is here, silent, and here again", || {
             events.extend(host.events());
             let count = |what: &str| {
-                events.iter().filter(|e| e.starts_with(&format!("host `{peer}` is {what}"))).count()
+                events.iter().filter(|e| e.text.starts_with(&format!("host `{peer}` is {what}"))).count()
             };
             count("here") >= 2 && count("silent") >= 1
         });

@@ -62,6 +62,8 @@ pub struct Wake {
     /// Dropped after the descriptors that name their sockets.
     listeners: Vec<Listener>,
     _control: OwnedFd,
+    /// Other descriptors that end a wait, behind those of the listeners.
+    others: Vec<OwnedFd>,
 }
 
 impl Wake {
@@ -77,7 +79,17 @@ impl Wake {
             // `_control` own it.
             PollFd::from_borrowed_fd(unsafe { BorrowedFd::borrow_raw(fd) }, PollFlags::IN)
         });
-        Self { fds: fds.collect(), controls: 1, listeners, _control: control }
+        Self { fds: fds.collect(), controls: 1, listeners, _control: control, others: Vec::new() }
+    }
+
+    /// Lets another descriptor end a wait, too, when it can be read. Whoever rings it takes its wake-ups.
+    #[must_use]
+    pub fn watching(mut self, other: OwnedFd) -> Self {
+        // SAFETY: the descriptor is only polled, and stays open for as long as this does: `others` owns it.
+        let fd = unsafe { BorrowedFd::borrow_raw(other.as_raw_fd()) };
+        self.fds.push(PollFd::from_borrowed_fd(fd, PollFlags::IN));
+        self.others.push(other);
+        self
     }
 
     /// Waits until a listener is woken, the control pipe can be read or its other end is gone, or `timeout` ns have

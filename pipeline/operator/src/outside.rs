@@ -42,6 +42,23 @@ impl Inbox {
     }
 }
 
+/// The clock of the host from which samples come, against the clock of this session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockOffset {
+    /// Time there minus time here, ns.
+    pub offset: i64,
+    /// The offset is at most this far from the true one, ns.
+    pub uncertainty: i64,
+}
+
+impl ClockOffset {
+    /// A time of the other host as a time of this session, ns.
+    pub fn here(&self, there: u64) -> u64 {
+        let here = i128::from(there) - i128::from(self.offset);
+        u64::try_from(here).unwrap_or(if here < 0 { 0 } else { u64::MAX })
+    }
+}
+
 /// Datagrams or samples that arrived and were not taken yet.
 #[derive(Clone)]
 pub struct Arrivals {
@@ -58,6 +75,7 @@ struct Waiting {
     dropped: u64,
     /// How many came of each sender since all were taken.
     came: Vec<(SocketAddr, u32)>,
+    clock: Option<ClockOffset>,
 }
 
 impl Waiting {
@@ -142,6 +160,16 @@ impl Arrivals {
         }
     }
 
+    /// States the clock of what arrives from now on.
+    pub fn set_clock(&self, clock: ClockOffset) {
+        self.waiting().clock = Some(clock);
+    }
+
+    /// The clock of the host from which samples come, where it is not that of this session.
+    pub fn clock(&self) -> Option<ClockOffset> {
+        self.waiting().clock
+    }
+
     /// The oldest.
     pub fn take(&self) -> Option<Vec<u8>> {
         let mut waiting = self.waiting();
@@ -202,6 +230,15 @@ mod tests {
             }
         }
         assert_eq!(taken, [250, 250]);
+    }
+
+    #[test]
+    fn a_time_of_another_host_becomes_one_of_this_session() {
+        let ahead = ClockOffset { offset: 3_000, uncertainty: 10 };
+        assert_eq!(ahead.here(10_000), 7_000);
+        assert_eq!(ClockOffset { offset: -3_000, ..ahead }.here(10_000), 13_000);
+        // Times beyond the clock stay at its ends.
+        assert_eq!((ahead.here(1), ClockOffset { offset: -1, ..ahead }.here(u64::MAX)), (0, u64::MAX));
     }
 
     #[test]

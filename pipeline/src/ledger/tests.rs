@@ -3,18 +3,7 @@
 use super::*;
 
 fn line() -> LedgerLine {
-    LedgerLine {
-        topic: "a.b".into(),
-        consumer: "c.d".into(),
-        sent: 0,
-        received: 0,
-        passed: 0,
-        overwritten: 0,
-        pool_exhausted: 0,
-        down: 0,
-        left: 0,
-        unexplained: 0,
-    }
+    LedgerLine::of("a.b", "c.d")
 }
 
 /// A ledger in which consumer 1, by life, took from incarnation 0 of its producer: (life, last, total, lost).

@@ -2,6 +2,15 @@
 
 use crate::graph::Priority;
 
+/// Keeps this process off some cores, where it may use others. A process that cannot runs where it was.
+pub fn keep_off(cores: &[usize]) {
+    let Ok(mut set) = rustix::thread::sched_getaffinity(None) else { return };
+    cores.iter().filter(|core| **core < rustix::thread::CpuSet::MAX_CPU).for_each(|core| set.unset(*core));
+    if set.count() > 0 {
+        let _ = rustix::thread::sched_setaffinity(None, &set);
+    }
+}
+
 /// Binds this thread to a core and sets its scheduling class, or says what forbids it.
 pub fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
     if let Some(core) = core {

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use serde::Serialize;
 
+use super::bridge::BridgeReport;
 use super::control::{Connect, FromWorker};
 use super::pipe::{PipeRead, PipeReader, say};
 use crate::limits::StartError;
@@ -68,6 +69,10 @@ pub struct Child {
     pub connected: u64,
     /// Its inputs are drained and its end is marked.
     pub stopped: bool,
+    /// The newest counts, of a bridge.
+    pub bridged: Option<BridgeReport>,
+    /// What happened on the network, of a bridge.
+    pub news: Vec<String>,
     /// Operators that panicked and wait for an order, with the text of the panic.
     pub panicked: Vec<(String, String)>,
     /// Since when it has not answered an order: to make its ports, or to connect.
@@ -128,6 +133,8 @@ impl Child {
             ordered: 0,
             connected: 0,
             stopped: false,
+            bridged: None,
+            news: Vec::new(),
             panicked: Vec::new(),
             unanswered_since: Some(begun),
             asked: begun,
@@ -211,6 +218,8 @@ impl Child {
                     self.unanswered_since = (number < self.ordered).then(Instant::now);
                 }
                 Ok(PipeRead::Message(FromWorker::Stopped)) => self.stopped = true,
+                Ok(PipeRead::Message(FromWorker::Bridged(report))) => self.bridged = Some(report),
+                Ok(PipeRead::Message(FromWorker::Told(news))) => self.news.push(news),
                 Ok(PipeRead::Message(message)) => self.heard.push_back(message),
                 Ok(PipeRead::Nothing) => return,
                 Ok(PipeRead::Ended) => self.ended = true,

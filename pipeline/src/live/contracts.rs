@@ -1,9 +1,13 @@
 //! The topics of a graph, and how much memory they take.
 
-use stillpoint_samples::{Actuation, ConsoleCommand, Diagnostics, FarEnd, Journal, Sample, SampleKind};
+use stillpoint_samples::{
+    Actuation, ConsoleCommand, Datagram, Diagnostics, FarEnd, Journal, Sample, SampleKind,
+};
 use stillpoint_shm::Contract;
 
-use crate::graph::Graph;
+use super::landing;
+use crate::far_end;
+use crate::graph::{Graph, Wire};
 pub use crate::graph::{journal_topic, timing_topic};
 use crate::schedule::depth_of;
 
@@ -40,19 +44,24 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let output = &node.outputs[port];
     let kind = node.stage.kind.outputs[port].sample;
     let consumers: Vec<_> = graph.consumers(operator, port).collect();
+    // The bridge takes samples once for all hosts to which they go.
+    let leaves = output.links.iter().any(|wire| matches!(wire, Wire::Host(_)));
+    let bridged = if leaves { bridge_depth(kind, output.capacity) } else { 1 };
+    let takers = consumers.len() + usize::from(leaves);
     let deepest =
         consumers.iter().map(|(c, p)| depth_of(graph.operators[*c].inputs[*p].policy)).max().unwrap_or(1);
     let is_kept = graph.is_recorded(operator, port) || WATCHED.contains(&kind);
     let recorded = if is_kept { recorder_depth(kind, output.capacity) } else { 1 };
+    let deepest = deepest.max(bridged);
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
     Contract {
         buffer,
         borrowed: BORROWED,
-        subscribers: consumers.len() + TAPS,
+        subscribers: takers + TAPS,
         publishers: 4,
         nodes: graph.processes.len() + 2 + TAPS,
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
-        pool: deepest.max(recorded) + consumers.len() * (BORROWED - 1) + 3 + LOOKERS,
+        pool: deepest.max(recorded) + takers * (BORROWED - 1) + 3 + LOOKERS,
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
@@ -112,6 +121,31 @@ pub fn inbox(graph: &Graph, operator: usize) -> Contract {
     }
 }
 
+/// Samples of an edge between hosts that wait in shared memory, for a bridge or for the operator behind it: 64 small ones,
+/// and fewer that take 4 MiB.
+pub fn bridge_depth(kind: &SampleKind, capacity: usize) -> usize {
+    let bytes = kind.meta_size() + capacity * kind.element_size;
+    ((4 << 20) / bytes.max(1)).clamp(3, 64)
+}
+
+/// The contract of what the bridge hands to an operator whose samples come from another host.
+pub fn landing(graph: &Graph, operator: usize) -> Contract {
+    let node = &graph.operators[operator];
+    let output = &node.outputs[far_end::SAMPLE];
+    let kind = node.stage.kind.outputs[far_end::SAMPLE].sample;
+    let depth = bridge_depth(kind, output.capacity);
+    let bytes = kind.meta_size() + output.capacity * kind.element_size + landing::CLOCK_SIZE;
+    Contract {
+        buffer: depth,
+        borrowed: BORROWED,
+        subscribers: 2,
+        publishers: 4,
+        nodes: graph.processes.len() + 2 + TAPS,
+        pool: depth + BORROWED + 3,
+        ..Contract::new(&format!("{}.landing", node.name), Datagram::KIND, None, bytes)
+    }
+}
+
 /// Activations a second of an operator, as far as the timers before it tell: its own, else those of all that feed it.
 fn rate(graph: &Graph, operator: usize) -> Option<f64> {
     let (mut seen, mut left) = (vec![false; graph.operators.len()], vec![operator]);
@@ -148,6 +182,9 @@ fn listed(graph: &Graph) -> Vec<(Contract, Option<usize>)> {
         contracts.extend(timing(graph, operator).map(|contract| (contract, None)));
         if node.stage.kind.name == crate::console::KIND_NAME {
             contracts.push((inbox(graph, operator), None));
+        }
+        if graph.arrives().any(|arrives| arrives == operator) {
+            contracts.push((landing(graph, operator), None));
         }
     }
     contracts

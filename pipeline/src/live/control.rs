@@ -5,6 +5,7 @@ use stillpoint_recorder::Compression;
 use stillpoint_samples::{Cause, JournalRef};
 use zerocopy::{FromBytes, IntoBytes};
 
+use super::bridge::BridgeReport;
 use crate::clock::SessionClock;
 use crate::record::Record;
 use crate::run_source::RunSource;
@@ -127,6 +128,10 @@ pub enum FromWorker {
     },
     /// Inputs are drained and ends are marked.
     Stopped,
+    /// Of the bridge: its counts.
+    Bridged(BridgeReport),
+    /// Of the bridge: what happened on the network, where it is no fault.
+    Told(String),
     /// The recorder's account of what it kept.
     Recorded(RecorderReport),
     /// Directed: the entry was published.

@@ -4,6 +4,7 @@ use stillpoint_recorder::WriteError;
 use stillpoint_shm::ShmError;
 
 use super::barrier::BarrierError;
+use super::bridge::BridgeMissing;
 use super::children::ChildError;
 use super::journal::PublishError;
 use super::pipe::PipeError;
@@ -54,6 +55,9 @@ pub enum WorkerError {
     /// The floating-point state is not the one that every recorded result assumes.
     #[error("this thread does not round to nearest, or flushes subnormal numbers to zero")]
     FloatState,
+    /// The network between hosts.
+    #[error("{0}")]
+    Network(String),
     /// An operator cannot be made.
     #[error("{operator}: {reason}")]
     Setup {
@@ -151,6 +155,9 @@ pub enum LiveError {
     /// Shared memory.
     #[error(transparent)]
     Shm(#[from] ShmError),
+    /// The program of the bridge.
+    #[error(transparent)]
+    Bridge(#[from] BridgeMissing),
     /// A process cannot be started.
     #[error(transparent)]
     Child(#[from] ChildError),

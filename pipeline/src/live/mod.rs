@@ -1,11 +1,13 @@
 //! The live executor: the clock's schedule, spread over processes.
 //!
 //! - `barrier`: the start barrier, live and in lock-step
+//! - `bridge`: the process that carries samples between hosts
 //! - `children`: child processes and their messages
 //! - `contracts`: the topics of a graph, and how much memory they take
 //! - `control`: the messages between supervisor and child processes
 //! - `journal`: journal entries as samples in shared memory
 //! - `error`: why a live run cannot begin or go on
+//! - `landing`: where the bridge hands over the samples of another host
 //! - `missed`: samples that were sent while no recorder ran
 //! - `ports`: the ports of one operator in shared memory
 //! - `pipe`: lines over the children's pipes, unbuffered
@@ -26,12 +28,14 @@
 
 mod affinity;
 mod barrier;
+pub mod bridge;
 mod children;
 pub mod contracts;
 mod control;
 mod directed;
 mod error;
 mod journal;
+mod landing;
 mod lockstep;
 mod missed;
 mod pipe;

@@ -94,6 +94,8 @@ pub trait Run {
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]);
     /// A failure was reported.
     fn failed(&mut self, fault: &Fault);
+    /// Something happened that is no failure, such as that another host is here.
+    fn noted(&mut self, _what: &str) {}
     /// The processes run: process numbers by name.
     fn started(&mut self, processes: &[(String, u32)]);
 }

@@ -11,7 +11,7 @@ use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender, TransportOf};
 use crate::clock::SessionClock;
 use crate::drafts::{Buffer, Lender};
-use crate::graph::Graph;
+use crate::graph::{Graph, Wire};
 use crate::instance::OperatorInstance;
 use crate::intake::Intake;
 use crate::operator::Files;
@@ -128,8 +128,9 @@ impl OperatorRunner {
         }
         let mut sending = Vec::new();
         for (port, outlet) in ports.outlets.iter().enumerate() {
-            let outside =
-                graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
+            let leaves = node.outputs[port].links.iter().any(|wire| matches!(wire, Wire::Host(_)));
+            let outside = leaves
+                || graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(outlet.topic.notifier()?) } else { None };
             sending.push(Sending {
                 notifier,
@@ -144,7 +145,7 @@ impl OperatorRunner {
             let subscriber = topic.subscriber(16)?;
             people = Some(InboxPort { subscriber, inbox: inbox.clone(), _topic: topic });
         }
-        let link_receiver = LinkReceiver::open(node, transport_of)?;
+        let link_receiver = LinkReceiver::open(graph, operator, domain, transport_of)?;
         let outside = Outside { inbox, arrivals: link_receiver.as_ref().map(LinkReceiver::arrivals) };
         let instance = OperatorInstance::build(graph, operator, incarnation, files, outside)
             .map_err(|reason| WorkerError::Setup { operator: node.name.clone(), reason })?;
@@ -171,6 +172,9 @@ impl OperatorRunner {
     pub fn connect(&self) -> Result<(), ShmError> {
         if let Some(stopwatch) = &self.stopwatch {
             stopwatch.connect()?;
+        }
+        if let Some(link_receiver) = &self.link_receiver {
+            link_receiver.connect()?;
         }
         self.ports.connect()
     }

@@ -16,7 +16,8 @@ use stillpoint_samples::Entry;
 use stillpoint_shm::{Domain, Subscriber, Topic};
 
 use super::barrier::wait_until_made;
-use super::children::{Child, ChildError, ReportedFault, wait_any};
+use super::bridge::{BridgeAccounts, HelloBridge, bridge_launch, identity_of};
+use super::children::{Child, ChildError, Launch, ReportedFault, wait_any};
 use super::contracts;
 use super::control::{Hello, HelloRecorder, ToWorker};
 use super::error::LiveError;
@@ -51,6 +52,9 @@ pub struct Supervisor {
     dead: Vec<restarts::Dead>,
     journals: Vec<Subscriber>,
     ledger: Ledger,
+    /// How the bridge is started, where this part has one, and all that it needs to know.
+    bridge: Option<(Launch, HelloBridge)>,
+    bridged: BridgeAccounts,
     status: Status,
     finished: Finished,
     /// Highest incarnation seen of each operator.
@@ -89,6 +93,7 @@ impl Supervisor {
         run: &mut dyn Run,
     ) -> Result<Self, LiveError> {
         let graph = Arc::new(Graph::clone(&graph).live());
+        let launch = if graph.has_bridge() { Some(bridge_launch(&options.launch)?) } else { None };
         let swept = sweep_dead()?;
         let folder = RunFolder::create()?;
         let kept = if options.session.is_some() { Kept::Newest } else { Kept::Nothing };
@@ -99,6 +104,7 @@ impl Supervisor {
             sets: options.sets.clone(),
             files: Snapshot::of(&graph, &options.files).and_then(|files| files.copied_to(&folder.files()))?,
         };
+        let clock = SessionClock::start();
         let domain = Domain::create(&folder.root(), folder.prefix(), "supervisor")?;
         let mut topics = Vec::new();
         for contract in &contracts {
@@ -111,13 +117,16 @@ impl Supervisor {
                 topics.iter().find(|t| t.contract().topic == name).ok_or(LiveError::NoJournal(name))?;
             journals.push(topic.subscriber(contracts::JOURNAL_DEPTH)?);
         }
+        let identity = identity_of(&graph, &source);
+        let hello = HelloBridge::of(&graph, identity, folder.root(), folder.prefix().to_owned(), clock);
+        let bridge = launch.zip(hello);
         let workers = (0..graph.processes.len())
             .map(|process| Worker {
                 process,
                 child: None,
                 went: false,
                 greeted: 0,
-                restarts: Restarts::new(graph.processes[process].restart),
+                restarts: restarts::of_process(&graph.processes[process]),
                 due: None,
             })
             .collect();
@@ -125,7 +134,9 @@ impl Supervisor {
             status: Status::new(&graph),
             finished: Finished::new(&graph),
             incarnations: vec![0; graph.operators.len()],
-            clock: SessionClock::start(),
+            clock,
+            bridge,
+            bridged: BridgeAccounts::default(),
             workers,
             recorder: None,
             recorder_deaths: 0,
@@ -206,8 +217,14 @@ impl Supervisor {
         }
     }
 
-    fn start_worker(&self, index: usize) -> Result<Child, ChildError> {
+    fn start_worker(&mut self, index: usize) -> Result<Child, ChildError> {
         let process = self.workers[index].process;
+        if self.graph.processes[process].operators.is_empty()
+            && let Some((launch, hello)) = &self.bridge
+        {
+            self.bridged.begin();
+            return Child::start(launch, launch.worker, &self.graph.processes[process].name, hello);
+        }
         let launch = &self.options.launch;
         Child::start(launch, launch.worker, &self.graph.processes[process].name, &self.hello(process))
     }
@@ -269,9 +286,20 @@ impl Supervisor {
         for child in children {
             child.listen(&mut self.told);
         }
+        self.take_counts();
+    }
+
+    /// Takes what the bridge has told of its counts.
+    fn take_counts(&mut self) {
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
+            child.bridged.take().into_iter().for_each(|report| self.bridged.enter(report));
+        }
     }
 
     fn tell_faults(&mut self, run: &mut dyn Run) {
+        for child in self.workers.iter_mut().filter_map(|w| w.child.as_mut()) {
+            child.news.drain(..).for_each(|news| run.noted(&news));
+        }
         for told in self.told.drain(..) {
             let fault = Fault { operator: told.operator, reason: told.reason, fatal: told.fatal };
             run.failed(&fault);

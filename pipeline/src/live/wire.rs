@@ -1,12 +1,16 @@
 //! The two ends of links in a live run: a transport beside the ports of an operator.
 
 use stillpoint_samples::Pieces;
+use stillpoint_shm::{Domain, ShmError};
 use stillpoint_transport::{
-    Channel, Datagrams, LinkState, Receiver, Refusal, Sender, Streams, Transport, TransportError,
+    Channel, Datagrams, LinkState, Refusal, Sender, Streams, Transport, TransportError,
 };
 
+use super::contracts;
+use super::error::WorkerError;
+use super::landing::{Inflow, Landing};
 use crate::far_end;
-use crate::graph::{OperatorNode, Wire};
+use crate::graph::{Graph, OperatorNode, Wire};
 use crate::outside::{Arrivals, MOST_DATAGRAMS};
 
 /// An end of a link that cannot be opened or used.
@@ -20,14 +24,16 @@ pub struct LinkError {
 }
 
 /// The transport of a link.
-pub type TransportOf = fn(Wire) -> Box<dyn Transport>;
+pub type TransportOf = fn(Wire) -> Option<Box<dyn Transport>>;
 
-/// The transports of this project. A program that brings another one gives its own function to
+/// The transports of links; `None` for edges between hosts, which the bridge carries. A program that brings another
+/// transport gives its own function to
 /// [`worker_main_over`](super::worker_main_over), and leaves all other links to this one.
-pub fn transport_of(wire: Wire) -> Box<dyn Transport> {
+pub fn transport_of(wire: Wire) -> Option<Box<dyn Transport>> {
     match wire {
-        Wire::Udp(address) => Box::new(Datagrams::to(address)),
-        Wire::Tcp(address) => Box::new(Streams::at(address)),
+        Wire::Udp(address) => Some(Box::new(Datagrams::to(address))),
+        Wire::Tcp(address) => Some(Box::new(Streams::at(address))),
+        Wire::Host(_) => None,
     }
 }
 
@@ -44,7 +50,7 @@ const ONE: usize = 1;
 /// Takes samples in for the far end of a link.
 pub struct LinkReceiver {
     place: String,
-    receiver: Box<dyn Receiver>,
+    receiver: Inflow,
     arrivals: Arrivals,
     buffer: Vec<u8>,
     /// The refusal that was told last.
@@ -52,11 +58,24 @@ pub struct LinkReceiver {
 }
 
 impl LinkReceiver {
-    /// Opens the receiver's end, if this operator is the far end of a link.
-    pub fn open(node: &OperatorNode, transport_of: TransportOf) -> Result<Option<Self>, LinkError> {
+    /// Opens the receiver's end, if this operator is the far end of a link or its samples come from another host.
+    pub fn open(
+        graph: &Graph,
+        operator: usize,
+        domain: &Domain,
+        transport_of: TransportOf,
+    ) -> Result<Option<Self>, WorkerError> {
+        let node = &graph.operators[operator];
         let Some(wire) = node.far_end else { return Ok(None) };
-        let opened = transport_of(wire).open_receiver(&channel(node, far_end::SAMPLE));
-        let receiver = opened.map_err(|reason| LinkError { place: node.name.clone(), reason })?;
+        let receiver = match transport_of(wire) {
+            Some(transport) => {
+                let opened = transport.open_receiver(&channel(node, far_end::SAMPLE));
+                Inflow::Link(opened.map_err(|reason| LinkError { place: node.name.clone(), reason })?)
+            }
+            // Both ends are in this run: the samples come over an edge.
+            None if node.inputs.iter().any(|i| i.edge.is_some()) => return Ok(None),
+            None => Inflow::Bridge(Landing::open(domain, &contracts::landing(graph, operator))?),
+        };
         let most = if receiver.keeps_waiting() { ONE } else { MOST_DATAGRAMS };
         Ok(Some(Self {
             place: node.name.clone(),
@@ -72,12 +91,21 @@ impl LinkReceiver {
         self.arrivals.clone()
     }
 
+    /// Connects to a bridge that begins anew, if the samples come from one.
+    pub fn connect(&self) -> Result<(), ShmError> {
+        self.receiver.connect()
+    }
+
     /// Takes what has arrived. Gives the reason for which nothing passes, once per reason.
     pub fn listen(&mut self) -> Result<Option<Refusal>, LinkError> {
         let failed = |reason| LinkError { place: self.place.clone(), reason };
         // What the receiver keeps waiting stays there while the operator has not taken what came before.
         while !(self.receiver.keeps_waiting() && self.arrivals.is_full()) {
-            let Some(origin) = self.receiver.receive(&mut self.buffer).map_err(failed)? else { break };
+            let received = self.receiver.receive(&mut self.buffer).map_err(failed)?;
+            let Some((origin, clock)) = received else { break };
+            if let Some(clock) = clock {
+                self.arrivals.set_clock(clock);
+            }
             self.arrivals.put(origin.sender, &mut self.buffer);
         }
         self.arrivals.count_dropped(self.receiver.discarded());
@@ -110,8 +138,8 @@ impl LinkSender {
             return Ok(None);
         }
         let channel = channel(node, port);
-        let senders: Result<Vec<_>, _> =
-            output.links.iter().map(|wire| transport_of(*wire).open_sender(&channel)).collect();
+        let transports = output.links.iter().filter_map(|wire| transport_of(*wire));
+        let senders: Result<Vec<_>, _> = transports.map(|t| t.open_sender(&channel)).collect();
         let senders = senders.map_err(|reason| LinkError { place: output.topic.clone(), reason })?;
         Ok(Some(Self { senders, is_failing: false }))
     }

@@ -68,7 +68,7 @@ pub(super) fn ignore_interrupts() {
 
 /// Ends this process after its supervisor and the time that it outlives it, also where a step never comes back to read
 /// its orders.
-fn end_with_supervisor(outlives: u64) {
+pub(super) fn end_with_supervisor(outlives: u64) {
     let stdin = std::io::stdin();
     // No event is asked for: the other end's closing is always told.
     let mut fd = [rustix::event::PollFd::new(&stdin, rustix::event::PollFlags::empty())];

@@ -13,7 +13,7 @@ use super::sync::Consumption;
 use super::wiring::Wired;
 use crate::far_end;
 use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Wire};
-use crate::hosts::MAIN;
+use crate::hosts::{BRIDGE, MAIN};
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
 
@@ -67,7 +67,8 @@ pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings
     let alone =
         document.operators.iter().enumerate().filter(|(n, _)| !home.contains_key(n)).map(|(_, o)| &o.name);
     for name in document.processes.iter().map(|p| &p.name).chain(alone) {
-        if RESERVED.contains(&name.value.as_str()) {
+        let is_bridge = !document.hosts.is_empty() && name.value == BRIDGE;
+        if is_bridge || RESERVED.contains(&name.value.as_str()) {
             findings.say(
                 name.span,
                 Code::BadName,
@@ -240,13 +241,15 @@ pub fn graph(
         operators,
         processes,
         record,
+        hosts: document.hosts.into_iter().map(|h| h.node).collect(),
+        part: None,
     })
 }
 
 /// What comes off a stream may be as large as what its producer sends.
 fn lay_out_far_ends(operators: &mut [OperatorNode]) {
     for far in 0..operators.len() {
-        if let (Some(Wire::Tcp(_)), Some(edge)) =
+        if let (Some(Wire::Tcp(_) | Wire::Host(_)), Some(edge)) =
             (operators[far].far_end, operators[far].inputs.first().and_then(|i| i.edge))
         {
             let capacity = operators[edge.operator].outputs[edge.output].capacity;

@@ -9,14 +9,14 @@ use super::operators::{self, ParsedOperator};
 use super::processes::{self, ParsedProcess};
 use super::source::Span;
 use super::tree::{Keys, Node};
-use super::{frames, links, quantity, record};
+use super::{frames, host_section, links, quantity, record};
 use crate::frames::Frames;
 
 /// The version of the format.
 pub const VERSION: i128 = 1;
 /// Keys of the file.
 pub const KEYS: &[&str] =
-    &["stillpoint", "name", "seed", "frames", "operators", "links", "processes", "record"];
+    &["stillpoint", "name", "seed", "frames", "operators", "links", "hosts", "processes", "record"];
 
 /// A parsed pipeline. What had a fault is left out.
 pub struct Document<'t> {
@@ -30,6 +30,8 @@ pub struct Document<'t> {
     pub operators: Vec<ParsedOperator<'t>>,
     /// Where the links stand.
     pub links: Option<Span>,
+    /// The hosts that exchange samples over the network, in the order of the file.
+    pub hosts: Vec<host_section::ParsedHost>,
     /// The processes, in the order of the file.
     pub processes: Vec<ParsedProcess>,
     /// What is recorded.
@@ -63,9 +65,12 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
         links::read(&entry.value, &mut operators, findings);
         entry.value.span
     });
-    let processes = keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
+    let mut processes =
+        keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
+    let hosts = keys.get("hosts").map(|e| host_section::read(&e.value, findings)).unwrap_or_default();
+    host_section::connect(&hosts, &mut operators, &mut processes, findings);
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
-    Some(Document { name, seed, frames, operators, links, processes, record })
+    Some(Document { name, seed, frames, operators, links, hosts, processes, record })
 }
 
 fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {

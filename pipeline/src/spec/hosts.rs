@@ -1,4 +1,5 @@
-//! A pipeline in parts: every edge from one host to another is a link, and the host that is asked for is there.
+//! What crosses from one host to another: every such edge is a link or goes between hosts of the section `hosts`, and the
+//! host that is asked for is there.
 
 use super::document::Document;
 use super::faults::{Code, Findings};
@@ -40,13 +41,35 @@ pub fn check(
                     format!("name `{}` in a process of the host `{here}`", producer.name.value),
                 ),
                 None => (
-                    format!(
-                        "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
-                    ),
-                    format!("add `{}.{}` to `links`", from.value.operator.value, from.value.port.value),
+                    match document.hosts.is_empty() {
+                        true => format!(
+                            "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
+                        ),
+                        false => format!(
+                            "`{name}` runs on the host `{here}`, but this comes from `{there}`, and `hosts` does not \
+                             list both"
+                        ),
+                    },
+                    match document.hosts.is_empty() {
+                        true => format!(
+                            "add `{}.{}` to `links`, or list both hosts under `hosts`",
+                            from.value.operator.value, from.value.port.value
+                        ),
+                        false => format!("list `{here}` and `{there}` under `hosts`, with their endpoints"),
+                    },
                 ),
             };
             findings.say(from.span, Code::Host, message, help);
+        }
+    }
+    for host in &document.hosts {
+        if !homes.contains(&host.node.name.as_str()) {
+            findings.say(
+                host.span,
+                Code::Host,
+                format!("nothing of this pipeline runs on the host {}", shown(&host.node.name)),
+                "give a process this `host`, or remove it",
+            );
         }
     }
     if let Some(host) = chosen

@@ -111,7 +111,11 @@ fn far_operator<'t>(
 
 /// Finds links that lead nowhere, once the inputs are connected.
 pub fn check_taken(document: &Document<'_>, wired: &[Wired], findings: &Findings) {
-    for (far, parsed) in document.operators.iter().enumerate().filter(|(_, o)| o.link.is_some()) {
+    for (far, parsed) in document.operators.iter().enumerate() {
+        // What a host takes from another, it may take for its session alone.
+        if matches!(parsed.link, None | Some(Wire::Host(_))) {
+            continue;
+        }
         // A topic that is not there is a fault of its own.
         let Some(span) = wired[far].inputs.iter().find(|i| i.edge.is_some()).map(|i| i.span) else {
             continue;

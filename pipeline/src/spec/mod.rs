@@ -16,7 +16,7 @@
 //! Text to tree: `config` of the crate `stillpoint_operator`; `sets`: `--set operator.param=value`, applied to the tree
 //!
 //! Tree to parsed pipeline:
-//! - `fields`: values that several sections have; `document`: the file; `operators`, `inputs`, `frames`, `processes`, `record`: its sections
+//! - `fields`: values that several sections have; `document`: the file; `operators`, `inputs`, `frames`, `processes`, `host_section`, `record`: its sections
 //!
 //! Parsed to checked pipeline:
 //! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
@@ -31,6 +31,7 @@ mod confirm;
 mod document;
 mod fields;
 mod frames;
+mod host_section;
 mod hosts;
 mod identity;
 mod inputs;

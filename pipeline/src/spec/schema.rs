@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::quantity::or;
 use super::units::find;
-use super::{document, frames, inputs, links, operators, processes, record};
+use super::{document, frames, host_section, inputs, links, operators, processes, record};
 use crate::hosts::MAIN;
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
 use crate::params::{ParamField, ParamType, Presence};
@@ -41,6 +41,7 @@ pub fn schema(registry: &Registry) -> Value {
         "frames" => named("Frames by their names.", frame()),
         "operators" => named("Operators by their names.", json!({ "$ref": "#/$defs/operator" })),
         "links" => links(),
+        "hosts" => hosts(),
         "processes" => named("Which operators share a process; each of the rest has its own.", process()),
         _ => recorded(),
     });
@@ -137,6 +138,25 @@ fn links() -> Value {
         "type": "object", "description": "Topics that leave the machine's memory, and how.",
         "propertyNames": { "pattern": TOPIC }, "additionalProperties": link,
     })
+}
+
+fn hosts() -> Value {
+    let endpoint = json!({ "type": "string", "pattern": r"^tcp/\S+:[0-9]{1,5}$" });
+    let host = closed(host_section::KEYS, &[], |key| match key {
+        "takes" => json!({
+            "type": "array", "items": { "type": "string", "pattern": TOPIC },
+            "description": "Topics of other hosts that it takes and records, besides those that its operators take.",
+        }),
+        _ => json!({
+            "description": match key {
+                "listen" => "Endpoint at which others reach it; the next port is used, too.",
+                "connect" => "Endpoint of a host that listens.",
+                _ => "Endpoint of a router, in place of the other two.",
+            },
+            "oneOf": [endpoint, { "type": "array", "items": endpoint }],
+        }),
+    });
+    named("The hosts that exchange samples over the network.", host)
 }
 
 fn process() -> Value {

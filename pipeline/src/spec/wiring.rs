@@ -49,7 +49,7 @@ pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings
         document.operators.iter().map(|o| stage(o, registry, findings)).collect();
     let numbers = document.numbers();
     for far in 0..stages.len() {
-        if let Some(Wire::Tcp(_)) = document.operators[far].link {
+        if let Some(Wire::Tcp(_) | Wire::Host(_)) = document.operators[far].link {
             stages[far] = far_end(&document.operators[far], &numbers, &stages);
         }
     }

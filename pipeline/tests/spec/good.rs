@@ -13,6 +13,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("fusion.yaml", include_str!("../good/fusion.yaml")),
     ("images.yaml", include_str!("../good/images.yaml")),
     ("apart.yaml", include_str!("../good/apart.yaml")),
+    ("hosts.yaml", include_str!("../good/hosts.yaml")),
 ];
 
 /// The graph of a good file.

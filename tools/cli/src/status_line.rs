@@ -113,6 +113,11 @@ impl stillpoint_pipeline::live::Run for StatusLine<'_> {
         self.shown = lines.len();
     }
 
+    fn noted(&mut self, what: &str) {
+        self.clear();
+        errln!("stillpoint: {what}");
+    }
+
     fn failed(&mut self, fault: &Fault) {
         self.clear();
         errln!("stillpoint: {}: {}", fault.operator, fault.reason);

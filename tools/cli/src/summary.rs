@@ -256,7 +256,19 @@ fn print_faults(report: &RunReport) {
 }
 
 fn print_ledger(report: &RunReport) {
-    let right = ["sent", "received", "passed", "overwritten", "no memory", "down", "left", "UNEXPLAINED"];
+    let right = [
+        "sent",
+        "received",
+        "passed",
+        "overwritten",
+        "no memory",
+        "down",
+        "left",
+        "unheard",
+        "refused",
+        "lost",
+        "UNEXPLAINED",
+    ];
     let head = [(Side::Left, "ledger: topic -> input")];
     let mut table = Columns::new(head.into_iter().chain(right.map(|name| (Side::Right, name))));
     let mut silent = 0;
@@ -269,6 +281,9 @@ fn print_ledger(report: &RunReport) {
             line.pool_exhausted,
             line.down,
             line.left,
+            line.unheard,
+            line.refused,
+            line.lost,
         ];
         if counts.iter().all(|count| *count == 0) && line.balances() {
             silent += 1;

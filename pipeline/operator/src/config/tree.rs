@@ -136,8 +136,6 @@ pub struct Keys<'t> {
     found: Vec<(&'static str, &'t Entry)>,
 }
 
-/// Keys that DESIGN.md describes and this version does not have.
-const LATER: &[&str] = &["hosts"];
 /// A key of a process, which people look for at operators.
 const HOST: &str = "host";
 
@@ -163,15 +161,6 @@ impl<'t> Keys<'t> {
         for entry in entries.iter().filter(|e| !known.contains(&e.key.value.as_str())) {
             let key = entry.key.value.as_str();
             let name = shown(key);
-            if LATER.contains(&key) {
-                findings.say(
-                    entry.key.span,
-                    Code::UnknownKey,
-                    format!("{name} is not in this version"),
-                    format!("remove {name}"),
-                );
-                continue;
-            }
             if key == HOST {
                 findings.say(
                     entry.key.span,

@@ -59,7 +59,11 @@ impl Supervisor {
         }
         self.read_journals();
         self.tell_faults(run);
-        let ledger = self.ledger.lines(&self.graph);
+        self.take_counts();
+        let mut ledger = self.ledger.lines(&self.graph);
+        if self.bridge.is_some() {
+            ledger.extend(self.bridged.lines(&self.graph, &mut self.ledger));
+        }
         let balanced = ledger.iter().all(LedgerLine::balances);
         let mut report = RunReport {
             pipeline: self.graph.name.clone(),
@@ -183,7 +187,8 @@ impl Supervisor {
     }
 }
 
-/// Processes by level: each after all that feed it. Processes that feed each other are in one level.
+/// Processes by level: each after all that feed it. Processes that feed each other are in one level. The bridge is the
+/// last: it carries what the others have sent.
 fn levels(graph: &Graph) -> Vec<Vec<usize>> {
     let count = graph.processes.len();
     let mut feeds = vec![BTreeSet::new(); count];
@@ -219,6 +224,12 @@ fn levels(graph: &Graph) -> Vec<Vec<usize>> {
             left.remove(p);
         }
         levels.push(ready);
+    }
+    let is_bridge = |p: &usize| graph.processes[*p].operators.is_empty();
+    let bridge: Vec<usize> = (0..count).filter(is_bridge).collect();
+    if !bridge.is_empty() {
+        levels.iter_mut().for_each(|level| level.retain(|p| !is_bridge(p)));
+        levels.push(bridge);
     }
     levels
 }

@@ -5,7 +5,7 @@ use std::process::ExitStatus;
 use std::time::Duration;
 
 use super::{Supervisor, Worker};
-use crate::graph::Restart;
+use crate::graph::{ProcessNode, Restart};
 use crate::live::children::{Child, ChildError, ReportedFault};
 use crate::live::control::ToWorker;
 use crate::live::reservation::is_full;
@@ -15,6 +15,9 @@ use crate::restarts::{Answer, Restarts};
 const RECORDER_BACKOFF: u64 = 10_000_000;
 /// Longest wait before the recorder is started again, ns.
 const RECORDER_LONGEST: u64 = 5_000_000_000;
+
+/// Longest wait before the bridge is started again, ns: the other hosts may be at fault.
+const BRIDGE_LONGEST: u64 = 2_000_000_000;
 
 /// A process that is gone, and whose node is not cleaned yet.
 pub(super) struct Dead {
@@ -29,6 +32,12 @@ pub(super) struct Dead {
 pub(super) fn of_recorder() -> Restarts {
     let policy = Restart::OnFault { limit: u32::MAX, backoff: RECORDER_BACKOFF };
     Restarts::new(policy).waiting_at_most(RECORDER_LONGEST)
+}
+
+/// The restarts of a process of operators, or of the bridge, which has none.
+pub(super) fn of_process(process: &ProcessNode) -> Restarts {
+    let restarts = Restarts::new(process.restart);
+    if process.operators.is_empty() { restarts.waiting_at_most(BRIDGE_LONGEST) } else { restarts }
 }
 
 /// The text for the end of a process. A write beyond the end of shared memory is a SIGBUS.
@@ -126,6 +135,7 @@ impl Supervisor {
 
     /// A worker is gone: its restart is planned, if its policy allows one.
     fn reap_worker(&mut self, index: usize, now: u64) -> Option<String> {
+        self.take_counts();
         let child = self.workers[index].child.take()?;
         let Worker { process, greeted, .. } = self.workers[index];
         let reason = self.reap_and_reconnect(child, Some(process), greeted);

@@ -46,13 +46,22 @@ pub struct LedgerLine {
     pool_exhausted: u64,
     down: u64,
     left: u64,
+    unheard: u64,
+    refused: u64,
+    lost: u64,
     unexplained: u64,
 }
 
 impl LedgerLine {
+    /// What did not pass between hosts: nobody there, not valid, lost.
+    fn over_the_network(&self) -> [u64; 3] {
+        [self.unheard, self.refused, self.lost]
+    }
+
     fn balances(&self) -> bool {
-        let parts = [self.received, self.overwritten, self.pool_exhausted, self.down, self.left];
-        let accounted = parts.into_iter().fold(0u64, u64::saturating_add);
+        let in_memory = [self.received, self.overwritten, self.pool_exhausted, self.down, self.left];
+        let parts = in_memory.into_iter().chain(self.over_the_network());
+        let accounted = parts.fold(0u64, u64::saturating_add);
         self.unexplained == 0 && accounted == self.sent
     }
 }
@@ -98,7 +107,9 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
     if accounts.lines.is_empty() {
         return Ok(section);
     }
-    let columns = [
+    let is_remote = accounts.lines.iter().any(|l| l.over_the_network().iter().any(|count| *count > 0));
+    let network: &[&str] = if is_remote { &["unheard", "refused", "lost"] } else { &[] };
+    let memory = [
         "topic",
         "input",
         "sent",
@@ -108,8 +119,8 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
         "without memory",
         "down",
         "left",
-        "balance",
     ];
+    let columns: Vec<&str> = memory.iter().chain(network).copied().chain(["balance"]).collect();
     let mut table = Table::new("", &columns);
     for l in &accounts.lines {
         let n = |v: u64| Cell::number(count(v));
@@ -117,7 +128,8 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
             true => Cell::State(Mood::Good, "balances".into()),
             false => Cell::State(Mood::Bad, format!("unexplained: {}", count(l.unexplained))),
         };
-        table.row([
+        let over_the_network = l.over_the_network().into_iter().take(network.len()).map(n);
+        let in_memory = [
             Cell::text(&l.topic),
             Cell::text(&l.consumer),
             n(l.sent),
@@ -127,12 +139,13 @@ pub fn section(source: &Source<'_>) -> Result<Section, ReportError> {
             n(l.pool_exhausted),
             n(l.down),
             n(l.left),
-            balance,
-        ]);
+        ];
+        table.row(in_memory.into_iter().chain(over_the_network).chain([balance]));
     }
     Ok(section.with(Block::Table(table)).with(Block::Text(
         "Passed over: taken, but superseded by a newer one or without partners. Overwritten: pushed out of a full buffer. \
-         Without memory: never sent. Down: lost while the consumer was down. Left: waiting when it ended."
+         Without memory: never sent. Down: lost while the consumer was down. Left: waiting when it ended. \
+         Between hosts: unheard, with no host there to take it; refused, as not valid; lost, or under way at the end."
             .into(),
     )))
 }

@@ -1,0 +1,84 @@
+//! What a network must do for the bridge.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+use stillpoint_operator::outside::ClockOffset;
+use stillpoint_transport::Transport;
+
+use super::hello::BridgeIdentity;
+use crate::clock::SessionClock;
+use crate::graph::HostNode;
+
+/// All that a network needs to know of a run.
+pub struct BridgeSettings {
+    /// This host.
+    pub host: HostNode,
+    /// What it runs: hosts that do not run the same exchange nothing.
+    pub identity: BridgeIdentity,
+    /// Number of this life of the bridge: a later life has a higher number.
+    pub incarnation: u64,
+    /// The clock of the session.
+    pub clock: SessionClock,
+    /// To be called when a sample has arrived. It returns at once.
+    pub arrived: Arc<dyn Fn() + Send + Sync>,
+}
+
+/// Something that happened on the network.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NetworkEvent {
+    /// What happened.
+    pub text: String,
+    /// Nothing passes any more, or never did.
+    pub is_fault: bool,
+}
+
+/// The counts of the sending end of an edge: `offered = replaced + unheard + put + waiting`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SentCounts {
+    /// Samples given to the network.
+    pub offered: u64,
+    /// Samples that newer ones replaced before they left.
+    pub replaced: u64,
+    /// Samples that no host was there to take.
+    pub unheard: u64,
+    /// Samples that left.
+    pub put: u64,
+    /// Samples that wait.
+    pub waiting: u64,
+    /// Samples of `put` that the other host says it has.
+    pub received: u64,
+    /// Samples of `put` that the other host has refused.
+    pub refused: u64,
+}
+
+/// The counts of the taking end of an edge: what left the other host since this end was opened is
+/// `received + refused + lost`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TakenCounts {
+    /// Samples that arrived.
+    pub received: u64,
+    /// Samples that arrived and were not valid.
+    pub refused: u64,
+    /// Samples that did not arrive.
+    pub lost: u64,
+}
+
+/// A network between hosts.
+pub trait Network {
+    /// The transport of an edge.
+    fn transport(&self, edge: &str) -> Box<dyn Transport>;
+
+    /// The clock of the host from which the samples of an edge come, where it is measured.
+    fn clock(&self, edge: &str) -> Option<ClockOffset>;
+
+    /// What happened since the last call.
+    fn events(&self) -> Vec<NetworkEvent>;
+
+    /// The counts of the sending ends, by edge.
+    fn sent(&self) -> BTreeMap<String, SentCounts>;
+
+    /// The counts of the taking ends, by edge.
+    fn taken(&self) -> BTreeMap<String, TakenCounts>;
+}

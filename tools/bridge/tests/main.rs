@@ -1,0 +1,9 @@
+//! Whole runs on two hosts over loopback.
+//!
+//! The program `stillpoint` is built from the source folder first, unless STILLPOINT names one.
+
+// A test that panics names the line; nothing else would be gained by errors.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod bench;
+mod hosts;
