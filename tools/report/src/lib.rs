@@ -28,6 +28,7 @@ pub mod facts;
 mod far_end;
 pub mod hold;
 pub mod html;
+mod judged;
 mod motion;
 pub mod numbers;
 mod offset;

@@ -41,7 +41,7 @@ pub use mask::Mask;
 pub use names::{NameTable, NamesError, StandardName, name_fits};
 pub use nrrd::{NrrdError, Values, Volume, read_nrrd};
 pub use patient::{Case, CaseError, CaseParts, Prescription};
-pub use phantom::{Skin, head, phantom, varied_phantom};
+pub use phantom::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, phantom, varied_phantom};
 pub use position::PatientPosition;
 pub use structure::{Role, Structure};
 pub use uid::{Uid, UidError, Uids};

@@ -6,7 +6,9 @@ use std::path::Path;
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::spec::check;
-use stillpoint_samples::{PointCloud, Pose, Rejection, Standing, Track, View};
+use stillpoint_samples::{
+    Gate, PlanRequest, PointCloud, Pose, PoseReport, PoseStatus, Rejection, Standing, Track, View,
+};
 use stillpoint_testing::{Run, run};
 
 use crate::{from_root, registry};
@@ -173,6 +175,67 @@ fn the_same_clouds_from_files_and_from_a_recording_have_the_same_positions() {
     for (a, b) in files.iter().zip(&bag) {
         // Each operator has random numbers of its own, so the planes differ a little.
         assert!((0..3).all(|i| (a[i] - b[i]).abs() < 2e-3), "{a:?} {b:?}");
+    }
+}
+
+/// Isocentre of `data/head.case` in the axes of the rig's head, m.
+const PLANNED: [f64; 3] = [0.023_882, 0.051_765, 0.021_357];
+
+#[test]
+fn the_isocentre_of_the_ct_is_brought_to_that_of_the_machine_and_the_beam_waits_for_it() {
+    let path = from_root("examples/head-from-ct.yaml");
+    let mut text = std::fs::read_to_string(&path).unwrap();
+    for (from, to) in [
+        ("camera: { every: 50 ms }", "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }"),
+        ("frame_period: 50 ms", "frame_period: 100 ms"),
+        ("watchdog: 150 ms", "watchdog: 300 ms"),
+        ("at: 2 s, over: 4 s", "at: 1 s, over: 2 s"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    let run = run(&text, &registry(), &DiskFiles::beside(&path), 8000).unwrap();
+    assert_eq!(run.failed(), [] as [&str; 0]);
+    let isocentre = Vector3::new(0.022, 0.033, 0.154);
+    let pose = |view: &View<'_, Pose>| {
+        let element = view.first().unwrap();
+        let [w, x, y, z] = element.orientation;
+        let turn = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
+        Isometry3::from_parts(Vector3::from(element.position).into(), turn)
+    };
+    // By the rig, where the isocentre of the plan is: millimetres from that of the machine at first, and there at the end.
+    let off: Vec<(u64, f64)> = run
+        .samples::<Pose>("rig.truth")
+        .iter()
+        .map(|t| (t.header.origin, 1e3 * (pose(t) * Point3::from(PLANNED) - isocentre).coords.norm()))
+        .collect();
+    assert!(off[0].1 > 2.0, "{off:?}");
+    let last = off.last().unwrap().0;
+    let worst = off.iter().filter(|(t, _)| t + 1_000_000_000 > last).map(|(_, mm)| *mm).fold(0.0, f64::max);
+    assert!(worst < 0.5, "{worst} mm");
+    // A pose is that error: the first one is said when the patient of the CT was found.
+    let reports = run.samples::<PoseReport>("head.report");
+    let captured = |r: &&View<'_, PoseReport>| r.first().unwrap().status == PoseStatus::Captured as u32;
+    assert_eq!(reports.iter().filter(captured).count(), 1);
+    let poses = run.samples::<Pose>("head.pose");
+    let seen = 1e3 * (pose(&poses[0]).translation.vector - isocentre).norm();
+    assert!((seen - off[0].1).abs() < 0.5, "{seen} mm of {} mm", off[0].1);
+    let gates = run.samples::<Gate>("gate.state");
+    let begun = gates.iter().find(|g| g.first().unwrap().beam == 1).expect("the beam was allowed");
+    let then = off.iter().rev().find(|(t, _)| *t <= begun.header.stamp).unwrap().1;
+    assert!(then < 1.5 && gates.last().unwrap().first().unwrap().beam == 1, "{then} mm");
+}
+
+#[test]
+fn plans_are_asked_for_at_the_set_up_that_the_ct_shows() {
+    let run = example("plan.yaml", 9000);
+    let requests: Vec<[f64; 3]> =
+        run.samples::<PlanRequest>("watch.request").iter().map(|r| r.elements[0].position).collect();
+    assert_eq!(requests[0], [0.0; 3]);
+    // The patient rises by 15 mm from 2 s to 12 s: a request for each 3 mm, half a second later.
+    assert!(requests.len() >= 2, "{requests:?}");
+    for [x, y, z] in &requests[1..] {
+        assert!(x.abs() < 1e-3 && y.abs() < 1e-3 && (0.003..0.015).contains(z), "{requests:?}");
     }
 }
 

@@ -34,7 +34,8 @@ const REPORT: usize = 3;
 /// filters see that a camera is frozen.
 ///
 /// The head's frame is that of the capture: its axes are those of the pose's frame, its origin is `origin`. So the pose
-/// at the capture is a translation, and a pose's rotation is the head's since.
+/// at the capture is a translation, and a pose's rotation is the head's since. The pose is that of `point`, a place in
+/// this frame: all that follows judges there, the gate too.
 ///
 /// With `reference: { surface: FILE }` the head's frame is that of the plan: its origin is the isocentre, its axes are those
 /// of the couch in the planned position. So a pose is the absolute set-up error: its position less `isocentre`, and its
@@ -42,6 +43,8 @@ const REPORT: usize = 3;
 pub struct TrackHead {
     method: Method,
     origin: Origin,
+    /// Whose pose is sent, in the head's frame, m.
+    point: Translation3<f64>,
     three_points_sd: f64,
     min_points: usize,
     tracker: HeadTracker,
@@ -177,6 +180,7 @@ impl Operator for TrackHead {
         Ok(Self {
             method: params.method,
             origin: params.origin,
+            point: Translation3::from(params.point),
             three_points_sd: params.three_points_sd,
             min_points: params.min_points as usize,
             tracker,
@@ -309,14 +313,14 @@ impl TrackHead {
         }
     }
 
-    /// The head's pose after a motion in the face's frame since the capture.
+    /// The pose of the point after a motion of the head in the face's frame since the capture.
     fn output_from_head(&self, motion: &Isometry3<f64>) -> Isometry3<f64> {
         if let Some(face_from_head) = &self.face_from_head {
-            return self.output_from_face * motion * face_from_head;
+            return self.output_from_face * motion * face_from_head * self.point;
         }
         let origin = self.output_from_face * Translation3::from(self.origin());
         let moved = self.output_from_face * motion * self.output_from_face.inverse();
-        moved * Translation3::from(origin.translation.vector)
+        moved * Translation3::from(origin.translation.vector) * self.point
     }
 
     /// Looks for the head in the frame, which was acquired at `time`, ns.

@@ -114,9 +114,14 @@ pub struct HeadParams {
     /// Number of frames of a reference. The head may move: each frame is aligned with the first.
     #[param(default = 1, min = 1, max = 16)]
     pub capture_frames: u32,
-    /// Origin of the pose in the head. The axes of the head are those of the pose's frame at the capture.
+    /// Origin of the head where no known surface gives an isocentre. The axes of the head are those of the pose's frame at
+    /// the capture.
     #[param(default = "centroid")]
     pub origin: Origin,
+    /// Place of the point of the head whose pose is sent, from the isocentre of a known surface, else from `origin`, along
+    /// the axes of the head. Targets, controllers and the gate judge this point.
+    #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-300 mm", max = "300 mm")]
+    pub point: [f64; 3],
     /// Distance between the patches of the reference's surface.
     #[param(unit = "m", default = "4 mm", min = "1 mm", max = "20 mm")]
     pub spacing: f64,

@@ -29,7 +29,7 @@ const FINE: Effort = Effort { points: 6000, iterations: 20, step: 0.03, scale: 0
 const JUDGED: usize = 4000;
 /// Points seen at a smaller cosine are not judged.
 const COSINE: f64 = 0.3;
-/// How far the planned place may be off, m and degrees: a fit beyond is none.
+/// How far from the planned place a fit may be, m; its rotation may be as large as the turns that are tried.
 const SHIFT_MOST: f64 = 0.2;
 
 /// What a patient must reach.
@@ -155,8 +155,8 @@ pub struct Planned {
 }
 
 impl Planned {
-    /// A surface of points with normals (m), cut out within the corners of `region`, which `camera_from_model` brings to where the plan has it in the frame of the
-    /// camera.
+    /// A surface of points with normals (m), cut out within the corners of `region`. `camera_from_model` brings it to where
+    /// the plan has it in the frame of the camera.
     ///
     /// # Errors
     /// Points that make no surface.

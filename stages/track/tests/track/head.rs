@@ -165,6 +165,28 @@ fn a_motion_of_the_head_is_given_in_the_couchs_axes_with_its_covariance() {
 }
 
 #[test]
+fn the_pose_of_another_point_of_the_head_is_that_of_its_origin_seen_from_there() {
+    let place = Vector3::new(0.02, 0.03, -0.06);
+    let with_point =
+        |text: &str| text.replace("capture: first", "capture: first, point: [20 mm, 30 mm, -60 mm]");
+    let (mut of_origin, mut of_point) = (bench(str::to_owned), bench(with_point));
+    for pose in [camera_from_body(), moved([0.003, -0.002, 0.004], [0.05, 0.1, 0.0])] {
+        let cloud = head(&pose);
+        let [origin, point] = [&mut of_origin, &mut of_point].map(|bench| feed(bench, &cloud).pose.unwrap());
+        let (from, found) = (isometry(&origin), isometry(&point));
+        let due = from * nalgebra::Translation3::from(place);
+        assert!((found.to_homogeneous() - due.to_homogeneous()).norm() < 1e-12, "{found} {due}");
+        // A turn of which little is known moves a point far away by much.
+        let mut carried = nalgebra::Matrix6::<f64>::identity();
+        let arm = (from.rotation * place).cross_matrix();
+        carried.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm);
+        let matrix = |e: &PoseElement| nalgebra::Matrix6::from_row_slice(&e.covariance);
+        let due = carried * matrix(&origin) * carried.transpose();
+        assert!((matrix(&point) - due).norm() < 1e-9 * due.norm(), "{}", matrix(&point) - due);
+    }
+}
+
+#[test]
 fn before_a_command_there_is_no_pose_and_it_is_said() {
     let mut bench = bench(|t| t.replace("capture: first", "capture: command"));
     let cloud = head(&camera_from_body());

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod behind_face;
 mod centroid;
 #[path = "../../../segment/tests/drawn.rs"]
 mod drawn;

@@ -63,6 +63,24 @@ fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
 }
 
 #[test]
+fn the_case_of_the_examples_is_made_by_one_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = ["case", "phantom", "--site", "head", "--out", "."];
+    let made = stillpoint(folder.path(), &[&command[..], &["--spacing", "4 mm"]].concat());
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    let kept = std::fs::read(super::root().join("examples/data/head.case")).unwrap();
+    assert!(std::fs::read(folder.path().join("head-0.case")).unwrap() == kept);
+    for (site, spacing, said) in
+        [("head", "0.1 mm", "from 1 mm to 5 mm"), ("head", "4", "unit, mm"), ("pelvis", "4 mm", "for heads")]
+    {
+        let refused =
+            stillpoint(folder.path(), &["case", "phantom", "--site", site, "--out", ".", "--spacing", spacing]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains(said), "{}", text(&refused.stderr));
+    }
+}
+
+#[test]
 fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let grid = "\"shape_xyz\": [3, 2, 2], \"spacing_mm\": [2, 2, 2], \"origin_mm\": [0, 0, 0]";

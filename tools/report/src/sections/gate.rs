@@ -7,6 +7,7 @@ use super::tracks::LINE;
 use crate::ReportError;
 use crate::chart::{Chart, Series, Style};
 use crate::far_end::FarEnd;
+use crate::judged::Judged;
 use crate::numbers::{count, fixed, percent};
 use crate::page::{Block, Cell, Section, Table};
 use crate::recording::{Gates, Recording};
@@ -44,13 +45,15 @@ struct Figured {
     longest_s: Option<f64>,
     /// Part of the samples that name a reason against the beam.
     reasons: Vec<(&'static str, f64)>,
+    /// Distances from the target by the truth, while the beam was allowed.
+    judged: Option<Judged>,
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let gates = || recording.gates.iter().filter(|g| !g.values.items().is_empty());
     let far_ends = recording.far_ends.iter().filter_map(|far| far.told().map(BeamOn::of)).collect();
-    let figures = GateFigures { gates: gates().map(figured).collect(), far_ends };
+    let figures = GateFigures { gates: gates().map(|g| Figured { judged: Judged::of(recording, g), ..figured(g) }).collect(), far_ends };
     let mut section = Section::new("gate", "Beam gate", &figures)?;
     if figures.gates.is_empty() && figures.far_ends.is_empty() {
         return Ok(section.nothing("The session has no gate of a beam."));
@@ -74,6 +77,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
             count(gate.leases),
             lengths(gate)
         )));
+        section.blocks.extend(gate.judged.as_ref().map(|judged| Block::Text(told(judged))));
         let mut table = Table::new("", &["reason against the beam", "fraction of the samples"]);
         for (reason, part) in &gate.reasons {
             table.row([Cell::text(*reason), Cell::Bar(*part, percent(*part))]);
@@ -88,6 +92,19 @@ impl BeamOn {
     fn of(far: FarEnd) -> Self {
         Self { on: far.duty(), topic: far.topic, on_s: far.on_s, watched_s: far.watched_s }
     }
+}
+
+fn told(judged: &Judged) -> String {
+    let mm = |value: f64| fixed(value, 2);
+    format!(
+        "By the truth, while the beam was allowed, the judged point of the head was at most {} mm from its target (RMS {} \
+         mm). The origin of the truth, {} mm from there on the same head, was at most {} mm from its own (RMS {} mm).",
+        mm(judged.point_worst_mm),
+        mm(judged.point_rms_mm),
+        fixed(judged.apart_mm, 0),
+        mm(judged.origin_worst_mm),
+        mm(judged.origin_rms_mm)
+    )
 }
 
 /// How long the leases were held that ended.
@@ -128,6 +145,7 @@ fn figured(gates: &Gates) -> Figured {
             .map(|(word, bit)| (*word, part(*bit)))
             .filter(|(_, p)| *p > 0.0)
             .collect(),
+        judged: None,
     }
 }
 

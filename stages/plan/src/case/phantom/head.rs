@@ -9,7 +9,10 @@ use crate::case::mask::Mask;
 use crate::case::patient::{Case, CaseError, CaseParts, Prescription};
 use crate::case::structure::{Role, Structure};
 
-const SPACING_MM: f64 = 2.0;
+/// Distance of the voxels of a head, mm, if nothing else is asked for.
+pub const HEAD_SPACING_MM: f64 = 2.0;
+/// Distances of voxels that a head may have, mm: beyond, nothing of the cord is left.
+pub const HEAD_SPACINGS_MM: core::ops::RangeInclusive<f64> = 1.0..=5.0;
 /// Air around the head.
 const AROUND_MM: f64 = 10.0;
 const SKULL_MM: f64 = 7.0;
@@ -38,9 +41,14 @@ enum Part {
     Airway,
 }
 
-/// The case of a head. The seed draws the place of the target in the brain and the noise of the scanner.
-pub fn head(skin: &Skin<'_>, seed: u64) -> Result<Case, CaseError> {
-    let grid = grid(skin);
+/// The case of a head, with voxels at a distance of [`HEAD_SPACINGS_MM`], mm. The seed draws the place of the target in the
+/// brain and the noise of the scanner.
+///
+/// # Errors
+/// A skin of which no case can be made.
+pub fn head(skin: &Skin<'_>, seed: u64, spacing_mm: f64) -> Result<Case, CaseError> {
+    let spacing_mm = spacing_mm.clamp(*HEAD_SPACINGS_MM.start(), *HEAD_SPACINGS_MM.end());
+    let grid = grid(skin, spacing_mm);
     let len = grid.len();
     let place = |i: usize| in_head(grid.centre_mm(grid.voxel(i)));
     let depth: Vec<f64> = (0..len).map(|i| (skin.depth_mm)(place(i))).collect();
@@ -62,7 +70,7 @@ pub fn head(skin: &Skin<'_>, seed: u64) -> Result<Case, CaseError> {
             Part::Airway => (-1000.0, 0.0),
         };
         // A voxel that the skin halves is half air.
-        let within = (0.5 + depth[i] / SPACING_MM).clamp(0.0, 1.0);
+        let within = (0.5 + depth[i] / spacing_mm).clamp(0.0, 1.0);
         texture.value(-1000.0 + within * (mean + 1000.0), within * spread, grid.voxel(i))
     });
     let hu = hu.collect();
@@ -100,12 +108,12 @@ fn in_patient([x, y, z]: [f64; 3]) -> [f64; 3] {
     [x, -z, y]
 }
 
-fn grid(skin: &Skin<'_>) -> Grid {
+fn grid(skin: &Skin<'_>, spacing_mm: f64) -> Grid {
     let [a, b] = skin.extent_mm.map(in_patient);
     let low: [f64; 3] = std::array::from_fn(|i| a[i].min(b[i]) - AROUND_MM);
     let high: [f64; 3] = std::array::from_fn(|i| a[i].max(b[i]) + AROUND_MM);
-    let counts = std::array::from_fn(|i| libm::ceil((high[i] - low[i]) / SPACING_MM) as usize + 1);
-    Grid { counts, spacing_mm: [SPACING_MM; 3], origin_mm: low }
+    let counts = std::array::from_fn(|i| libm::ceil((high[i] - low[i]) / spacing_mm) as usize + 1);
+    Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm: low }
 }
 
 /// Place, mm in the head's axes, and radius of the target: in the upper half of the brain, on a side.

@@ -15,7 +15,7 @@ mod texture;
 mod variety;
 
 use anatomy::{Anatomy, Part};
-pub use head::{Skin, head};
+pub use head::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head};
 use texture::Texture;
 use variety::{Site, Variety};
 
