@@ -186,7 +186,10 @@ fn the_isocentre_of_the_ct_is_brought_to_that_of_the_machine_and_the_beam_waits_
     let path = from_root("examples/head-from-ct.yaml");
     let mut text = std::fs::read_to_string(&path).unwrap();
     for (from, to) in [
-        ("camera: { every: 50 ms }", "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }"),
+        (
+            "camera: { every: 50 ms }",
+            "camera: { every: 100 ms, width: 320 px, height: 240 px, focal_length: 283 px }",
+        ),
         ("frame_period: 50 ms", "frame_period: 100 ms"),
         ("watchdog: 150 ms", "watchdog: 300 ms"),
         ("at: 2 s, over: 4 s", "at: 1 s, over: 2 s"),

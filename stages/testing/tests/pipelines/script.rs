@@ -133,7 +133,11 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     );
     let person = real.replacen("{ at: 1 s, say: confirm }, ", "", 1);
     assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
-    let waived = person.replacen("params: { origin: centre, max_points: 50000 }\n\n", "params: { confirm: waived }\n\n", 1);
+    let waived = person.replacen(
+        "params: { origin: centre, max_points: 50000 }\n\n",
+        "params: { confirm: waived }\n\n",
+        1,
+    );
     assert_ne!(waived, person);
     assert!(faults(&waived).contains("`confirm: waived` takes its reference unseen"), "{}", faults(&waived));
 }

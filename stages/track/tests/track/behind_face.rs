@@ -31,9 +31,8 @@ fn outline_of(head: &Head, isocentre: &Vector3<f64>) -> PatientSurface {
     let (least, greatest) = head.extent();
     let [a, b] = [least, greatest].map(in_patient);
     let low: [f64; 3] = std::array::from_fn(|i| a[i].min(b[i]) - AROUND_MM);
-    let counts = std::array::from_fn(|i| {
-        ((a[i].max(b[i]) + AROUND_MM - low[i]) / SPACING_MM).ceil() as usize + 1
-    });
+    let counts =
+        std::array::from_fn(|i| ((a[i].max(b[i]) + AROUND_MM - low[i]) / SPACING_MM).ceil() as usize + 1);
     let grid = Grid { counts, spacing_mm: [SPACING_MM; 3], origin_mm: low };
     let hu = |i: usize| {
         let [x, y, z] = grid.centre_mm(grid.voxel(i)).map(|c| 1e-3 * c);
@@ -57,9 +56,8 @@ fn numbers() -> std::ops::Range<u64> {
 /// The face of a patient in the camera's frame, if a capture is due: one head, at most a third of it hidden, seen from
 /// within 60 degrees of its front.
 fn face_of(p: &Patient, number: u64) -> Option<Vec<Vector3<f64>>> {
-    let frame = |scene: &Scene| {
-        Frame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number)
-    };
+    let frame =
+        |scene: &Scene| Frame::of(&p.kind, &p.couch_from_camera, scene, p.scale, &p.couch_from_head, number);
     if !p.has_head() || !p.is_plain() || p.off_front > 60.0 {
         return None;
     }

@@ -73,8 +73,10 @@ fn the_case_of_the_examples_is_made_by_one_command() {
     for (site, spacing, said) in
         [("head", "0.1 mm", "from 1 mm to 5 mm"), ("head", "4", "unit, mm"), ("pelvis", "4 mm", "for heads")]
     {
-        let refused =
-            stillpoint(folder.path(), &["case", "phantom", "--site", site, "--out", ".", "--spacing", spacing]);
+        let refused = stillpoint(
+            folder.path(),
+            &["case", "phantom", "--site", site, "--out", ".", "--spacing", spacing],
+        );
         assert_eq!(refused.status.code(), Some(2));
         assert!(text(&refused.stderr).contains(said), "{}", text(&refused.stderr));
     }

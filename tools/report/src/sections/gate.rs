@@ -53,7 +53,10 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let recording = &from.recording;
     let gates = || recording.gates.iter().filter(|g| !g.values.items().is_empty());
     let far_ends = recording.far_ends.iter().filter_map(|far| far.told().map(BeamOn::of)).collect();
-    let figures = GateFigures { gates: gates().map(|g| Figured { judged: Judged::of(recording, g), ..figured(g) }).collect(), far_ends };
+    let figures = GateFigures {
+        gates: gates().map(|g| Figured { judged: Judged::of(recording, g), ..figured(g) }).collect(),
+        far_ends,
+    };
     let mut section = Section::new("gate", "Beam gate", &figures)?;
     if figures.gates.is_empty() && figures.far_ends.is_empty() {
         return Ok(section.nothing("The session has no gate of a beam."));
