@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use super::evaluator::{Evaluated, Influence};
 use super::ring::Ring;
 use crate::Setups;
-use crate::dose::{BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
+use crate::dose::{BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
 
 /// The doses of some beams of a ring. The other beams have no dose, and no plan can use them.
 #[derive(Debug)]
@@ -59,6 +59,11 @@ impl RingDoses {
             matrices.iter().map(of_beam).sum::<f64>() as f32
         };
         (0..voxels).map(of_voxel).collect()
+    }
+
+    /// The dose files of a beam, one for each set-up.
+    pub fn files(&self, beam: u16) -> impl Iterator<Item = &BeamFile> {
+        self.setups(beam).iter().map(|dose| &dose.beam)
     }
 
     /// How many doses were computed now, and bytes of all of them.

@@ -6,11 +6,10 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::price::{Slopes, promise};
 use super::ring::{BeamSet, Ring};
+use super::solver::{Local, Solver};
 use crate::dose::CachedBeam;
-use crate::fluence::{Goals, GoalsError, Options, Plan, solve_plan};
-use crate::threads::on_threads;
+use crate::fluence::{Goals, GoalsError, Plan};
 use crate::{Rows, Setups};
 
 /// The dose matrices of the beams of a ring.
@@ -77,9 +76,6 @@ pub struct Progress {
     pub beams: BeamSet,
 }
 
-/// Accuracy of a solve: a thousandth of what counts as one.
-const ACCURACY: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
-
 /// What earlier runs solved and priced. A search of the same budget that begins again with it takes the same way at once,
 /// and goes on behind its end: with [`Evaluator::with_pause`], a search is cut into parts of so many solves each.
 #[derive(Clone, Debug, Default)]
@@ -101,6 +97,8 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     /// Solves after which the search pauses, whatever its budget.
     pause: usize,
     threads: NonZeroUsize,
+    /// Where sets are solved, if not on threads of this process.
+    elsewhere: Option<&'a mut dyn Solver>,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
     memo: Memo,
     prices: usize,
@@ -120,6 +118,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             budget,
             pause: usize::MAX,
             threads: NonZeroUsize::MIN,
+            elsewhere: None,
             cache: BTreeMap::new(),
             memo: Memo::default(),
             prices: 0,
@@ -133,6 +132,13 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     #[must_use]
     pub fn with_threads(mut self, threads: NonZeroUsize) -> Self {
         self.threads = threads;
+        self
+    }
+
+    /// Solves and prices by this solver instead of on threads of this process. The results are the same.
+    #[must_use]
+    pub fn with_solver(mut self, solver: &'a mut dyn Solver) -> Self {
+        self.elsewhere = Some(solver);
         self
     }
 
@@ -229,13 +235,25 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         if within == 0 && !sets.is_empty() {
             return Err(Stop::Spent);
         }
-        let (influence, goals, memo) = (self.influence, self.goals, &self.memo.solved);
-        let solved = on_threads(&missing, self.threads, |set| match memo.get(*set) {
-            Some(known) => Ok(Arc::clone(known)),
-            None => solve(influence, goals, set, near).map(Arc::new),
-        })?;
-        solved.into_iter().for_each(|solved| self.take(solved));
+        let known = |set: &BeamSet| self.memo.solved.get(set).cloned();
+        let unknown: Vec<&BeamSet> = missing.iter().copied().filter(|set| known(set).is_none()).collect();
+        let found: Vec<Option<Arc<Evaluated>>> = missing.iter().map(|set| known(set)).collect();
+        let mut solved = self.solve(&unknown, near)?.into_iter().map(Arc::new);
+        for known in found {
+            known.or_else(|| solved.next()).into_iter().for_each(|solved| self.take(solved));
+        }
         Ok(sets[..within].iter().filter_map(|set| self.cache.get(set).cloned()).collect())
+    }
+
+    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
+        match &mut self.elsewhere {
+            Some(solver) => solver.solve(sets, near),
+            None => self.local().solve(sets, near),
+        }
+    }
+
+    fn local(&self) -> Local<'a, I> {
+        Local { influence: self.influence, goals: self.goals, threads: self.threads }
     }
 
     fn take(&mut self, solved: Arc<Evaluated>) {
@@ -264,53 +282,25 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         {
             return Ok(prices.clone());
         }
-        let (influence, goals) = (self.influence, self.goals);
-        let slopes = match beside {
-            Some(beside) => Slopes::new(goals, &beside.plan),
-            None => {
-                let none = solve_plan(&goals.problem(&[])?, None, ACCURACY).map_err(GoalsError::from)?;
-                Slopes::new(goals, &none)
-            }
+        let prices = match &mut self.elsewhere {
+            Some(solver) => solver.price(beside, candidates)?,
+            None => self.local().price(beside, candidates)?,
         };
-        let prices = on_threads(candidates, self.threads, |candidate| {
-            let beam = influence.beam(*candidate);
-            match beam.rows() == goals.rows() {
-                true => Ok(promise(&beam, &slopes)),
-                false => Err(Stop::from(GoalsError::Grid { found: beam.rows(), expected: goals.rows() })),
-            }
-        })?;
         self.memo.priced.insert(key, (candidates.to_vec(), prices.clone()));
         Ok(prices)
     }
 }
 
-fn solve(
-    influence: &(impl Influence + ?Sized),
-    goals: &Goals,
-    set: &BeamSet,
-    near: Option<&Evaluated>,
-) -> Result<Evaluated, GoalsError> {
-    let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
-    let mut starts = vec![0];
-    for matrix in &matrices {
-        starts.push(starts[starts.len() - 1] + matrix.columns());
-    }
-    // A beam that the neighbour lacks starts with the mean weight of those that it has.
-    let start = near.filter(|near| near.plan.weights.iter().any(|w| *w > 0.0)).map(|near| {
-        let mean = near.plan.weights.iter().sum::<f64>() / near.plan.weights.len() as f64;
-        let mut weights = vec![mean; starts[matrices.len()]];
-        for (i, beam) in set.beams().iter().enumerate() {
-            if let Some(known) = near.weights_of(*beam) {
-                weights[starts[i]..starts[i + 1]].copy_from_slice(known);
-            }
-        }
-        weights
-    });
-    let plan = solve_plan(&goals.problem(&matrices)?, start.as_deref(), ACCURACY)?;
-    Ok(Evaluated { beams: set.clone(), cost: plan.certificate.objective, starts, plan })
-}
-
 impl Evaluated {
+    /// A set, the number of bixels of each of its beams, and its best fluence.
+    pub fn new(set: &BeamSet, columns: &[usize], plan: Plan) -> Self {
+        let mut starts = vec![0];
+        for columns in columns {
+            starts.push(starts[starts.len() - 1] + columns);
+        }
+        Self { beams: set.clone(), cost: plan.certificate.objective, starts, plan }
+    }
+
     /// Weights of one of its beams.
     pub fn weights_of(&self, beam: u16) -> Option<&[f64]> {
         let at = self.beams.beams().binary_search(&beam).ok()?;

@@ -27,6 +27,7 @@
 //! - `ring`: angles, distances, legal sets
 //! - `doses`: their dose matrices, from the cache
 //! - `evaluator`: what a set costs: solved once, cached, counted
+//! - `solver`: where sets are solved and beams are priced
 //! - `price`: what a beam promises beside a plan
 //! - `prior`: what is thought of a beam without a solve; `geometry`: from the image
 //! - [`search`]: tree search: exchanges, games
@@ -45,6 +46,7 @@ mod prior;
 mod random;
 mod ring;
 pub mod search;
+mod solver;
 
 pub use doses::RingDoses;
 pub use evaluator::{Budget, Evaluated, Evaluator, Influence, Memo, Progress, Stop};
@@ -54,3 +56,4 @@ pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};
 pub use search::{BeamGame, SearchOptions};
+pub use solver::{Local, SOLVE_OPTIONS, Solver, price_beams, solve_beams, start_weights};

@@ -97,15 +97,49 @@ impl DoseCache {
         on_threads(gantry_deg, threads, |&deg| self.beam_of(engine, &key, deg).inspect(|_| on_beam()))
     }
 
+    /// Those of these angles whose doses the folder does not hold.
+    pub fn missing(&self, engine: &DoseEngine, gantry_deg: &[f64]) -> Vec<f64> {
+        let key = engine_key(engine);
+        gantry_deg.iter().copied().filter(|deg| !self.place(&key, *deg).1.exists()).collect()
+    }
+
+    /// Puts a dose into the folder that was computed elsewhere: the bytes of [`DoseEngine::beam_file`].
+    ///
+    /// # Errors
+    /// The file cannot be written, or it is not the dose of this engine and angle.
+    pub fn put(&self, engine: &DoseEngine, gantry_deg: f64, bytes: &[u8]) -> Result<(), CacheError> {
+        let (key, path) = self.place(&engine_key(engine), gantry_deg);
+        stillpoint_map::publish(&path, |file| std::io::Write::write_all(file, bytes))
+            .map_err(|source| CacheError::Write { path: path.clone(), source })?;
+        match BeamFile::open(&path, &key) {
+            Ok(_) => Ok(()),
+            Err(source) => {
+                // A later look finds no file, or computes the dose again.
+                let _ = std::fs::remove_file(&path);
+                Err(CacheError::Read { path, source })
+            }
+        }
+    }
+
+    /// Removes a dose from the folder, if it is there: it is computed again when it is needed.
+    pub fn remove(&self, engine: &DoseEngine, gantry_deg: f64) {
+        // A file that cannot be removed is told by whoever needs the folder next.
+        let _ = std::fs::remove_file(self.place(&engine_key(engine), gantry_deg).1);
+    }
+
+    fn place(&self, engine_key: &Key, gantry_deg: f64) -> (Key, PathBuf) {
+        let key = beam_key(engine_key, gantry_deg);
+        let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
+        (key, self.folder.join(name + ".dose"))
+    }
+
     fn beam_of(
         &self,
         engine: &DoseEngine,
         engine_key: &Key,
         gantry_deg: f64,
     ) -> Result<CachedBeam, CacheError> {
-        let key = beam_key(engine_key, gantry_deg);
-        let name: String = key.iter().map(|byte| format!("{byte:02x}")).collect();
-        let path = self.folder.join(name + ".dose");
+        let (key, path) = self.place(engine_key, gantry_deg);
         let origin = match BeamFile::open(&path, &key) {
             Ok(beam) => return Ok(CachedBeam { beam, origin: Origin::Found }),
             Err(BeamFileError::File(fault)) if fault.kind() == ErrorKind::NotFound => Origin::Computed,
@@ -122,6 +156,19 @@ impl DoseCache {
             Ok(beam) => Ok(CachedBeam { beam, origin }),
             Err(source) => Err(CacheError::Read { path, source }),
         }
+    }
+}
+
+impl DoseEngine {
+    /// The dose of one beam as the file in which a [`DoseCache`] keeps it. The same engine and angle give the same bytes.
+    ///
+    /// # Errors
+    /// The dose cannot be computed.
+    pub fn beam_file(&self, gantry_deg: f64) -> Result<Vec<u8>, DoseError> {
+        let beam = self.beam(gantry_deg)?;
+        let rows =
+            Rows::from_columns(beam.dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
+        Ok(file::bytes(&beam_key(&engine_key(self), gantry_deg), &beam, &rows))
     }
 }
 

@@ -109,7 +109,6 @@ impl DoseEngine {
     pub fn new(anatomy: &Anatomy<'_>, machine: Machine, params: DoseParams) -> Result<Self, DoseError> {
         let (image, grid) = (&anatomy.grid, &params.grid);
         check_grid("the image", image)?;
-        check_grid("the dose grid", grid)?;
         let length = |volume, found| match found == image.len() {
             true => Ok(()),
             false => Err(DoseError::Length { volume, expected: image.len(), found }),
@@ -117,19 +116,7 @@ impl DoseEngine {
         length("the image", anatomy.hu.len())?;
         length("the external contour's mask", anatomy.external.len())?;
         length("the target's mask", anatomy.target.len())?;
-        check_bixel(params.bixels.width_mm)?;
-        in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
-        in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
-        for place in anatomy.isocentre_mm {
-            in_range("place of the isocentre", place, -1e5..=1e5)?;
-        }
-        let sad_mm = machine.file().sad_mm;
-        let reach_mm = corners(grid)
-            .map(|[x, y, _]| libm::hypot(x - anatomy.isocentre_mm[0], y - anatomy.isocentre_mm[1]))
-            .fold(0.0, f64::max);
-        if reach_mm > sad_mm - SOURCE_CLEARANCE_MM {
-            return Err(DoseError::Far { reach_mm, most_mm: sad_mm - SOURCE_CLEARANCE_MM });
-        }
+        check_numbers(&params, anatomy.isocentre_mm, [0.0; 3], machine.file().sad_mm)?;
 
         let target_mm = bixels::with_margin(image, anatomy.target, params.bixels.margin_mm);
         if target_mm.is_empty() {
@@ -157,9 +144,7 @@ impl DoseEngine {
     ///
     /// Bixels stay where they are planned. Doses are to the voxels that were planned: they move with the patient.
     pub fn shifted(&self, shift_mm: [f64; 3]) -> Result<Self, DoseError> {
-        for mm in shift_mm {
-            in_range("shift of the patient", mm, -MOST_SHIFT_MM..=MOST_SHIFT_MM)?;
-        }
+        check_shift(shift_mm)?;
         Ok(Self { shift_mm, ..self.clone() })
     }
 
@@ -235,6 +220,36 @@ fn covering(image: &Grid, spacing_mm: f64) -> Grid {
         middle - 0.5 * (counts[axis] as f64 - 1.0) * spacing_mm
     };
     Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm: std::array::from_fn(origin) }
+}
+
+fn check_shift(shift_mm: [f64; 3]) -> Result<(), DoseError> {
+    shift_mm
+        .into_iter()
+        .try_for_each(|mm| in_range("shift of the patient", mm, -MOST_SHIFT_MM..=MOST_SHIFT_MM))
+}
+
+/// Refuses parameters and places that are out of range, for a source at `sad_mm` from the isocentre.
+pub(super) fn check_numbers(
+    params: &DoseParams,
+    isocentre_mm: [f64; 3],
+    shift_mm: [f64; 3],
+    sad_mm: f64,
+) -> Result<(), DoseError> {
+    check_grid("the dose grid", &params.grid)?;
+    check_bixel(params.bixels.width_mm)?;
+    in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
+    in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
+    for place in isocentre_mm {
+        in_range("place of the isocentre", place, -1e5..=1e5)?;
+    }
+    check_shift(shift_mm)?;
+    let reach_mm = corners(&params.grid)
+        .map(|[x, y, _]| libm::hypot(x - isocentre_mm[0], y - isocentre_mm[1]))
+        .fold(0.0, f64::max);
+    if reach_mm > sad_mm - SOURCE_CLEARANCE_MM {
+        return Err(DoseError::Far { reach_mm, most_mm: sad_mm - SOURCE_CLEARANCE_MM });
+    }
+    Ok(())
 }
 
 /// Refuses a width of bixels that is out of range, mm.

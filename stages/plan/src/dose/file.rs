@@ -84,6 +84,22 @@ impl BeamFile {
         Ok(Self { file, layout })
     }
 
+    /// Maps and checks a file of any key: the caller knows by other means that it is the wanted one.
+    ///
+    /// # Errors
+    /// The file cannot be read, or it is no dose.
+    pub fn open_any(path: &Path) -> Result<Self, BeamFileError> {
+        let file = MappedFile::open(path)?;
+        let key = file.bytes().get(8..40).and_then(|key| key.try_into().ok()).ok_or(BeamFileError::Magic)?;
+        let layout = Layout::of(file.bytes(), &key)?;
+        Ok(Self { file, layout })
+    }
+
+    /// The file.
+    pub fn bytes(&self) -> &[u8] {
+        self.file.bytes()
+    }
+
     /// Gantry angle, degrees.
     pub fn gantry_deg(&self) -> f64 {
         self.layout.gantry_deg
@@ -180,6 +196,18 @@ fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
 
 /// Writes a beam's dose; `rows` is its matrix.
 pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
+    publish(path, |file| write_to(file, key, beam, rows))
+}
+
+/// The bytes of such a file.
+pub(super) fn bytes(key: &Key, beam: &BeamInfluence, rows: &Rows) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    // Writing to memory cannot fail.
+    let _ = write_to(&mut bytes, key, beam, rows);
+    bytes
+}
+
+fn write_to(out: &mut impl Write, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
     let dose = rows.view();
     let sizes = [dose.rows() as u64, dose.columns as u64, dose.value.len() as u64];
     let angle = beam.gantry_deg.to_bits();
@@ -193,12 +221,10 @@ pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -
     ];
     let mut checksum = crc32fast::Hasher::new();
     parts.iter().for_each(|part| checksum.update(part));
-    publish(path, |file| {
-        file.write_all(MAGIC)?;
-        file.write_all(key)?;
-        file.write_all(&u64::from(checksum.finalize()).to_le_bytes())?;
-        parts.iter().try_for_each(|part| file.write_all(part))
-    })
+    out.write_all(MAGIC)?;
+    out.write_all(key)?;
+    out.write_all(&u64::from(checksum.finalize()).to_le_bytes())?;
+    parts.iter().try_for_each(|part| out.write_all(part))
 }
 
 #[cfg(test)]

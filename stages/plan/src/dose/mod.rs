@@ -13,6 +13,7 @@
 //! - `density`: the patient on the dose grid
 //! - `frame`: the beam's frame
 //! - `cache`: doses kept on disk, each in a `file`
+//! - `portable`: an engine as bytes
 //! - `error`: what can be wrong
 
 mod beam;
@@ -28,6 +29,7 @@ pub(crate) mod frame;
 mod generic;
 mod kernel;
 mod machine;
+mod portable;
 mod siddon;
 
 pub use beam::BeamInfluence;
@@ -37,3 +39,4 @@ pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};
 pub use machine::{Machine, MachineError, MachineFile};
+pub use portable::PortableError;

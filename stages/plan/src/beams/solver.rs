@@ -1,0 +1,115 @@
+//! Where sets are solved and beams are priced: on threads of this process, unless another [`Solver`] is given.
+
+use std::num::NonZeroUsize;
+
+use super::evaluator::{Evaluated, Influence};
+use super::price::{Slopes, promise};
+use super::ring::BeamSet;
+use crate::Setups;
+use crate::fluence::{Goals, GoalsError, Options, Plan, solve_plan};
+use crate::threads::on_threads;
+
+/// Accuracy of the solve of a set: a thousandth of what counts as a solve.
+pub const SOLVE_OPTIONS: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
+
+/// Solves sets and prices beams for an [`super::Evaluator`].
+///
+/// The results are pure functions of goals, dose matrices and arguments: every solver gives the same bits as [`Local`].
+pub trait Solver {
+    /// The best fluence of each set, in the order of the sets, found from that of a neighbouring set where one is given.
+    ///
+    /// # Errors
+    /// The goals and matrices make no problem.
+    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError>;
+
+    /// The price of each candidate beside a solved set, or beside no beam.
+    ///
+    /// # Errors
+    /// The goals and matrices make no problem.
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError>;
+}
+
+/// The threads of this process.
+#[derive(Clone, Copy)]
+pub struct Local<'a, I: Influence + ?Sized> {
+    /// The dose matrices.
+    pub influence: &'a I,
+    /// What is wanted.
+    pub goals: &'a Goals,
+    /// The most threads.
+    pub threads: NonZeroUsize,
+}
+
+impl<I: Influence + ?Sized> Solver for Local<'_, I> {
+    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
+        let (influence, goals) = (self.influence, self.goals);
+        on_threads(sets, self.threads, |set| {
+            let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
+            let columns: Vec<usize> = matrices.iter().map(Setups::columns).collect();
+            let plan = solve_beams(goals, &matrices, start_weights(set, &columns, near).as_deref())?;
+            Ok(Evaluated::new(set, &columns, plan))
+        })
+    }
+
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError> {
+        let influence = self.influence;
+        let slopes = slopes_beside(self.goals, beside.map(|beside| &beside.plan))?;
+        on_threads(candidates, self.threads, |candidate| {
+            price_beam(self.goals, &slopes, &influence.beam(*candidate))
+        })
+    }
+}
+
+/// The best fluence of these beams, from weights of their bixels where there are some.
+///
+/// # Errors
+/// The goals and matrices make no problem.
+pub fn solve_beams(
+    goals: &Goals,
+    matrices: &[Setups<'_>],
+    start: Option<&[f64]>,
+) -> Result<Plan, GoalsError> {
+    Ok(solve_plan(&goals.problem(matrices)?, start, SOLVE_OPTIONS)?)
+}
+
+/// The price of each of these beams beside a plan, or beside no beam.
+///
+/// # Errors
+/// The goals and matrices make no problem.
+pub fn price_beams(
+    goals: &Goals,
+    beside: Option<&Plan>,
+    matrices: &[Setups<'_>],
+) -> Result<Vec<f64>, GoalsError> {
+    let slopes = slopes_beside(goals, beside)?;
+    matrices.iter().map(|beam| price_beam(goals, &slopes, beam)).collect()
+}
+
+/// The weights with which the solve of a set begins, given the number of bixels of each of its beams. A beam that the
+/// neighbouring set lacks starts with the mean weight of the bixels of that set.
+pub fn start_weights(set: &BeamSet, columns: &[usize], near: Option<&Evaluated>) -> Option<Vec<f64>> {
+    let near = near.filter(|near| near.plan.weights.iter().any(|w| *w > 0.0))?;
+    let mean = near.plan.weights.iter().sum::<f64>() / near.plan.weights.len() as f64;
+    let mut weights = Vec::with_capacity(columns.iter().sum());
+    for (beam, count) in set.beams().iter().zip(columns) {
+        match near.weights_of(*beam) {
+            Some(known) => weights.extend_from_slice(known),
+            None => weights.resize(weights.len() + count, mean),
+        }
+    }
+    Some(weights)
+}
+
+fn slopes_beside(goals: &Goals, beside: Option<&Plan>) -> Result<Slopes, GoalsError> {
+    match beside {
+        Some(plan) => Ok(Slopes::new(goals, plan)),
+        None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None)?)),
+    }
+}
+
+fn price_beam(goals: &Goals, slopes: &Slopes, beam: &Setups<'_>) -> Result<f64, GoalsError> {
+    match beam.rows() == goals.rows() {
+        true => Ok(promise(beam, slopes)),
+        false => Err(GoalsError::Grid { found: beam.rows(), expected: goals.rows() }),
+    }
+}

@@ -1,0 +1,86 @@
+//! The doses of beams over the pool: what the cache lacks is computed by workers.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use stillpoint_plan::dose::{DoseCache, DoseEngine};
+
+use crate::{Call, Courier, Hash, Home, Pool};
+
+/// Doses that a pool computed for a cache.
+#[derive(Default)]
+pub struct PoolDoses {
+    /// Engine, by its place, and angle of each call.
+    made: BTreeMap<Hash, (usize, f64)>,
+}
+
+impl PoolDoses {
+    /// Computes what the cache lacks of these engines and angles. `on_dose` is called for each.
+    ///
+    /// # Errors
+    /// A dose cannot be computed or written.
+    pub fn fill<C: Courier>(
+        &mut self,
+        pool: &mut Pool<C>,
+        cache: &DoseCache,
+        engines: &[DoseEngine],
+        angles_deg: &[f64],
+        mut on_dose: impl FnMut(),
+    ) -> Result<(), String> {
+        for (place, engine) in engines.iter().enumerate() {
+            loop {
+                let missing = cache.missing(engine, angles_deg);
+                if missing.is_empty() {
+                    break;
+                }
+                let bytes = engine.to_bytes().map_err(|e| e.to_string())?;
+                let name = Hash::of(&bytes);
+                let calls: Vec<Call> =
+                    missing.iter().map(|deg| Call::Dose { engine: name, gantry_deg: *deg }).collect();
+                let home = Dosing { engine, name, bytes: &bytes, angles_deg: &missing };
+                pool.call_each(&calls, &home, |call, answer| {
+                    cache.put(engine, missing[call], answer).map_err(|e| e.to_string())?;
+                    on_dose();
+                    Ok(())
+                })?;
+                self.made
+                    .extend(calls.iter().zip(&missing).map(|(call, deg)| (pool.key(call), (place, *deg))));
+                let tainted = pool.take_tainted();
+                self.remove(cache, engines, &tainted);
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes doses that are in doubt from the cache.
+    pub fn remove(&mut self, cache: &DoseCache, engines: &[DoseEngine], tainted: &BTreeSet<Hash>) {
+        for key in tainted {
+            if let Some((place, deg)) = self.made.remove(key)
+                && let Some(engine) = engines.get(place)
+            {
+                cache.remove(engine, deg);
+            }
+        }
+    }
+}
+
+struct Dosing<'a> {
+    engine: &'a DoseEngine,
+    name: Hash,
+    bytes: &'a [u8],
+    angles_deg: &'a [f64],
+}
+
+impl Home for Dosing<'_> {
+    fn content(&self, hash: &Hash) -> Option<&[u8]> {
+        (*hash == self.name).then_some(self.bytes)
+    }
+
+    fn check(&self, _: usize, answer: &[u8]) -> Result<(), String> {
+        // What it holds is checked against engine and angle when it is put into the cache.
+        if answer.starts_with(b"SPDOSE02") { Ok(()) } else { Err("it is no dose file".to_owned()) }
+    }
+
+    fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
+        self.engine.beam_file(self.angles_deg[call]).map_err(|e| e.to_string())
+    }
+}

@@ -1,0 +1,186 @@
+//! Fetching a content from another process, part by part.
+
+use std::collections::BTreeMap;
+
+use crate::Hash;
+use crate::message::{LONGEST_CONTENT, PART};
+
+/// Parts that are asked for and have not arrived, at most.
+pub const OUTSTANDING: usize = 4;
+/// Time after which a part is asked for again, ns.
+const AGAIN: u64 = 2_000_000_000;
+/// Times that a part is asked for.
+const TRIES: u32 = 15;
+
+/// A content on its way.
+pub struct Fetch {
+    content: Hash,
+    /// Bytes of all parts so far without a gap: memory grows only with what arrives.
+    bytes: Vec<u8>,
+    early: BTreeMap<u32, Vec<u8>>,
+    length: Option<u64>,
+    /// When a part was asked for, and how often.
+    asked: BTreeMap<u32, (u64, u32)>,
+}
+
+/// Why a content cannot be had from where it is fetched.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum FetchError {
+    /// Parts do not fit together.
+    #[error("the parts of {0:.16} do not fit together")]
+    Parts(Hash),
+    /// It is too long.
+    #[error("{0:.16} has {1} bytes; at most {LONGEST_CONTENT} are fetched")]
+    Long(Hash, u64),
+    /// What arrived is something else.
+    #[error("what arrived as {0:.16} has the SHA-256 {1:.16}")]
+    Other(Hash, Hash),
+    /// Parts do not come.
+    #[error("a part of {0:.16} did not arrive after {TRIES} requests")]
+    Silent(Hash),
+}
+
+impl Fetch {
+    /// Of this content.
+    pub fn new(content: Hash) -> Self {
+        Self { content, bytes: Vec::new(), early: BTreeMap::new(), length: None, asked: BTreeMap::new() }
+    }
+
+    /// The content.
+    pub fn content(&self) -> Hash {
+        self.content
+    }
+
+    /// Parts to ask for now.
+    ///
+    /// # Errors
+    /// A part was asked for too often.
+    pub fn wants(&mut self, now: u64) -> Result<Vec<u32>, FetchError> {
+        let next = self.next();
+        self.asked.retain(|part, _| *part >= next);
+        let mut wants = Vec::new();
+        // The first part says how many there are.
+        let count = self.length.map_or(1, parts);
+        for part in (next..count).take(OUTSTANDING) {
+            if self.early.contains_key(&part) {
+                continue;
+            }
+            let (at, tries) = self.asked.entry(part).or_insert((now, 0));
+            if *tries > 0 && now.saturating_sub(*at) < AGAIN {
+                continue;
+            }
+            if *tries >= TRIES {
+                return Err(FetchError::Silent(self.content));
+            }
+            (*at, *tries) = (now, *tries + 1);
+            wants.push(part);
+        }
+        Ok(wants)
+    }
+
+    /// Takes a part; the whole content when it is the last one.
+    ///
+    /// # Errors
+    /// The part does not fit, or the content is not what its name says.
+    pub fn take(&mut self, part: u32, length: u64, bytes: Vec<u8>) -> Result<Option<Vec<u8>>, FetchError> {
+        if length > LONGEST_CONTENT {
+            return Err(FetchError::Long(self.content, length));
+        }
+        if *self.length.get_or_insert(length) != length || bytes.len() as u64 != length_of(part, length) {
+            return Err(FetchError::Parts(self.content));
+        }
+        let next = self.next();
+        // A part that came before, or one that was not asked for.
+        if part < next || !self.asked.contains_key(&part) {
+            return Ok(None);
+        }
+        self.early.insert(part, bytes);
+        let mut next = next;
+        while let Some(bytes) = self.early.remove(&next) {
+            self.bytes.extend(bytes);
+            next += 1;
+        }
+        if (self.bytes.len() as u64) < length {
+            return Ok(None);
+        }
+        let found = Hash::of(&self.bytes);
+        if found != self.content {
+            return Err(FetchError::Other(self.content, found));
+        }
+        Ok(Some(std::mem::take(&mut self.bytes)))
+    }
+
+    fn next(&self) -> u32 {
+        (self.bytes.len() / PART) as u32
+    }
+}
+
+/// Parts of a content of this length; an empty one has one.
+fn parts(length: u64) -> u32 {
+    length.div_ceil(PART as u64).max(1) as u32
+}
+
+/// Bytes of a part.
+fn length_of(part: u32, length: u64) -> u64 {
+    length.saturating_sub(u64::from(part) * PART as u64).min(PART as u64)
+}
+
+/// The bytes of a part of a content, if it has such a part.
+pub fn part_of(content: &[u8], part: u32) -> Option<&[u8]> {
+    if part >= parts(content.len() as u64) {
+        return None;
+    }
+    let start = part as usize * PART;
+    content.get(start..content.len().min(start + PART))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_content_arrives_whole_whatever_the_order_the_losses_and_the_repetitions(
+            length in 0..4 * PART, seed: u64, deals in prop::collection::vec((any::<prop::sample::Index>(), 0..3_u8), 0..80),
+        ) {
+            let content: Vec<u8> = (0..length).map(|i| (i as u64).wrapping_mul(seed | 1).to_le_bytes()[7]).collect();
+            let mut fetch = Fetch::new(Hash::of(&content));
+            let (mut now, mut due, mut whole) = (0, Vec::new(), None);
+            let mut deals = deals.into_iter();
+            while whole.is_none() {
+                due.extend(fetch.wants(now).unwrap());
+                prop_assert!(due.len() <= 8 * OUTSTANDING);
+                if due.is_empty() {
+                    now += AGAIN;
+                    continue;
+                }
+                let (at, fate) = deals.next().map_or((0, 1), |(at, fate)| (at.index(due.len()), fate));
+                let part = due[at];
+                if fate < 2 {
+                    due.remove(at);
+                }
+                if fate > 0 {
+                    let bytes = part_of(&content, part).unwrap().to_vec();
+                    whole = fetch.take(part, content.len() as u64, bytes).unwrap();
+                }
+            }
+            prop_assert!(whole.unwrap() == content);
+        }
+
+        #[test]
+        fn parts_of_anybody_make_no_wrong_content(part: u32, length: u64, size in 0..2_000_usize) {
+            let mut fetch = Fetch::new(Hash::of(b"wanted"));
+            fetch.wants(0).unwrap();
+            prop_assert!(!matches!(fetch.take(part, length, vec![1; size]), Ok(Some(_))));
+            prop_assert!(fetch.bytes.len() <= size);
+        }
+    }
+
+    #[test]
+    fn a_holder_that_is_silent_is_given_up() {
+        let mut fetch = Fetch::new(Hash::of(b"wanted"));
+        let given_up = (0..100).find(|i| fetch.wants(i * AGAIN).is_err());
+        assert_eq!(given_up, Some(u64::from(TRIES)));
+    }
+}

@@ -1,0 +1,54 @@
+//! The planning pool: pure calls by content.
+//!
+//! A [`Call`] is a pure function of arguments that are named by the hash of their bytes, and its key is the SHA-256 of
+//! all that its answer depends on. Any worker of the same [`Build`] answers with the same bytes. So a call may be sent
+//! twice, lost, given to another worker, or answered twice, and the plan is the same to the byte: for no worker or eight.
+//!
+//! Nothing here knows a network or a clock: a [`Courier`] carries messages and tells the time.
+//!
+//! - `hash`: names of contents; `wire`: canonical bytes
+//! - `build`: what must be alike so that two processes give the same bytes
+//! - `call`: what is asked; [`goals`] and [`answer`]: arguments and answers as bytes; `compute`: the functions
+//! - `message`: what clients and workers say; `fetch`: contents, part by part
+//! - `store`: contents on disk; `opened`: contents in memory
+//! - `worker`, `client`: the two sides as state machines; `roster`: the workers that a client knows
+//! - `courier`: who carries messages; `pipe`: messages over the pipes of a child process
+//! - `pool`: a client behind a courier
+//! - `solver`: the solver of a search over the pool; `doses`: the doses of beams over the pool
+
+#![forbid(unsafe_code)]
+
+pub mod answer;
+mod build;
+mod call;
+mod client;
+mod compute;
+mod courier;
+mod doses;
+mod fetch;
+pub mod goals;
+mod hash;
+mod message;
+mod opened;
+pub mod pipe;
+mod pool;
+mod roster;
+mod solver;
+mod store;
+mod wire;
+mod worker;
+
+pub use build::Build;
+pub use call::{BeamDoses, Call, Kind};
+pub use client::{Client, ClientSettings, Event, Inside, Tally};
+pub use compute::Ready;
+pub use courier::{Arrival, Courier, To};
+pub use doses::PoolDoses;
+pub use hash::Hash;
+pub use message::{Hello, Message};
+pub use pool::{Home, Pool};
+pub use roster::WorkerState;
+pub use solver::{PoolGround, PoolSolver};
+pub use store::Store;
+pub use wire::WireError;
+pub use worker::{Job, Worker, WorkerSettings};

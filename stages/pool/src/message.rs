@@ -1,0 +1,224 @@
+//! The messages between those who ask and workers.
+
+use crate::wire::{Reader, WireError, Writer};
+use crate::{Hash, build, call};
+
+const MAGIC: &[u8; 4] = b"SPM1";
+/// Bytes of a part of a content.
+pub const PART: usize = 128 << 10;
+/// The longest answer that is sent as one message, bytes. A longer one is fetched in parts.
+pub const INLINE: usize = 64 << 10;
+/// The longest content that is fetched, bytes.
+pub const LONGEST_CONTENT: u64 = 4 << 30;
+const LONGEST_REASON: usize = 4096;
+
+/// A message.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Message {
+    /// A worker is there.
+    Hello(Hello),
+    /// A call.
+    Ask {
+        /// Its key.
+        key: Hash,
+        /// Its bytes.
+        call: Vec<u8>,
+    },
+    /// The worker has the call and has no answer yet.
+    Working {
+        /// Its key.
+        key: Hash,
+    },
+    /// The worker has no room for the call.
+    Busy {
+        /// Its key.
+        key: Hash,
+    },
+    /// A short answer.
+    Answer {
+        /// Key of the call.
+        key: Hash,
+        /// The answer.
+        bytes: Vec<u8>,
+    },
+    /// A long answer can be fetched.
+    Done {
+        /// Key of the call.
+        key: Hash,
+        /// Name of the answer.
+        answer: Hash,
+    },
+    /// The worker cannot answer.
+    Failed {
+        /// Key of the call.
+        key: Hash,
+        /// Why.
+        reason: String,
+    },
+    /// The answer is no longer wanted.
+    Cancel {
+        /// Key of the call.
+        key: Hash,
+    },
+    /// A part of a content is wanted.
+    Want {
+        /// The content.
+        content: Hash,
+        /// Number of the part.
+        part: u32,
+    },
+    /// A part of a content.
+    Part {
+        /// The content.
+        content: Hash,
+        /// Number of the part.
+        part: u32,
+        /// Length of the whole content.
+        length: u64,
+        /// The bytes; their CRC-32 is on the wire.
+        bytes: Vec<u8>,
+    },
+    /// The content is not here.
+    Absent {
+        /// The content.
+        content: Hash,
+    },
+}
+
+/// What a worker tells of itself, several times a second.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hello {
+    /// Its build.
+    pub build: String,
+    /// Number of its life: a later one is higher.
+    pub incarnation: u64,
+    /// Calls that it computes at the same time.
+    pub slots: u32,
+    /// Calls that it computes now.
+    pub running: u32,
+    /// Calls that wait for arguments or a slot.
+    pub waiting: u32,
+    /// Calls answered in this life.
+    pub answered: u64,
+    /// Answers among these that were in the cache.
+    pub known: u64,
+    /// Bytes of the cache.
+    pub cache: u64,
+    /// The most bytes of the cache.
+    pub cache_most: u64,
+}
+
+impl Message {
+    /// The bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = Writer(MAGIC.to_vec());
+        match self {
+            Self::Hello(hello) => {
+                out.byte(0);
+                out.bytes(hello.build.as_bytes());
+                out.number(hello.incarnation);
+                let counts = [hello.slots, hello.running, hello.waiting].map(u64::from);
+                counts.into_iter().for_each(|count| out.number(count));
+                let more = [hello.answered, hello.known, hello.cache, hello.cache_most];
+                more.into_iter().for_each(|count| out.number(count));
+            }
+            Self::Ask { key, call } => keyed(&mut out, 1, key).bytes(call),
+            Self::Working { key } => drop(keyed(&mut out, 2, key)),
+            Self::Busy { key } => drop(keyed(&mut out, 3, key)),
+            Self::Answer { key, bytes } => {
+                let out = keyed(&mut out, 4, key);
+                out.number(u64::from(crc32fast::hash(bytes)));
+                out.bytes(bytes);
+            }
+            Self::Done { key, answer } => keyed(&mut out, 5, key).hash(answer),
+            Self::Failed { key, reason } => {
+                let end = reason.floor_char_boundary(LONGEST_REASON);
+                keyed(&mut out, 6, key).bytes(reason[..end].as_bytes());
+            }
+            Self::Cancel { key } => drop(keyed(&mut out, 7, key)),
+            Self::Want { content, part } => keyed(&mut out, 8, content).number(u64::from(*part)),
+            Self::Part { content, part, length, bytes } => {
+                let out = keyed(&mut out, 9, content);
+                out.number(u64::from(*part));
+                out.number(*length);
+                out.number(u64::from(crc32fast::hash(bytes)));
+                out.bytes(bytes);
+            }
+            Self::Absent { content } => drop(keyed(&mut out, 10, content)),
+        }
+        out.0
+    }
+
+    /// Reads a message from bytes that anybody may have sent.
+    ///
+    /// # Errors
+    /// The bytes are no message.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
+        let mut from = Reader::new(bytes);
+        if from.raw(4, "a message")? != MAGIC {
+            return Err(WireError::Unknown("the version of a message"));
+        }
+        let kind = from.byte("the kind of a message")?;
+        if kind == 0 {
+            let hello = hello(&mut from)?;
+            from.end()?;
+            return Ok(Self::Hello(hello));
+        }
+        let key = from.hash("a key")?;
+        let message = match kind {
+            1 => Self::Ask { key, call: from.bytes(call::MOST_BYTES, "a call")?.to_vec() },
+            2 => Self::Working { key },
+            3 => Self::Busy { key },
+            4 => Self::Answer { key, bytes: checked(&mut from, INLINE)? },
+            5 => Self::Done { key, answer: from.hash("an answer")? },
+            6 => Self::Failed { key, reason: from.text(LONGEST_REASON, "a reason")? },
+            7 => Self::Cancel { key },
+            8 => Self::Want { content: key, part: from.count(u32::MAX as usize, "a part")? as u32 },
+            9 => Self::Part {
+                content: key,
+                part: from.count(u32::MAX as usize, "a part")? as u32,
+                length: from.number("a length")?,
+                bytes: checked(&mut from, PART)?,
+            },
+            10 => Self::Absent { content: key },
+            _ => return Err(WireError::Unknown("the kind of a message")),
+        };
+        from.end()?;
+        Ok(message)
+    }
+}
+
+fn keyed<'w>(out: &'w mut Writer, kind: u8, key: &Hash) -> &'w mut Writer {
+    out.byte(kind);
+    out.hash(key);
+    out
+}
+
+/// Bytes behind their checksum.
+fn checked(from: &mut Reader<'_>, most: usize) -> Result<Vec<u8>, WireError> {
+    let checksum = from.number("a checksum")?;
+    let bytes = from.bytes(most, "a content")?;
+    match u64::from(crc32fast::hash(bytes)) == checksum {
+        true => Ok(bytes.to_vec()),
+        false => Err(WireError::Unknown("a content that does not have its checksum")),
+    }
+}
+
+fn hello(from: &mut Reader<'_>) -> Result<Hello, WireError> {
+    let build = from.text(build::LONGEST, "a build")?;
+    let incarnation = from.number("an incarnation")?;
+    let mut count = |what| Ok::<_, WireError>(from.count(65_536, what)? as u32);
+    let (slots, running, waiting) = (count("slots")?, count("running calls")?, count("waiting calls")?);
+    let mut number = || from.number("a count");
+    Ok(Hello {
+        build,
+        incarnation,
+        slots,
+        running,
+        waiting,
+        answered: number()?,
+        known: number()?,
+        cache: number()?,
+        cache_most: number()?,
+    })
+}

@@ -1,0 +1,170 @@
+//! The pool as one object: calls go in, answers come out.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::client::{Client, ClientSettings, Event, Inside, Tally};
+use crate::{Call, Courier, Hash, WorkerState};
+
+/// Longest time between two looks at the clock, ns.
+const TICK: u64 = 20_000_000;
+
+/// What the asking process can do itself.
+pub trait Home {
+    /// A content that workers need.
+    fn content(&self, hash: &Hash) -> Option<&[u8]>;
+
+    /// Whether an answer has the form that a call, by its place in the list of calls, asks for.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String>;
+
+    /// Computes a call, by its place in the list.
+    ///
+    /// # Errors
+    /// The call has no answer.
+    fn compute(&self, call: usize) -> Result<Vec<u8>, String>;
+}
+
+/// A pool of workers behind a courier. With no worker at all, this process computes after a time of patience.
+pub struct Pool<C: Courier> {
+    courier: C,
+    client: Client,
+}
+
+struct Keyed<'h> {
+    home: &'h dyn Home,
+    places: BTreeMap<Hash, usize>,
+}
+
+impl Inside for Keyed<'_> {
+    fn content(&self, hash: &Hash) -> Option<&[u8]> {
+        self.home.content(hash)
+    }
+
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String> {
+        self.places.get(key).map_or(Ok(()), |place| self.home.check(*place, answer))
+    }
+}
+
+impl<C: Courier> Pool<C> {
+    /// Over this courier.
+    pub fn new(courier: C, settings: ClientSettings) -> Self {
+        Self { client: Client::new(courier.now(), settings), courier }
+    }
+
+    /// The workers.
+    pub fn workers(&self) -> &BTreeMap<String, WorkerState> {
+        self.client.workers()
+    }
+
+    /// How calls were answered.
+    pub fn tally(&self) -> Tally {
+        self.client.tally()
+    }
+
+    /// Messages for people since the last call.
+    pub fn take_news(&mut self) -> Vec<String> {
+        self.client.take_news()
+    }
+
+    /// Keys of answers that were given out and are in doubt now: what was made of them must be made again.
+    pub fn take_tainted(&mut self) -> std::collections::BTreeSet<Hash> {
+        self.client.take_tainted()
+    }
+
+    /// The key of a call.
+    pub fn key(&self, call: &Call) -> Hash {
+        call.key(self.client.build())
+    }
+
+    /// The courier.
+    pub fn courier(&mut self) -> &mut C {
+        &mut self.courier
+    }
+
+    /// Answers of all calls, in their order.
+    ///
+    /// # Errors
+    /// A call has no answer, neither there nor here.
+    pub fn call_all(&mut self, calls: &[Call], home: &dyn Home) -> Result<Vec<Arc<Vec<u8>>>, String> {
+        let mut answers: Vec<Option<Arc<Vec<u8>>>> = vec![None; calls.len()];
+        self.call_each(calls, home, |place, answer| {
+            answers[place] = Some(answer.clone());
+            Ok(())
+        })?;
+        answers.into_iter().map(|answer| answer.ok_or_else(|| "a call has no answer".to_owned())).collect()
+    }
+
+    /// Hands out the answer of each call as soon as it is there, in any order.
+    ///
+    /// # Errors
+    /// A call has no answer, neither there nor here, or the taker fails.
+    pub fn call_each(
+        &mut self,
+        calls: &[Call],
+        home: &dyn Home,
+        mut take: impl FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let result = self.answers(calls, home, &mut take);
+        self.client.cancel_all();
+        self.send();
+        result
+    }
+
+    fn answers(
+        &mut self,
+        calls: &[Call],
+        home: &dyn Home,
+        take: &mut dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String>,
+    ) -> Result<(), String> {
+        let mut keyed = Keyed { home, places: BTreeMap::new() };
+        let now = self.courier.now();
+        let mut twins: BTreeMap<Hash, Vec<usize>> = BTreeMap::new();
+        for (place, call) in calls.iter().enumerate() {
+            let key = self.client.submit(now, call);
+            keyed.places.insert(key, place);
+            twins.entry(key).or_default().push(place);
+        }
+        // What came in since the last call: a worker whose greetings wait is there.
+        self.listen(&keyed, 0)?;
+        while !twins.is_empty() {
+            self.client.tick(self.courier.now());
+            self.send();
+            match self.client.next_event() {
+                Some(Event::Answer(key, answer)) => {
+                    for place in twins.remove(&key).unwrap_or_default() {
+                        take(place, &answer)?;
+                    }
+                }
+                Some(Event::Compute(key)) => {
+                    let place = keyed.places.get(&key).copied().unwrap_or_default();
+                    let answer = home.compute(place)?;
+                    // Greetings came in while this process was busy.
+                    self.listen(&keyed, 0)?;
+                    self.client.settle(&key, answer);
+                }
+                None => self.listen(&keyed, TICK)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes what arrives within `wait`, and all that has arrived.
+    fn listen(&mut self, inside: &Keyed<'_>, wait: u64) -> Result<(), String> {
+        let mut until = self.courier.now().saturating_add(wait);
+        while let Some(arrival) = self.courier.receive(until)? {
+            let now = self.courier.now();
+            self.client.hear(now, &arrival.from, &arrival.bytes, inside);
+            until = now;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self) {
+        for (to, message) in self.client.take_messages() {
+            self.courier.send(&to, message.to_bytes());
+        }
+    }
+}

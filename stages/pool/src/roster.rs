@@ -1,0 +1,116 @@
+//! The workers that a client knows.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::call::Kind;
+use crate::message::Hello;
+use crate::{Build, Hash};
+
+/// Time without a greeting after which a worker counts as gone, ns.
+pub const SILENCE: u64 = 1_500_000_000;
+/// Time for which a worker that was full is not asked, ns.
+const FULL: u64 = 500_000_000;
+/// The most workers.
+const MOST: usize = 4096;
+
+/// A worker, as a client sees it.
+#[derive(Clone, Debug)]
+pub struct WorkerState {
+    /// Its last greeting.
+    pub hello: Hello,
+    /// When that came, ns.
+    pub heard: u64,
+    /// Calls that it was asked and has not answered.
+    pub outstanding: BTreeSet<Hash>,
+    /// Calls that it answered.
+    pub answered: u64,
+    /// Kinds of calls of which an answer was found right.
+    pub proven: BTreeSet<Kind>,
+    /// Why it is not asked any more.
+    pub shut_out: Option<String>,
+    full_until: u64,
+}
+
+/// All workers by name.
+#[derive(Default)]
+pub struct Roster {
+    workers: BTreeMap<String, WorkerState>,
+}
+
+impl Roster {
+    /// Takes a greeting. It gives an event to tell, and whether the worker has lost its calls: it began a new life.
+    pub fn greet(&mut self, now: u64, name: &str, hello: Hello, build: &Build) -> (Option<String>, bool) {
+        let other = (hello.build != build.text())
+            .then(|| format!("it has another build: `{}` here, `{}` there", build.text(), hello.build));
+        match self.workers.get_mut(name) {
+            Some(worker) if worker.hello.incarnation == hello.incarnation => {
+                (worker.heard, worker.hello) = (now, hello);
+                (None, false)
+            }
+            // A greeting of an earlier life that was late.
+            Some(worker) if worker.hello.incarnation > hello.incarnation => (None, false),
+            known => {
+                if known.is_none() && self.workers.len() >= MOST {
+                    return (None, false);
+                }
+                let event = match &other {
+                    Some(reason) => format!("worker `{name}` is not asked: {reason}"),
+                    None => format!("worker `{name}` is there, with {} slots", hello.slots),
+                };
+                let shut_out = self.workers.get(name).and_then(|w| w.shut_out.clone()).or(other);
+                let state = WorkerState {
+                    hello,
+                    heard: now,
+                    outstanding: BTreeSet::new(),
+                    answered: 0,
+                    proven: BTreeSet::new(),
+                    shut_out,
+                    full_until: 0,
+                };
+                let was_there = self.workers.insert(name.to_owned(), state).is_some();
+                (Some(event), was_there)
+            }
+        }
+    }
+
+    /// All of them.
+    pub fn workers(&self) -> &BTreeMap<String, WorkerState> {
+        &self.workers
+    }
+
+    /// One of them.
+    pub fn get_mut(&mut self, name: &str) -> Option<&mut WorkerState> {
+        self.workers.get_mut(name)
+    }
+
+    /// Whether a worker can be asked at all.
+    pub fn is_usable(&self, now: u64, name: &str) -> bool {
+        self.workers.get(name).is_some_and(|worker| is_usable(worker, now))
+    }
+
+    /// Names of workers that can be asked at all.
+    pub fn usable(&self, now: u64) -> impl Iterator<Item = &str> {
+        self.workers.iter().filter(move |(_, w)| is_usable(w, now)).map(|(name, _)| name.as_str())
+    }
+
+    /// The worker with the most room that is none of these: by outstanding calls for its slots, then by name.
+    pub fn pick(&self, now: u64, except: impl Fn(&str) -> bool) -> Option<String> {
+        let room = |w: &WorkerState| {
+            is_usable(w, now) && now >= w.full_until && w.outstanding.len() < w.hello.slots as usize
+        };
+        let load = |w: &WorkerState| w.outstanding.len() as f64 / f64::from(w.hello.slots.max(1));
+        let free = self.workers.iter().filter(|(name, w)| room(w) && !except(name));
+        free.min_by(|(_, a), (_, b)| load(a).total_cmp(&load(b))).map(|(name, _)| name.clone())
+    }
+
+    /// A worker said that it has no room.
+    pub fn full(&mut self, now: u64, name: &str) {
+        if let Some(worker) = self.workers.get_mut(name) {
+            worker.full_until = now + FULL;
+        }
+    }
+}
+
+fn is_usable(worker: &WorkerState, now: u64) -> bool {
+    worker.shut_out.is_none() && now.saturating_sub(worker.heard) < SILENCE && worker.hello.slots > 0
+}

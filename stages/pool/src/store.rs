@@ -1,0 +1,191 @@
+//! Contents by their hash, in a folder of bounded size.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Write;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use stillpoint_map::{MappedFile, publish};
+
+use crate::Hash;
+
+/// A folder of files, each named by the SHA-256 of its bytes. The one used longest ago goes first.
+pub struct Store {
+    folder: PathBuf,
+    most: u64,
+    held: BTreeMap<Hash, Held>,
+    bytes: u64,
+    uses: u64,
+}
+
+struct Held {
+    length: u64,
+    used: u64,
+    /// Whether this process has compared the file with its name.
+    checked: bool,
+}
+
+impl Store {
+    /// The store in a folder, which is made if it is not there, of at most this many bytes. Files of an earlier process
+    /// are used again.
+    ///
+    /// # Errors
+    /// The folder cannot be made or read.
+    pub fn open(folder: &Path, most: u64) -> Result<Self, String> {
+        let fault = |e: std::io::Error| format!("the cache {}: {e}; give another folder", folder.display());
+        std::fs::create_dir_all(folder).map_err(fault)?;
+        let mut store = Self { folder: folder.to_owned(), most, held: BTreeMap::new(), bytes: 0, uses: 0 };
+        for entry in std::fs::read_dir(folder).map_err(fault)?.flatten() {
+            let name = entry.file_name();
+            let length = entry.metadata().map_or(0, |data| data.len());
+            match name.to_str().and_then(Hash::parse) {
+                Some(hash) => {
+                    store.held.insert(hash, Held { length, used: 0, checked: false });
+                    store.bytes += length;
+                }
+                // A file that an earlier process did not finish.
+                None if name.to_string_lossy().ends_with(".part") => {
+                    let _ = std::fs::remove_file(entry.path());
+                }
+                None => {}
+            }
+        }
+        store.make_room(&BTreeSet::new());
+        Ok(store)
+    }
+
+    /// Bytes held, and the most.
+    pub fn size(&self) -> (u64, u64) {
+        (self.bytes, self.most)
+    }
+
+    /// Whether the content is there and is what its name says. A file that has changed is removed.
+    pub fn holds(&mut self, hash: &Hash) -> bool {
+        let path = self.path(hash);
+        self.uses += 1;
+        let Some(held) = self.held.get_mut(hash) else { return false };
+        held.used = self.uses;
+        if !held.checked {
+            held.checked = MappedFile::open(&path).is_ok_and(|file| Hash::of(file.bytes()) == *hash);
+        }
+        if held.checked && path.exists() {
+            return true;
+        }
+        self.remove(hash);
+        false
+    }
+
+    /// Puts a content there and gives its name. Others go if there is no room, but none of `keep`.
+    ///
+    /// # Errors
+    /// The file cannot be written, or there is no room beside `keep`.
+    pub fn put(&mut self, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<Hash, String> {
+        let hash = Hash::of(bytes);
+        if self.holds(&hash) {
+            return Ok(hash);
+        }
+        let path = self.path(&hash);
+        publish(&path, |file| file.write_all(bytes))
+            .map_err(|e| format!("the cache cannot write {}: {e}", path.display()))?;
+        self.uses += 1;
+        let length = bytes.len() as u64;
+        self.held.insert(hash, Held { length, used: self.uses, checked: true });
+        self.bytes += length;
+        let mut keep = keep.clone();
+        keep.insert(hash);
+        self.make_room(&keep);
+        if self.bytes > self.most {
+            self.remove(&hash);
+            return Err(format!(
+                "the arguments of a call do not fit into the cache of {} MB; allow more with --cache",
+                self.most / 1_000_000
+            ));
+        }
+        Ok(hash)
+    }
+
+    /// Where a content is.
+    pub fn path(&self, hash: &Hash) -> PathBuf {
+        self.folder.join(hash.to_string())
+    }
+
+    /// The content.
+    ///
+    /// # Errors
+    /// It is not there.
+    pub fn read(&mut self, hash: &Hash) -> Result<MappedFile, String> {
+        if !self.holds(hash) {
+            return Err(format!("the cache does not hold {hash:.16}"));
+        }
+        MappedFile::open(&self.path(hash)).map_err(|e| format!("the cache cannot read {hash:.16}: {e}"))
+    }
+
+    /// Length of a content, and its bytes from `start`, at most `most` of them.
+    pub fn part(&mut self, hash: &Hash, start: u64, most: usize) -> Option<(u64, Vec<u8>)> {
+        if !self.holds(hash) {
+            return None;
+        }
+        let length = self.held.get(hash)?.length;
+        let rest = usize::try_from(length.checked_sub(start)?).ok()?.min(most);
+        let mut bytes = vec![0; rest];
+        File::open(self.path(hash)).ok()?.read_exact_at(&mut bytes, start).ok()?;
+        Some((length, bytes))
+    }
+
+    fn make_room(&mut self, keep: &BTreeSet<Hash>) {
+        while self.bytes > self.most {
+            let others = self.held.iter().filter(|(hash, _)| !keep.contains(hash));
+            let Some(oldest) = others.min_by_key(|(_, held)| held.used).map(|(hash, _)| *hash) else {
+                return;
+            };
+            self.remove(&oldest);
+        }
+    }
+
+    fn remove(&mut self, hash: &Hash) {
+        if let Some(held) = self.held.remove(hash) {
+            self.bytes -= held.length;
+        }
+        // A file that is gone is gone; readers that have it mapped keep it.
+        let _ = std::fs::remove_file(self.path(hash));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_content_used_longest_ago_makes_room() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut store = Store::open(folder.path(), 30).unwrap();
+        let none = BTreeSet::new();
+        let [a, b] = [[1_u8; 10], [2; 10]].map(|bytes| store.put(&bytes, &none).unwrap());
+        store.put(&[3; 10], &none).unwrap();
+        assert!(store.holds(&a));
+        store.put(&[4; 10], &none).unwrap();
+        assert!(store.holds(&a) && !store.holds(&b));
+        assert_eq!(store.size(), (30, 30));
+        let refused = store.put(&[5; 25], &BTreeSet::from([a])).unwrap_err();
+        assert!(refused.contains("do not fit"), "{refused}");
+        assert!(store.holds(&a) && store.size().0 <= 30);
+    }
+
+    #[test]
+    fn files_of_an_earlier_process_are_used_unless_they_have_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let none = BTreeSet::new();
+        let [a, b] = {
+            let mut store = Store::open(folder.path(), 100).unwrap();
+            [[1_u8; 10], [2; 10]].map(|bytes| store.put(&bytes, &none).unwrap())
+        };
+        std::fs::write(folder.path().join(b.to_string()), [7; 10]).unwrap();
+        std::fs::write(folder.path().join("x.part"), [7; 10]).unwrap();
+        let mut store = Store::open(folder.path(), 100).unwrap();
+        assert!(store.holds(&a) && !store.holds(&b));
+        assert_eq!(store.part(&a, 4, 3), Some((10, vec![1; 3])));
+        assert_eq!(store.part(&a, 11, 3), None);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

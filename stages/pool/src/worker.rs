@@ -1,0 +1,313 @@
+//! A worker as a state machine: messages and time go in, messages and jobs come out. It holds nothing that matters: a
+//! worker that is lost loses no plan.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use crate::fetch::{Fetch, part_of};
+use crate::message::{Hello, INLINE, Message, PART};
+use crate::opened::Opened;
+use crate::{Build, Call, Hash, Ready, Store, To};
+
+/// Time between two greetings, ns.
+pub const HELLO: u64 = 200_000_000;
+/// Calls that wait at most.
+const MOST_WAITING: usize = 256;
+/// Askers of one call at most.
+const MOST_ASKERS: usize = 16;
+/// Answers that are remembered by their call.
+const MOST_ANSWERS: usize = 65_536;
+
+/// What a worker is.
+pub struct WorkerSettings {
+    /// The build.
+    pub build: Build,
+    /// Number of this life: a later one has a higher number.
+    pub incarnation: u64,
+    /// Calls that are computed at the same time.
+    pub slots: usize,
+    /// The most bytes of arguments that are kept open.
+    pub most_open: u64,
+}
+
+/// A worker.
+pub struct Worker {
+    settings: WorkerSettings,
+    store: Store,
+    opened: Opened,
+    waiting: VecDeque<Waiting>,
+    running: BTreeMap<Hash, Vec<String>>,
+    answers: BTreeMap<Hash, Hash>,
+    fetch: Option<(String, Fetch)>,
+    out: Vec<(To, Message)>,
+    counts: Counts,
+    next_hello: u64,
+}
+
+#[derive(Default)]
+struct Counts {
+    answered: u64,
+    known: u64,
+}
+
+struct Waiting {
+    key: Hash,
+    call: Call,
+    askers: Vec<String>,
+}
+
+/// A call to compute, on any thread.
+pub struct Job {
+    /// Key of the call.
+    pub key: Hash,
+    /// The call with its arguments.
+    pub ready: Ready,
+}
+
+impl Worker {
+    /// With this cache.
+    pub fn new(settings: WorkerSettings, store: Store) -> Self {
+        Self {
+            opened: Opened::new(settings.most_open),
+            settings,
+            store,
+            waiting: VecDeque::new(),
+            running: BTreeMap::new(),
+            answers: BTreeMap::new(),
+            fetch: None,
+            out: Vec::new(),
+            counts: Counts::default(),
+            next_hello: 0,
+        }
+    }
+
+    /// Takes a message. Bytes that are no message are ignored.
+    pub fn hear(&mut self, now: u64, from: &str, bytes: &[u8]) {
+        let Ok(message) = Message::from_bytes(bytes) else { return };
+        match message {
+            Message::Ask { key, call } => self.ask(from, key, &call),
+            Message::Cancel { key } => self.cancel(from, &key),
+            Message::Want { content, part } => self.give(from, content, part),
+            Message::Part { content, part, length, bytes } => {
+                self.take_part(from, content, part, length, bytes);
+            }
+            Message::Absent { content } => {
+                if self.fetch.as_ref().is_some_and(|(of, fetch)| of == from && fetch.content() == content) {
+                    self.not_to_be_had(&format!("`{from}` does not hold {content:.16}"));
+                }
+            }
+            _ => {}
+        }
+        self.go_on(now);
+    }
+
+    /// Lets time pass.
+    pub fn tick(&mut self, now: u64) {
+        if now >= self.next_hello {
+            self.next_hello = now + HELLO;
+            let hello = self.hello();
+            self.out.push((To::All, Message::Hello(hello)));
+        }
+        self.go_on(now);
+    }
+
+    /// What it tells of itself.
+    pub fn hello(&self) -> Hello {
+        let (cache, cache_most) = self.store.size();
+        Hello {
+            build: self.settings.build.text().to_owned(),
+            incarnation: self.settings.incarnation,
+            slots: self.settings.slots as u32,
+            running: self.running.len() as u32,
+            waiting: self.waiting.len() as u32,
+            answered: self.counts.answered,
+            known: self.counts.known,
+            cache,
+            cache_most,
+        }
+    }
+
+    /// Messages to send.
+    pub fn take_messages(&mut self) -> Vec<(To, Message)> {
+        std::mem::take(&mut self.out)
+    }
+
+    /// The next call to compute, as long as a slot is free.
+    pub fn next_job(&mut self) -> Option<Job> {
+        while self.running.len() < self.settings.slots {
+            let store = &mut self.store;
+            let at =
+                self.waiting.iter().position(|w| w.call.inputs().iter().all(|hash| store.holds(hash)))?;
+            let Waiting { key, call, askers } = self.waiting.remove(at)?;
+            match self.opened.ready(store, call) {
+                Ok(ready) => {
+                    self.running.insert(key, askers);
+                    return Some(Job { key, ready });
+                }
+                Err(reason) => self.tell(&askers, Message::Failed { key, reason }),
+            }
+        }
+        None
+    }
+
+    /// Takes the result of a job.
+    pub fn finish(&mut self, key: Hash, result: Result<Vec<u8>, String>) {
+        let askers = self.running.remove(&key).unwrap_or_default();
+        let kept = result.and_then(|bytes| Ok((self.store.put(&bytes, &self.wanted())?, bytes)));
+        match kept {
+            Ok((answer, bytes)) => {
+                self.counts.answered += 1;
+                if self.answers.len() >= MOST_ANSWERS {
+                    self.answers.pop_first();
+                }
+                self.answers.insert(key, answer);
+                self.tell(&askers, answer_message(key, answer, bytes));
+            }
+            Err(reason) => self.tell(&askers, Message::Failed { key, reason }),
+        }
+    }
+
+    fn ask(&mut self, from: &str, key: Hash, bytes: &[u8]) {
+        let refuse = |reason: String| vec![(To::one(from), Message::Failed { key, reason })];
+        let call = match Call::from_bytes(bytes) {
+            Ok(call) => call,
+            Err(e) => return self.out.extend(refuse(format!("the call cannot be read: {e}"))),
+        };
+        if Call::key_of(bytes, &self.settings.build) != key {
+            let reason = format!("this worker has another build: {}", self.settings.build.text());
+            return self.out.extend(refuse(reason));
+        }
+        if let Some(answer) = self.answers.get(&key).copied() {
+            if let Ok(file) = self.store.read(&answer) {
+                self.counts.answered += 1;
+                self.counts.known += 1;
+                let message = answer_message(key, answer, file.bytes().to_vec());
+                return self.out.push((To::one(from), message));
+            }
+            self.answers.remove(&key);
+        }
+        let is_full = self.waiting.len() >= MOST_WAITING;
+        let waiting = self.waiting.iter_mut().find(|w| w.key == key).map(|w| &mut w.askers);
+        let reply = match waiting.or(self.running.get_mut(&key)) {
+            Some(askers) => {
+                let known = askers.iter().any(|asker| asker == from);
+                if !known && askers.len() < MOST_ASKERS {
+                    askers.push(from.to_owned());
+                }
+                Message::Working { key }
+            }
+            None if is_full => Message::Busy { key },
+            None => {
+                self.waiting.push_back(Waiting { key, call, askers: vec![from.to_owned()] });
+                Message::Working { key }
+            }
+        };
+        self.out.push((To::one(from), reply));
+    }
+
+    /// A call that runs is computed to its end: another may ask for it.
+    fn cancel(&mut self, from: &str, key: &Hash) {
+        for waiting in self.waiting.iter_mut().filter(|w| w.key == *key) {
+            waiting.askers.retain(|asker| asker != from);
+        }
+        self.waiting.retain(|w| !w.askers.is_empty());
+        if let Some(askers) = self.running.get_mut(key) {
+            askers.retain(|asker| asker != from);
+        }
+    }
+
+    fn give(&mut self, from: &str, content: Hash, part: u32) {
+        let start = u64::from(part) * PART as u64;
+        let message = match self.store.part(&content, start, PART) {
+            Some((length, bytes)) => Message::Part { content, part, length, bytes },
+            None => Message::Absent { content },
+        };
+        self.out.push((To::one(from), message));
+    }
+
+    fn take_part(&mut self, from: &str, content: Hash, part: u32, length: u64, bytes: Vec<u8>) {
+        let Some((_, fetch)) = self.fetch.as_mut().filter(|(of, f)| of == from && f.content() == content)
+        else {
+            return;
+        };
+        match fetch.take(part, length, bytes) {
+            Ok(None) => {}
+            Ok(Some(whole)) => {
+                self.fetch = None;
+                if let Err(reason) = self.store.put(&whole, &self.wanted()) {
+                    self.fail_calls_of(&content, &reason);
+                }
+            }
+            Err(e) => self.not_to_be_had(&e.to_string()),
+        }
+    }
+
+    /// Asks for the parts of the first content that a waiting call lacks: one content at a time, in order of the calls.
+    fn go_on(&mut self, now: u64) {
+        loop {
+            if let Some((_, fetch)) = &self.fetch
+                && !self.waiting.iter().any(|w| w.call.inputs().contains(&fetch.content()))
+            {
+                self.fetch = None;
+            }
+            if self.fetch.is_none() {
+                let store = &mut self.store;
+                let missing = self.waiting.iter().find_map(|w| {
+                    let content = w.call.inputs().into_iter().find(|hash| !store.holds(hash))?;
+                    Some((w.askers.first()?.clone(), Fetch::new(content)))
+                });
+                self.fetch = missing;
+            }
+            let Some((from, fetch)) = &mut self.fetch else { return };
+            match fetch.wants(now) {
+                Ok(parts) => {
+                    let content = fetch.content();
+                    let want = |part| (To::one(from), Message::Want { content, part });
+                    return self.out.extend(parts.into_iter().map(want));
+                }
+                Err(e) => self.not_to_be_had(&e.to_string()),
+            }
+        }
+    }
+
+    /// The asker from whom a content was fetched goes; its calls fail if nobody else asks for them.
+    fn not_to_be_had(&mut self, reason: &str) {
+        let Some((from, fetch)) = self.fetch.take() else { return };
+        let content = fetch.content();
+        for waiting in self.waiting.iter_mut().filter(|w| w.call.inputs().contains(&content)) {
+            waiting.askers.retain(|asker| *asker != from);
+            let reason = reason.to_owned();
+            self.out.push((To::one(&from), Message::Failed { key: waiting.key, reason }));
+        }
+        self.waiting.retain(|w| !w.askers.is_empty());
+    }
+
+    fn fail_calls_of(&mut self, content: &Hash, reason: &str) {
+        let has_it = |w: &Waiting| w.call.inputs().contains(content);
+        let (failed, rest): (Vec<_>, Vec<_>) = self.waiting.drain(..).partition(has_it);
+        self.waiting = rest.into();
+        for Waiting { key, askers, .. } in failed {
+            self.tell(&askers, Message::Failed { key, reason: reason.to_owned() });
+        }
+    }
+
+    /// Contents that must stay: those of the call that has waited longest.
+    fn wanted(&self) -> BTreeSet<Hash> {
+        self.waiting.front().map(|w| w.call.inputs().into_iter().collect()).unwrap_or_default()
+    }
+
+    fn tell(&mut self, askers: &[String], message: Message) {
+        self.out.extend(askers.iter().map(|asker| (To::one(asker), message.clone())));
+    }
+}
+
+fn answer_message(key: Hash, answer: Hash, bytes: Vec<u8>) -> Message {
+    if bytes.len() <= INLINE { Message::Answer { key, bytes } } else { Message::Done { key, answer } }
+}
+
+/// The part of a content in memory, as a message.
+pub fn part_message(content: Hash, bytes: Option<&[u8]>, part: u32) -> Message {
+    match bytes.and_then(|all| Some((all.len() as u64, part_of(all, part)?.to_vec()))) {
+        Some((length, bytes)) => Message::Part { content, part, length, bytes },
+        None => Message::Absent { content },
+    }
+}

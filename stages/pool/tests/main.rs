@@ -1,0 +1,111 @@
+//! The plan over a pool is the plan of one process, whatever happens to messages and workers.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod broken;
+mod simulated;
+mod water;
+
+use simulated::{CALM, MS, Part, Simulated, Weather, build};
+use stillpoint_pool::{Build, ClientSettings, Pool};
+use water::{Water, alone, pooled};
+
+const STORM: Weather = Weather { delay: (5 * MS, 200 * MS), lost: 60, doubled: 60 };
+
+fn pool(seed: u64, weather: Weather, parts: &[Part]) -> Pool<Simulated> {
+    let settings = ClientSettings { checked: 0.1, ..ClientSettings::new(build()) };
+    Pool::new(Simulated::new(seed, weather, parts), settings)
+}
+
+#[test]
+fn the_plan_is_the_same_with_no_worker_one_and_eight() {
+    let water = Water::new();
+    let expected = alone(&water);
+    for workers in [0, 1, 8] {
+        let mut pool = pool(1, CALM, &vec![Part::default(); workers]);
+        assert!(pooled(&water, &mut pool) == expected, "{workers} workers");
+        let tally = pool.tally();
+        match workers {
+            0 => assert_eq!(tally.remote, 0),
+            1 => assert!(tally.remote > tally.local, "{tally:?}"),
+            _ => {
+                assert_eq!(tally.local, 0, "{tally:?}");
+                assert!(pool.courier().jobs().iter().all(|jobs| *jobs > 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn without_a_worker_this_process_computes_after_its_patience_and_says_nothing_wrong() {
+    let water = Water::new();
+    let mut pool = pool(1, CALM, &[]);
+    pooled(&water, &mut pool);
+    // Only the first call waits.
+    let waited = stillpoint_pool::Courier::now(pool.courier()) / (1000 * MS);
+    assert!((60..65).contains(&waited), "{waited} s");
+}
+
+#[test]
+fn lost_late_and_doubled_messages_change_nothing() {
+    let water = Water::new();
+    let expected = alone(&water);
+    for seed in 0..2 {
+        let mut pool = pool(seed, STORM, &vec![Part::default(); 3]);
+        assert!(pooled(&water, &mut pool) == expected, "seed {seed}");
+        assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()), "{:?}", pool.take_news());
+    }
+}
+
+#[test]
+fn a_worker_that_is_killed_twenty_times_changes_nothing() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let dying = Part { dies_after: 2, ..Part::default() };
+    let mut pool = pool(5, CALM, &[dying, Part { job: 400 * MS, ..Part::default() }]);
+    assert!(pooled(&water, &mut pool) == expected);
+    assert!(pool.courier().deaths >= 20, "{} deaths", pool.courier().deaths);
+}
+
+#[test]
+fn a_worker_whose_answers_are_wrong_is_named_and_shut_out() {
+    let water = Water::new();
+    let expected = alone(&water);
+    // From its first answer, and from later ones, when other answers of it are in use.
+    for wrong_from in [0, 8] {
+        let wrong = Part { wrong_from, ..Part::default() };
+        let settings = ClientSettings { checked: 0.4, ..ClientSettings::new(build()) };
+        let parts = [Part::default(), wrong, Part::default()];
+        let mut pool = Pool::new(Simulated::new(6, CALM, &parts), settings);
+        assert!(pooled(&water, &mut pool) == expected, "wrong from answer {wrong_from}");
+        let out: Vec<&String> =
+            pool.workers().iter().filter(|(_, w)| w.shut_out.is_some()).map(|(name, _)| name).collect();
+        assert_eq!(out, ["w1"]);
+        let news = pool.take_news();
+        assert!(news.iter().any(|text| text.starts_with("worker `w1` is shut out: ")), "{news:?}");
+    }
+}
+
+#[test]
+fn a_worker_of_another_build_is_never_asked() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let other = Part { build: Build::of("another build"), ..Part::default() };
+    let mut pool = pool(7, CALM, &[other, Part::default()]);
+    assert!(pooled(&water, &mut pool) == expected);
+    assert_eq!(pool.courier().jobs()[0], 0);
+    let news = pool.take_news();
+    assert!(news.iter().any(|text| text.contains("`the build of the tests` here, `another build` there")));
+}
+
+#[test]
+fn a_worker_that_answers_nothing_and_one_with_too_small_a_cache_only_cost_time() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let mute = Part { mute: true, ..Part::default() };
+    let small = Part { cache: 20_000, ..Part::default() };
+    let mut pool = pool(8, CALM, &[mute, small, Part::default()]);
+    assert!(pooled(&water, &mut pool) == expected);
+    assert!(pool.tally().hedged > 0);
+    assert!(pool.take_news().iter().any(|text| text.contains("do not fit into the cache")));
+}
