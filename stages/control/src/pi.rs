@@ -13,8 +13,8 @@ pub struct PiGains {
     pub integral: f64,
 }
 
-/// v = B^-1 (y_m' - k_p e^ - k_i int e), with e the pose less the reference model, e^ the predicted error and y_m' the
-/// model's speed.
+/// v = B^-1 (y_m' - k_p e^ - k_i int e), where e is the pose minus the reference model, e^ is the predicted error, and y_m'
+/// is the speed to order ([`Errors`]).
 #[derive(Clone, Debug)]
 pub struct Pi {
     gains: PiGains,
@@ -27,7 +27,7 @@ pub struct Pi {
 }
 
 impl Pi {
-    /// A law with integrators of zero.
+    /// Makes a law whose integrators are zero.
     #[must_use]
     pub fn new(gains: PiGains, effect: Effect) -> Self {
         let zeros = vec![0.0; effect.channels()];
@@ -52,8 +52,8 @@ impl Pi {
         self.integral.fill(0.0);
     }
 
-    /// Uses the errors, `dt` seconds after the last step, and leaves net duties in `net`, within -1 to 1. The integrals
-    /// stand still where going on would only ask more of a valve that is wide open.
+    /// Computes net duties from the errors and writes them into `net`, within -1 to 1. `dt` is the time since the last
+    /// step, s. The integrals do not change if the change would only demand more of a fully open valve.
     pub fn step(&mut self, errors: &Errors<'_>, dt: f64, net: &mut [f64]) {
         self.before.copy_from_slice(&self.integral);
         for (integral, seen) in self.integral.iter_mut().zip(errors.seen) {
@@ -68,7 +68,7 @@ impl Pi {
         }
     }
 
-    /// The rates of the channels by these net duties, and the part of them that the integrals ask for.
+    /// Returns the rates of the channels at these net duties, and the part of the rates that the integrals demand.
     pub fn moved(&mut self, net: &[f64]) -> [&[f64]; 2] {
         self.effect.moved(net, &mut self.rates);
         for (compensation, integral) in self.compensation.iter_mut().zip(&self.integral) {
@@ -77,7 +77,7 @@ impl Pi {
         [&self.rates, &self.compensation]
     }
 
-    /// The duties of the present integrals; returns how far beyond the limits they were.
+    /// Writes the duties of the present integrals, and returns the sum of the squares by which they exceeded the limits.
     fn demand(&mut self, errors: &Errors<'_>, net: &mut [f64]) -> f64 {
         for (i, rate) in self.rates.iter_mut().enumerate() {
             *rate = errors.speed[i] - self.gains.proportional * errors.predicted[i]
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
     use nalgebra::DMatrix;
 
-    /// A pose and a set-point that stands, seen at once.
+    /// Steps the law with a pose without delay and a constant set-point.
     fn step(law: &mut Pi, y: f64, r: f64, net: &mut [f64]) {
         let error = [y - r];
         law.step(&Errors { seen: &error, predicted: &error, speed: &[0.0] }, 0.1, net);
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_drift_is_made_up_for() {
+    fn the_integral_compensates_a_constant_drift() {
         let (mut law, mut y, mut net) = (law(0.5), 0.0, [0.0]);
         for _ in 0..1000 {
             step(&mut law, y, 1.0, &mut net);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn a_target_far_away_does_not_wind_the_integral_up() {
+    fn a_distant_target_does_not_wind_up_the_integral() {
         let (mut law, mut y, mut net, mut highest) = (law(0.1), 0.0, [0.0], 0.0_f64);
         for _ in 0..2000 {
             step(&mut law, y, 5.0, &mut net);

@@ -1,4 +1,4 @@
-//! Patients of many builds, drawn by chance: body, blanket, arms, what lies and who stands beside them, and views.
+//! Random patients: build of the body, blanket, arms, objects and other people beside the patient, and views.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,7 +13,7 @@ use crate::head::Head;
 use crate::scene::{Form, Label, Object, Scene};
 use crate::shape::{Cuboid, Ellipsoid, ShapeError};
 
-/// What is special about a scene.
+/// The special feature of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extra {
     /// Nothing.
@@ -38,7 +38,7 @@ pub enum Extra {
     Headless,
 }
 
-/// All of them.
+/// Every variant of [`Extra`].
 pub const EXTRAS: [Extra; 10] = [
     Extra::None,
     Extra::Blanket,
@@ -52,34 +52,34 @@ pub const EXTRAS: [Extra; 10] = [
     Extra::Headless,
 ];
 
-/// A scene that was drawn.
+/// A random scene.
 #[derive(Debug, Clone)]
 pub struct Patient {
     /// The camera.
     pub kind: Kind,
-    /// Its place.
+    /// Pose of the camera.
     pub couch_from_camera: Isometry3<f64>,
-    /// All but the head.
+    /// Every object except the head.
     pub scene: Scene,
-    /// Size of the head; 1 is an adult's.
+    /// Scale of the head; the adult head has 1.
     pub scale: f64,
-    /// Where the head lies; far under the couch where there is none.
+    /// Pose of the head; far below the couch if the scene has no head.
     pub couch_from_head: Isometry3<f64>,
-    /// What is special.
+    /// The special feature.
     pub extra: Extra,
-    /// Degrees between the line of sight and the way up from the head, in all and towards the patient's side.
+    /// Angle between the line of sight and the direction in which the face looks, degrees.
     pub off_front: f64,
-    /// In words.
+    /// A line of text that describes the scene.
     pub about: String,
 }
 
 impl Patient {
-    /// Whether there is a head to be found.
+    /// Returns whether the scene has a patient with a visible head.
     pub fn has_head(&self) -> bool {
         !matches!(self.extra, Extra::Nobody | Extra::Headless)
     }
 
-    /// Whether nothing else may be taken for the head.
+    /// Returns whether the scene has no object that resembles a head, and a patient with a head.
     pub fn is_plain(&self) -> bool {
         !matches!(self.extra, Extra::SecondHead | Extra::Visitor | Extra::Nobody | Extra::Headless)
     }
@@ -95,10 +95,10 @@ fn cuboid(label: Label, centre: [f64; 3], half: [f64; 3]) -> Result<Object, Shap
     Ok(Object { label, form: Form::Cuboid(Cuboid::new(at, Vector3::from(half))?) })
 }
 
-/// Another head, as a thing that stands still.
+/// Returns the parts of a second head, which does not move.
 ///
 /// # Errors
-/// A scale at which no head is.
+/// The scale is not finite or not above 0.
 pub fn head_at(couch_from_head: &Isometry3<f64>, scale: f64) -> Result<Vec<Object>, PatientError> {
     let placed = |part: &Ellipsoid| {
         let shape = Ellipsoid::new(couch_from_head * part.parent_from_shape(), *part.semi_axes())?;
@@ -107,8 +107,8 @@ pub fn head_at(couch_from_head: &Isometry3<f64>, scale: f64) -> Result<Vec<Objec
     Head::new(scale)?.parts().iter().map(placed).collect()
 }
 
-/// Shoulders, chest and belly against the stump of the neck of a head of scale `s` at `head`, `stout` times as thick and
-/// `raised` higher than the rig's.
+/// Returns shoulders, chest and belly next to the neck of a head of scale `s` at `head`. Their thickness is `stout` times
+/// that of the rig's torso, and they lie higher than it by `raised`, m.
 fn torso(s: f64, head: &Vector3<f64>, stout: f64, raised: f64) -> Result<Vec<Object>, ShapeError> {
     let (x, top) = (head.x, head.y - 0.155 * s);
     let z = head.z - 0.055 * s + raised;
@@ -133,10 +133,10 @@ fn put(
     Ok(())
 }
 
-/// The patient of a number.
+/// Draws the patient with this number.
 ///
 /// # Errors
-/// Never happens for these sizes; it is passed on.
+/// A shape is not valid. The sizes that are drawn do not cause this error.
 pub fn patient(number: u64) -> Result<Patient, PatientError> {
     let mut rng = ChaCha8Rng::seed_from_u64(77_000 + number);
     let rng = &mut rng;
@@ -151,7 +151,7 @@ pub fn patient(number: u64) -> Result<Patient, PatientError> {
     let couch_from_head = Isometry3::from_parts(Translation3::from(head), turn);
     let mut scene = Scene::bare_couch()?;
     match rng.random_range(0..3) {
-        // A flat rest, a ring, a pillow.
+        // The head lies on a flat rest, on a ring, or on a pillow.
         0 if rest > 0.005 => {
             put(
                 &mut scene,

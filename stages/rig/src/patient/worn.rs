@@ -1,5 +1,4 @@
-//! What a patient wears: hair, a cap or a beard, which move with the head, and a perforated mask, which is fixed to the
-//! couch.
+//! Objects on a patient's head: hair, a cap and a beard move with the head; a perforated mask is fixed to the couch.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -11,7 +10,7 @@ use crate::scene::{Label, Scene};
 use crate::shape::{Ellipsoid, ShapeError};
 use crate::view::View;
 
-/// What moves with the head.
+/// An object that moves with the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Worn {
     /// Nothing.
@@ -24,14 +23,14 @@ pub enum Worn {
     Beard,
 }
 
-/// All of them.
+/// Every variant of [`Worn`].
 pub const WORN: [Worn; 4] = [Worn::Nothing, Worn::Cap, Worn::Hair, Worn::Beard];
 
 impl Worn {
-    /// A head of this scale with it on.
+    /// Returns a head of this scale that wears the object.
     ///
     /// # Errors
-    /// A scale at which no head is.
+    /// The scale is not finite or not above 0.
     pub fn on_head(self, scale: f64) -> Result<Head, PatientError> {
         let part = |centre: [f64; 3], semi: [f64; 3]| -> Result<Ellipsoid, ShapeError> {
             let mm = 1e-3 * scale;
@@ -53,25 +52,26 @@ impl Worn {
     }
 }
 
-/// Distance between the middles of the holes of a mask, m, and their radius.
+/// Distance between the centres of neighbouring holes of a mask, m.
 const HOLES: f64 = 0.010;
+/// Radius of a hole, m.
 const HOLE: f64 = 0.0032;
-/// How far the mask is off the face at rest, m.
+/// Distance between the mask and the face at rest, m.
 const OFF: f64 = 0.002;
-/// The mask ends at this height over the origin of the adult head, m.
+/// Height of the edge of the mask above the origin of the adult head, m.
 const EDGE: f64 = 0.02;
 
-/// A perforated thermoplastic mask over the face, as a camera sees it: it stays where it is when the head moves under it.
+/// The image of a perforated thermoplastic mask over the face. The mask does not move when the head moves under it.
 #[derive(Debug, Clone)]
 pub struct Mask {
     view: View,
 }
 
 impl Mask {
-    /// The mask of a head of this scale at `couch_from_head`, seen by a camera at `couch_from_camera`.
+    /// Makes the mask of a head of this scale at `couch_from_head`, as a camera at `couch_from_camera` sees it.
     ///
     /// # Errors
-    /// A scale or a pose that cannot be.
+    /// The scale or a pose is not valid.
     pub fn new(
         camera: Pinhole,
         couch_from_camera: &Isometry3<f64>,
@@ -98,7 +98,7 @@ impl Mask {
         Ok(Self { view })
     }
 
-    /// Lays the mask over what the same camera sees without it.
+    /// Adds the mask to an image of the same camera without the mask.
     pub fn cover(&self, view: &mut View) {
         for pixel in 0..view.depth_m.len().min(self.view.depth_m.len()) {
             if self.view.depth_m[pixel] < view.depth_m[pixel] {
@@ -110,7 +110,7 @@ impl Mask {
     }
 }
 
-/// Whether a place on the mask, in the head's frame, is not in a hole of it.
+/// Returns whether a point on the mask, in the frame of the head, lies outside every hole.
 fn is_solid(place: &Point3<f64>, scale: f64) -> bool {
     let cell = |along: f64| along - (along / HOLES).round() * HOLES;
     place.z > EDGE * scale && cell(place.x).hypot(cell(place.y)) > HOLE
