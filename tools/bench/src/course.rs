@@ -14,13 +14,14 @@ use stillpoint_pipeline::schedule::{Events, Observer};
 use stillpoint_pipeline::spec::check;
 use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
-    Actuation, ActuationElement, Entry, FarEnd, FarEndElement, Outcome, Pose, PoseElement, PoseReport,
-    PoseStatus, RigState, Target, TargetElement,
+    Actuation, ActuationElement, Entry, FarEnd, Outcome, Pose, PoseElement, PoseReport, PoseStatus, RigState,
+    Target, TargetElement,
 };
 
 use stillpoint::Failure;
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
+use crate::monitor::Monitor;
 use crate::observed::{first, isometry, output};
 
 /// Latencies of perception. Without them a simulated run would know each pose at the acquisition time of its frame.
@@ -105,6 +106,8 @@ pub struct Course {
     pub states: BTreeMap<&'static str, f64>,
     /// Names of the operators with a failed activation.
     pub failed: Vec<String>,
+    /// The rules of beam and valves.
+    pub monitor: Monitor,
 }
 
 impl Course {
@@ -221,6 +224,7 @@ impl Watch {
         if point.target.iter().any(|t| t.is_nan()) {
             return;
         }
+        self.course.monitor.truth(time, point.error());
         if self.wanted.is_none_or(|(_, target)| target != point.target) {
             self.wanted = Some((time, point.target));
         }
@@ -236,6 +240,7 @@ impl Watch {
 
     /// Handles a pose, with the acquisition time of its frame, ns, and the tracker's status of the frame.
     fn tracked(&mut self, origin: u64, pose: &PoseElement, report: Option<PoseStatus>) {
+        self.course.monitor.measured(origin);
         // A pipeline without a camera sends no report. Its first pose is the reference.
         let captured = report.map_or(self.reference.is_none(), |r| r == PoseStatus::Captured);
         if captured && !self.capturing {
@@ -246,6 +251,7 @@ impl Watch {
     }
 
     fn actuated(&mut self, time: u64, now: &ActuationElement) {
+        self.course.monitor.actuation(time, now);
         for duty in &now.duty {
             self.course.duty = self.course.duty.max(*duty);
             self.course.duty_broken |= duty.is_nan() || *duty < 0.0;
@@ -275,6 +281,7 @@ impl Observer for Watch {
         match node.name.as_str() {
             "rig" => {
                 if let Some(state) = sent("state").and_then(first::<RigState>) {
+                    self.course.monitor.pressures(&state.pressure);
                     self.course.pressure = state.pressure.iter().copied().fold(self.course.pressure, greater);
                 }
                 if let Some(truth) = sent("truth") {
@@ -300,9 +307,12 @@ impl Observer for Watch {
                 }
             }
             "far" => {
-                if let Some(state) = sent("state").and_then(first::<FarEnd>) {
-                    let FarEndElement { beam, .. } = state;
-                    self.beam = beam == 1;
+                if let Some(owned) = sent("state") {
+                    let time = owned.header().stamp;
+                    for state in first::<FarEnd>(owned).iter() {
+                        self.course.monitor.far_end(time, state);
+                        self.beam = state.beam == 1;
+                    }
                 }
             }
             _ => {}

@@ -20,6 +20,7 @@
 //! - `bare`: chains of processes on bare iceoryx2 ports
 //! - `processes`: the processes of a run, and random choices of one to kill
 //! - `course`: one simulated closed loop and its figures
+//! - `monitor`: the rules of beam and valves in a simulated run
 //! - `observed`: the outputs of an activation, for observers of simulated runs
 //! - `laws`: the laws that replace the law of the pipeline
 //! - `crew`: runs in several threads
@@ -49,6 +50,7 @@ mod identity;
 mod killed;
 mod laws;
 mod ledger;
+mod monitor;
 mod noise;
 mod observed;
 mod optimum;

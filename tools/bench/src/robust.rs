@@ -5,7 +5,7 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::cases::Case;
-use super::course::{Course, STEP, worst};
+use super::course::{Course, Point, STEP, worst};
 use super::crew;
 use super::laws::{self, Law};
 use super::step::{MOVES, WITHIN};
@@ -30,13 +30,16 @@ const LAST: f64 = 10.0;
 /// happen while the head moves. Errors and pressures are the true ones of the rig, not estimates.
 #[derive(Args)]
 pub struct Robust {
-    /// Number of seeds, counted from 1. A seed determines the noise of the camera, the motion of the person, and the
-    /// time of the fault.
-    #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
-    seeds: u64,
-    /// Length of a run after the step, s.
-    #[arg(long, default_value_t = 60.0, value_parser = super::positive)]
-    seconds: f64,
+    /// Number of seeds. A seed determines the noise of the camera, the motion of the person, and the time of the fault.
+    /// The default is 5, and 1 with `--quick`.
+    #[arg(long, value_parser = super::at_least::<u64>(1))]
+    seeds: Option<u64>,
+    /// The first seed.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+    /// Length of a run after the step, s. The default is 60, and 30 with `--quick`.
+    #[arg(long, value_parser = super::positive)]
+    seconds: Option<f64>,
     /// Run only the cases whose names begin with this text.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
@@ -46,7 +49,7 @@ pub struct Robust {
     /// Override a parameter of the pipeline: `--set operator.param=value`.
     #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
     sets: Vec<String>,
-    /// A short measurement: one seed, 30 s, a quarter of the pixels.
+    /// A short measurement: one seed and 30 s unless they are given, a quarter of the pixels.
     #[arg(long)]
     quick: bool,
     /// Number of runs at the same time.
@@ -89,6 +92,8 @@ pub struct Found {
     pub verdict: Verdict,
     /// Greatest |truth - target| from 20 s after the step on: mm, degrees, degrees.
     pub worst: [f64; 3],
+    /// Root mean square of truth - target from 20 s after the step on: mm, degrees, degrees.
+    pub rms: [f64; 3],
     /// Fraction of the last 10 s with the beam on.
     pub beam: f64,
     /// Greatest |truth - target| with the beam on: mm, degrees, degrees.
@@ -121,9 +126,11 @@ impl Robust {
             let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
             return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
         }
-        let seeds = if self.quick { 1 } else { self.seeds };
-        let jobs: Vec<(&Case, u64)> = cases.iter().flat_map(|c| (1..=seeds).map(move |s| (c, s))).collect();
-        let seconds = if self.quick { 30.0 } else { self.seconds };
+        let count = self.seeds.unwrap_or(if self.quick { 1 } else { 5 });
+        let seeds = self.first_seed..self.first_seed.saturating_add(count);
+        let seconds = self.seconds.unwrap_or(if self.quick { 30.0 } else { 60.0 });
+        let jobs: Vec<(&Case, u64)> =
+            cases.iter().flat_map(|c| seeds.clone().map(move |seed| (c, seed))).collect();
         let found = crew::each(&jobs, crew::threads(self.threads), |(case, seed)| {
             let mut case = (*case).clone();
             case.sets.extend(self.sets.iter().cloned());
@@ -131,7 +138,7 @@ impl Robust {
         })?;
         let rows: Vec<Row> = cases
             .iter()
-            .zip(found.chunks(seeds as usize))
+            .zip(found.chunks(count as usize))
             .map(|(case, found)| Row {
                 case: case.name.clone(),
                 verdict: found.iter().map(|f| f.verdict).max().unwrap_or(Verdict::Unsafe),
@@ -180,7 +187,8 @@ fn judge(course: &Course) -> Option<Found> {
     let at =
         course.step_at().filter(|_| course.points.last().is_some_and(|p| p.target[2] > 0.9 * STEP[2]))?;
     let end = course.points.last()?.time;
-    let worst = worst(course.since(at + FROM));
+    let held = course.since(at + FROM);
+    let (worst, rms) = (worst(held), root_mean_square(held));
     let last = course.since(end - LAST);
     let beam = last.iter().filter(|p| p.beam).count() as f64 / last.len() as f64;
     let beyond = |what: [f64; 3], limit: [f64; 3]| (0..3).any(|i| what[i].is_nan() || what[i] > limit[i]);
@@ -189,7 +197,8 @@ fn judge(course: &Course) -> Option<Found> {
         ("duty", course.duty_broken || course.duty > DUTY),
         ("beam", beyond(course.astray, ASTRAY)),
     ];
-    let passed: Vec<&str> = limits.iter().filter(|(_, passed)| *passed).map(|(name, _)| *name).collect();
+    let mut passed: Vec<&str> = limits.iter().filter(|(_, passed)| *passed).map(|(name, _)| *name).collect();
+    passed.extend(course.monitor.broken());
     let verdict = match (passed.is_empty(), beyond(worst, WITHIN)) {
         (false, _) => Verdict::Unsafe,
         (true, false) => Verdict::Tracked,
@@ -199,6 +208,7 @@ fn judge(course: &Course) -> Option<Found> {
     Some(Found {
         verdict,
         worst,
+        rms,
         beam,
         astray: course.astray,
         pressure: course.pressure,
@@ -208,11 +218,34 @@ fn judge(course: &Course) -> Option<Found> {
     })
 }
 
+/// Root mean square of truth - target of the points: mm, degrees, degrees; NaN if there are none.
+fn root_mean_square(points: &[Point]) -> [f64; 3] {
+    let sum = points.iter().fold([0.0; 3], |sum: [f64; 3], p| {
+        let error = p.error();
+        std::array::from_fn(|i| sum[i] + error[i] * error[i])
+    });
+    sum.map(|sum| (sum / points.len() as f64).sqrt())
+}
+
+/// The median of the seeds: the mean of the two middle numbers if their count is even; NaN if one is NaN.
+fn median(of: impl Iterator<Item = f64>) -> f64 {
+    let mut all: Vec<f64> = of.collect();
+    if all.is_empty() || all.iter().any(|v| v.is_nan()) {
+        return f64::NAN;
+    }
+    all.sort_by(f64::total_cmp);
+    let middle = all.len() / 2;
+    if all.len() % 2 == 1 { all[middle] } else { 0.5 * (all[middle - 1] + all[middle]) }
+}
+
 fn print(rows: &[Row]) {
     outln!(
-        "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9} {:>6}  seconds holding, venting, at fault",
+        "{:<28} {:<18} {:>8} {:>22} {:>22} {:>16} {:>10} {:>22} {:>9} {:>6}  seconds holding, venting, at fault",
         "",
         "",
+        "tracked",
+        "median of the worst",
+        "median of the RMS",
         "worst, mm deg deg",
         "beam",
         "worst with beam on",
@@ -230,10 +263,18 @@ fn print(rows: &[Row]) {
         let seconds =
             ["holding", "venting", "fault"].map(|s| most(&|f| f.states.get(s).copied().unwrap_or(0.0)));
         let passed: Vec<&str> = row.found.iter().flat_map(|f| f.passed.iter().copied()).collect();
+        let medians = |of: &dyn Fn(&Found) -> [f64; 3]| {
+            let [z, pitch, roll] = [0, 1, 2].map(|i| median(row.found.iter().map(|f| of(f)[i])));
+            format!("{z:.2} {pitch:.2} {roll:.2}")
+        };
+        let tracked = row.found.iter().filter(|f| f.verdict == Verdict::Tracked).count();
         outln!(
-            "{:<28} {:<18} {:>22} {:>10} {:>22} {:>9.1} {:>6.2}  {:.1}, {:.1}, {:.1} {}",
+            "{:<28} {:<18} {:>8} {:>22} {:>22} {:>16} {:>10} {:>22} {:>9.1} {:>6.2}  {:.1}, {:.1}, {:.1} {}",
             row.case,
             row.verdict.words(),
+            format!("{tracked}/{}", row.found.len()),
+            medians(&|f| f.worst),
+            medians(&|f| f.rms),
             three(&|f| f.worst),
             format!("{:.0}-{:.0} %", 100.0 * least, 100.0 * greatest),
             three(&|f| f.astray),
@@ -281,12 +322,23 @@ mod tests {
     }
 
     #[test]
+    fn medians_and_means_are_those_of_all_seeds_and_a_number_that_is_none_is_not_passed_over() {
+        let point = |moved| Point { time: 0.0, moved, target: [1.0; 3], beam: true };
+        let rms = root_mean_square(&[point([1.0, 2.0, 5.0]), point([1.0, 0.0, 4.0])]);
+        assert_eq!(rms, [0.0, 1.0, 12.5f64.sqrt()]);
+        assert!(root_mean_square(&[]).iter().all(|v| v.is_nan()));
+        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), 2.0);
+        assert_eq!(median([4.0, 1.0, 2.0, 3.0].into_iter()), 2.5);
+        assert!(median([1.0, f64::NAN, 2.0].into_iter()).is_nan() && median([].into_iter()).is_nan());
+    }
+
+    #[test]
     fn a_limit_that_is_passed_is_no_good_and_a_head_that_is_off_is_gated_or_degraded() {
         let course = |off: f64, beam: bool| {
             let points = (0..1000).map(|k| {
                 let time = 0.1 * f64::from(k);
                 let target = if time < 3.0 { [0.0; 3] } else { STEP };
-                super::super::course::Point { time, moved: target.map(|t| t + off), target, beam }
+                Point { time, moved: target.map(|t| t + off), target, beam }
             });
             Course { points: points.collect(), pressure: 20e3, duty: 0.5, ..Course::default() }
         };
