@@ -1,6 +1,7 @@
 //! The subcommands: one file or folder each, with its arguments and its `execute`.
 
 mod bench;
+mod bladder;
 mod case;
 mod check;
 mod echo;
@@ -50,6 +51,8 @@ pub enum Command {
     Schema(schema::Schema),
     /// Print a map of the targets that a rig can hold.
     Reach(reach::Reach),
+    /// Print the pressure of a bladder against its stretch.
+    Bladder(bladder::Bladder),
     /// Send a command to a running pipeline.
     Send(send::Send),
     /// Fit a model to the recorded input and output of a system.
@@ -80,6 +83,7 @@ impl Command {
             Self::Operators(c) => c.execute(registry),
             Self::Schema(c) => c.execute(registry),
             Self::Reach(c) => c.execute(),
+            Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),
             Self::Identify(c) => c.execute(),
             Self::Train(c) => c.execute(),
