@@ -8,6 +8,8 @@ use nalgebra::DMatrix;
 pub struct Effect {
     b: DMatrix<f64>,
     inverse: DMatrix<f64>,
+    /// Effect of an outlet, in parts of that of the inlet.
+    outlet: f64,
 }
 
 /// Why bladders cannot control channels.
@@ -57,7 +59,25 @@ impl Effect {
         let square = (&b * b.transpose()).cholesky().filter(|_| ratio > LEAST);
         let Some(square) = square else { return Err(EffectError::Dependent { ratio }) };
         let inverse = b.transpose() * square.inverse();
-        Ok(Self { b, inverse })
+        Ok(Self { b, inverse, outlet: 1.0 })
+    }
+
+    /// The same bladders, with outlets that have this part, above 0, of the effect of the inlets.
+    #[must_use]
+    pub fn with_outlet(self, outlet: f64) -> Self {
+        Self { outlet, ..self }
+    }
+
+    /// Turns net duties of symmetric valves into those of these valves with the same effect, within -1 to 1.
+    pub fn open(&self, net: &mut [f64]) {
+        for v in net.iter_mut().filter(|v| **v < 0.0) {
+            *v = (*v / self.outlet).max(-1.0);
+        }
+    }
+
+    /// Limits net duties of symmetric valves to the effect that these valves can have.
+    pub fn bound(&self, net: &mut [f64]) {
+        net.iter_mut().for_each(|v| *v = v.max(-self.outlet));
     }
 
     /// Channels.
@@ -116,6 +136,21 @@ mod tests {
             let effect = Effect::new(b.clone()).unwrap();
             assert!((b * effect.inverse() - DMatrix::identity(n, n)).norm() < 1e-12);
         }
+    }
+
+    #[test]
+    fn an_outlet_of_half_the_effect_opens_twice_as_far_and_no_farther_than_it_can() {
+        let effect = Effect::new(DMatrix::identity(3, 3)).unwrap();
+        let (mut net, mut far) = ([0.4, -0.2, 0.0], [0.4, -0.8, -1.0]);
+        effect.open(&mut net);
+        assert_eq!(net, [0.4, -0.2, 0.0]);
+        let half = effect.with_outlet(0.5);
+        half.open(&mut net);
+        assert_eq!(net, [0.4, -0.4, 0.0]);
+        half.bound(&mut far);
+        assert_eq!(far, [0.4, -0.5, -0.5]);
+        half.open(&mut far);
+        assert_eq!(far, [0.4, -1.0, -1.0]);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! - `squeeze`: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
 //! - [`tracking`]: the error from it at the time of the pose, and when an order acts
+//! - [`periodic`], [`harmonic`]: breath and nods of the patient, with frequencies that are tracked
 //! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], `identified`: linear-quadratic control with an integrator, and plants that were identified
@@ -23,6 +24,7 @@ pub mod channels;
 pub mod effect;
 pub mod features;
 mod goal;
+pub mod harmonic;
 mod identified;
 pub mod lqi;
 pub mod lstm;
@@ -30,6 +32,7 @@ pub mod lyapunov;
 mod moves;
 pub mod mrac;
 pub mod operators;
+pub mod periodic;
 pub mod pi;
 pub mod predictor;
 pub mod projection;

@@ -10,11 +10,15 @@
 //!
 //! with `t_p` the time of the pose, `v` the net duties, and `d^` what of them makes up for disturbances, such as the
 //! integral of PI: that part moves the head nowhere, so it is no part of the prediction.
+//!
+//! The position that the orders do not explain, `q(t_p) = e(t_p) - integral of (B v - y_m') up to t_p - delay`, is what the
+//! patient does. Its periodic part is learned, if that is asked for, and the speed that a law is to order is y_m' less the
+//! speed of this part.
 
+use crate::harmonic::{CHANNELS, Position};
+use crate::periodic::Periodic;
 use crate::reference::ReferenceModel;
 
-/// Most channels.
-const CHANNELS: usize = 6;
 /// Looks that are remembered: more than a second at a look every 10 ms. Poses older than that are compared with the
 /// oldest.
 const PAST: usize = 128;
@@ -27,6 +31,9 @@ struct Moment {
     model: [f64; CHANNELS],
     /// c, from this look to the next.
     correction: [f64; CHANNELS],
+    /// B v - y_m' from this look to the next, and its integral from the restart to this look.
+    order: [f64; CHANNELS],
+    ordered: [f64; CHANNELS],
 }
 
 /// What a law is to bring to zero, and the speed that it is to have. One number for each channel, in scales and seconds.
@@ -36,7 +43,7 @@ pub struct Errors<'a> {
     pub seen: &'a [f64],
     /// e^, when an order of this moment acts.
     pub predicted: &'a [f64],
-    /// y_m' when an order of this moment acts.
+    /// The speed to order: y_m' when an order of this moment acts, less that of the patient's periodic motion.
     pub speed: &'a [f64],
 }
 
@@ -55,6 +62,9 @@ pub struct Tracking {
     speed: [f64; CHANNELS],
     /// y_m when an order of this moment acts.
     ahead: [f64; CHANNELS],
+    periodic: Option<Periodic>,
+    /// Speed of the periodic motion when an order of this moment acts.
+    motion: [f64; CHANNELS],
 }
 
 impl Tracking {
@@ -72,7 +82,22 @@ impl Tracking {
             predicted: [0.0; CHANNELS],
             speed: [0.0; CHANNELS],
             ahead: [0.0; CHANNELS],
+            periodic: None,
+            motion: [0.0; CHANNELS],
         }
+    }
+
+    /// The same, and it learns the periodic motion of the patient.
+    #[must_use]
+    pub fn with_periodic(self) -> Self {
+        let channels = self.model.at().len();
+        Self { periodic: Some(Periodic::new(channels)), ..self }
+    }
+
+    /// The periodic motion, if it is learned.
+    #[must_use]
+    pub fn periodic(&self) -> Option<&Periodic> {
+        self.periodic.as_ref()
     }
 
     /// Puts the model where the head is, and forgets what was ordered.
@@ -81,6 +106,9 @@ impl Tracking {
         self.clock = 0.0;
         self.known = 0;
         self.remember();
+        if let Some(periodic) = &mut self.periodic {
+            periodic.restart();
+        }
     }
 
     /// Goes on by `dt` seconds towards a target, and compares a pose that is `age` seconds old.
@@ -99,14 +127,33 @@ impl Tracking {
             self.speed[i] = if pole.is_finite() { pole * way } else { 0.0 };
             self.ahead[i] = target[i] - way;
         }
+        self.learn(then, dt);
+    }
+
+    /// Learns from the pose of a time, and takes the speed of the periodic motion off the speed to order.
+    fn learn(&mut self, then: f64, dt: f64) {
+        let n = self.model.at().len();
+        let mut position = Position { time: then, ..Position::default() };
+        for i in 0..n {
+            position.value[i] = self.seen[i] - self.ordered_until(then - self.delay, i);
+            position.model[i] = self.model_at(then, i);
+        }
+        let Some(periodic) = &mut self.periodic else { return };
+        periodic.see(position, &self.seen[..n]);
+        periodic.search(dt);
+        periodic.rates(self.clock + self.delay, &mut self.motion[..n]);
+        for (speed, motion) in self.speed.iter_mut().zip(&self.motion) {
+            *speed -= motion;
+        }
     }
 
     /// Takes notice of what was ordered after the last look: the rates `moved` of the channels by the net duties, and
     /// the part of them that makes up for disturbances.
     pub fn acted(&mut self, moved: &[f64], compensation: &[f64]) {
-        let (speed, correction) = (&self.speed, &mut self.past[self.newest].correction);
+        let moment = &mut self.past[self.newest];
         for (i, (moved, compensation)) in moved.iter().zip(compensation).enumerate() {
-            correction[i] = moved - speed[i] - compensation;
+            moment.correction[i] = moved - self.speed[i] - compensation;
+            moment.order[i] = moved - self.speed[i] - self.motion[i];
         }
     }
 
@@ -131,12 +178,20 @@ impl Tracking {
 
     fn remember(&mut self) {
         // Two looks at one time are one: the later order stands.
+        let mut ordered = self.past[self.newest].ordered;
+        if self.known == 0 {
+            ordered = [0.0; CHANNELS];
+        }
         if self.known == 0 || self.past[self.newest].at < self.clock {
+            let before = &self.past[self.newest];
+            if self.known > 0 {
+                ordered = core::array::from_fn(|i| ordered[i] + before.order[i] * (self.clock - before.at));
+            }
             self.newest = (self.newest + 1) % PAST;
             self.known = (self.known + 1).min(PAST);
         }
         let moment = &mut self.past[self.newest];
-        *moment = Moment { at: self.clock, ..Moment::default() };
+        *moment = Moment { at: self.clock, ordered, ..Moment::default() };
         moment.model[..self.model.at().len()].copy_from_slice(self.model.at());
     }
 
@@ -158,6 +213,18 @@ impl Tracking {
             later = Some(moment);
         }
         later.map_or(0.0, |oldest| oldest.model[channel])
+    }
+
+    /// The integral of B v - y_m' from the restart to a time.
+    fn ordered_until(&self, time: f64, channel: usize) -> f64 {
+        let mut oldest = 0.0;
+        for moment in self.back() {
+            if moment.at <= time {
+                return moment.ordered[channel] + moment.order[channel] * (time - moment.at);
+            }
+            oldest = moment.ordered[channel];
+        }
+        oldest
     }
 
     /// The integral of c from a time on.

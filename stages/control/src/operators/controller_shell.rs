@@ -8,8 +8,9 @@ use stillpoint_samples::{
 };
 
 use crate::channels::{Channel, difference};
+use crate::harmonic::TONES;
 use crate::operators::freshness::Freshness;
-use crate::operators::params::CheckedPlant;
+use crate::operators::params::{CheckedPlant, MOST_BLADDERS, Motion, PlantParams};
 use crate::reference::{ReferenceModel, pole_of_rise};
 use crate::squeeze::Squeeze;
 use crate::tracking::Tracking;
@@ -101,6 +102,8 @@ pub struct ControllerShell {
     target: [f64; 6],
     age: f64,
     metrics: Vec<Metric>,
+    /// Place of the first number about what was learned of patient and valves.
+    learned: usize,
 }
 
 /// Numbers of the diagnostics that every controller sends first.
@@ -137,9 +140,13 @@ impl ControllerShell {
         }
         let mut metrics = vec![Metric::new("age_s", f64::NAN), Metric::new("idle", 1.0)];
         metrics.extend(names.into_iter().map(|name| Metric::new(&name, f64::NAN)));
+        let learned = metrics.len();
+        metrics.extend(learned_names(&plant).iter().map(|name| Metric::new(name, f64::NAN)));
         let model = ReferenceModel::new(pole_of_rise(rise), plant.channels.count());
+        let tracking = Tracking::new(model, plant.delay);
         Ok(Self {
-            tracking: Tracking::new(model, plant.delay),
+            tracking: if plant.motion == Motion::Learned { tracking.with_periodic() } else { tracking },
+            learned,
             resting: true,
             track: None,
             plant,
@@ -157,9 +164,10 @@ impl ControllerShell {
         })
     }
 
-    /// Number of diagnostics, with this many of the law's own.
-    pub const fn metrics(own: usize) -> usize {
-        OWN + own
+    /// Most diagnostics of a controller of this plant, with this many of the law's own.
+    pub fn metrics(plant: &PlantParams, own: usize) -> usize {
+        let learned = if plant.motion == Motion::Learned { TONES + 1 + MOST_BLADDERS } else { 0 };
+        OWN + own + learned
     }
 
     /// The plant.
@@ -251,6 +259,11 @@ impl ControllerShell {
         &self.tracking
     }
 
+    /// Limits net duties to the effect that the valves can have.
+    pub fn bound(&self, net: &mut [f64]) {
+        self.plant.effect.bound(net);
+    }
+
     /// Takes notice of what a law orders, as [`Tracking::acted`] does.
     pub fn acted(&mut self, [moved, compensation]: [&[f64]; 2]) {
         self.tracking.acted(moved, compensation);
@@ -297,8 +310,8 @@ impl ControllerShell {
         self.send(outputs, &DutiesElement::shut(valves, reasons))
     }
 
-    /// Sends net duties of the bladders, each within -1 to 1, with what holds the squeeze. Returns false, and has all valves shut, where one of them
-    /// is no number: the law is lost then.
+    /// Sends net duties of the bladders, each within -1 to 1, with what holds the squeeze. Returns false, and has all
+    /// valves shut, where one of them is not a number: the law is lost then.
     pub fn act(&mut self, outputs: &mut Outputs<'_>, net: &[f64], reasons: u32) -> Result<bool, StepError> {
         if net.iter().any(|v| !v.is_finite()) {
             self.acted_at = None;
@@ -309,6 +322,7 @@ impl ControllerShell {
         let mut duties = DutiesElement { valves: 2 * net.len() as u32, reasons, ..DutiesElement::default() };
         let held = &mut duties.net[..net.len()];
         held.copy_from_slice(net);
+        self.plant.effect.open(held);
         self.squeeze.correct(held);
         duties.saturated = split(held, &mut duties.duty);
         if duties.saturated != 0 {
@@ -318,8 +332,28 @@ impl ControllerShell {
         if seen.iter().zip(&self.plant.error_limit).any(|(error, limit)| error.abs() > *limit) {
             duties.reasons |= DutyReason::TrackingError.bit();
         }
+        self.say_learned();
         self.send(outputs, &duties)?;
         Ok(true)
+    }
+
+    /// Says what was learned, in the order of [`learned_names`].
+    fn say_learned(&mut self) {
+        let mut place = self.metrics[self.learned..].iter_mut();
+        let mut say = |value: f64| {
+            if let Some(metric) = place.next() {
+                metric.value = value;
+            }
+        };
+        if let Some(periodic) = self.tracking.periodic() {
+            (0..TONES).for_each(|tone| say(periodic.frequency(tone).unwrap_or(f64::NAN)));
+            say(periodic.explained());
+            let mut flows = [f64::NAN; MOST_BLADDERS];
+            if let Some(drift) = periodic.drift() {
+                self.plant.effect.duties(&drift[..self.plant.channels.count()], &mut flows);
+            }
+            flows.iter().for_each(|flow| say(*flow));
+        }
     }
 
     fn send(&mut self, outputs: &mut Outputs<'_>, duties: &DutiesElement) -> Result<(), StepError> {
@@ -331,6 +365,17 @@ impl ControllerShell {
         outputs.send::<Duties>(DUTIES, duties)?;
         outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
     }
+}
+
+/// Names of the numbers about what is learned of patient and valves.
+fn learned_names(plant: &CheckedPlant) -> Vec<String> {
+    let mut names = Vec::new();
+    if plant.motion == Motion::Learned {
+        names.extend((1..=TONES).map(|tone| format!("tone_{tone}_hz")));
+        names.push("motion_explained".to_owned());
+        names.extend((0..plant.effect.bladders()).map(|j| format!("unexplained_flow_{j}")));
+    }
+    names
 }
 
 /// The name of a number about a channel, with the channel's unit.

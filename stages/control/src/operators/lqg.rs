@@ -124,7 +124,7 @@ impl Operator for ControlLqg {
     }
 
     fn capacities(params: &LqgParams) -> Vec<usize> {
-        vec![1, ControllerShell::metrics(3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(&params.plant, 3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -158,6 +158,7 @@ impl Operator for ControlLqg {
         self.law.aim(&self.x);
         self.law.feed(&self.feed);
         self.law.step(&self.y, &self.r, &mut self.net);
+        self.shell.bound(&mut self.net);
         let effect = &self.shell.plant().effect;
         let [moved, compensation] = &mut self.moved;
         effect.moved(&self.net, moved);

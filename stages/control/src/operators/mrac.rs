@@ -136,7 +136,7 @@ impl Operator for ControlMrac {
     }
 
     fn capacities(params: &MracParams) -> Vec<usize> {
-        vec![1, ControllerShell::metrics(NAMES.len() + 3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(&params.plant, NAMES.len() + 3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -151,6 +151,7 @@ impl Operator for ControlMrac {
         };
         let errors = self.shell.tracking().errors();
         let learning = self.law.step(self.shell.pose(), self.shell.target(), &errors, dt, &mut self.net);
+        self.shell.bound(&mut self.net);
         self.shell.acted(self.law.moved(&self.net));
         if learning != Learning::On {
             reasons |= DutyReason::Frozen.bit();

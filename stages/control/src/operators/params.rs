@@ -1,8 +1,7 @@
 //! Parameters that controllers share.
 
 use nalgebra::DMatrix;
-use stillpoint_operator::Params;
-use stillpoint_operator::SetupError;
+use stillpoint_operator::{Choice, Params, SetupError};
 
 use crate::channels::{Channel, Channels};
 use crate::effect::Effect;
@@ -108,10 +107,25 @@ pub struct PlantParams {
     /// reference model is predicted over it.
     #[param(unit = "s", default = "30 ms", min = "0 s", max = "500 ms")]
     pub delay: f64,
+    /// Whether the periodic motion of the patient, breath and nods, is learned and answered ahead.
+    #[param(default = "ignored")]
+    pub motion: Motion,
+    /// Effect of an open outlet, in parts of that of the inlet.
+    #[param(default = 1, min = 0.1, max = 2)]
+    pub outlet: f64,
+}
+
+/// Whether the periodic motion of the patient is learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Motion {
+    /// It is not.
+    Ignored,
+    /// Two tones, with frequencies that are tracked.
+    Learned,
 }
 
 /// Most bladders that duties have room for.
-const MOST_BLADDERS: usize = 8;
+pub const MOST_BLADDERS: usize = 8;
 
 /// [`PlantParams`], checked.
 #[derive(Clone, Debug)]
@@ -126,6 +140,8 @@ pub struct CheckedPlant {
     pub delay: f64,
     /// Largest distance of each channel from the reference model, in scales.
     pub error_limit: Vec<f64>,
+    /// Whether the periodic motion is learned.
+    pub motion: Motion,
 }
 
 impl PlantParams {
@@ -151,6 +167,7 @@ impl PlantParams {
         let places: Vec<usize> = channels.iter().map(Channel::place).collect();
         let b = DMatrix::from_fn(places.len(), rates.len(), |i, j| rates[j][places[i]] / scale[i]);
         let effect = Effect::new(b).map_err(|e| said("bladders", &e))?;
-        Ok(CheckedPlant { channels, scale, effect, delay: self.delay, error_limit })
+        let effect = effect.with_outlet(self.outlet);
+        Ok(CheckedPlant { channels, scale, effect, delay: self.delay, error_limit, motion: self.motion })
     }
 }

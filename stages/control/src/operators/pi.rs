@@ -69,7 +69,7 @@ impl Operator for ControlPi {
     }
 
     fn capacities(params: &PiParams) -> Vec<usize> {
-        vec![1, ControllerShell::metrics(3 * params.plant.channels.len())]
+        vec![1, ControllerShell::metrics(&params.plant, 3 * params.plant.channels.len())]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -81,6 +81,7 @@ impl Operator for ControlPi {
             self.law.restart();
         }
         self.law.step(&self.shell.tracking().errors(), dt, &mut self.net);
+        self.shell.bound(&mut self.net);
         self.shell.acted(self.law.moved(&self.net));
         for (i, integral) in self.law.integral().iter().enumerate() {
             let [error, model] = self.shell.error_and_model(i);

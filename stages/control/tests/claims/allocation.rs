@@ -32,6 +32,7 @@ operators:
   mrac: { use: control.mrac, every: 10 ms, inputs: { state: feed.out, target: target.reference } }
   learned: { use: control.mrac, every: 10 ms, inputs: { state: feed.out, target: target.reference }, params: { features: lstm, model: net } }
   squeezing: { use: control.pi, every: 10 ms, inputs: { state: feed.out, target: target.reference }, params: { plant: { channels: [z, roll] } } }
+  answering: { use: control.pi, every: 10 ms, inputs: { state: feed.out, target: target.reference }, params: { plant: { motion: learned, outlet: 0.54 } } }
 ";
 
 /// Lends what was made before, as shared memory does.
@@ -147,6 +148,7 @@ fn steps_of_targets_and_controllers_allocate_nothing() {
     assert_eq!(allocations::<ControlTarget>(&graph, &files, "target", 300), 0);
     assert_eq!(allocations::<ControlPi>(&graph, &files, "pi", 300), 0);
     assert_eq!(allocations::<ControlPi>(&graph, &files, "squeezing", 300), 0);
+    assert_eq!(allocations::<ControlPi>(&graph, &files, "answering", 1200), 0);
     assert_eq!(allocations::<ControlLqg>(&graph, &files, "lqg", 300), 0);
     assert_eq!(allocations::<ControlMrac>(&graph, &files, "mrac", 300), 0);
     assert_eq!(allocations::<ControlMrac>(&graph, &files, "learned", 300), 0);

@@ -52,6 +52,25 @@ fn every_law_brings_a_drifting_head_to_its_target_as_the_reference_model_says() 
 }
 
 #[test]
+fn a_breath_of_any_frequency_is_answered_ahead() {
+    for hertz in [0.19, 0.26] {
+        let head = format!("breath: {hertz} Hz, noise: 0.02 mm, angle_noise: 0.01 deg");
+        for law in ["control.pi", "control.mrac"] {
+            let run = |motion: &str| {
+                let law =
+                    format!("{law}, every: 20 ms, params: {{ rise: 5 s, plant: {{ motion: {motion} }} }}");
+                worst_after(&closed_loop(&head, STEP, &law, 60), 40.0)
+            };
+            let (ignored, learned) = (run("ignored"), run("learned"));
+            println!("{law}, {hertz} Hz: ignored {ignored:.3?}, learned {learned:.3?}, mm and degrees");
+            for i in 0..2 {
+                assert!(learned[i] < 0.4 * ignored[i], "{law}, {hertz} Hz: {ignored:?} {learned:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn every_law_brings_the_head_on_the_rig_to_its_target() {
     for law in LAWS {
         let run = closed_loop("kinetics: rig, noise: 0.1 mm, angle_noise: 0.1 deg", STEP, law, 120);

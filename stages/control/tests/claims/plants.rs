@@ -38,6 +38,9 @@ pub struct HeadParams {
     /// Standard deviation of the angles that are seen.
     #[param(unit = "rad", default = "0 deg")]
     angle_noise: f64,
+    /// Frequency of the breath of the patient: 0.3 mm, and 0.2 degrees of pitch. Only the linear channels breathe.
+    #[param(unit = "Hz", default = "0 Hz")]
+    breath: f64,
     /// Nothing is seen before.
     #[param(unit = "ns", default = "0 s")]
     opens: u64,
@@ -128,6 +131,8 @@ impl Operator for TestHead {
         let began = *self.began.get_or_insert(activation.time);
         let duties = activation.input::<Duties>(0).and_then(|d| d.first().copied()).unwrap_or_default();
         self.body.advance(&duties, 10);
+        let begun = (activation.time - began) as f64 * 1e-9;
+        self.body.breathe(self.params.breath, begun, 0.01);
         if !activation.tick.is_multiple_of(10) {
             return Ok(());
         }
@@ -216,6 +221,14 @@ impl Body {
                 }
             }
         }
+    }
+
+    /// Adds the breath of `dt` seconds from a time on.
+    fn breathe(&mut self, hertz: f64, from: f64, dt: f64) {
+        let Self::Linear(pose) = self else { return };
+        let phase = |time: f64| (std::f64::consts::TAU * hertz * time).sin();
+        let part = phase(from + dt) - phase(from);
+        *pose += Vector3::new(0.3e-3, 0.2_f64.to_radians(), 0.0) * part;
     }
 
     /// Height, pitch and roll.
