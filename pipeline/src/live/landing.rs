@@ -58,7 +58,7 @@ pub enum Inflow {
     /// A transport.
     Link(Box<dyn Receiver>),
     /// The bridge.
-    Bridge(Landing),
+    Bridge(Box<Landing>),
 }
 
 impl Inflow {

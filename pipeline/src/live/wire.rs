@@ -74,7 +74,7 @@ impl LinkReceiver {
             }
             // Both ends are in this run: the samples come over an edge.
             None if node.inputs.iter().any(|i| i.edge.is_some()) => return Ok(None),
-            None => Inflow::Bridge(Landing::open(domain, &contracts::landing(graph, operator))?),
+            None => Inflow::Bridge(Box::new(Landing::open(domain, &contracts::landing(graph, operator))?)),
         };
         let most = if receiver.keeps_waiting() { ONE } else { MOST_DATAGRAMS };
         Ok(Some(Self {
