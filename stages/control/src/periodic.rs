@@ -5,8 +5,8 @@
 //! excitation: noise and a single cough explain less. Trusted tones fade in and out within a second.
 //!
 //! A valve that does nothing breaks the assumption that orders act. Then the orders that answer a tone enlarge it. So tones
-//! have to prove themselves: if the error stays beyond 0.6 of what the tones were before they were answered, they are dropped
-//! for a while.
+//! have to prove themselves: the error is measured at rest before a tone is answered, and tones that do not make it smaller
+//! are dropped for a while.
 
 use core::f64::consts::TAU;
 
@@ -32,17 +32,14 @@ const WORTH: f64 = 0.001;
 const APART: f64 = 0.05;
 /// Time in which a tone fades in or out, s.
 const FADE: f64 = 1.0;
-/// Time for which tones are answered before they are judged, and time constant of the mean, s.
-const PROBATION: f64 = 10.0;
+/// Time for which tones are answered before they are judged, and time constant of the means, s. The error is measured for
+/// as long as the latter before a tone is answered.
+const PROBATION: f64 = 8.0;
 const MEAN: f64 = 4.0;
-/// Squared error, in parts of the squared tones as they were found, above which the tones are dropped.
-const PROOF: f64 = 0.36;
-/// Squared error, in the same parts, below which the tones have proved themselves: then more of a tone is believed.
-const PROVED: f64 = 0.1;
-/// Largest square of the answered tones, in parts of the tones as they were found (projection).
-const LARGEST: f64 = 4.0;
+/// Squared error, in parts of that before the tones were answered, above which the tones are dropped.
+const PROOF: f64 = 0.8;
 /// Time for which dropped tones are not used, s. It doubles each time.
-const BARRED: f64 = 20.0;
+const BARRED: f64 = 8.0;
 /// Change of the model between two samples above which nothing is judged, scales.
 const RESTING: f64 = 2e-3;
 
@@ -62,11 +59,6 @@ enum Search {
     Scan(f64),
     /// A step of the local search: its number, and whether up or down.
     Local { step: usize, up: bool },
-}
-
-/// Mean of the square of a tone over time, of all channels.
-fn mean_square(phasors: &Phasors) -> f64 {
-    phasors.iter().map(|[s, c]| 0.5 * (s * s + c * c)).sum()
 }
 
 /// The tones of a patient's motion.
@@ -89,43 +81,52 @@ pub struct Periodic {
     proof: Proof,
 }
 
-/// Whether the error is smaller than the tones that are answered.
+/// Whether the error becomes smaller when the tones are answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Proof {
-    /// Time for which the tones were answered while the model rested, s.
-    answered: f64,
-    /// Mean of the squared error.
+    /// Mean of the error of each channel, and of the square of the error beside it.
+    mean: [f64; CHANNELS],
     error: f64,
-    /// Mean of the squared tones, as they were before they were answered.
-    tones: f64,
+    /// Time for which the error was measured without answered tones, s.
+    measured: f64,
+    /// The error before tones were answered, and the time for which they were answered, s.
+    before: f64,
+    answered: f64,
     /// Until when no tone is answered, s, and how often tones were dropped.
     until: f64,
     times: i32,
 }
 
 impl Proof {
-    /// Begins again, with one tone more.
-    fn begin(&mut self, found: &Phasors) {
-        *self = Self { answered: 0.0, error: 0.0, tones: self.tones + mean_square(found), ..*self };
+    /// Whether a tone may be answered from a time on.
+    fn permits(&self, time: f64) -> bool {
+        self.measured >= MEAN && time >= self.until
     }
 
-    /// Begins again, without tones.
-    fn end(&mut self) {
+    /// Measures the error again.
+    fn restart(&mut self) {
         *self = Self { until: self.until, times: self.times, ..Self::default() };
     }
 
-    /// Takes a sample, `dt` seconds after the last one, with the squared tones of today. Returns whether the tones have
-    /// to be dropped.
-    fn fails(&mut self, time: f64, dt: f64, error: f64, tones: f64) -> bool {
-        let part = (dt / MEAN).min(1.0);
-        self.answered += dt;
-        self.error += part * (error - self.error);
-        if self.answered > PROBATION && self.error < PROVED * self.tones {
-            self.tones += part * (tones - self.tones);
+    /// Takes the error of a sample, `dt` seconds after the last one. Returns whether the tones have to be dropped.
+    fn fails(&mut self, time: f64, dt: f64, error: &[f64], is_answered: bool) -> bool {
+        // The first seconds have equal weights.
+        let part = (dt / (self.measured + self.answered + dt).min(MEAN)).min(1.0);
+        let mut square = 0.0;
+        for (mean, error) in self.mean.iter_mut().zip(error) {
+            *mean += part * (error - *mean);
+            square += (error - *mean) * (error - *mean);
         }
-        let fails = self.answered > PROBATION && self.error > PROOF * self.tones;
+        self.error += part * (square - self.error);
+        if !is_answered {
+            (self.before, self.answered) = (self.error, 0.0);
+            self.measured += dt;
+            return false;
+        }
+        self.answered += dt;
+        let fails = self.answered > PROBATION && self.error > PROOF * self.before;
         if fails {
-            self.end();
+            self.restart();
             self.until = time + BARRED * libm::ldexp(1.0, self.times.min(6));
             self.times += 1;
         }
@@ -166,10 +167,10 @@ impl Periodic {
         if before.is_some_and(|newest| position.time < newest.time + SPACING) {
             return;
         }
-        self.window.push(position);
         if let Some(before) = before {
             self.judge(&before, &position, error);
         }
+        self.window.push(position);
         let (known, count) = self.known(TONES);
         if self.window.count() >= LEAST
             && let Some(fit) = self.window.fit(&known[..count])
@@ -182,11 +183,13 @@ impl Periodic {
     /// Drops the tones if the error does not become smaller with them.
     fn judge(&mut self, before: &Position, position: &Position, error: &[f64]) {
         let still = before.model.iter().zip(&position.model).all(|(a, b)| (a - b).abs() < RESTING);
-        if !still || !self.tones.iter().any(|tone| tone.part > 0.0) {
+        if !still {
+            // What the bladders do on the way of the model is not the patient's motion. Tones go on as they were.
+            self.window.clear();
             return;
         }
-        let error: f64 = error.iter().map(|e| e * e).sum();
-        if self.proof.fails(position.time, position.time - before.time, error, self.square()) {
+        let is_answered = self.tones.iter().any(|tone| tone.is_trusted || tone.part > 0.0);
+        if self.proof.fails(position.time, position.time - before.time, error, is_answered) {
             self.tones.iter_mut().for_each(|tone| tone.is_trusted = false);
         }
     }
@@ -223,21 +226,13 @@ impl Periodic {
         }
     }
 
-    /// Mean of the square of the tones that are answered.
-    fn square(&self) -> f64 {
-        let answered = self.tones.iter().zip(&self.phasors).filter(|(tone, _)| tone.part > 0.0);
-        answered.map(|(_, phasors)| mean_square(phasors)).sum()
-    }
-
     /// The rates of the periodic motion at a time, in scales per second, as far as they are answered.
     pub fn rates(&self, time: f64, rates: &mut [f64]) {
         rates.fill(0.0);
-        let (square, largest) = (self.square(), LARGEST * self.proof.tones);
-        let within = if square > largest && largest > 0.0 { libm::sqrt(largest / square) } else { 1.0 };
         for (tone, phasors) in self.tones.iter().zip(&self.phasors).filter(|(tone, _)| tone.part > 0.0) {
             let (sin, cos) = libm::sincos(tone.frequency * (time - self.origin));
             for (rate, [s, c]) in rates.iter_mut().zip(phasors) {
-                *rate += within * tone.part * tone.frequency * (s * cos - c * sin);
+                *rate += tone.part * tone.frequency * (s * cos - c * sin);
             }
         }
     }
@@ -295,21 +290,21 @@ impl Periodic {
         let left = with.filter(|_| without > 0.0).map_or(1.0, |fit| fit.left / without);
         let tone = &mut self.tones[self.number];
         let limit = TRUSTED[usize::from(tone.is_trusted)];
-        let is_barred = self.window.newest().is_some_and(|newest| newest.time < self.proof.until);
-        if self.best.0 > 0.0 && left < limit && !is_barred {
-            if let Some(fit) = with.filter(|_| !tone.is_trusted) {
-                self.proof.begin(&fit.phasors[count]);
-            }
+        let permits = |newest: &Position| self.proof.permits(newest.time);
+        let is_permitted = tone.is_trusted || self.number > 0 || self.window.newest().is_some_and(permits);
+        if self.best.0 > 0.0 && left < limit && is_permitted {
             (tone.frequency, tone.is_trusted) = (self.best.0, true);
             self.left = if self.number == 0 { left } else { self.left * left };
             self.begin((self.number + 1) % TONES);
         } else {
-            // The tones behind it were found beside it.
-            self.tones[self.number..].iter_mut().for_each(|tone| tone.is_trusted = false);
             if self.number == 0 {
                 self.left = 1.0;
-                self.proof.end();
+                if tone.is_trusted {
+                    self.proof.restart();
+                }
             }
+            // The tones behind it were found beside it.
+            self.tones[self.number..].iter_mut().for_each(|tone| tone.is_trusted = false);
             self.begin(0);
         }
     }

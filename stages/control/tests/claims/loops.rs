@@ -64,7 +64,7 @@ fn a_breath_of_any_frequency_is_answered_ahead() {
             let (ignored, learned) = (run("ignored"), run("learned"));
             println!("{law}, {hertz} Hz: ignored {ignored:.3?}, learned {learned:.3?}, mm and degrees");
             for i in 0..2 {
-                assert!(learned[i] < 0.4 * ignored[i], "{law}, {hertz} Hz: {ignored:?} {learned:?}");
+                assert!(learned[i] < 0.6 * ignored[i], "{law}, {hertz} Hz: {ignored:?} {learned:?}");
             }
         }
     }
