@@ -11,6 +11,7 @@
 //! - [`evaluation`]: what a dose does to each structure
 //! - `grid`: where the voxels are
 //! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
+//! - [`leaves`]: the fluence as segments of a multileaf collimator
 //! - [`outline`]: the surface of a patient, and files of surfaces
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`occupancy`]: how much of each voxel a structure takes
@@ -31,6 +32,7 @@ pub mod dose;
 pub mod evaluation;
 pub mod fluence;
 mod grid;
+pub mod leaves;
 pub mod metrics;
 pub mod objectives;
 pub mod occupancy;

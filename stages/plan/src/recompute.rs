@@ -33,6 +33,8 @@ pub struct WeightedBeam<'a> {
     pub gantry_deg: f64,
     /// By bixel.
     pub weights: &'a [f64],
+    /// Centres of the bixels, mm, where they are others than the engine's.
+    pub bixels_mm: Option<&'a [[f64; 2]]>,
 }
 
 impl Recompute {
@@ -86,8 +88,10 @@ impl Recompute {
         let mut sum = vec![0.0_f32; self.grid().len()];
         // By as many beams as there may be threads, so that the order of the sum is that of the beams and few are held.
         for some in beams.chunks(threads.get()) {
-            let doses =
-                on_threads(some, threads, |beam| engine.weighted_beam(beam.gantry_deg, beam.weights))?;
+            let doses = on_threads(some, threads, |beam| match beam.bixels_mm {
+                None => engine.weighted_beam(beam.gantry_deg, beam.weights),
+                Some(bixels_mm) => engine.weighted_bixels(beam.gantry_deg, bixels_mm, beam.weights),
+            })?;
             for dose in doses {
                 sum.iter_mut().zip(&dose).for_each(|(sum, dose)| *sum += dose);
             }
@@ -142,7 +146,7 @@ mod tests {
                 let (rows, values) = beam.dose.view().column(j);
                 rows.iter().zip(values).for_each(|(r, v)| expected[*r as usize] += weight * f64::from(*v));
             }
-            let beams = [WeightedBeam { gantry_deg: angle, weights: &weights }];
+            let beams = [WeightedBeam { gantry_deg: angle, weights: &weights, bixels_mm: None }];
             let found = recompute.dose(&beams, shift, NonZeroUsize::MIN).unwrap();
             let largest = expected.iter().fold(0.0, |a, b| f64::max(a, *b));
             let off = found.iter().zip(&expected).map(|(f, e)| (f64::from(*f) - e).abs()).fold(0.0, f64::max);
@@ -162,12 +166,12 @@ mod tests {
         let beams: Vec<WeightedBeam<'_>> = weights
             .iter()
             .enumerate()
-            .map(|(i, weights)| WeightedBeam { gantry_deg: 40.0 * i as f64, weights })
+            .map(|(i, weights)| WeightedBeam { gantry_deg: 40.0 * i as f64, weights, bixels_mm: None })
             .collect();
         let dose =
             |threads: usize| recompute.dose(&beams, [0.0; 3], NonZeroUsize::new(threads).unwrap()).unwrap();
         assert_eq!(dose(1), dose(3));
-        let wrong = [WeightedBeam { gantry_deg: 0.0, weights: &[1.0] }];
+        let wrong = [WeightedBeam { gantry_deg: 0.0, weights: &[1.0], bixels_mm: None }];
         let fault = recompute.dose(&wrong, [0.0; 3], NonZeroUsize::MIN).unwrap_err();
         assert!(matches!(fault, DoseError::Weights { found: 1, .. }), "{fault}");
     }

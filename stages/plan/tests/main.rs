@@ -6,4 +6,5 @@ mod beams;
 mod case;
 mod dose;
 mod fluence;
+mod leaves;
 mod plans;

@@ -3,6 +3,7 @@
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::file::{self, BeamFile, BeamFileError, Key};
+use super::machine::MachineFile;
 use crate::Rows;
 use crate::threads::on_threads;
 use sha2::{Digest, Sha256};
@@ -197,10 +198,9 @@ fn engine_key(engine: &DoseEngine) -> Key {
     };
     part(METHOD);
     // Debug output of numbers is exact: the shortest text that reads back as the same number.
-    part(
-        format!("{:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}", machine.file())
-            .as_bytes(),
-    );
+    // Doses of bixels are those of the open field: they do not depend on the leaves.
+    let open = MachineFile { collimator: None, ..machine.file().clone() };
+    part(format!("{open:?} {params:?} {isocentre_mm:?} {image_spacing_mm:?} {shift_mm:?}").as_bytes());
     // The doses of patients who lie head first and supine keep the names of their files.
     if !position.is_default() {
         part(position.term().as_bytes());

@@ -17,7 +17,23 @@ impl DoseEngine {
     ///
     /// Errors: an angle out of range, or weights that are not as many as the bixels.
     pub fn weighted_beam(&self, gantry_deg: f64, weights: &[f64]) -> Result<Vec<f32>, DoseError> {
-        let aim = Aim::new(self, self.checked_angle(gantry_deg)?)?;
+        self.dose_of(Aim::new(self, self.checked_angle(gantry_deg)?)?, gantry_deg, weights)
+    }
+
+    /// Dose of a beam like that of [`DoseEngine::weighted_beam`], of bixels with these centres (x and z on the isocentre
+    /// plane, mm) instead of those that the target needs.
+    pub fn weighted_bixels(
+        &self,
+        gantry_deg: f64,
+        bixels_mm: &[[f64; 2]],
+        weights: &[f64],
+    ) -> Result<Vec<f32>, DoseError> {
+        let mut aim = Aim::new(self, self.checked_angle(gantry_deg)?)?;
+        aim.bixels_mm = bixels_mm.to_vec();
+        self.dose_of(aim, gantry_deg, weights)
+    }
+
+    fn dose_of(&self, aim: Aim, gantry_deg: f64, weights: &[f64]) -> Result<Vec<f32>, DoseError> {
         let (found, expected) = (weights.len(), aim.bixels_mm.len());
         if found != expected {
             return Err(DoseError::Weights { gantry_deg, expected, found });

@@ -15,6 +15,7 @@
 //! distance at 100 mm depth, seen on the isocentre plane, so it grows as the skin comes nearer to the source. One unit of
 //! weight on all of a 100 mm field gives 1 Gy at the isocentre, 100 mm deep in water with the skin at 900 mm.
 
+use super::collimator::Collimator;
 use super::machine::{COMPONENTS, MachineFile};
 
 const M_PER_MM: f64 = 0.0051;
@@ -62,6 +63,7 @@ impl MachineFile {
             ssd_mm,
             // Thomas, Br. J. Radiol. 72 (1999) 781: 1 + HU/1000 up to 100, then 1.052 + 0.00048 HU.
             hu_to_density: vec![[-1000.0, 0.0], [100.0, 1.1], [3000.0, 2.492]],
+            collimator: Some(Collimator::generic()),
         }
     }
 }

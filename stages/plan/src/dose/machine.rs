@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::collimator::Collimator;
+
 /// A photon beam of a linear accelerator, as the file writes it.
 ///
 /// Dose per unit fluence is a sum of components, each a depth dose times a lateral kernel (Bortfeld, Schlegel, Rhein,
@@ -34,6 +36,9 @@ pub struct MachineFile {
     pub kernels_per_mm2: Vec<Vec<Vec<f64>>>,
     /// Relative electron density over Hounsfield units.
     pub hu_to_density: Vec<[f64; 2]>,
+    /// The multileaf collimator; without one, fluences are not sequenced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub collimator: Option<Collimator>,
 }
 
 /// A machine that holds together. Only this one computes dose.
@@ -136,6 +141,7 @@ impl Machine {
                 }
             }
         }
+        file.collimator.iter().try_for_each(Collimator::check)?;
         Ok(Self(file))
     }
 
@@ -171,7 +177,7 @@ impl Machine {
     }
 }
 
-fn in_range(
+pub(super) fn in_range(
     field: &'static str,
     value: f64,
     range: std::ops::RangeInclusive<f64>,
@@ -180,7 +186,7 @@ fn in_range(
     if range.contains(&value) { Ok(()) } else { Err(MachineError::Number { field, value, must }) }
 }
 
-fn size(
+pub(super) fn size(
     field: &'static str,
     found: usize,
     range: std::ops::RangeInclusive<usize>,
@@ -196,7 +202,7 @@ fn size(
     Err(MachineError::Size { field, found, must })
 }
 
-fn rising(field: &'static str, values: &[f64]) -> Result<(), MachineError> {
+pub(super) fn rising(field: &'static str, values: &[f64]) -> Result<(), MachineError> {
     size(field, values.len(), TABLE)?;
     for &value in values {
         in_range(field, value, -1e5..=1e5, "a number between -100000 and 100000")?;
@@ -246,6 +252,7 @@ mod tests {
             ssd_mm: vec![900.0],
             kernels_per_mm2: vec![vec![vec![1.0, 0.0]]; 3],
             hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
+            collimator: None,
         }
     }
 

@@ -4,6 +4,7 @@
 //! three kernels, each with a depth dose of its own, over the water that lies between the source and the voxel.
 //!
 //! - `machine`: the machine file; `generic`: the machine that comes with the project
+//! - `collimator`: the leaves of the machine
 //! - `engine`: a patient made ready; [`DoseEngine`] gives the dose of any beam
 //! - `beam`: one beam, bixel by bixel
 //! - `delivered`: the dose of a weighted beam, without a matrix
@@ -19,6 +20,7 @@
 mod beam;
 mod bixels;
 mod cache;
+mod collimator;
 mod delivered;
 pub(crate) mod density;
 mod depth;
@@ -35,6 +37,7 @@ mod siddon;
 pub use beam::BeamInfluence;
 pub use bixels::{BixelCentre, BixelSpec};
 pub use cache::{CacheError, CachedBeam, DoseCache, Origin};
+pub use collimator::Collimator;
 pub use engine::{Anatomy, DoseEngine, DoseParams, Fluence};
 pub use error::DoseError;
 pub use file::{BeamFile, BeamFileError};

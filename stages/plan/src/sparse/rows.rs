@@ -87,6 +87,24 @@ impl Rows {
         Ok(Self { columns, starts, column, value })
     }
 
+    /// The matrix of these rows: columns that rise, with their values.
+    pub(crate) fn from_rows(
+        columns: usize,
+        rows: impl Iterator<Item = Vec<(u16, f32)>>,
+    ) -> Result<Self, RowsError> {
+        let (mut starts, mut column, mut value) = (vec![0], Vec::new(), Vec::new());
+        for row in rows {
+            for (c, v) in row {
+                column.push(c);
+                value.push(v);
+            }
+            let large = |_| RowsError::Large { columns, entries: value.len() };
+            starts.push(u32::try_from(value.len()).map_err(large)?);
+        }
+        let rows = Self { columns, starts, column, value };
+        rows.view().check().map(|()| rows)
+    }
+
     /// The matrix, borrowed.
     pub fn view(&self) -> RowsRef<'_> {
         RowsRef { columns: self.columns, starts: &self.starts, column: &self.column, value: &self.value }

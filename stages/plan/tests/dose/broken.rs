@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
-use stillpoint_plan::dose::{DoseParams, Machine, MachineFile};
+use stillpoint_plan::dose::{Collimator, DoseParams, Machine, MachineFile};
 
 fn small() -> MachineFile {
     MachineFile {
@@ -21,6 +21,7 @@ fn small() -> MachineFile {
         ssd_mm: vec![900.0, 950.0],
         kernels_per_mm2: vec![vec![vec![1.0, 0.1, 0.0]; 2]; 3],
         hu_to_density: vec![[-1000.0, 0.0], [0.0, 1.0], [1000.0, 1.5]],
+        collimator: Some(Collimator::generic()),
     }
 }
 

@@ -1,0 +1,174 @@
+//! Leaf sequencing of the beams of a plan.
+
+use super::engel::{Shape, divide};
+use super::influence::{Passed, of_segments};
+use super::map::{LeafMap, LeavesError};
+use super::price::{slopes, steepest};
+use super::segment::LeafBeam;
+use crate::dose::Collimator;
+use crate::fluence::{Goals, Options, Plan, solve_plan};
+use crate::{Rows, RowsError, Setups};
+
+/// Accuracy of the weights of segments.
+const ACCURACY: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
+
+/// A beam with its fluence.
+#[derive(Clone, Debug)]
+pub struct FluenceBeam<'a> {
+    /// Its dose matrices, one for each set-up.
+    pub doses: Setups<'a>,
+    /// Centres of its bixels, mm.
+    pub bixels_mm: &'a [[f64; 2]],
+    /// Their weights.
+    pub weights: &'a [f64],
+}
+
+/// How fluences are sequenced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeafOptions {
+    /// Width of a bixel, mm.
+    pub width_mm: f64,
+    /// Levels of each beam.
+    pub levels: u32,
+    /// Segments are added by price until the objective is this part above that of the fluence.
+    pub loss: f64,
+    /// Most segments of a beam.
+    pub most_segments: usize,
+    /// Least weight of a segment; lighter ones are left out.
+    pub least_weight: f64,
+}
+
+/// A plan in segments.
+#[derive(Clone, Debug)]
+pub struct Sequenced {
+    /// The segments of each beam; nothing for a beam without fluence.
+    pub beams: Vec<Option<LeafBeam>>,
+    /// The weights of all segments, with doses and certificate.
+    pub plan: Plan,
+    /// Objective of the segments of the levels with optimised weights, behind leaves that let nothing through.
+    pub divided: f64,
+    /// The same after segments were added by price.
+    pub opaque: f64,
+    /// Segments that were added by price.
+    pub added: usize,
+}
+
+/// A beam while its segments change.
+struct Growing<'a> {
+    beam: &'a FluenceBeam<'a>,
+    map: LeafMap,
+    shapes: Vec<(f64, Shape)>,
+}
+
+/// The fluences as segments of the collimator; `objective` is that of the fluences.
+pub fn sequence(
+    goals: &Goals,
+    beams: &[FluenceBeam<'_>],
+    collimator: &Collimator,
+    objective: f64,
+    options: LeafOptions,
+) -> Result<Sequenced, LeavesError> {
+    let mut growing = Vec::new();
+    for beam in beams {
+        let map = LeafMap::new(collimator, beam.bixels_mm, beam.weights, options.width_mm)?;
+        growing.push(map.map(|map| Growing::new(beam, map, options.levels)).transpose()?);
+    }
+    let closed = Collimator { transmission: 0.0, ..collimator.clone() };
+    let mut plan = solved(goals, &mut growing, &closed)?;
+    let divided = plan.certificate.objective;
+    let mut added = 0;
+    while plan.certificate.objective > (1.0 + options.loss) * objective {
+        let before = plan.certificate.objective;
+        let mut grown = 0;
+        for beam in growing.iter_mut().flatten() {
+            grown += usize::from(beam.grow(goals, &plan, &closed, options.most_segments));
+        }
+        if grown == 0 {
+            break;
+        }
+        added += grown;
+        plan = solved(goals, &mut growing, &closed)?;
+        if plan.certificate.objective > before * (1.0 - 1e-4) {
+            break;
+        }
+    }
+    let opaque = plan.certificate.objective;
+    growing.iter_mut().flatten().for_each(|beam| {
+        beam.thin(0.0);
+    });
+    if collimator.transmission > 0.0 {
+        plan = solved(goals, &mut growing, collimator)?;
+    }
+    // Each round leaves at least one segment out, so it ends.
+    while growing.iter_mut().flatten().map(|beam| beam.thin(options.least_weight)).sum::<usize>() > 0 {
+        plan = solved(goals, &mut growing, collimator)?;
+    }
+    let beams =
+        growing.iter().map(|beam| LeafBeam::new(collimator, &beam.as_ref()?.map, &beam.as_ref()?.shapes));
+    Ok(Sequenced { beams: beams.collect(), plan, divided, opaque, added })
+}
+
+impl<'a> Growing<'a> {
+    fn new(beam: &'a FluenceBeam<'a>, map: LeafMap, levels: u32) -> Result<Self, LeavesError> {
+        let levels = map.levels(levels)?;
+        let shapes = divide(&levels.levels, levels.columns);
+        let shapes =
+            shapes.into_iter().map(|(units, shape)| (f64::from(units) * levels.unit, shape)).collect();
+        Ok(Self { beam, map, shapes })
+    }
+
+    /// Adds the segment of the steepest slope, at weight 0; false where none lessens the objective or there are enough.
+    fn grow(&mut self, goals: &Goals, plan: &Plan, collimator: &Collimator, most: usize) -> bool {
+        let carrying = self.shapes.iter().filter(|(weight, _)| *weight > 0.0).count();
+        if carrying >= most {
+            return false;
+        }
+        let slopes = slopes(goals, plan, &self.beam.doses);
+        let steepest = steepest(collimator, &self.map, self.beam.bixels_mm, &slopes);
+        let Some((_, shape)) = steepest.filter(|(_, shape)| self.shapes.iter().all(|(_, s)| s != shape))
+        else {
+            return false;
+        };
+        self.shapes.push((0.0, shape));
+        true
+    }
+
+    /// Leaves out the segments of less weight, and says how many.
+    fn thin(&mut self, least: f64) -> usize {
+        let before = self.shapes.len();
+        self.shapes.retain(|(weight, _)| *weight > 0.0 && *weight >= least);
+        before - self.shapes.len()
+    }
+
+    /// Dose of its segments by weight.
+    fn doses(&self, goals: &Goals, collimator: &Collimator) -> Result<Rows, RowsError> {
+        let segments = self.shapes.len();
+        let beam = LeafBeam::new(collimator, &self.map, &self.shapes);
+        let mut parts = Vec::with_capacity(segments * self.beam.bixels_mm.len());
+        for bixel in self.beam.bixels_mm {
+            for at in 0..segments {
+                let passed = |b: &LeafBeam| b.passed(collimator, &b.segments[at], *bixel, self.map.width_mm);
+                parts.push(beam.as_ref().map_or(0.0, passed) as f32);
+            }
+        }
+        of_segments(&self.beam.doses, goals.voxels(), &Passed { segments, parts })
+    }
+}
+
+/// Solves for the weights of all segments from those that they have, and gives them theirs.
+fn solved(
+    goals: &Goals,
+    growing: &mut [Option<Growing<'_>>],
+    collimator: &Collimator,
+) -> Result<Plan, LeavesError> {
+    let matrices: Result<Vec<Rows>, RowsError> =
+        growing.iter().flatten().map(|beam| beam.doses(goals, collimator)).collect();
+    let matrices = matrices?;
+    let setups: Vec<Setups<'_>> = matrices.iter().map(|m| m.view().into()).collect();
+    let start: Vec<f64> =
+        growing.iter().flatten().flat_map(|beam| beam.shapes.iter().map(|(weight, _)| *weight)).collect();
+    let plan = solve_plan(&goals.problem(&setups)?, Some(&start), ACCURACY)?;
+    let shapes = growing.iter_mut().flatten().flat_map(|beam| beam.shapes.iter_mut());
+    shapes.zip(&plan.weights).for_each(|((weight, _), solved)| *weight = *solved);
+    Ok(plan)
+}

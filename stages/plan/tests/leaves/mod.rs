@@ -1,0 +1,4 @@
+//! Leaf sequencing: of drawn fluences, and of plans.
+
+mod maps;
+mod plans;
