@@ -1,4 +1,4 @@
-//! DICOM in and out: CT and RTSTRUCT to cases, RTPLAN and RTDOSE of plans.
+//! DICOM in and out: CT and RTSTRUCT to cases, RTPLAN, RTDOSE and RTSTRUCT of plans.
 //!
 //! Read: single-frame axial CT, little endian, uncompressed, RLE or JPEG lossless, of patients head or feet first, supine
 //! or prone; structure sets of closed planar contours. What differs is refused with the file and the tag. No patient's
@@ -19,9 +19,10 @@
 //! - `find`: the images and structure sets in a folder
 //! - `import`: a folder to a case
 //! - `identity`: whose plan it is, read again at export and never kept
-//! - `write`: what RTPLAN and RTDOSE share
+//! - `write`: what RTPLAN, RTDOSE and RTSTRUCT share
 //! - `plan`: RTPLAN
 //! - `dose`: RTDOSE
+//! - `structures`: RTSTRUCT, by the `outlines` of masks
 
 #![forbid(unsafe_code)]
 
@@ -34,6 +35,7 @@ mod identity;
 mod import;
 mod layout;
 mod names;
+mod outlines;
 mod pixels;
 mod plan;
 mod raster;
@@ -41,6 +43,7 @@ mod repertoire;
 mod roi;
 mod series;
 mod slice;
+mod structures;
 mod told;
 mod write;
 
@@ -50,9 +53,10 @@ pub use element::TagError;
 pub use identity::Identity;
 pub use import::{ImportError, Request, import_folder};
 pub use layout::LayoutError;
-pub use plan::{Beam, Machine, Plan, plan_file};
+pub use plan::{Beam, LeafSegment, Machine, Plan, plan_file};
 pub use raster::{Beyond, Contour, ContourKind, Drawn, Rastered, rasterise};
 pub use roi::{Roi, Rois};
 pub use series::{SeriesError, Volume, volume};
 pub use slice::Slice;
+pub use structures::structure_file;
 pub use write::{Export, ExportError, Exported, uids_of};

@@ -1,4 +1,4 @@
-//! RTPLAN: beams, without the sequence of a collimator.
+//! RTPLAN: beams, each with the step-and-shoot segments of its collimator, or without any.
 
 use dicom_core::VR;
 use dicom_dictionary_std::{tags, uids};
@@ -9,6 +9,12 @@ use crate::write::{Export, ExportError, Exported, Writer, fitting};
 /// What every reader of the plan must know.
 const NOT_SEQUENCED: &str =
     "Research only. The fluence is not sequenced for a collimator: this plan cannot be delivered.";
+
+/// The same of a plan in segments.
+const SEQUENCED: &str = "Research only. The segments are for step and shoot. Their monitor units are those of a generic \
+     beam model, not of a measured machine.";
+/// Farthest from the axis that a tip of a leaf can be, mm.
+const FARTHEST_MM: f64 = 1000.0;
 
 /// What turns, and with what energy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +40,17 @@ pub struct Beam {
     pub weight: f64,
     /// Edges of the smallest rectangle around its bixels in the isocentre plane, mm: IEC beam limiting device x, then y.
     pub field_mm: [[f64; 2]; 2],
+    /// Its segments, in the order in which they are given; none in a plan without leaves.
+    pub segments: Vec<LeafSegment>,
+}
+
+/// One segment of a beam.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeafSegment {
+    /// Tips of every leaf pair in the isocentre plane, those at lower x first, mm.
+    pub tips_mm: Vec<[f64; 2]>,
+    /// Monitor units in one fraction.
+    pub monitor_units: f64,
 }
 
 /// A plan.
@@ -49,16 +66,19 @@ pub struct Plan<'a> {
     pub fractions: u32,
     /// How the patient lies.
     pub position: PatientPosition,
+    /// Edges of the leaf pairs along y of the collimator, mm, rising; none where the fluence is not sequenced. With edges
+    /// every beam has segments, and its weight is not written.
+    pub leaf_edges_mm: &'a [f64],
     /// Its beams.
     pub beams: &'a [Beam],
 }
 
-/// The RTPLAN file of this plan. It says in it that the fluence is not sequenced for a collimator.
+/// The RTPLAN file of this plan. Without leaves it says in it that the fluence is not sequenced for a collimator.
 pub fn plan_file(export: &Export<'_>, plan: &Plan<'_>) -> Result<Exported, ExportError> {
     let mut file = Writer::default();
     file.belongs(export, uids::RT_PLAN_STORAGE, "RTPLAN");
     file.put(tags::RT_PLAN_LABEL, VR::SH, fitting("label of a plan", plan.label, 16)?);
-    file.put(tags::RT_PLAN_DESCRIPTION, VR::ST, NOT_SEQUENCED);
+    file.put(tags::RT_PLAN_DESCRIPTION, VR::ST, plan.says());
     file.empty(tags::RT_PLAN_DATE, VR::DA).empty(tags::RT_PLAN_TIME, VR::TM);
     file.put(tags::PLAN_INTENT, VR::CS, "RESEARCH").put(tags::RT_PLAN_GEOMETRY, VR::CS, "PATIENT");
     file.put(tags::APPROVAL_STATUS, VR::CS, "UNAPPROVED");
@@ -76,7 +96,7 @@ pub fn plan_file(export: &Export<'_>, plan: &Plan<'_>) -> Result<Exported, Expor
     let mut setup = Writer::default();
     setup.whole(tags::PATIENT_SETUP_NUMBER, 1).put(tags::PATIENT_POSITION, VR::CS, plan.position.term());
     file.sequence(tags::PATIENT_SETUP_SEQUENCE, vec![setup]);
-    let beams = plan.beams.iter().enumerate().map(|(i, b)| beam(i + 1, b, &plan.machine));
+    let beams = plan.beams.iter().enumerate().map(|(i, b)| beam(i + 1, b, plan));
     file.sequence(tags::BEAM_SEQUENCE, beams.collect::<Result<_, _>>()?);
     file.finish(uids::RT_PLAN_STORAGE)
 }
@@ -104,20 +124,42 @@ fn fraction_group(plan: &Plan<'_>) -> Result<Writer, ExportError> {
     group.whole(tags::FRACTION_GROUP_NUMBER, 1);
     group.whole(tags::NUMBER_OF_FRACTIONS_PLANNED, plan.fractions as usize);
     group.whole(tags::NUMBER_OF_BEAMS, plan.beams.len()).whole(tags::NUMBER_OF_BRACHY_APPLICATION_SETUPS, 0);
-    let references = (1..=plan.beams.len()).map(|number| {
+    let references = plan.beams.iter().enumerate().map(|(i, beam)| {
         let mut item = Writer::default();
-        item.whole(tags::REFERENCED_BEAM_NUMBER, number);
-        item
+        if plan.has_leaves() {
+            item.decimals(tags::BEAM_METERSET, &[monitor_units(beam)?]);
+        }
+        item.whole(tags::REFERENCED_BEAM_NUMBER, i + 1);
+        Ok(item)
     });
-    group.sequence(tags::REFERENCED_BEAM_SEQUENCE, references.collect());
+    group.sequence(tags::REFERENCED_BEAM_SEQUENCE, references.collect::<Result<_, ExportError>>()?);
     Ok(group)
 }
 
-fn beam(number: usize, beam: &Beam, machine: &Machine<'_>) -> Result<Writer, ExportError> {
+impl Plan<'_> {
+    fn has_leaves(&self) -> bool {
+        !self.leaf_edges_mm.is_empty()
+    }
+
+    fn says(&self) -> &'static str {
+        if self.has_leaves() { SEQUENCED } else { NOT_SEQUENCED }
+    }
+}
+
+/// Monitor units of a beam in one fraction.
+fn monitor_units(beam: &Beam) -> Result<f64, ExportError> {
+    for segment in &beam.segments {
+        positive("a number of monitor units", segment.monitor_units)?;
+    }
+    positive("a number of monitor units", beam.segments.iter().map(|s| s.monitor_units).sum())
+}
+
+fn beam(number: usize, beam: &Beam, plan: &Plan<'_>) -> Result<Writer, ExportError> {
+    let machine = &plan.machine;
     let mut item = Writer::default();
     item.whole(tags::BEAM_NUMBER, number);
     item.put(tags::BEAM_NAME, VR::LO, fitting("name of a beam", &beam.name, 64)?);
-    item.put(tags::BEAM_DESCRIPTION, VR::ST, NOT_SEQUENCED);
+    item.put(tags::BEAM_DESCRIPTION, VR::ST, plan.says());
     item.put(tags::BEAM_TYPE, VR::CS, "STATIC").put(tags::RADIATION_TYPE, VR::CS, "PHOTON");
     item.put(tags::TREATMENT_MACHINE_NAME, VR::SH, fitting("name of a machine", machine.name, 16)?);
     item.put(tags::TREATMENT_DELIVERY_TYPE, VR::CS, "TREATMENT").put(
@@ -134,23 +176,104 @@ fn beam(number: usize, beam: &Beam, machine: &Machine<'_>) -> Result<Writer, Exp
         device.put(tags::RT_BEAM_LIMITING_DEVICE_TYPE, VR::CS, kind).whole(tags::NUMBER_OF_LEAF_JAW_PAIRS, 1);
         device
     };
-    item.sequence(tags::BEAM_LIMITING_DEVICE_SEQUENCE, vec![device("ASYMX"), device("ASYMY")]);
+    let mut devices = vec![device("ASYMX"), device("ASYMY")];
+    devices.extend(leaves(plan.leaf_edges_mm)?);
+    item.sequence(tags::BEAM_LIMITING_DEVICE_SEQUENCE, devices);
     for none in
         [tags::NUMBER_OF_WEDGES, tags::NUMBER_OF_COMPENSATORS, tags::NUMBER_OF_BOLI, tags::NUMBER_OF_BLOCKS]
     {
         item.whole(none, 0);
     }
-    item.whole(tags::REFERENCED_PATIENT_SETUP_NUMBER, 1).whole(tags::NUMBER_OF_CONTROL_POINTS, 2);
-    let weight = positive("a weight of a beam", beam.weight)?;
-    item.decimals(tags::FINAL_CUMULATIVE_METERSET_WEIGHT, &[weight]);
-    let mut end = Writer::default();
-    end.whole(tags::CONTROL_POINT_INDEX, 1).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[weight]);
-    item.sequence(tags::CONTROL_POINT_SEQUENCE, vec![start(beam, machine)?, end]);
+    item.whole(tags::REFERENCED_PATIENT_SETUP_NUMBER, 1);
+    let (last, points) = if plan.has_leaves() { shot(beam, plan)? } else { even(beam, machine)? };
+    item.whole(tags::NUMBER_OF_CONTROL_POINTS, points.len());
+    item.decimals(tags::FINAL_CUMULATIVE_METERSET_WEIGHT, &[last]);
+    item.sequence(tags::CONTROL_POINT_SEQUENCE, points);
     Ok(item)
 }
 
+/// The multileaf collimator, where there is one.
+fn leaves(edges_mm: &[f64]) -> Result<Option<Writer>, ExportError> {
+    if edges_mm.is_empty() {
+        return Ok(None);
+    }
+    let rising = edges_mm.windows(2).all(|pair| pair[0] < pair[1]);
+    let near = edges_mm.iter().all(|edge| edge.abs() <= FARTHEST_MM);
+    if !(rising && near && edges_mm.len() > 1) {
+        let why = "edges must rise within 1 m of the axis, one more than there are pairs";
+        return Err(ExportError::Number { what: "an edge of a leaf", value: edges_mm[0], why });
+    }
+    let mut device = Writer::default();
+    device.put(tags::RT_BEAM_LIMITING_DEVICE_TYPE, VR::CS, "MLCX");
+    device.whole(tags::NUMBER_OF_LEAF_JAW_PAIRS, edges_mm.len() - 1);
+    device.decimals(tags::LEAF_POSITION_BOUNDARIES, edges_mm);
+    Ok(Some(device))
+}
+
+/// Final weight and control points of a beam whose fluence is not sequenced.
+fn even(beam: &Beam, machine: &Machine<'_>) -> Result<(f64, Vec<Writer>), ExportError> {
+    let weight = positive("a weight of a beam", beam.weight)?;
+    let mut end = Writer::default();
+    end.whole(tags::CONTROL_POINT_INDEX, 1).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[weight]);
+    Ok((weight, vec![start(beam, machine, None)?, end]))
+}
+
+/// Final weight and control points of segments: two for each, between which its monitor units are given. The leaves move
+/// between the second of one and the first of the next.
+fn shot(beam: &Beam, plan: &Plan<'_>) -> Result<(f64, Vec<Writer>), ExportError> {
+    let whole = monitor_units(beam)?;
+    let (mut given, mut points) = (0.0, Vec::new());
+    for (number, segment) in beam.segments.iter().enumerate() {
+        let leaves = positions(segment, plan.leaf_edges_mm)?;
+        let begin = match number {
+            0 => start(beam, &plan.machine, Some(leaves))?,
+            _ => {
+                let mut point = Writer::default();
+                point.whole(tags::CONTROL_POINT_INDEX, 2 * number);
+                point.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[given / whole]);
+                point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, vec![leaves]);
+                point
+            }
+        };
+        given += segment.monitor_units;
+        // The last is 1 to the digit, whatever the sum.
+        let until = if number + 1 == beam.segments.len() { 1.0 } else { given / whole };
+        let mut end = Writer::default();
+        end.whole(tags::CONTROL_POINT_INDEX, 2 * number + 1);
+        end.decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[until]);
+        end.sequence(
+            tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE,
+            vec![positions(segment, plan.leaf_edges_mm)?],
+        );
+        points.extend([begin, end]);
+    }
+    Ok((1.0, points))
+}
+
+/// Where the leaves stand: all tips at lower x, then all at higher x.
+fn positions(segment: &LeafSegment, edges_mm: &[f64]) -> Result<Writer, ExportError> {
+    if segment.tips_mm.len() + 1 != edges_mm.len() {
+        let why = "each leaf pair needs the places of its tips";
+        return Err(ExportError::Number {
+            what: "a number of leaf pairs",
+            value: segment.tips_mm.len() as f64,
+            why,
+        });
+    }
+    let good = |[low, high]: &[f64; 2]| low <= high && low.abs().max(high.abs()) <= FARTHEST_MM;
+    if let Some([low, _]) = segment.tips_mm.iter().find(|tips| !good(tips)) {
+        let why = "tips must not overlap and must be within 1 m of the axis";
+        return Err(ExportError::Number { what: "a place of a leaf", value: *low, why });
+    }
+    let both: Vec<f64> = (0..2).flat_map(|bank| segment.tips_mm.iter().map(move |tips| tips[bank])).collect();
+    let mut leaves = Writer::default();
+    leaves.put(tags::RT_BEAM_LIMITING_DEVICE_TYPE, VR::CS, "MLCX");
+    leaves.decimals(tags::LEAF_JAW_POSITIONS, &both);
+    Ok(leaves)
+}
+
 /// The control point that places the beam.
-fn start(beam: &Beam, machine: &Machine<'_>) -> Result<Writer, ExportError> {
+fn start(beam: &Beam, machine: &Machine<'_>, leaves: Option<Writer>) -> Result<Writer, ExportError> {
     let mut point = Writer::default();
     point.whole(tags::CONTROL_POINT_INDEX, 0).decimals(tags::CUMULATIVE_METERSET_WEIGHT, &[0.0]);
     point.decimals(tags::NOMINAL_BEAM_ENERGY, &[positive("an energy", machine.energy_mv)?]);
@@ -193,6 +316,7 @@ fn start(beam: &Beam, machine: &Machine<'_>) -> Result<Writer, ExportError> {
         jaw.decimals(tags::LEAF_JAW_POSITIONS, &[low, high]);
         jaws.push(jaw);
     }
+    jaws.extend(leaves);
     point.sequence(tags::BEAM_LIMITING_DEVICE_POSITION_SEQUENCE, jaws);
     Ok(point)
 }

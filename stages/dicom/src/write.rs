@@ -1,4 +1,4 @@
-//! What RTPLAN and RTDOSE share.
+//! What RTPLAN, RTDOSE and RTSTRUCT share.
 //!
 //! Files are explicit little endian. Nothing in them depends on a clock: dates and times that the standard allows to be
 //! empty are empty, and new UIDs come from the content ([`Uid::of_content`]). So the same plan makes the same bytes.
@@ -166,15 +166,28 @@ impl Writer {
     }
 
     /// The file, under UIDs that come from all that was put.
-    pub fn finish(mut self, class: &'static str) -> Result<Exported, ExportError> {
+    pub fn finish(self, class: &'static str) -> Result<Exported, ExportError> {
+        let content = self.content()?;
+        self.file(class, Uid::of_content("instance", &content), &content)
+    }
+
+    /// The file, under this UID.
+    pub fn finish_as(self, class: &'static str, uid: Uid) -> Result<Exported, ExportError> {
+        let content = self.content()?;
+        self.file(class, uid, &content)
+    }
+
+    fn content(&self) -> Result<Vec<u8>, ExportError> {
         use dicom_transfer_syntax_registry::entries::EXPLICIT_VR_LITTLE_ENDIAN;
-        let fault = |error: &dyn std::fmt::Display| ExportError::Encoder(error.to_string());
         let mut content = Vec::new();
-        let syntax = EXPLICIT_VR_LITTLE_ENDIAN.erased();
-        self.object.write_dataset_with_ts(&mut content, &syntax).map_err(|e| fault(&e))?;
-        let uid = Uid::of_content("instance", &content);
+        let written = self.object.write_dataset_with_ts(&mut content, &EXPLICIT_VR_LITTLE_ENDIAN.erased());
+        written.map(|()| content).map_err(|e| ExportError::Encoder(e.to_string()))
+    }
+
+    fn file(mut self, class: &'static str, uid: Uid, content: &[u8]) -> Result<Exported, ExportError> {
+        let fault = |error: &dyn std::fmt::Display| ExportError::Encoder(error.to_string());
         self.put(tags::SOP_INSTANCE_UID, VR::UI, uid.as_str());
-        self.put(tags::SERIES_INSTANCE_UID, VR::UI, Uid::of_content("series", &content).as_str());
+        self.put(tags::SERIES_INSTANCE_UID, VR::UI, Uid::of_content("series", content).as_str());
         let meta = FileMetaTableBuilder::new()
             .media_storage_sop_class_uid(class)
             .media_storage_sop_instance_uid(uid.as_str())

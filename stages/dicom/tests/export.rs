@@ -4,7 +4,8 @@ use std::process::Command;
 
 use proptest::prelude::*;
 use stillpoint_dicom::{
-    Beam, DataSet, Export, ExportError, Identity, Machine, Plan, PlannedDose, dose_file, plan_file, uids_of,
+    Beam, DataSet, Export, ExportError, Identity, LeafSegment, Machine, Plan, PlannedDose, dose_file,
+    plan_file, uids_of,
 };
 use stillpoint_plan::Grid;
 use stillpoint_plan::case::{ContentHash, NameTable, PatientPosition, Prescription, Uid, Uids};
@@ -31,8 +32,18 @@ fn beams() -> Vec<Beam> {
         isocentre_mm: [-2.0059738816337926, 3.9915254237288025, 5.651986662961917],
         weight: (i + 2) as f64 / 20.0,
         field_mm: [[-35.0, 40.0], [-30.5, 30.0]],
+        segments: Vec::new(),
     };
     (0..5).map(beam).collect()
+}
+
+/// The same beams with three segments each.
+fn shaped_beams() -> Vec<Beam> {
+    let segment = |i: usize| LeafSegment {
+        tips_mm: vec![[-35.0, -35.0 + 10.0 * i as f64], [-5.5, 40.0]],
+        monitor_units: 12.5 + i as f64 / 3.0,
+    };
+    beams().into_iter().map(|beam| Beam { segments: (0..3).map(segment).collect(), ..beam }).collect()
 }
 
 fn prescription() -> Vec<Prescription> {
@@ -47,6 +58,7 @@ fn plan<'a>(beams: &'a [Beam], prescription: &'a [Prescription]) -> Plan<'a> {
         prescription,
         fractions: 39,
         position: PatientPosition::HeadFirstSupine,
+        leaf_edges_mm: &[],
         beams,
     }
 }
@@ -94,6 +106,18 @@ fn what_cannot_be_written_is_refused() {
     assert!(said(&|_, b| b[1].isocentre_mm[2] = f64::INFINITY).contains("isocentre"));
     assert!(said(&|_, b| b[1].field_mm[0] = [3.0, 3.0]).contains("width of a field"));
     assert!(said(&|_, b| b[1].name = "a\\b".to_owned()).contains("name of a beam"));
+    let edges = [-10.0, 0.0, 10.0];
+    let leaves = |change: &dyn Fn(&mut LeafSegment)| {
+        let mut shaped = shaped_beams();
+        change(&mut shaped[2].segments[1]);
+        let plan = Plan { leaf_edges_mm: &edges, ..plan(&shaped, &prescription) };
+        plan_file(&export, &plan).map(|_| ()).map_err(|e| e.to_string())
+    };
+    assert_eq!(leaves(&|_| ()), Ok(()));
+    assert!(leaves(&|s| s.tips_mm[0] = [5.0, 4.0]).unwrap_err().contains("place of a leaf"));
+    assert!(leaves(&|s| s.tips_mm[1] = [f64::NAN; 2]).unwrap_err().contains("place of a leaf"));
+    assert!(leaves(&|s| s.tips_mm.truncate(1)).unwrap_err().contains("number of leaf pairs"));
+    assert!(leaves(&|s| s.monitor_units = -1.0).unwrap_err().contains("monitor units"));
     let dose = |grid: &Grid, gray: &[f32]| {
         dose_file(&export, &PlannedDose { grid, gray, plan: &uids.study }).map(|_| ())
     };
@@ -229,4 +253,58 @@ fn unhex(text: &str) -> f64 {
     let (whole, fraction) = mantissa.split_once('.').unwrap();
     let digits = u64::from_str_radix(&format!("{whole}{fraction}"), 16).unwrap();
     digits as f64 * 2.0_f64.powi(exponent.parse::<i32>().unwrap() - 4 * fraction.len() as i32)
+}
+
+/// What pydicom reads of a plan in segments: monitor units, devices, and each control point.
+const PRINT_LEAVES: &str = r#"
+import sys, warnings, pydicom
+from pydicom import config
+config.settings.reading_validation_mode = config.RAISE
+warnings.simplefilter('error')
+plan = pydicom.dcmread(sys.argv[1])
+str(plan)
+print([float(b.BeamMeterset) for b in plan.FractionGroupSequence[0].ReferencedBeamSequence])
+b = plan.BeamSequence[1]
+print(b.BeamType, b.PrimaryDosimeterUnit, b.NumberOfControlPoints, float(b.FinalCumulativeMetersetWeight),
+      [(d.RTBeamLimitingDeviceType, int(d.NumberOfLeafJawPairs)) for d in b.BeamLimitingDeviceSequence],
+      [float(v) for v in b.BeamLimitingDeviceSequence[2].LeafPositionBoundaries])
+for i, c in enumerate(b.ControlPointSequence):
+    assert c.ControlPointIndex == i
+    devices = c.BeamLimitingDevicePositionSequence
+    print(float(c.CumulativeMetersetWeight), [d.RTBeamLimitingDeviceType for d in devices], [float(v) for v in devices[-1].LeafJawPositions])
+"#;
+
+#[test]
+fn pydicom_reads_segments_and_monitor_units() {
+    let python = std::env::var("STILLPOINT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&python).args(["-c", "import pydicom"]).output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        println!("skipped: {python} cannot import pydicom (set STILLPOINT_PYTHON to one that can)");
+        return;
+    }
+    let (uids, identity) = (uids(), Identity::none());
+    let (beams, prescription, edges) = (shaped_beams(), prescription(), [-10.0, 0.0, 10.0]);
+    let plan = Plan { leaf_edges_mm: &edges, ..plan(&beams, &prescription) };
+    let file = plan_file(&Export { uids: &uids, identity: &identity }, &plan).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rp.dcm");
+    std::fs::write(&path, file.bytes).unwrap();
+    let out =
+        Command::new(python).args(["-c", PRINT_LEAVES]).arg(&path).env("PYTHONUTF8", "1").output().unwrap();
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+    let lines: Vec<String> = String::from_utf8(out.stdout).unwrap().lines().map(str::to_owned).collect();
+    assert_eq!(lines[0], "[38.5, 38.5, 38.5, 38.5, 38.5]");
+    let devices = "[('ASYMX', 1), ('ASYMY', 1), ('MLCX', 2)] [-10.0, 0.0, 10.0]";
+    assert_eq!(lines[1], format!("STATIC MU 6 1.0 {devices}"));
+    // Weights rise only between the two points of a segment, and leaves move only between segments.
+    let weights: Vec<f64> =
+        lines[2..].iter().map(|l| l.split(' ').next().unwrap().parse().unwrap()).collect();
+    let first = 12.5 / 38.5;
+    let second = first + (12.5 + 1.0 / 3.0) / 38.5;
+    for (found, expected) in weights.iter().zip([0.0, first, first, second, second, 1.0]) {
+        assert!((found - expected).abs() < 1e-12, "{weights:?}");
+    }
+    assert!(lines[2].contains("['ASYMX', 'ASYMY', 'MLCX'] [-35.0, -5.5, -35.0, 40.0]"), "{}", lines[2]);
+    assert!(lines[3].contains("['MLCX'] [-35.0, -5.5, -35.0, 40.0]"), "{}", lines[3]);
+    assert!(lines[7].contains("['MLCX'] [-35.0, -5.5, -15.0, 40.0]"), "{}", lines[7]);
 }
