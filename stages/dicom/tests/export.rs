@@ -87,6 +87,22 @@ fn a_case_without_uids_gets_some_from_its_content() {
 }
 
 #[test]
+fn exported_structures_are_read_back_as_the_same_voxels() {
+    let folder = folder();
+    let names = NameTable::shipped().unwrap();
+    let read = || stillpoint_dicom::import_folder(folder.path(), &request(&names)).unwrap().case;
+    let case = read();
+    let uids = uids_of(&case, &ContentHash([1; 32]));
+    let identity = Identity::none();
+    let file = structure_file(&Export { uids: &uids, identity: &identity }, &case).unwrap();
+    assert_eq!(file.uid, uids.structure_set);
+    std::fs::write(folder.path().join("rs.dcm"), file.bytes).unwrap();
+    let again = read();
+    assert!(case.structures().iter().any(|s| !s.mask.is_empty()));
+    assert_eq!(again.structures(), case.structures());
+}
+
+#[test]
 fn what_cannot_be_written_is_refused() {
     let (uids, identity) = (uids(), Identity::none());
     let export = Export { uids: &uids, identity: &identity };

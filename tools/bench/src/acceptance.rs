@@ -232,7 +232,7 @@ impl Planned {
         let beams: Vec<WeightedBeam<'_>> = self
             .beams
             .iter()
-            .map(|(gantry_deg, weights)| WeightedBeam { gantry_deg: *gantry_deg, weights })
+            .map(|(gantry_deg, weights)| WeightedBeam { gantry_deg: *gantry_deg, weights, bixels_mm: None })
             .collect();
         let gray = recompute.dose(&beams, [0.0; 3], threads).map_err(fault)?;
         let on_grid = OnGrid::new(case, recompute.grid());

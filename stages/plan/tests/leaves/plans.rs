@@ -58,6 +58,20 @@ fn segments(sequenced: &Sequenced) -> usize {
     sequenced.beams.iter().flatten().map(|beam| beam.segments.len()).sum()
 }
 
+/// Prints what leaves cost on the pelves of `LEAVES_SEEDS`; without it, nothing is planned.
+#[test]
+fn leaves_of_seeds() {
+    let seeds = std::env::var("LEAVES_SEEDS").unwrap_or_default();
+    for seed in seeds.split(',').filter_map(|seed| seed.parse().ok()) {
+        let planned = planned(seed, &FIVE_DEG, [5.0, 10.0]);
+        let found = planned.sequence(&Collimator::generic(), OPTIONS);
+        let [opaque, all] = [found.opaque, found.plan.certificate.objective]
+            .map(|cost| 100.0 * (cost / planned.best.cost - 1.0));
+        println!("seed {seed}: {} segments, {opaque:.2} %, {all:.2} %", segments(&found));
+        assert!(opaque < 3.0, "seed {seed}: {opaque} %");
+    }
+}
+
 /// Five beams of the class solution.
 const FIVE_DEG: [f64; 5] = [44.0, 92.0, 120.0, 252.0, 336.0];
 

@@ -34,6 +34,7 @@ pub fn dicom(
             prescription: request.case.prescription(),
             fractions: request.case.fractions().unwrap_or(1),
             position: request.case.position(),
+            leaf_edges_mm: &[],
             beams: &beams,
         },
     )?;
@@ -64,6 +65,7 @@ fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam>
             weight: share,
             // The beam's x is that of the collimator at 0 degrees; its z, to the head, is the collimator's y.
             field_mm: [edge(0), edge(1)],
+            segments: Vec::new(),
         })
     };
     best.beams.beams().iter().filter_map(of).collect()

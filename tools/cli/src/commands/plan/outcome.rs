@@ -50,6 +50,7 @@ impl<'a> Outcome<'a> {
         let weighted = |beam: &u16| WeightedBeam {
             gantry_deg: request.ring.angle_deg(*beam),
             weights: best.weights_of(*beam).unwrap_or_default(),
+            bixels_mm: None,
         };
         let beams: Vec<WeightedBeam<'_>> = best.beams.beams().iter().map(weighted).collect();
         let bar = bar(request.setups_mm.len() as u64, "dose of the plan", request.quiet);
