@@ -5,7 +5,7 @@ use std::process::Command;
 use proptest::prelude::*;
 use stillpoint_dicom::{
     Beam, DataSet, Export, ExportError, Identity, LeafSegment, Machine, Plan, PlannedDose, dose_file,
-    plan_file, uids_of,
+    plan_file, structure_file, uids_of,
 };
 use stillpoint_plan::Grid;
 use stillpoint_plan::case::{ContentHash, NameTable, PatientPosition, Prescription, Uid, Uids};
