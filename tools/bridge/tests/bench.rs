@@ -26,7 +26,7 @@ fn stillpoint() -> &'static Path {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let built = Command::new(cargo)
-            .args(["build", "--locked", "-p", "stillpoint", "--message-format=json"])
+            .args(["build", "--locked", "--workspace", "--bin", "stillpoint", "--message-format=json"])
             .current_dir(root)
             .env_remove("CARGO_TARGET_DIR")
             .stderr(Stdio::inherit())

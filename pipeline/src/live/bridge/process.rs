@@ -1,5 +1,6 @@
 //! The body of the bridge's process.
 
+use std::collections::BTreeSet;
 use std::os::fd::OwnedFd;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -75,8 +76,17 @@ fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) 
     let control = orders.fd().try_clone_to_owned().map_err(PipeError::Input)?;
     let watched = bell.try_clone().map_err(PipeError::Input)?;
     let wake = Wake::new(control, listeners).watching(watched);
-    let mut bridge =
-        Bridge { leaves, arrives, network, wake, bell, running: false, stopping: None, stopped: false };
+    let mut bridge = Bridge {
+        leaves,
+        arrives,
+        network,
+        wake,
+        bell,
+        told: BTreeSet::new(),
+        running: false,
+        stopping: None,
+        stopped: false,
+    };
     tell(&FromWorker::Made)?;
     bridge.serve(&mut orders)
 }
@@ -90,6 +100,8 @@ struct Bridge {
     /// Rung when a sample has arrived.
     bell: Arc<OwnedFd>,
     running: bool,
+    /// The faults that were told since something good happened.
+    told: BTreeSet<String>,
     /// Since when it is to stop.
     stopping: Option<Instant>,
     stopped: bool,
@@ -167,16 +179,23 @@ impl Bridge {
     }
 
     fn tell_news(&mut self) -> Result<(), PipeError> {
+        let mut faults = Vec::new();
         for event in self.network.events() {
-            match event.is_fault {
-                true => fault(event.text)?,
-                false => tell(&FromWorker::Told(event.text))?,
+            if event.is_fault {
+                faults.push(event.text);
+            } else {
+                self.told.clear();
+                tell(&FromWorker::Told(event.text))?;
             }
         }
-        let refusals = self.leaves.iter_mut().filter_map(Outgoing::refusal);
-        let refusals: Vec<String> =
-            refusals.chain(self.arrives.iter_mut().filter_map(Incoming::refusal)).collect();
-        refusals.into_iter().try_for_each(fault)?;
+        faults.extend(self.leaves.iter_mut().filter_map(Outgoing::refusal));
+        faults.extend(self.arrives.iter_mut().filter_map(Incoming::refusal));
+        for reason in faults {
+            // What keeps a host out keeps each of its edges out.
+            if self.told.insert(reason.clone()) {
+                fault(reason)?;
+            }
+        }
         let network = &*self.network;
         tell(&FromWorker::Bridged(BridgeReport {
             leaves: self.leaves.iter().map(|l| l.counts(network)).collect(),
