@@ -117,7 +117,8 @@ impl Peers {
             if beat.incarnation != self.incarnation && self.malformed.is_none() {
                 let host = &self.host;
                 self.malformed = Some(String::new());
-                let text = format!("another program says that it is the host `{host}`: its messages are not used");
+                let text =
+                    format!("another program says that it is the host `{host}`: its messages are not used");
                 self.tell(text, true);
             }
             return false;

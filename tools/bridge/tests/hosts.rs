@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use crate::bench::{Bench, two_ports};
 
-/// Positions at 100 Hz leave the bedside, the filter runs on the cluster, and its states come back.
+/// Poses and images at 100 Hz leave the bedside, the cluster counts them, and its counts come back.
 fn pipeline(port: u16) -> String {
     format!(
         "stillpoint: 1
@@ -13,14 +13,15 @@ frames: {{ camera: {{ parent: couch, at: [0 mm, 0 mm, 720 mm], rotation: [180 de
 operators:
   rig: {{ use: rig.camera, every: 10 ms, frame: camera, params: {{ motion: raise, width: 32 px, height: 24 px, focal_length: 28 px }} }}
   near: {{ use: sink.null, inputs: {{ pose: rig.truth }} }}
-  far: {{ use: sink.null, inputs: {{ pose: rig.truth, image: rig.depth }} }}
+  far: {{ use: sink.null, inputs: {{ pose: rig.truth }} }}
+  eye: {{ use: sink.null, inputs: {{ image: rig.depth }} }}
   back: {{ use: sink.null, inputs: {{ diagnostics: far.counts }} }}
 hosts:
   bedside: {{ listen: tcp/127.0.0.1:{port} }}
   cluster: {{ connect: tcp/127.0.0.1:{port} }}
 processes:
   patient: {{ operators: [rig, near, back], host: bedside }}
-  heavy: {{ operators: [far], host: cluster }}
+  heavy: {{ operators: [far, eye], host: cluster }}
 record: {{ topics: [rig.truth, near.counts, far.counts, back.counts] }}
 "
     )
@@ -70,7 +71,11 @@ fn samples_of_several_types_go_there_and_back_and_both_sessions_replay_without_a
         // What a host says last may be older than what it takes last.
         let put = count(sent, "received") + count(sent, "lost");
         assert!(put >= count(taken, "received"), "{edge}: {sent} {taken}");
-        assert_eq!(count(sent, "refused") + count(taken, "refused") + count(taken, "lost"), 0, "{edge}: {taken}");
+        assert_eq!(
+            count(sent, "refused") + count(taken, "refused") + count(taken, "lost"),
+            0,
+            "{edge}: {taken}"
+        );
     }
     // Remote samples are recorded inputs, with the time of acquisition in the clock of the host that took them.
     let session = bedside["session"].as_str().unwrap();
