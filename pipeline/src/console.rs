@@ -33,6 +33,8 @@ pub enum Said {
     Fault,
     /// Confirm that the reference shows the head.
     Confirm,
+    /// Accept the offered plan of the request whose number is the value.
+    Accept,
 }
 
 impl Said {
@@ -46,6 +48,7 @@ impl Said {
             Self::Vent => Verb::Vent,
             Self::Fault => Verb::Fault,
             Self::Confirm => Verb::Confirm,
+            Self::Accept => Verb::Accept,
         }
     }
 }
@@ -101,6 +104,7 @@ impl Operator for Console {
             verb("vent", "Vent all bladders."),
             verb("fault", "Cause a fault on a simulated rig, or remove it."),
             verb("confirm", "Confirm that the reference shows the head."),
+            verb("accept", "Accept the offered plan of a request: the number of the request."),
         ],
         timer: Timer::Required,
     };

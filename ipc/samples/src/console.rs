@@ -28,6 +28,8 @@ pub enum Verb {
     Fault = 7,
     /// Confirm that the reference shows the head.
     Confirm = 8,
+    /// Accept the offered plan of the request whose number is the first of `values`.
+    Accept = 9,
 }
 
 impl Verb {
@@ -41,6 +43,7 @@ impl Verb {
         ("vent", Verb::Vent),
         ("fault", Verb::Fault),
         ("confirm", Verb::Confirm),
+        ("accept", Verb::Accept),
     ];
 
     /// The verb of this word.

@@ -46,6 +46,8 @@ impl GateReason {
     pub const UNPROVEN: u32 = 1 << 15;
     /// No person has confirmed the reference.
     pub const UNCONFIRMED: u32 = 1 << 16;
+    /// The standing plan is not known to hold in the requested set-up.
+    pub const PLAN: u32 = 1 << 17;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -66,6 +68,7 @@ impl GateReason {
         ("identity", Self::IDENTITY),
         ("unproven", Self::UNPROVEN),
         ("unconfirmed", Self::UNCONFIRMED),
+        ("plan", Self::PLAN),
     ];
 
     /// The words of the bits that are set, in their order.

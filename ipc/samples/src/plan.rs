@@ -34,7 +34,7 @@ impl Sample for PlanRequest {
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }
 
-/// The best plan so far for a request: beams, figures and fluence. It is an offer: no operator acts on it.
+/// The best plan so far for a request: beams, figures and fluence. It is an offer: only a person accepts it.
 pub struct PlanUpdate;
 
 /// The values of the whole plan.
@@ -98,9 +98,9 @@ pub struct BixelWeight {
 pub enum PlanStanding {
     /// It is not known: there is no standing plan, or its doses in this set-up are not computed yet.
     Unknown = 0,
-    /// The target gets its dose.
+    /// The target gets its dose, and the limits of the operator are kept.
     Holds = 1,
-    /// The target does not get its dose.
+    /// The target does not get its dose, or a limit is broken.
     Fails = 2,
 }
 
@@ -124,6 +124,8 @@ pub enum PlanRefusal {
     Shift = 6,
     /// The plan can have more bixels than an update holds.
     Bixels = 7,
+    /// No finished plan is offered for the request that a person accepted; `request` is the number that was accepted.
+    Accept = 8,
 }
 
 impl PlanRefusal {
@@ -138,6 +140,7 @@ impl PlanRefusal {
             Self::Turn => "the patient is turned too far: doses are computed for shifts only",
             Self::Shift => "the patient has moved beyond the reach of the bixels",
             Self::Bixels => "the plan can have more bixels than an update holds",
+            Self::Accept => "no finished plan is offered for the accepted request",
         }
     }
 }
@@ -163,6 +166,7 @@ impl PlanUpdateBody {
             5 => Some(PlanRefusal::Turn),
             6 => Some(PlanRefusal::Shift),
             7 => Some(PlanRefusal::Bixels),
+            8 => Some(PlanRefusal::Accept),
             _ => None,
         }
     }

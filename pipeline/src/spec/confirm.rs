@@ -1,5 +1,5 @@
-//! References that nobody looks at: a script may confirm one, or `confirm: waived` do without, only where the camera is a
-//! simulated rig.
+//! References and plans that nobody looks at: a script may confirm or accept one, or `confirm: waived` do without, only
+//! where the camera is a simulated rig.
 
 use std::collections::BTreeSet;
 
@@ -14,6 +14,11 @@ use crate::params::CheckedParams;
 const RIGS: &str = "rig.";
 /// Port of the console's verb, and the parameter that may waive it.
 const CONFIRM: &str = "confirm";
+/// What a person has to look at: the console's port, the word of a script, and the fault of a script that says it.
+const LOOKED_AT: [(&str, Said, &str); 2] = [
+    (CONFIRM, Said::Confirm, "a script confirms its reference"),
+    ("accept", Said::Accept, "a script accepts its plan"),
+];
 
 /// Checks it. `params` are the checked parameters of each operator, as far as they could be read.
 pub fn check<'a>(
@@ -24,16 +29,17 @@ pub fn check<'a>(
 ) {
     let numbers = document.numbers();
     let params: Vec<Option<&CheckedParams>> = params.collect();
-    let says = |console: usize| {
+    let says = |console: usize, said: Said| {
         let params = params.get(console).copied().flatten();
         let params = params.and_then(|p| p.value.downcast_ref::<ConsoleParams>());
-        params.is_some_and(|p| p.script.iter().any(|line| line.say == Said::Confirm))
+        params.is_some_and(|p| p.script.iter().any(|line| line.say == said))
     };
     for (number, parsed) in document.operators.iter().enumerate() {
         let console = parsed.inputs.iter().find_map(|input| {
             let topic = &input.from.as_ref()?.value;
             let console = *numbers.get(topic.operator.value.as_str())?;
-            (topic.port.value == CONFIRM && says(console)).then_some(console)
+            let (_, said, what) = LOOKED_AT.iter().find(|(port, ..)| *port == topic.port.value)?;
+            says(console, *said).then_some((console, *what))
         });
         let is_waived = params
             .get(number)
@@ -41,7 +47,7 @@ pub fn check<'a>(
             .flatten()
             .is_some_and(|p| p.resolved.get(CONFIRM).is_some_and(|value| value == "waived"));
         let (span, what) = match console {
-            Some(console) => (document.operators[console].name.span, "a script confirms its reference"),
+            Some((console, what)) => (document.operators[console].name.span, what),
             None if is_waived => (parsed.name.span, "`confirm: waived` takes its reference unseen"),
             None => continue,
         };
@@ -54,7 +60,7 @@ pub fn check<'a>(
                     shown(&parsed.name.value),
                     shown(&document.operators[camera].name.value)
                 ),
-                "let a person confirm: `stillpoint send console.confirm`",
+                "let a person look: `stillpoint send console.confirm` or `console.accept`",
             );
         }
     }

@@ -13,6 +13,7 @@
 //! - `answer`: whether the head goes where it is told
 //! - `drive`, of `shaping` and [`pressure`]: bounds and growth of duties; pressures estimated from them
 //! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
+//! - `plan_watch`: whether the standing plan holds in the requested set-up
 //! - [`aim`], `lease`: errors against tolerances; the lease of the beam
 //! - `sender`: the sending end of datagrams
 //!
@@ -31,6 +32,7 @@ mod lease;
 pub mod machine;
 mod message;
 pub mod operators;
+mod plan_watch;
 pub mod pose_watch;
 pub mod pressure;
 pub mod receiver;

@@ -2,6 +2,7 @@
 //!
 //! - [`optimizer`]: `plan.optimizer`, which answers requests
 //! - [`watch`]: `plan.watch`, which makes requests from poses
+//! - `params`: the parameters of `plan.optimizer`
 //! - `job`: the work on one request, in parts
 //! - `patient`: a case, ready for plans in any set-up
 
@@ -9,6 +10,7 @@
 
 mod job;
 pub mod optimizer;
+mod params;
 mod patient;
 pub mod watch;
 

@@ -1,20 +1,24 @@
 //! `plan.optimizer`: answers requests for plans.
+//!
+//! The standing plan is the plan of the patient: the first for the planned set-up, or the one that a person accepted.
 
 use std::sync::Arc;
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_plan::beams::{Evaluated, Ring};
 use stillpoint_pose::checked_isometry;
 use stillpoint_samples::{
-    BixelWeight, Cause, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate,
-    PlanUpdateBody, Sample,
+    BixelWeight, Cause, Command, ConsoleCommand, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding,
+    PlanUpdate, PlanUpdateBody, Sample, Verb,
 };
 
 use crate::job::{Asked, Job, Part};
+use crate::params::{OptimizerParams, Standing, limits};
 use crate::patient::{Patient, Sizes, TargetDose, case_of};
 
 const REQUEST: usize = 0;
+const ACCEPT: usize = 1;
 const PLAN: usize = 0;
 /// Beams of a plan at most: the angles of an update.
 const MOST_BEAMS: usize = 12;
@@ -25,61 +29,23 @@ const PARTS_OF_CIRCLE: u16 = 18;
 /// A set-up nearer than this to the planned one is the planned one, mm.
 const PLANNED_WITHIN_MM: f64 = 1e-3;
 
-/// Parameters of `plan.optimizer`.
-#[derive(Clone, Debug, Params)]
-pub struct OptimizerParams {
-    /// The case file, a path relative to the pipeline file; the session keeps it. Without it, the case is the synthetic
-    /// pelvis of seed 0.
-    #[param(file)]
-    pub case: Option<String>,
-    /// Number of gantry angles, equally spaced from 0. Beams of a plan are at least 20 degrees apart.
-    #[param(default = 36, min = 6, max = 90)]
-    pub angles: u64,
-    /// Distance between the points whose dose is optimised.
-    #[param(unit = "m", default = "5 mm", min = "2 mm", max = "20 mm")]
-    pub grid: f64,
-    /// Width of a bixel.
-    #[param(unit = "m", default = "10 mm", min = "4 mm", max = "40 mm")]
-    pub bixel: f64,
-    /// Shift along an axis of the patient above which a request is refused. Bixels are placed that much farther beyond the
-    /// target, so that a new plan can follow it.
-    #[param(unit = "m", default = "10 mm", min = "0 mm", max = "50 mm")]
-    pub reach: f64,
-    /// Rotation above which a request is refused. Doses are computed for the shift only: a smaller rotation has no effect
-    /// on them.
-    #[param(unit = "rad", default = "1 deg", min = "0 deg", max = "5 deg")]
-    pub turn: f64,
-    /// Number of beams whose doses one tick computes.
-    #[param(default = 4, min = 1, max = 90)]
-    pub doses: u64,
-    /// Number of solves of one tick.
-    #[param(default = 2, min = 1, max = 1000)]
-    pub solves: u64,
-    /// The standing plan holds if 98 % of the target get at least this part of the prescription ...
-    #[param(default = 0.9, min = 0, max = 1)]
-    pub least: f64,
-    /// ... and 2 % of the target get at most this part of it.
-    #[param(default = 1.15, min = 1, max = 10)]
-    pub most: f64,
-    /// Bixels of an update at most. A request whose plan can have more is refused.
-    #[param(default = 16384, min = 1, max = 1000000)]
-    pub max_bixels: u64,
-}
-
 /// Searches beams and fluence for the newest request, a fixed number of solves at each tick, and sends the best plan so far
 /// after each tick.
 ///
 /// At first it computes the doses of all angles in the set-up of the request, a fixed number of beams at each tick. A newer
 /// request ends the work on the request before; a refused request is answered at once and changes nothing else. The best
-/// plan of the first request for the planned set-up (no shift) is the standing plan. Every update says whether the standing
-/// plan holds in the set-up of its request: D98 and D2 of the target against the parameters `least` and `most`. These doses
-/// are at the points that are optimised, not recomputed on a finer grid, and other limits of a protocol do not count. An
-/// update is an offer: no operator acts on it.
+/// plan of the first request for the planned set-up (no shift) is the standing plan, unless `standing` says otherwise. Every
+/// update says whether the standing plan holds in the set-up of its request: D98 and D2 of the target against the parameters
+/// `least` and `most`, and the `limits`. These doses are on the grid of the optimisation, not recomputed on a finer grid. An
+/// update is an offer: a person takes it with `console.accept` and the number of its request, when the work on that has
+/// ended. Then it is the standing plan, and an update tells whether it holds.
 pub struct PlanOptimizer {
     params: OptimizerParams,
     patient: Patient,
     job: Option<Job>,
     standing: Option<Arc<Evaluated>>,
+    /// Whether the standing plan keeps the limits in the set-up of the job; `None` as long as that was not judged.
+    keeps_limits: Option<bool>,
 }
 
 impl Operator for PlanOptimizer {
@@ -88,14 +54,23 @@ impl Operator for PlanOptimizer {
         name: "plan.optimizer",
         about: "Searches beams and fluence for the newest request, a fixed number of solves at each tick.",
         role: Role::Operator,
-        inputs: &[Input {
-            name: "request",
-            sample: PlanRequest::KIND,
-            // Each request has an activation, so that each refusal is answered.
-            policy: Policy::Queue(8),
-            required: true,
-            about: "The set-up, the number of beams and the budget of solves.",
-        }],
+        inputs: &[
+            Input {
+                name: "request",
+                sample: PlanRequest::KIND,
+                // Each request has an activation, so that each refusal is answered.
+                policy: Policy::Queue(8),
+                required: true,
+                about: "The set-up, the number of beams and the budget of solves.",
+            },
+            Input {
+                name: "accept",
+                sample: ConsoleCommand::KIND,
+                policy: Policy::Queue(8),
+                required: false,
+                about: "`accept` with the number of a request: the plan that is offered for it becomes the standing plan. A person has looked at it.",
+            },
+        ],
         outputs: &[Output {
             name: "plan",
             sample: PlanUpdate::KIND,
@@ -112,8 +87,8 @@ impl Operator for PlanOptimizer {
             Ring::new(angles, angles.div_ceil(PARTS_OF_CIRCLE)).map_err(|e| SetupError(e.to_string()))?;
         let sizes =
             Sizes { grid_mm: params.grid * 1e3, bixel_mm: params.bixel * 1e3, reach_mm: params.reach * 1e3 };
-        let patient = Patient::new(&case, sizes, ring)?;
-        Ok(Self { params, patient, job: None, standing: None })
+        let patient = Patient::new(case, sizes, ring, limits(&params.limits)?)?;
+        Ok(Self { params, patient, job: None, standing: None, keeps_limits: None })
     }
 
     fn capacities(params: &OptimizerParams) -> Vec<usize> {
@@ -129,6 +104,11 @@ impl Operator for PlanOptimizer {
                 Err(refusal) => self.refuse(header.sequence, refusal, outputs)?,
             }
         }
+        if let Some(command) = activation.fresh::<ConsoleCommand>(ACCEPT)
+            && let Some(command) = command.first().filter(|command| command.verb == Verb::Accept as u32)
+        {
+            self.accept(command, outputs)?;
+        }
         if activation.cause != Cause::Timer {
             return Ok(());
         }
@@ -143,8 +123,7 @@ impl Operator for PlanOptimizer {
         if job.ended {
             self.keep_standing();
         }
-        let (body, fluence) = self.update();
-        outputs.send_slice::<PlanUpdate>(PLAN, &body, &fluence)
+        self.send_update(outputs)
     }
 }
 
@@ -178,14 +157,48 @@ impl PlanOptimizer {
     fn take(&mut self, asked: Asked) -> Result<(), StepError> {
         self.keep_standing();
         self.job = Some(Job::new(&self.patient, asked)?);
+        self.keeps_limits = None;
         Ok(())
+    }
+
+    /// Takes the plan that is offered for the request of a command as the standing plan.
+    fn accept(&mut self, command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let given = (command.given >= 1).then_some(command.values[0]);
+        let offered = self.job.as_ref().filter(|job| job.ended && given == Some(job.asked.request as f64));
+        let Some(plan) = offered.and_then(|job| job.best.clone()) else {
+            let number = given.filter(|n| *n >= 0.0).map_or(u64::MAX, |n| n as u64);
+            return self.refuse(number, PlanRefusal::Accept, outputs);
+        };
+        self.stand(plan);
+        self.send_update(outputs)
+    }
+
+    fn stand(&mut self, plan: Arc<Evaluated>) {
+        self.standing = Some(plan);
+        self.keeps_limits = None;
+    }
+
+    fn send_update(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        self.judge_limits();
+        let (body, fluence) = self.update();
+        outputs.send_slice::<PlanUpdate>(PLAN, &body, &fluence)
+    }
+
+    /// Judges the limits once for each standing plan and set-up.
+    fn judge_limits(&mut self) {
+        if let (None, Some(plan), Some(job)) = (self.keeps_limits, &self.standing, &self.job) {
+            self.keeps_limits = self.patient.keeps_limits(plan, |beam| job.dose(beam));
+        }
     }
 
     /// Keeps the best plan of the first request for the planned set-up when the work on it ends.
     fn keep_standing(&mut self) {
         let planned = |job: &&Job| job.asked.shift_mm.iter().all(|mm| mm.abs() <= PLANNED_WITHIN_MM);
-        if self.standing.is_none() {
-            self.standing = self.job.as_ref().filter(planned).and_then(|job| job.best.clone());
+        if self.standing.is_none()
+            && self.params.standing == Standing::First
+            && let Some(plan) = self.job.as_ref().filter(planned).and_then(|job| job.best.clone())
+        {
+            self.stand(plan);
         }
     }
 
@@ -244,6 +257,7 @@ impl PlanOptimizer {
         let prescribed = self.patient.prescribed_gy;
         let enough = dose.d98 >= self.params.least * prescribed;
         let not_too_much = dose.d2 <= self.params.most * prescribed;
-        if enough && not_too_much { PlanStanding::Holds } else { PlanStanding::Fails }
+        let keeps_limits = self.keeps_limits == Some(true);
+        if enough && not_too_much && keeps_limits { PlanStanding::Holds } else { PlanStanding::Fails }
     }
 }

@@ -2,14 +2,16 @@
 
 use nalgebra::Vector3;
 use stillpoint_operator::{Setup, SetupError};
-use stillpoint_plan::Rows;
 use stillpoint_plan::beams::{Evaluated, Ring};
 use stillpoint_plan::case::{Case, PatientPosition, content_hash, from_bytes, phantom};
 use stillpoint_plan::couch::patient_from_couch;
 use stillpoint_plan::dose::{BixelSpec, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::evaluation::OnGrid;
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::protocol::Protocol;
+use stillpoint_plan::{Grid, Rows};
 
 /// Lengths of the plans of a patient, mm.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +35,10 @@ pub struct Patient {
     /// Prescription of the target, Gy.
     pub prescribed_gy: f64,
     position: PatientPosition,
+    case: Case,
+    grid: Grid,
+    /// Limits that a standing plan keeps.
+    limits: Protocol,
     /// Rows of the target in a dose matrix.
     target: Vec<usize>,
 }
@@ -46,14 +52,15 @@ pub struct TargetDose {
 
 impl Patient {
     /// Makes a case ready, with gantry angles on `ring`.
-    pub fn new(case: &Case, sizes: Sizes, ring: Ring) -> Result<Self, SetupError> {
+    pub fn new(case: Case, sizes: Sizes, ring: Ring, limits: Protocol) -> Result<Self, SetupError> {
         let fault = |why: &dyn std::fmt::Display| SetupError(format!("case {}: {why}", case.name()));
-        let hash = hash_of(case)?;
+        let hash = hash_of(&case)?;
         let usual = BixelSpec::of_width(sizes.bixel_mm);
         let bixels = BixelSpec { margin_mm: usual.margin_mm + sizes.reach_mm, ..usual };
         let params = DoseParams { bixels, ..DoseParams::over(case.grid(), sizes.grid_mm) };
         let table = ObjectiveTable::shipped().map_err(|e| fault(&e))?;
-        let aims = table.for_case(case, &params.grid).map_err(|e| fault(&e))?;
+        let grid = params.grid;
+        let aims = table.for_case(&case, &grid).map_err(|e| fault(&e))?;
         let goals = aims.goals(1).map_err(|e| fault(&e))?;
         let doses = case.prescription().iter().filter(|p| case.targets().any(|t| t.name == p.structure));
         let Some(highest) = doses.max_by(|a, b| a.dose_gy.total_cmp(&b.dose_gy)) else {
@@ -69,9 +76,30 @@ impl Patient {
         let target = points.iter().map(|row| *row as usize).collect();
         let prescribed_gy = highest.dose_gy;
         let machine = Machine::shipped().map_err(|e| fault(&e))?;
-        let engine =
-            DoseEngine::of_case(case, machine, params).map_err(|e| fault(&e))?.within(goals.voxels());
-        Ok(Self { hash, goals, engine, ring, prescribed_gy, position: case.position(), target })
+        let engine = DoseEngine::of_case(&case, machine, params).map_err(|e| fault(&e))?;
+        // Limits need the dose of all structures, the search only that of the points of its objectives.
+        let engine = if limits.limits.is_empty() { engine.within(goals.voxels()) } else { engine };
+        let position = case.position();
+        let patient = Self { hash, goals, engine, ring, prescribed_gy, position, case, grid, limits, target };
+        patient.check_limits()?;
+        Ok(patient)
+    }
+
+    /// Refuses limits of which the case has no quantity.
+    fn check_limits(&self) -> Result<(), SetupError> {
+        let even = vec![self.prescribed_gy as f32; self.grid.len()];
+        let on_grid = OnGrid::new(&self.case, &self.grid);
+        let judged = self.limits.judge(&self.case, &on_grid, &even);
+        match judged.iter().find(|judged| judged.value.is_none()) {
+            Some(judged) => Err(SetupError(format!(
+                "case {}: the limit `{}` of `limits` has no value for {}: a limit is on a structure of the case, on \
+                 `target` or on `plan`",
+                self.case.name(),
+                judged.limit,
+                judged.structure
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// A shift along the axes of the couch, m, as one along the axes of the patient, mm.
@@ -99,6 +127,30 @@ impl Patient {
         }
         let dvh = Dvh::new(&dose).ok()?;
         Some(TargetDose { d98: dvh.dose_at(98.0), d2: dvh.dose_at(2.0) })
+    }
+
+    /// Whether a plan keeps every limit with these matrices; `None` where a matrix is missing.
+    pub fn keeps_limits<'a>(
+        &self,
+        plan: &Evaluated,
+        matrix: impl Fn(u16) -> Option<&'a Rows>,
+    ) -> Option<bool> {
+        if self.limits.limits.is_empty() {
+            return Some(true);
+        }
+        let part = |beam: &u16| Some((matrix(*beam)?, plan.weights_of(*beam)?));
+        let parts: Vec<_> = plan.beams.beams().iter().map(part).collect::<Option<_>>()?;
+        let mut gray = vec![0.0; self.grid.len()];
+        for (rows, weights) in parts {
+            for (row, sum) in gray.iter_mut().enumerate() {
+                let (columns, values) = rows.view().row(row);
+                let doses = columns.iter().zip(values).map(|(c, v)| f64::from(*v) * weights[usize::from(*c)]);
+                *sum += doses.sum::<f64>();
+            }
+        }
+        let gray: Vec<f32> = gray.into_iter().map(|gray| gray as f32).collect();
+        let judged = self.limits.judge(&self.case, &OnGrid::new(&self.case, &self.grid), &gray);
+        Some(judged.iter().all(|judged| judged.passed == Some(true)))
     }
 }
 

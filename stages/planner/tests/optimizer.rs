@@ -5,8 +5,10 @@
 mod small;
 
 use small::{files, hash, request, stages};
-use stillpoint_samples::{BixelWeight, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding};
-use stillpoint_samples::{PlanUpdate, PlanUpdateBody};
+use stillpoint_samples::{
+    BixelWeight, Command, ConsoleCommand, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding,
+};
+use stillpoint_samples::{PlanUpdate, PlanUpdateBody, Verb};
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 
@@ -21,7 +23,7 @@ operators:
   plans:
     use: plan.optimizer
     every: 100 ms
-    inputs: {{ request: requests.out }}
+    inputs: {{ request: requests.out, accept: requests.accept }}
     params: {{ case: small.case, angles: 10, grid: 8 mm, bixel: 14 mm{params} }}
 "
     );
@@ -135,6 +137,89 @@ fn a_shift_beyond_the_margin_makes_the_standing_plan_fail_and_a_new_plan_hold() 
     ask(&mut bench, &request([0.0; 3]));
     let (back, _) = to_the_end(&mut bench).pop().unwrap();
     assert_eq!((back.standing_d98, back.standing()), (planned.target_d98, PlanStanding::Holds));
+}
+
+/// What the optimiser answers to a person who accepts.
+fn accept(bench: &mut Bench, verb: Verb, values: &[f64]) -> Vec<Update> {
+    let mut command = Command { verb: verb as u32, given: values.len() as u32, ..Command::default() };
+    command.values[..values.len()].copy_from_slice(values);
+    updates(&bench.feed::<ConsoleCommand>(1, &(), &[command], 0))
+}
+
+#[test]
+fn a_plan_stands_once_a_person_accepted_the_finished_offer_by_the_number_of_its_request() {
+    let mut bench = bench("");
+    ask(&mut bench, &request([0.0; 3]));
+    to_the_end(&mut bench);
+    ask(&mut bench, &request([9.0, 0.0, 0.0]));
+    let (early, _) = updates(&bench.tick()).pop().unwrap();
+    let number = early.request as f64;
+    let refused = |bench: &mut Bench, values: &[f64]| {
+        let (answer, _) = accept(bench, Verb::Accept, values).pop().unwrap();
+        assert_eq!(answer.refusal(), Some(PlanRefusal::Accept), "{values:?}");
+    };
+    refused(&mut bench, &[number]);
+    let (before, _) = to_the_end(&mut bench).pop().unwrap();
+    assert_eq!(before.standing(), PlanStanding::Fails);
+    for wrong in [&[][..], &[0.0], &[number + 1.0], &[number + 0.5], &[f64::NAN], &[-1.0]] {
+        refused(&mut bench, wrong);
+    }
+    assert!(accept(&mut bench, Verb::Confirm, &[number]).is_empty(), "another verb");
+    let (accepted, fluence) = accept(&mut bench, Verb::Accept, &[number]).pop().unwrap();
+    assert_eq!(accepted.refusal(), Some(PlanRefusal::None));
+    assert_eq!((accepted.request, accepted.standing()), (early.request, PlanStanding::Holds));
+    assert_eq!((accepted.standing_d98, accepted.standing_d2), (before.target_d98, before.target_d2));
+    assert_eq!(fluence.len(), accepted.length as usize);
+    // The patient is back: the accepted plan is judged there, not the first.
+    ask(&mut bench, &request([0.0; 3]));
+    let (back, _) = to_the_end(&mut bench).pop().unwrap();
+    assert_eq!(back.standing(), PlanStanding::Fails, "{back:?}");
+}
+
+#[test]
+fn where_only_accepted_plans_stand_the_first_plan_waits_for_a_person() {
+    let mut bench = bench(", standing: accepted");
+    ask(&mut bench, &request([0.0; 3]));
+    let (end, _) = to_the_end(&mut bench).pop().unwrap();
+    assert_eq!(end.standing(), PlanStanding::Unknown);
+    let (accepted, _) = accept(&mut bench, Verb::Accept, &[end.request as f64]).pop().unwrap();
+    assert_eq!(accepted.standing(), PlanStanding::Holds);
+}
+
+#[test]
+fn the_standing_plan_holds_only_if_it_keeps_its_limits() {
+    let standing = |limits: &str| {
+        let mut bench = bench(&format!(", limits: [{limits}]"));
+        ask(&mut bench, &request([0.0; 3]));
+        let (end, _) = to_the_end(&mut bench).pop().unwrap();
+        end.standing()
+    };
+    let rod = |bound: f64| format!("{{ on: Rectum, limit: \"Mean[Gy] <= {bound}\" }}");
+    assert_eq!(standing(&rod(60.0)), PlanStanding::Holds);
+    assert_eq!(standing(&rod(0.5)), PlanStanding::Fails);
+    assert_eq!(
+        standing(&format!("{}, {{ on: plan, limit: \"D2cm[%] <= 1\" }}", rod(60.0))),
+        PlanStanding::Fails
+    );
+    let refused = |limits: &str| {
+        let text = format!(
+            "
+stillpoint: 1
+name: planner
+operators:
+  requests: {{ use: test.requests }}
+  plans:
+    use: plan.optimizer
+    every: 1 s
+    inputs: {{ request: requests.out }}
+    params: {{ case: small.case, grid: 8 mm, limits: [{limits}] }}
+"
+        );
+        Bench::new(&text, "plans", &stages(), &files()).err().unwrap()
+    };
+    let missing = refused("{ on: Bladder, limit: \"Mean[Gy] <= 1\" }");
+    assert!(missing.contains("`Mean[Gy] <= 1`") && missing.contains("Bladder"), "{missing}");
+    assert!(refused("{ on: Rectum, limit: \"Mean <= 1\" }").contains("is no quantity"));
 }
 
 #[test]

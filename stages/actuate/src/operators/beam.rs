@@ -4,7 +4,8 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Actuation, ActuationState, Datagram, Diagnostics, Gate, GateElement, GateReason as Reason, Metric,
-    PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement, Track,
+    PlanRequest, PlanUpdate, PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Target, TargetElement,
+    Track,
 };
 
 use super::params::{check_life, extrinsic, key, too_old_for_beam};
@@ -13,6 +14,7 @@ use crate::datagram::LONGEST;
 use crate::extrinsic::{Extrinsic, ExtrinsicParams, Need};
 use crate::lease::{Lease, LeaseRules};
 use crate::message::{Order, Receiving, Safe};
+use crate::plan_watch::PlanWatch;
 use crate::pose_watch::PoseWatch;
 use crate::sender::Sender;
 
@@ -20,6 +22,8 @@ const STATE: usize = 0;
 const TARGET: usize = 1;
 const ACTUATION: usize = 2;
 const REPORT: usize = 3;
+const PLAN: usize = 4;
+const PLAN_REQUEST: usize = 5;
 const DATAGRAM: usize = 0;
 const GATE: usize = 1;
 const DIAGNOSTICS: usize = 2;
@@ -88,8 +92,9 @@ pub struct BeamFreshnessParams {
 /// length of a lease.
 ///
 /// The lease is renewed only while nothing speaks against it: a fresh, well-known pose within tolerance of a target that
-/// does not move, a tracker that found a pose in the newest frame, a valid extrinsic, and actuation that is armed. The
-/// first word against it ends it at once, and it begins again after a dwell, within narrower tolerances.
+/// does not move, a tracker that found a pose in the newest frame, a valid extrinsic, actuation that is armed and, where
+/// `plan` is connected, a standing plan that holds in the set-up that was requested last. The first word against it ends it
+/// at once, and it begins again after a dwell, within narrower tolerances.
 pub struct GateBeam {
     tolerances: Tolerances,
     stale: u64,
@@ -106,6 +111,8 @@ pub struct GateBeam {
     proof: Need,
     /// What the tracker's newest report says against the beam, and when that frame was acquired, ns.
     report: Option<(u32, u64)>,
+    /// What is known of the standing plan; `None` where no plan is connected.
+    plan: Option<PlanWatch>,
     lease: Lease,
     sender: Sender,
     metrics: [Metric; METRICS],
@@ -148,6 +155,20 @@ impl Operator for GateBeam {
                 required: false,
                 about: "The tracker's report on each frame: a frame without a pose ends the lease at once. Required unless `tracker` is `waived`.",
             },
+            Input {
+                name: "plan",
+                sample: PlanUpdate::KIND,
+                policy: Policy::Queue(4),
+                required: false,
+                about: "What `plan.optimizer` says of the standing plan: the beam needs one that holds in the newest requested set-up. Not connected: plans have no effect.",
+            },
+            Input {
+                name: "plan_request",
+                sample: PlanRequest::KIND,
+                policy: Policy::Queue(4),
+                required: false,
+                about: "Requests for plans, as `plan.optimizer` gets them: an unanswered request ends the lease. Required with `plan`.",
+            },
         ],
         outputs: &[
             Output {
@@ -181,6 +202,14 @@ impl Operator for GateBeam {
                     .into(),
             ));
         }
+        let plan = setup.is_connected(PLAN);
+        if plan != setup.is_connected(PLAN_REQUEST) {
+            return Err(SetupError(
+                "a plan is judged for the newest request: connect both `plan` (plan.optimizer) and `plan_request` \
+                 (the requests that it gets), or neither"
+                    .into(),
+            ));
+        }
         Ok(Self {
             tolerances: Tolerances {
                 position: params.position_tolerance,
@@ -200,6 +229,7 @@ impl Operator for GateBeam {
             confidence: params.confidence,
             proof: params.proof,
             report: None,
+            plan: plan.then(PlanWatch::default),
             lease: Lease::new(LeaseRules { length: params.lease, dwell: params.dwell }),
             sender: Sender::new(key(&params.key, setup)?, Receiving::Beam, Safe::Hold, params.lease),
             metrics: [
@@ -264,6 +294,13 @@ impl GateBeam {
         {
             self.report = Some((self.told(report), sample.header.origin.min(now)));
         }
+        let Some(plan) = &mut self.plan else { return };
+        if let Some(sample) = activation.fresh::<PlanRequest>(PLAN_REQUEST) {
+            plan.ask(sample.header.incarnation, sample.header.sequence);
+        }
+        if let Some(sample) = activation.fresh::<PlanUpdate>(PLAN) {
+            plan.answer(sample.body);
+        }
     }
 
     /// What a report of the tracker says against the beam.
@@ -308,6 +345,7 @@ impl GateBeam {
             | bit(!armed, Reason::ACTUATION)
             | bit(spoke.is_none_or(|stamp| is_old(stamp, self.actuation_timeout)), Reason::ACTUATION_SILENT)
             | tracker
+            | bit(self.plan.as_ref().is_some_and(|plan| !plan.holds()), Reason::PLAN)
     }
 
     fn element(&self, now: u64, is_on: bool, reasons: u32, aim: &Aim) -> GateElement {

@@ -7,7 +7,8 @@ use stillpoint_operator::Setup;
 use stillpoint_operator::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use stillpoint_samples::{
     Actuation, ActuationElement, AlignedBytes, Cause, ConsoleCommand, Duties, Gate, Header, Pieces,
-    PoseReport, Sample, SampleKind, Target, Track, Verb,
+    PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody, PoseReport, Sample,
+    SampleKind, Target, Track, Verb,
 };
 use stillpoint_testing::pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
 use stillpoint_testing::pipeline::graph::Graph;
@@ -106,6 +107,15 @@ fn pieces<S: Sample>(bytes: &AlignedBytes) -> Pieces<'_> {
     Pieces::split(S::KIND, bytes).unwrap()
 }
 
+/// A request for the planned set-up.
+const REQUEST: PlanRequestElement = PlanRequestElement {
+    position: [0.0; 3],
+    orientation: [1.0, 0.0, 0.0, 0.0],
+    case_hash: [0; 4],
+    beams: 5,
+    budget: 8,
+};
+
 #[test]
 fn a_step_of_valves_and_gate_allocates_nothing() {
     let graph = check(&text(&Said::default()), "quiet.yaml", &[], &registry(), &files()).unwrap();
@@ -150,6 +160,10 @@ fn a_step_of_valves_and_gate_allocates_nothing() {
         let element: ActuationElement = valves.sent::<Actuation>(1);
         states[element.state as usize] += 1;
         let actuation = sample::<Actuation>(&element, time);
+        let request = sample::<PlanRequest>(&REQUEST, time);
+        let head = Header { stamp: time, origin: time, sequence: 0, incarnation: 0, count: 0 };
+        let holds = PlanUpdateBody { standing: PlanStanding::Holds as u32, ..PlanUpdateBody::default() };
+        let plan = AlignedBytes::copy_of(&[head.as_bytes(), holds.as_bytes()].concat());
         gate.step(
             k,
             time,
@@ -158,6 +172,8 @@ fn a_step_of_valves_and_gate_allocates_nothing() {
                 (1, pieces::<Target>(&aim)),
                 (2, pieces::<Actuation>(&actuation)),
                 (3, pieces::<PoseReport>(&about)),
+                (4, pieces::<PlanUpdate>(&plan)),
+                (5, pieces::<PlanRequest>(&request)),
             ],
         );
         beams += u64::from(gate.sent::<Gate>(1).beam);

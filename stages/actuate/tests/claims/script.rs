@@ -3,8 +3,9 @@
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_samples::{
-    Command, ConsoleCommand, Duties, DutiesElement, PoseReport, PoseReportElement, PoseStatus, Proof, Sample,
-    Standing, Target, TargetElement, TargetStatus, Track, TrackElement, Verb,
+    Command, ConsoleCommand, Duties, DutiesElement, PlanRequest, PlanRequestElement, PlanStanding,
+    PlanUpdate, PlanUpdateBody, PoseReport, PoseReportElement, PoseStatus, Proof, Sample, Standing, Target,
+    TargetElement, TargetStatus, Track, TrackElement, Verb,
 };
 use stillpoint_testing::run::START;
 
@@ -260,6 +261,56 @@ impl Operator for Person {
     }
 }
 
+/// Requests, and what is said of the standing plan: it holds in the first set-up from 300 ms on, and in the set-up that is
+/// requested at 1500 ms it fails from 1600 ms on; the plan that is accepted at 2 s holds.
+pub struct Plans;
+
+impl Operator for Plans {
+    type Params = ();
+    const KIND: Kind = Kind {
+        name: "test.plans",
+        about: "What a script says of plans.",
+        role: Role::Source,
+        inputs: &[],
+        outputs: &[
+            Output { name: "request", sample: PlanRequest::KIND, frame: FrameRule::None, about: "Requests." },
+            Output { name: "plan", sample: PlanUpdate::KIND, frame: FrameRule::None, about: "Answers." },
+        ],
+        timer: Timer::Required,
+    };
+
+    fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+        Ok(Self)
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let answer = |request, standing: PlanStanding| PlanUpdateBody {
+            request,
+            standing: standing as u32,
+            ..PlanUpdateBody::default()
+        };
+        let said = match activation.tick {
+            0 | 150 => {
+                let request = PlanRequestElement {
+                    position: [0.0; 3],
+                    orientation: [1.0, 0.0, 0.0, 0.0],
+                    case_hash: [0; 4],
+                    beams: 5,
+                    budget: 8,
+                };
+                return outputs.send::<PlanRequest>(0, &request);
+            }
+            10 => answer(0, PlanStanding::Unknown),
+            30 => answer(0, PlanStanding::Holds),
+            155 => answer(1, PlanStanding::Unknown),
+            160 => answer(1, PlanStanding::Fails),
+            200 => answer(1, PlanStanding::Holds),
+            _ => return Ok(()),
+        };
+        outputs.send_slice::<PlanUpdate>(1, &said, &[])
+    }
+}
+
 /// The kinds of this file.
 pub const STAGES: &[Stage] = &[
     Stage::of::<Filter>(),
@@ -267,4 +318,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<Aim>(),
     Stage::of::<Head>(),
     Stage::of::<Person>(),
+    Stage::of::<Plans>(),
 ];

@@ -275,6 +275,38 @@ fn the_first_frame_without_a_pose_ends_the_lease_while_the_filter_still_predicts
 }
 
 #[test]
+fn the_beam_needs_a_plan_that_holds_in_the_requested_set_up_where_a_plan_is_connected() {
+    let (without, with) = (
+        "report: head.report }\n    params: { key: rig.key, dwell",
+        "report: head.report, plan: plans.plan, plan_request: plans.request }\n    params: { key: rig.key, dwell",
+    );
+    let text = text(&Said::default()).replacen(without, with, 1).replacen(
+        "operators:\n",
+        "operators:\n  plans: { use: test.plans, every: 10 ms }\n",
+        1,
+    );
+    let play = || stillpoint_testing::run(&text, &registry(), &files(), 2_500).unwrap();
+    let run = play();
+    assert_eq!(run.failed(), &[] as &[String]);
+    let gates = gate(&run);
+    let against =
+        |ms: u64| gates.iter().rev().find(|(at, _)| *at <= ms).unwrap().1.reasons & GateReason::PLAN;
+    assert_eq!([against(290), against(1_490)], [GateReason::PLAN, 0]);
+    // The request ends the lease, before anything is known of the set-up.
+    assert_eq!(first(&gates, 1_000, |g| g.beam == 0), Some(1_500));
+    let (_, off) = gates.iter().find(|(ms, g)| *ms == 1_500 && g.beam == 0).unwrap();
+    assert_eq!((off.reasons, off.ended_by), (GateReason::PLAN, GateReason::PLAN));
+    assert!((1_500..2_000).all(|ms| against(ms) == GateReason::PLAN));
+    // The plan that a person accepted holds; the beam waits for the dwell.
+    assert_eq!(first(&gates, 1_501, |g| g.beam == 1), Some(2_200));
+    assert_eq!(run.bytes("gate.state"), play().bytes("gate.state"));
+    // Without a request nobody knows for which set-up a plan was judged.
+    let lone = text.replacen(", plan_request: plans.request", "", 1);
+    let refused = stillpoint_testing::run(&lone, &registry(), &files(), 100).err().unwrap();
+    assert!(refused.contains("connect both `plan`"), "{refused}");
+}
+
+#[test]
 fn a_repeated_measurement_ends_the_lease_at_once() {
     let frozen = "fault: frozen, from: 1490 ms";
     let run_of = |gate| run(&Said { filter: frozen, gate, ..Said::default() }, 2_500);

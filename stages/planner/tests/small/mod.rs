@@ -7,7 +7,7 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, Stage, StepError, Timer};
 use stillpoint_plan::Grid;
 use stillpoint_plan::case::{Case, CaseParts, Mask, Prescription, Role as Is, Structure, to_bytes};
-use stillpoint_samples::{PlanRequest, PlanRequestElement, Pose, PoseElement, Sample};
+use stillpoint_samples::{ConsoleCommand, PlanRequest, PlanRequestElement, Pose, PoseElement, Sample};
 
 /// A cylinder of water with a ball in its middle as target and a rod beside it to spare.
 pub fn case() -> Case {
@@ -72,12 +72,15 @@ impl Operator for Requests {
         about: "Requests that a bench feeds.",
         role: Role::Source,
         inputs: &[],
-        outputs: &[Output {
-            name: "out",
-            sample: PlanRequest::KIND,
-            frame: FrameRule::None,
-            about: "Requests.",
-        }],
+        outputs: &[
+            Output { name: "out", sample: PlanRequest::KIND, frame: FrameRule::None, about: "Requests." },
+            Output {
+                name: "accept",
+                sample: ConsoleCommand::KIND,
+                frame: FrameRule::None,
+                about: "What a person accepts.",
+            },
+        ],
         timer: Timer::Optional,
     };
 

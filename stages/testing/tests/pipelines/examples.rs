@@ -7,7 +7,8 @@ use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_operator::files::DiskFiles;
 use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{
-    Gate, PlanRequest, PointCloud, Pose, PoseReport, PoseStatus, Rejection, Standing, Track, View,
+    ConsoleCommand, Gate, PlanRefusal, PlanRequest, PlanStanding, PlanUpdate, PointCloud, Pose, PoseReport,
+    PoseStatus, Rejection, Standing, Track, View,
 };
 use stillpoint_testing::{Run, run};
 
@@ -240,6 +241,13 @@ fn plans_are_asked_for_at_the_set_up_that_the_ct_shows() {
     for [x, y, z] in &requests[1..] {
         assert!(x.abs() < 1e-3 && y.abs() < 1e-3 && (0.003..0.015).contains(z), "{requests:?}");
     }
+    // No plan stands before the script accepted the first one.
+    let accepted = run.samples::<ConsoleCommand>("console.accept")[0].header.stamp;
+    let updates = run.samples::<PlanUpdate>("plans.plan");
+    let judged = |u: &View<'_, PlanUpdate>| u.body.standing() != PlanStanding::Unknown;
+    assert!(updates.iter().all(|u| u.header.stamp >= accepted || !judged(u)));
+    let first = updates.iter().find(|u| judged(u)).unwrap();
+    assert_eq!((first.body.request, first.body.refusal()), (0, Some(PlanRefusal::None)));
 }
 
 #[test]

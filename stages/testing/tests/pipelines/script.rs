@@ -131,6 +131,17 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
         ),
         "{said}"
     );
+    let plans = "  watch: { use: plan.watch, inputs: { pose: head.pose } }\n  \
+                 plans: { use: plan.optimizer, every: 1 s, inputs: { request: watch.request, accept: console.accept } }\n";
+    let accepting = |text: &str| {
+        let script = "{ at: 1 s, say: accept, values: [0] }, { at: 1.5 s, say: arm }";
+        let text = text.replacen("  console:\n", &format!("{plans}  console:\n"), 1);
+        text.replacen("{ at: 1.5 s, say: arm }", script, 1)
+    };
+    assert_eq!(faults(&accepting(&default)), "");
+    let said = faults(&accepting(&real));
+    let unseen = "`plans` sees through `cloud`, which is no simulated rig, and a script accepts its plan";
+    assert!(said.contains(unseen), "{said}");
     let person = real.replacen("{ at: 1 s, say: confirm }, ", "", 1);
     assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
     let waived = person.replacen(

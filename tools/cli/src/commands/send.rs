@@ -174,6 +174,7 @@ impl Send {
         let of_one_part = [RigFault::StuckValve, RigFault::Leak].map(|fault| f64::from(fault as u32));
         let (least, most, takes) = match (verb, values.first()) {
             (Verb::Target, _) => (1, usize::MAX, "a value in m or rad for each channel, such as 0.01"),
+            (Verb::Accept, _) => (1, 1, "the number of the request whose plan is accepted"),
             (Verb::Fault, Some(0.0)) => (1, 1, "no values"),
             (Verb::Fault, Some(fault)) if of_one_part.contains(fault) => (
                 2,

@@ -109,6 +109,7 @@ fn a_verb_is_sent_with_as_many_values_as_it_takes() {
     let folder = tempfile::tempdir().unwrap();
     for (arguments, words) in [
         (&["console.capture", "1"][..], "`console.capture` takes no values"),
+        (&["console.accept"], "`console.accept` takes the number of the request whose plan is accepted"),
         (&["console.target"], "`console.target` takes a value in m or rad for each channel"),
         (&["console.fault", "leak"], "`console.fault leak` takes the number of the valve or bladder"),
         (&["console.fault", "mend", "1"], "`console.fault mend` takes no values"),

@@ -1,0 +1,82 @@
+//! Parameters of `plan.optimizer`.
+
+use stillpoint_operator::{Choice, Params, SetupError};
+use stillpoint_plan::protocol::{Limit, Of, Protocol};
+
+/// Which plan becomes the standing plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Standing {
+    /// The best plan of the first request for the planned set-up, and later each plan that a person accepts.
+    First,
+    /// Only plans that a person accepts.
+    Accepted,
+}
+
+/// A limit that the standing plan keeps.
+#[derive(Clone, Debug, Params)]
+pub struct LimitParams {
+    /// A structure of the case, `target` for each target by its own prescription, or `plan` for the whole plan.
+    pub on: String,
+    /// The limit, such as `V75Gy[%] <= 15`: quantities as in protocols.
+    pub limit: String,
+}
+
+/// Parameters of `plan.optimizer`.
+#[derive(Clone, Debug, Params)]
+pub struct OptimizerParams {
+    /// The case file, a path relative to the pipeline file; the session keeps it. Without it, the case is the synthetic
+    /// pelvis of seed 0.
+    #[param(file)]
+    pub case: Option<String>,
+    /// Number of gantry angles, equally spaced from 0. Beams of a plan are at least 20 degrees apart.
+    #[param(default = 36, min = 6, max = 90)]
+    pub angles: u64,
+    /// Distance between the points whose dose is optimised.
+    #[param(unit = "m", default = "5 mm", min = "2 mm", max = "20 mm")]
+    pub grid: f64,
+    /// Width of a bixel.
+    #[param(unit = "m", default = "10 mm", min = "4 mm", max = "40 mm")]
+    pub bixel: f64,
+    /// Shift along an axis of the patient above which a request is refused. Bixels are placed that much farther beyond the
+    /// target, so that a new plan can follow it.
+    #[param(unit = "m", default = "10 mm", min = "0 mm", max = "50 mm")]
+    pub reach: f64,
+    /// Rotation above which a request is refused. Doses are computed for the shift only: a smaller rotation has no effect
+    /// on them.
+    #[param(unit = "rad", default = "1 deg", min = "0 deg", max = "5 deg")]
+    pub turn: f64,
+    /// Number of beams whose doses one tick computes.
+    #[param(default = 4, min = 1, max = 90)]
+    pub doses: u64,
+    /// Number of solves of one tick.
+    #[param(default = 2, min = 1, max = 1000)]
+    pub solves: u64,
+    /// The standing plan holds if 98 % of the target get at least this part of the prescription ...
+    #[param(default = 0.9, min = 0, max = 1)]
+    pub least: f64,
+    /// ... and 2 % of the target get at most this part of it.
+    #[param(default = 1.15, min = 1, max = 10)]
+    pub most: f64,
+    /// Further limits that the standing plan keeps, at the points of the dose grid.
+    #[param(default = "[]")]
+    pub limits: Vec<LimitParams>,
+    /// Which plan becomes the standing plan.
+    #[param(default = "first")]
+    pub standing: Standing,
+    /// Bixels of an update at most. A request whose plan can have more is refused.
+    #[param(default = 16384, min = 1, max = 1000000)]
+    pub max_bixels: u64,
+}
+
+/// The limits as a protocol.
+pub fn limits(given: &[LimitParams]) -> Result<Protocol, SetupError> {
+    let limit = |given: &LimitParams| {
+        let of = match given.on.as_str() {
+            "target" => Of::EachTarget,
+            "plan" => Of::Plan,
+            name => Of::Structure { name: name.to_owned(), patterns: Vec::new() },
+        };
+        Limit::new(of, &given.limit, "").map_err(|e| SetupError(format!("`limits`: {e}")))
+    };
+    Ok(Protocol { name: "limits".into(), limits: given.iter().map(limit).collect::<Result<_, _>>()? })
+}
