@@ -133,7 +133,7 @@ impl Message {
             Self::Done { key, answer } => keyed(&mut out, 5, key).hash(answer),
             Self::Failed { key, reason } => {
                 let end = reason.floor_char_boundary(LONGEST_REASON);
-                keyed(&mut out, 6, key).bytes(reason[..end].as_bytes());
+                keyed(&mut out, 6, key).bytes(&reason.as_bytes()[..end]);
             }
             Self::Cancel { key } => drop(keyed(&mut out, 7, key)),
             Self::Want { content, part } => keyed(&mut out, 8, content).number(u64::from(*part)),

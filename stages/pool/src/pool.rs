@@ -9,6 +9,9 @@ use crate::{Call, Courier, Hash, WorkerState};
 /// Longest time between two looks at the clock, ns.
 const TICK: u64 = 20_000_000;
 
+/// Takes the answer of a call, by its place in the list of calls.
+type Taker<'t> = dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String> + 't;
+
 /// What the asking process can do itself.
 pub trait Home {
     /// A content that workers need.
@@ -113,12 +116,7 @@ impl<C: Courier> Pool<C> {
         result
     }
 
-    fn answers(
-        &mut self,
-        calls: &[Call],
-        home: &dyn Home,
-        take: &mut dyn FnMut(usize, &Arc<Vec<u8>>) -> Result<(), String>,
-    ) -> Result<(), String> {
+    fn answers(&mut self, calls: &[Call], home: &dyn Home, take: &mut Taker<'_>) -> Result<(), String> {
         let mut keyed = Keyed { home, places: BTreeMap::new() };
         let now = self.courier.now();
         let mut twins: BTreeMap<Hash, Vec<usize>> = BTreeMap::new();

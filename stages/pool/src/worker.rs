@@ -90,10 +90,13 @@ impl Worker {
             Message::Part { content, part, length, bytes } => {
                 self.take_part(from, content, part, length, bytes);
             }
-            Message::Absent { content } => {
-                if self.fetch.as_ref().is_some_and(|(of, fetch)| of == from && fetch.content() == content) {
-                    self.not_to_be_had(&format!("`{from}` does not hold {content:.16}"));
-                }
+            Message::Absent { content }
+                if self
+                    .fetch
+                    .as_ref()
+                    .is_some_and(|(of, fetch)| of == from && fetch.content() == content) =>
+            {
+                self.not_to_be_had(&format!("`{from}` does not hold {content:.16}"));
             }
             _ => {}
         }

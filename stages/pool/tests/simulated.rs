@@ -64,13 +64,16 @@ struct Actor {
     reborn: u64,
 }
 
+/// A message under way: to which worker (none: to the client), from whom, bytes.
+type Posted = (Option<usize>, String, Vec<u8>);
+
 pub struct Simulated {
     now: u64,
     seed: u64,
     number: u64,
     weather: Weather,
-    /// By time and number: to which worker (none: to the client), from whom, bytes.
-    posted: BTreeMap<(u64, u64), (Option<usize>, String, Vec<u8>)>,
+    /// By time of arrival and number.
+    posted: BTreeMap<(u64, u64), Posted>,
     actors: Vec<Actor>,
     pub deaths: usize,
     pub bytes: u64,
