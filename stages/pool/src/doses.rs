@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use stillpoint_plan::dose::{DoseCache, DoseEngine};
+use stillpoint_plan::dose::{BeamFile, CacheError, DoseCache, DoseEngine};
 
 use crate::{Call, Courier, Hash, Home, Pool};
 
@@ -27,25 +27,29 @@ impl PoolDoses {
         mut on_dose: impl FnMut(),
     ) -> Result<(), String> {
         for (place, engine) in engines.iter().enumerate() {
-            loop {
-                let missing = cache.missing(engine, angles_deg);
-                if missing.is_empty() {
-                    break;
-                }
+            let mut missing = cache.missing(engine, angles_deg);
+            while !missing.is_empty() {
                 let bytes = engine.to_bytes().map_err(|e| e.to_string())?;
                 let name = Hash::of(&bytes);
                 let calls: Vec<Call> =
                     missing.iter().map(|deg| Call::Dose { engine: name, gantry_deg: *deg }).collect();
                 let home = Dosing { engine, name, bytes: &bytes, angles_deg: &missing };
                 pool.call_each(&calls, &home, |call, answer| {
-                    cache.put(engine, missing[call], answer).map_err(|e| e.to_string())?;
-                    on_dose();
-                    Ok(())
+                    match cache.put(engine, missing[call], answer) {
+                        // What is no dose of this engine stays missing: this process computes it when it loads the doses.
+                        Ok(()) | Err(CacheError::Read { .. }) => {
+                            on_dose();
+                            Ok(())
+                        }
+                        Err(e) => Err(e.to_string()),
+                    }
                 })?;
                 self.made
                     .extend(calls.iter().zip(&missing).map(|(call, deg)| (pool.key(call), (place, *deg))));
                 let tainted = pool.take_tainted();
                 self.remove(cache, engines, &tainted);
+                // Those in doubt are computed again; one worker fewer is asked each time.
+                missing = if tainted.is_empty() { Vec::new() } else { cache.missing(engine, angles_deg) };
             }
         }
         Ok(())
@@ -75,9 +79,9 @@ impl Home for Dosing<'_> {
         (*hash == self.name).then_some(self.bytes)
     }
 
-    fn check(&self, _: usize, answer: &[u8]) -> Result<(), String> {
-        // What it holds is checked against engine and angle when it is put into the cache.
-        if answer.starts_with(b"SPDOSE02") { Ok(()) } else { Err("it is no dose file".to_owned()) }
+    fn check(&self, call: usize, answer: &[u8]) -> Result<(), String> {
+        // The rest is checked when it is put into the cache.
+        BeamFile::check_bytes(answer, self.angles_deg[call]).map_err(|e| e.to_string())
     }
 
     fn compute(&self, call: usize) -> Result<Vec<u8>, String> {

@@ -95,6 +95,24 @@ impl BeamFile {
         Ok(Self { file, layout })
     }
 
+    /// Whether bytes that lie anywhere in memory begin as such a file of this angle and have its checksum. It does not look
+    /// at the key or at the matrix.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub fn check_bytes(bytes: &[u8], gantry_deg: f64) -> Result<(), BeamFileError> {
+        let header: &[u8; HEADER] = bytes.first_chunk().ok_or(BeamFileError::Magic)?;
+        let word = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| header[at + i]));
+        if header[..8] != *MAGIC {
+            return Err(BeamFileError::Magic);
+        }
+        let (found, stored) = (crc32fast::hash(&bytes[48..]), word(40));
+        if u64::from(found) != stored {
+            return Err(BeamFileError::Checksum { found, stored: stored as u32 });
+        }
+        if word(48) == gantry_deg.to_bits() { Ok(()) } else { Err(BeamFileError::Place) }
+    }
+
     /// The file.
     pub fn bytes(&self) -> &[u8] {
         self.file.bytes()
