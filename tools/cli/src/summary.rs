@@ -300,7 +300,7 @@ fn print_ledger(report: &RunReport) {
         outln!("and {silent} inputs to which nothing was sent");
     }
     if !none.is_empty() {
-        outln!("columns that are zero on every input: {}", none.join(", "));
+        outln!("columns of zeros: {}", none.join(", "));
     }
     outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }

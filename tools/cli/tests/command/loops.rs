@@ -60,8 +60,10 @@ fn closed_loops_replay_bit_for_bit_what_they_did_live() {
         let folder = tempfile::tempdir().unwrap();
         for key in ["data", "examples/data"] {
             std::fs::create_dir_all(folder.path().join(key)).unwrap();
-            let own = folder.path().join(key).join("rig.key");
-            std::fs::copy(root().join("examples/data/rig.key"), own).unwrap();
+            for name in ["rig.key", "head.case"] {
+                std::fs::copy(root().join("examples/data").join(name), folder.path().join(key).join(name))
+                    .unwrap();
+            }
         }
         let live = folder.path().join("live.yaml");
         std::fs::write(&live, elsewhere(&std::fs::read_to_string(&file).unwrap())).unwrap();
