@@ -84,7 +84,7 @@ fn svg_colour(number: usize) -> String {
 }
 
 /// Black and white of a drawing become ink and paper of the page. A drawing within HTML needs no name space.
-fn themed(svg: &str) -> String {
+pub fn themed(svg: &str) -> String {
     svg.replace(" xmlns=\"http://www.w3.org/2000/svg\"", "")
         .replace("\"#FFFFFF\"", "\"var(--paper)\"")
         .replace("\"#000000\"", "\"var(--ink)\"")

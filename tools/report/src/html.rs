@@ -50,6 +50,7 @@ fn blocks(blocks: &[Block], out: &mut String) {
         let next = match block {
             Block::Chart(..) => "charts",
             Block::Picture(_) => "pictures",
+            Block::Stack { .. } => "stacks",
             _ => "",
         };
         if next != group {
@@ -82,6 +83,7 @@ fn block_to(block: &Block, out: &mut String) {
                 escape(caption)
             )
         }
+        Block::Stack { title, drawings, first } => writeln!(out, "{}", stack(title, drawings, *first)),
         Block::Listing { title, text } => {
             writeln!(
                 out,
@@ -91,6 +93,19 @@ fn block_to(block: &Block, out: &mut String) {
             )
         }
     };
+}
+
+/// Needs no script: a box that scrolls and stops at each drawing.
+fn stack(title: &str, drawings: &[(String, String)], first: usize) -> String {
+    let slide = |(number, (svg, caption)): (usize, &(String, String))| {
+        let class = if number == first { "slide first" } else { "slide" };
+        format!("<div class=\"{class}\">{svg}<p>{}</p></div>\n", escape(caption))
+    };
+    let slides: String = drawings.iter().enumerate().map(slide).collect();
+    format!(
+        "<figure class=\"stack\"><figcaption><b>{}</b></figcaption>\n<div class=\"slides\" tabindex=\"0\">\n{slides}</div></figure>",
+        escape(title)
+    )
 }
 
 fn class(mood: Mood) -> &'static str {
@@ -197,6 +212,11 @@ mod tests {
                 alt: nasty.into(),
                 caption: nasty.into(),
             }))
+            .with(Block::Stack {
+                title: nasty.into(),
+                drawings: vec![("<svg></svg>".into(), nasty.into())],
+                first: 0,
+            })
             .with(Block::Listing { title: nasty.into(), text: nasty.into() });
         let html = page(nasty, nasty, &[section]);
         assert!(!html.contains("<script") && !html.contains("alert('x')") && !html.contains('\u{7}'));

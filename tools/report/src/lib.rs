@@ -11,6 +11,7 @@
 //! - `views`, `camera`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
 //! - `page`, `html`, `escape`, `drawings`, `page.css`: sections and blocks; the page; its text, charts and style
+//! - `isolines`: lines of one level
 //! - `chart`, `diagram`, `picture`, `numbers`: charts as SVG; the wiring as a drawing; PNG files; numbers as text
 
 pub mod accuracy;
@@ -29,11 +30,12 @@ mod far_end;
 pub mod hold;
 pub mod html;
 mod judged;
+pub mod isolines;
 mod motion;
 pub mod numbers;
 mod offset;
 mod overlay;
-mod page;
+pub mod page;
 mod picture;
 mod ramp;
 mod ranking;
@@ -56,8 +58,11 @@ use std::sync::Arc;
 use stillpoint_operator::Registry;
 use stillpoint_recorder::Session;
 
+pub use drawings::themed;
 pub use error::ReportError;
+pub use escape::escape;
 pub use page::Section;
+pub use picture::base64;
 pub use session_pipeline::{SessionPipelineError, pipeline_of};
 
 /// All sections of the report of the session at `path`, with at most this number of `pictures` per camera.

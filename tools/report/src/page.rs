@@ -40,6 +40,15 @@ pub enum Block {
     Picture(Picture),
     /// An SVG document with its caption.
     Drawing(String, String),
+    /// Drawings of which one is seen at a time; the reader scrolls through them.
+    Stack {
+        /// What they are.
+        title: String,
+        /// SVG documents with their captions.
+        drawings: Vec<(String, String)>,
+        /// The drawing that is seen first, and alone on paper.
+        first: usize,
+    },
     /// A long text that the reader can open.
     Listing {
         /// Title of the part.
