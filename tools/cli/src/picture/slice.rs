@@ -49,7 +49,7 @@ impl Plane {
     }
 
     /// Axes of the volume along the picture's width and height, and across it.
-    pub(super) fn axes(self) -> [usize; 3] {
+    pub fn axes(self) -> [usize; 3] {
         match self {
             Self::Axial => [0, 1, 2],
             Self::Coronal => [0, 2, 1],
@@ -58,7 +58,7 @@ impl Plane {
     }
 
     /// What is at the left, right, top and bottom.
-    fn sides(self) -> [char; 4] {
+    pub fn sides(self) -> [char; 4] {
         match self {
             Self::Axial => ['R', 'L', 'A', 'P'],
             Self::Coronal => ['R', 'L', 'H', 'F'],

@@ -32,6 +32,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     assert_eq!(told["searches"][0]["solves"], 8);
     let names = [
         "plan.json",
+        "plan.html",
         "dvh.svg",
         "objective.svg",
         "axial.png",
@@ -39,6 +40,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
         "sagittal.png",
         "rtplan.dcm",
         "rtdose.dcm",
+        "rtstruct.dcm",
     ];
     assert_eq!(told["files"].as_array().unwrap().len(), names.len());
     for name in names {
@@ -94,6 +96,8 @@ gray = dose.pixel_array * float(dose.DoseGridScaling)
 print(json.dumps({
     'angles': [float(b.ControlPointSequence[0].GantryAngle) for b in plan.BeamSequence],
     'weights': [float(b.FinalCumulativeMetersetWeight) for b in plan.BeamSequence],
+    'points': [len(b.ControlPointSequence) for b in plan.BeamSequence],
+    'units': [float(b.BeamMeterset) for b in plan.FractionGroupSequence[0].ReferencedBeamSequence if 'BeamMeterset' in b],
     'isocentre': [float(v) for v in plan.BeamSequence[0].ControlPointSequence[0].IsocenterPosition],
     'description': plan.RTPlanDescription, 'patient': str(plan.PatientName) + str(dose.PatientID),
     'shape': list(gray.shape), 'origin': [float(v) for v in dose.ImagePositionPatient], 'largest': float(gray.max()),
@@ -110,11 +114,29 @@ fn pydicom_reads_the_exported_plan_and_dose() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let told = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "given"]);
-    let files = ["given/rtplan.dcm", "given/rtdose.dcm"].map(|name| folder.path().join(name));
-    let out = Command::new(python).args(["-c", PRINT]).args(&files).env("PYTHONUTF8", "1").output().unwrap();
-    assert!(out.status.success(), "{}", text(&out.stderr));
-    let read: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let read = |asked: &[&str], name: &str| -> (Value, Value) {
+        let angles = ["--angles", "0,72,144,216,288", "--out", name];
+        let told = plan(folder.path(), &[&angles[..], asked].concat());
+        let files = ["rtplan.dcm", "rtdose.dcm"].map(|file| folder.path().join(name).join(file));
+        let out =
+            Command::new(&python).args(["-c", PRINT]).args(&files).env("PYTHONUTF8", "1").output().unwrap();
+        assert!(out.status.success(), "{}", text(&out.stderr));
+        (told, serde_json::from_slice(&out.stdout).unwrap())
+    };
+    let (told, shaped) = read(&[], "shaped");
+    let leaves = &told["leaves"];
+    assert!(shaped["description"].as_str().unwrap().contains("step and shoot"));
+    assert_eq!(shaped["weights"], serde_json::json!([1.0, 1.0, 1.0, 1.0, 1.0]));
+    for (at, beam) in leaves["beams"].as_array().unwrap().iter().enumerate() {
+        let units = [&beam["monitor_units"], &shaped["units"][at]].map(|v| v.as_f64().unwrap());
+        assert!((units[0] - units[1]).abs() < 1e-6 * units[0], "{units:?}");
+        assert_eq!(shaped["points"][at], 2 * beam["segments"].as_array().unwrap().len());
+    }
+    let body = leaves["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
+    let largest = shaped["largest"].as_f64().unwrap() / body["d0_03cc_gy"].as_f64().unwrap();
+    assert!((1.0..1.05).contains(&largest), "the dose of the file is that of the segments: {largest}");
+    let (told, read) = read(&["--fluence-only"], "given");
+    assert_eq!((&told["leaves"], &read["units"]), (&Value::Null, &serde_json::json!([])));
     assert_eq!(read["angles"], serde_json::json!([0.0, 72.0, 144.0, 216.0, 288.0]));
     let weights: f64 = read["weights"].as_array().unwrap().iter().map(|w| w.as_f64().unwrap()).sum();
     assert!((weights - 1.0).abs() < 1e-9, "{weights}");
@@ -132,6 +154,65 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     let body = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
     let (largest, told) = (read["largest"].as_f64().unwrap(), body["d0_03cc_gy"].as_f64().unwrap());
     assert!(largest >= told && largest < 1.05 * told, "{largest} {told}");
+}
+
+/// Figures of dicompyler-core, from the structures and the dose of a plan alone.
+const DICOMPYLER: &str = r#"
+import sys, json, warnings
+warnings.simplefilter('ignore')
+from dicompylercore import dicomparser, dvhcalc
+structures, dose = sys.argv[1:3]
+found = {}
+for number, region in dicomparser.DicomParser(structures).GetStructures().items():
+    if region['name'] in sys.argv[3:]:
+        dvh = dvhcalc.get_dvh(structures, dose, number)
+        at = lambda name: float(dvh.statistic(name).value)
+        found[region['name']] = {
+            'volume': float(dvh.volume), 'mean': float(dvh.mean),
+            'doses': [at(name) for name in ('D98', 'D95', 'D50', 'D2')],
+            'percents': [100 * at(f'V{gray}Gy') / float(dvh.volume) for gray in (10, 20, 30, 40, 50, 60, 70)],
+        }
+print(json.dumps(found))
+"#;
+
+/// An independent program that reads the exported structures and dose finds the figures that the plan tells.
+#[test]
+fn dicompyler_finds_the_told_figures() {
+    let python = std::env::var("STILLPOINT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&python).args(["-c", "import dicompylercore.dvhcalc"]).output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        println!("skipped: {python} cannot import dicompylercore (set STILLPOINT_PYTHON to one that can)");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let told = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "read"]);
+    let files = ["rtstruct.dcm", "rtdose.dcm"].map(|name| folder.path().join("read").join(name));
+    let names = ["PTV", "CTV", "Rectum", "Bladder", "FemoralHeadL"];
+    let out = Command::new(&python).args(["-c", DICOMPYLER]).args(&files).args(names).output().unwrap();
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let found: Value = serde_json::from_slice(&out.stdout).unwrap();
+    for name in names {
+        let figures = told["leaves"]["structures"].as_array().unwrap();
+        let told = figures.iter().find(|f| f["name"] == name).unwrap();
+        let (found, number) = (&found[name], |value: &Value| value.as_f64().unwrap());
+        let near = |what: &str, found: &Value, told: f64, most: f64| {
+            assert!((number(found) - told).abs() <= most, "{name}, {what}: {found} beside {told}");
+        };
+        let cm3 = number(&told["volume_cm3"]);
+        near("cm3", &found["volume"], cm3, 0.03 * cm3);
+        near("mean", &found["mean"], number(&told["mean_gy"]), 0.5);
+        for (at, what) in ["d98_gy", "d95_gy", "d50_gy", "d2_gy"].into_iter().enumerate() {
+            near(what, &found["doses"][at], number(&told[what]), 0.5);
+        }
+        for (at, volume) in told["volumes"].as_array().unwrap().iter().enumerate() {
+            near(
+                &format!("V{}", volume["dose_gy"]),
+                &found["percents"][at],
+                100.0 * number(&volume["fraction"]),
+                1.0,
+            );
+        }
+    }
 }
 
 #[test]

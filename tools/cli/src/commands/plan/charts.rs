@@ -1,5 +1,6 @@
 //! Charts of a plan: histograms, and how the search went.
 
+use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::follows;
 
 use super::outcome::Outcome;
@@ -18,11 +19,7 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
     let largest =
         planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh.max()).fold(1.0, f64::max);
     let up_to = 1.01 * largest;
-    let percent = |dvh: &stillpoint_plan::metrics::Dvh| {
-        let curve = dvh.curve(up_to, STEPS);
-        let end = curve.iter().position(|(_, v)| *v == 0.0).map_or(curve.len(), |at| at + 1);
-        curve[..end].iter().map(|(dose, volume)| (*dose, 100.0 * volume)).collect::<Vec<_>>()
-    };
+    let percent = |dvh: &Dvh| percent_curve(dvh, up_to);
     let (mut series, mut colours) = (Vec::new(), Vec::new());
     for (place, (structure, dvh)) in planned.iter().enumerate() {
         series.push(Series { name: structure.name.clone(), points: percent(dvh), style: Style::Line });
@@ -70,6 +67,13 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
         series,
     };
     chart.svg_with_legend_beside(960, 520, &colours)
+}
+
+/// The cumulative curve of a histogram in percent, until nothing is left.
+pub fn percent_curve(dvh: &Dvh, up_to_gy: f64) -> Vec<(f64, f64)> {
+    let curve = dvh.curve(up_to_gy, STEPS);
+    let end = curve.iter().position(|(_, v)| *v == 0.0).map_or(curve.len(), |at| at + 1);
+    curve[..end].iter().map(|(dose, volume)| (*dose, 100.0 * volume)).collect()
 }
 
 /// Cost of each solve, and the best until then. Sets of fewer beams are shown where they do not dwarf the others.

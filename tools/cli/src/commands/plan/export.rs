@@ -1,25 +1,39 @@
-//! RTPLAN and RTDOSE of a plan.
+//! RTPLAN, RTDOSE and RTSTRUCT of a plan: of its segments where it has some, else of its fluence.
 
 use stillpoint_dicom::{
-    Beam, Export, ExportError, Exported, Machine, Plan, PlannedDose, dose_file, plan_file, uids_of,
+    Beam, Export, ExportError, Exported, LeafSegment, Machine, Plan, PlannedDose, dose_file, plan_file,
+    structure_file, uids_of,
 };
+use stillpoint_plan::leaves::{LeafBeam, Segment};
 
 use super::ground::Ground;
+use super::leaves::Leaves;
 use super::outcome::Outcome;
 use super::request::Request;
 
 /// A beam that carries less than this part of the plan has no place in an RTPLAN, where every weight is above zero.
 const LEAST_SHARE: f64 = 1e-9;
 
-/// The plan and its dose. Beams without weight are left out.
-pub fn dicom(
-    request: &Request,
-    ground: &Ground,
-    outcome: &Outcome<'_>,
-) -> Result<[Exported; 2], ExportError> {
+/// The DICOM files of a plan.
+pub struct Files {
+    /// RTPLAN.
+    pub plan: Exported,
+    /// RTDOSE.
+    pub dose: Exported,
+    /// RTSTRUCT of a case that did not come from DICOM.
+    pub structures: Option<Exported>,
+}
+
+/// The plan, its dose, and the structures where the case came without. Beams without weight are left out.
+pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Files, ExportError> {
     let uids = uids_of(&request.case, &request.hash);
     let export = Export { uids: &uids, identity: &request.identity };
-    let beams = beams(request, ground, outcome);
+    let beams = match &outcome.leaves {
+        Some(leaves) => shaped(request, outcome, leaves),
+        None => beams(request, ground, outcome),
+    };
+    let collimator = request.collimator().filter(|_| outcome.leaves.is_some());
+    let gray = outcome.leaves.as_ref().map_or(&outcome.gray[0], |leaves| &leaves.gray);
     let machine = request.machine.file();
     let label = format!("{} {}", outcome.run.way.word(), request.beams);
     let plan = plan_file(
@@ -34,13 +48,36 @@ pub fn dicom(
             prescription: request.case.prescription(),
             fractions: request.case.fractions().unwrap_or(1),
             position: request.case.position(),
-            leaf_edges_mm: &[],
+            leaf_edges_mm: collimator.map_or(&[][..], |c| &c.leaf_edges_mm[..]),
             beams: &beams,
         },
     )?;
-    let dose =
-        dose_file(&export, &PlannedDose { grid: outcome.grid(), gray: &outcome.gray[0], plan: &plan.uid })?;
-    Ok([plan, dose])
+    let dose = dose_file(&export, &PlannedDose { grid: outcome.grid(), gray, plan: &plan.uid })?;
+    let structures = match request.case.uids() {
+        Some(_) => None,
+        None => Some(structure_file(&export, &request.case)?),
+    };
+    Ok(Files { plan, dose, structures })
+}
+
+fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves) -> Vec<Beam> {
+    let (_, all) = leaves.totals();
+    let beam = |(number, beam): (&u16, &LeafBeam)| {
+        let angle = request.ring.angle_deg(*number);
+        let segment = |segment: &Segment| LeafSegment {
+            tips_mm: segment.tips_mm.clone(),
+            monitor_units: leaves.monitor_units(segment.weight),
+        };
+        Beam {
+            name: format!("gantry {angle}"),
+            gantry_deg: angle,
+            isocentre_mm: request.case.isocentre_mm(),
+            weight: leaves.beam_units(beam) / all,
+            field_mm: beam.field_mm,
+            segments: beam.segments.iter().map(segment).collect(),
+        }
+    };
+    leaves.beams(outcome.run).map(beam).collect()
 }
 
 fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam> {

@@ -9,6 +9,7 @@ use super::charts;
 use super::export;
 use super::ground::Ground;
 use super::outcome::Outcome;
+use super::page;
 use super::request::Request;
 use super::search::Run;
 use crate::exit::Failure;
@@ -54,9 +55,14 @@ pub fn write(
         wash(&request.case, plane, &over).write(&mut png).map_err(Failure::failed)?;
         files.push(folder.put(&format!("{}.png", plane.name()), &png)?);
     }
-    let [plan, dose] = export::dicom(request, ground, outcome).map_err(Failure::failed)?;
+    files.push(folder.put("plan.html", page::page(request, ground, outcome)?.as_bytes())?);
+    let export::Files { plan, dose, structures } =
+        export::dicom(request, ground, outcome).map_err(Failure::failed)?;
     files.push(folder.put("rtplan.dcm", &plan.bytes)?);
     files.push(folder.put("rtdose.dcm", &dose.bytes)?);
+    if let Some(structures) = structures {
+        files.push(folder.put("rtstruct.dcm", &structures.bytes)?);
+    }
     Ok(files)
 }
 

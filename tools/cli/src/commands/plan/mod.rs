@@ -4,12 +4,14 @@
 //! - `request`: what is asked for, checked
 //! - `ground`: the case made ready: goals, dose engines, doses from the cache
 //! - `guide`: the priors of beams; `learned`: that of a trained network
+//! - `leaves`: the segments of a plan
 //! - `way`: the names of the methods of choosing beams
 //! - `search`: the ways to choose beams, with their progress
 //! - `outcome`: what a plan gives
 //! - `table`: figures for people
+//! - `page`: plan.html
 //! - `charts`: histograms and searches as SVG
-//! - `export`: RTPLAN and RTDOSE
+//! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
 
 mod charts;
@@ -18,7 +20,9 @@ mod folder;
 mod ground;
 mod guide;
 mod learned;
+mod leaves;
 mod outcome;
+mod page;
 mod protocol;
 mod request;
 mod search;
@@ -42,8 +46,8 @@ use way::Way;
 /// Choose the beams of a case and optimise their fluence.
 ///
 /// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.
-/// The output is a folder: plan.json, dvh.svg, objective.svg, the dose over the slices through the isocentre (PNG),
-/// rtplan.dcm and rtdose.dcm. No plan of this command may be used to treat a patient.
+/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, the dose over the slices through the isocentre (PNG),
+/// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
 #[derive(Args)]
 pub struct Plan {
     /// The case file; see `stillpoint case`.
@@ -84,6 +88,9 @@ pub struct Plan {
     /// Machine file; the default is the built-in generic 6 MV machine.
     #[arg(long, value_name = "FILE")]
     machine: Option<PathBuf>,
+    /// Do not sequence the fluence for the leaves of the machine. The RTPLAN then has no segments and no monitor units.
+    #[arg(long)]
+    fluence_only: bool,
     /// Spacing of the points whose dose is optimised. At the borders of targets it is half of that, and at most a quarter
     /// of a bixel. The reported dose is recomputed on a finer grid.
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]

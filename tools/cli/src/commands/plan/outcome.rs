@@ -10,6 +10,7 @@ use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
 use super::ground::{Ground, bar};
+use super::leaves::Leaves;
 use super::request::Request;
 use super::search::Run;
 use crate::exit::Failure;
@@ -30,6 +31,8 @@ pub struct Outcome<'a> {
     pub fall_off: Option<FallOff>,
     /// The limits of the protocol, in the planned set-up.
     pub limits: Vec<Judged>,
+    /// The segments, with their dose; nothing where the fluence is not sequenced.
+    pub leaves: Option<Leaves>,
     /// Figures of the other set-ups; of structures that are followed through them.
     pub moved: Vec<Vec<StructureDose>>,
     /// The dose that came with the case, on the same grid, gray.
@@ -71,6 +74,7 @@ impl<'a> Outcome<'a> {
         let reference_gray =
             case.reference_dose_gy().map(|gray| brought_to(recompute.grid(), case.grid(), gray));
         Ok(Self {
+            leaves: Leaves::new(request, ground, run, &recompute, &on_grid)?,
             run,
             angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
             figures: figures(&gray[0]),
@@ -130,6 +134,7 @@ impl<'a> Outcome<'a> {
             "structures": self.figures,
             "fall_off": self.fall_off,
             "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
+            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run)),
             "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
             "reference": self.reference,
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),

@@ -8,7 +8,7 @@ use stillpoint_plan::beams::{
     BeamGame, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions, set_of_prior,
 };
 use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
-use stillpoint_plan::dose::Machine;
+use stillpoint_plan::dose::{Collimator, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Protocol;
 
@@ -48,6 +48,8 @@ pub struct Request {
     pub protocol: Option<Protocol>,
     /// The machine.
     pub machine: Machine,
+    /// Whether fluences are sequenced where the machine has leaves.
+    leaves: bool,
     /// Spacing of the dose grid, mm.
     pub grid_mm: f64,
     /// Width of a bixel, mm.
@@ -105,6 +107,7 @@ impl Request {
             objectives,
             protocol: protocol::of(&case, given.protocol.as_deref())?,
             machine,
+            leaves: !given.fluence_only,
             grid_mm: length("grid", &given.grid)?,
             bixel_mm: length("bixel", &given.bixel)?,
             out: given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name())),
@@ -118,6 +121,11 @@ impl Request {
             quiet: given.json,
             case,
         })
+    }
+
+    /// The leaves that fluences are sequenced for.
+    pub fn collimator(&self) -> Option<&Collimator> {
+        self.machine.file().collimator.as_ref().filter(|_| self.leaves)
     }
 
     /// What is known of beams without a solve.

@@ -4,6 +4,7 @@ use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::protocol::Judged;
 
 use super::ground::Ground;
+use super::leaves::Leaves;
 use super::outcome::Outcome;
 use super::request::Request;
 use super::search::Run;
@@ -29,11 +30,15 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
     outln!();
     outln!("dose recomputed on a grid of {:.2} mm:\n", outcome.grid().spacing_mm[0]);
     structures(&outcome.figures, &ground.volumes_at_gy);
+    explain();
     if let Some(fall_off) = &outcome.fall_off {
         outln!("{}", describe(fall_off));
     }
     if let Some(protocol) = &request.protocol {
         limits(&protocol.name, &outcome.limits);
+    }
+    if let Some(sequenced) = &outcome.leaves {
+        leaves(request, ground, outcome, sequenced);
     }
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
@@ -42,6 +47,28 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
     if !outcome.moved.is_empty() {
         outln!("\nranges over {} set-ups, including the planned one:\n", request.setups_mm.len());
         setups(outcome);
+    }
+}
+
+/// What the leaves give.
+fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Leaves) {
+    let (segments, monitor_units) = leaves.totals();
+    let [opaque, loss] = leaves.losses(outcome.run.choice.best.cost).map(|part| 100.0 * part);
+    let transmission = request.collimator().map_or(0.0, |c| 100.0 * c.transmission);
+    outln!(
+        "\nsequenced for step and shoot: {segments} segments, {monitor_units:.0} monitor units a fraction; the objective \
+         rises by {opaque:.1} %, with a transmission of {transmission} % by {loss:.1} %\n"
+    );
+    structures(&leaves.figures, &ground.volumes_at_gy);
+    if let Some(fall_off) = &leaves.fall_off {
+        outln!("{}", describe(fall_off));
+    }
+    let missed = |j: &&Judged| j.passed == Some(false);
+    let text = |j: &Judged| format!("{} {}", j.structure, j.limit);
+    let missed: Vec<String> = leaves.limits.iter().filter(missed).map(text).collect();
+    if request.protocol.is_some() {
+        let names = if missed.is_empty() { "none".to_owned() } else { missed.join(", ") };
+        outln!("limits that the segments do not keep: {names}");
     }
 }
 
@@ -87,6 +114,9 @@ fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
         table.row(std::iter::once(f.name.clone()).chain(cells));
     }
     out!("{table}");
+}
+
+fn explain() {
     outln!(
         "D98 is the dose in Gy that 98 % of the structure receive at least, D0.03 that of 0.03 cm3; V60 is the percentage that receives 60 Gy;\n\
          V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\

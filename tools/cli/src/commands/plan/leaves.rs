@@ -1,0 +1,168 @@
+//! The segments of a plan, and what they give.
+
+use serde_json::{Value, json};
+use stillpoint_plan::beams::Influence;
+use stillpoint_plan::dose::Collimator;
+use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose};
+use stillpoint_plan::leaves::{FluenceBeam, LeafBeam, LeafOptions, Sequenced, sequence};
+use stillpoint_plan::protocol::Judged;
+use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+
+use super::ground::Ground;
+use super::request::Request;
+use super::search::Run;
+use crate::exit::Failure;
+
+/// Levels of a beam's fluence.
+const LEVELS: u32 = 20;
+/// Segments are added until the objective is this part above that of the fluence.
+const LOSS: f64 = 0.02;
+/// Most segments of a beam.
+const MOST_SEGMENTS: usize = 30;
+
+/// A plan in segments, in the planned set-up.
+pub struct Leaves {
+    /// The segments.
+    pub sequenced: Sequenced,
+    /// Their dose, gray.
+    pub gray: Vec<f32>,
+    /// Figures of it.
+    pub figures: Vec<StructureDose>,
+    /// How it falls off.
+    pub fall_off: Option<FallOff>,
+    /// The limits of the protocol.
+    pub limits: Vec<Judged>,
+    /// Monitor units of a fluence of weight 1 in one fraction.
+    mu_per_weight: f64,
+}
+
+impl Leaves {
+    /// Of this run, where the machine has leaves and the request wants them used; or why not.
+    pub fn new(
+        request: &Request,
+        ground: &Ground,
+        run: &Run,
+        recompute: &Recompute,
+        on_grid: &OnGrid<'_>,
+    ) -> Result<Option<Self>, Failure> {
+        let Some(collimator) = request.collimator() else { return Ok(None) };
+        let best = &run.choice.best;
+        let beam = |beam: &u16| FluenceBeam {
+            doses: ground.doses.beam(*beam),
+            bixels_mm: ground.doses.bixels_mm(*beam),
+            weights: best.weights_of(*beam).unwrap_or_default(),
+        };
+        let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
+        let mu_per_weight = collimator.mu_per_weight / f64::from(request.case.fractions().unwrap_or(1));
+        let options = LeafOptions {
+            width_mm: request.bixel_mm,
+            levels: LEVELS,
+            loss: LOSS,
+            most_segments: MOST_SEGMENTS,
+            least_weight: collimator.least_mu / mu_per_weight,
+        };
+        let sequenced = sequence(&ground.goals, &beams, collimator, best.cost, options);
+        let sequenced = sequenced.map_err(|e| {
+            Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
+        })?;
+        let gray = dose(request, run, &sequenced, collimator, recompute)?;
+        Ok(Some(Self {
+            figures: on_grid.figures(&gray, &ground.volumes_at_gy),
+            fall_off: on_grid.fall_off(&gray),
+            limits: request.protocol.iter().flat_map(|p| p.judge(&request.case, on_grid, &gray)).collect(),
+            sequenced,
+            gray,
+            mu_per_weight,
+        }))
+    }
+
+    /// Monitor units of a segment's weight in one fraction.
+    pub fn monitor_units(&self, weight: f64) -> f64 {
+        weight * self.mu_per_weight
+    }
+
+    /// Monitor units of a beam in one fraction.
+    pub fn beam_units(&self, beam: &LeafBeam) -> f64 {
+        beam.segments.iter().map(|segment| self.monitor_units(segment.weight)).sum()
+    }
+
+    /// Segments of all beams, and their monitor units in one fraction.
+    pub fn totals(&self) -> (usize, f64) {
+        let beams = || self.sequenced.beams.iter().flatten();
+        (beams().map(|beam| beam.segments.len()).sum(), beams().map(|beam| self.beam_units(beam)).sum())
+    }
+
+    /// How much the objective is above that of the fluence, as a part of it: behind leaves that let nothing through, and
+    /// with their transmission.
+    pub fn losses(&self, objective: f64) -> [f64; 2] {
+        [self.sequenced.opaque, self.sequenced.plan.certificate.objective].map(|cost| cost / objective - 1.0)
+    }
+
+    /// All of it, for `plan.json`.
+    pub fn told(&self, request: &Request, run: &Run) -> Value {
+        let [opaque, loss] = self.losses(run.choice.best.cost);
+        let (segments, monitor_units) = self.totals();
+        let beam = |(number, beam): (&u16, &LeafBeam)| {
+            let segment = |segment: &stillpoint_plan::leaves::Segment| {
+                let open = segment.tips_mm.iter().enumerate().filter(|(_, [low, high])| low < high);
+                json!({
+                    "monitor_units": self.monitor_units(segment.weight),
+                    "open_pair_from_to_mm": open.map(|(pair, [low, high])| json!([pair, low, high])).collect::<Vec<_>>(),
+                })
+            };
+            json!({
+                "gantry_deg": request.ring.angle_deg(*number),
+                "monitor_units": self.beam_units(beam),
+                "field_x_z_mm": beam.field_mm,
+                "segments": beam.segments.iter().map(segment).collect::<Vec<_>>(),
+            })
+        };
+        json!({
+            "collimator": request.collimator(),
+            "levels": LEVELS,
+            "objective": self.sequenced.plan.certificate.objective,
+            "loss": loss,
+            "loss_without_transmission": opaque,
+            "loss_before_segments_were_added": self.sequenced.divided / run.choice.best.cost - 1.0,
+            "added_segments": self.sequenced.added,
+            "segments": segments,
+            "monitor_units": monitor_units,
+            "beams": self.beams(run).map(beam).collect::<Vec<_>>(),
+            "structures": self.figures,
+            "fall_off": self.fall_off,
+            "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
+        })
+    }
+
+    /// The beams that have segments, with their numbers on the ring.
+    pub fn beams<'a>(&'a self, run: &'a Run) -> impl Iterator<Item = (&'a u16, &'a LeafBeam)> {
+        let numbers = run.choice.best.beams.beams().iter();
+        numbers.zip(&self.sequenced.beams).filter_map(|(number, beam)| Some((number, beam.as_ref()?)))
+    }
+}
+
+/// Dose of the segments: of all that passes the leaves, also beside the bixels that were optimised.
+fn dose(
+    request: &Request,
+    run: &Run,
+    sequenced: &Sequenced,
+    collimator: &Collimator,
+    recompute: &Recompute,
+) -> Result<Vec<f32>, Failure> {
+    let numbers = run.choice.best.beams.beams().iter();
+    let fluence = |(number, beam): (&u16, &Option<LeafBeam>)| {
+        let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.bixel_mm);
+        Some((request.ring.angle_deg(*number), bixels_mm, weights))
+    };
+    let fluences: Vec<(f64, Vec<[f64; 2]>, Vec<f64>)> =
+        numbers.zip(&sequenced.beams).filter_map(fluence).collect();
+    let beams: Vec<WeightedBeam<'_>> = fluences
+        .iter()
+        .map(|(gantry_deg, bixels_mm, weights)| WeightedBeam {
+            gantry_deg: *gantry_deg,
+            weights,
+            bixels_mm: Some(bixels_mm),
+        })
+        .collect();
+    recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)
+}

@@ -1,0 +1,220 @@
+//! `plan.html`: a plan as one self-contained page.
+//!
+//! - `slices`: the image with isodose lines; `eye`: fluence in beam's-eye view
+//! - `histogram`: planned and sequenced doses with prescriptions and limits
+//! - `beams`: angles, what each is worth, its fluence
+
+mod beams;
+mod eye;
+mod histogram;
+mod slices;
+
+use serde_json::Value;
+use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::protocol::Judged;
+use stillpoint_report::html;
+use stillpoint_report::page::{Block, Cell, Mood, Section, Table, Tile};
+use stillpoint_report::themed;
+
+use super::charts;
+use super::ground::Ground;
+use super::outcome::Outcome;
+use super::request::Request;
+use super::table::angles;
+use crate::exit::Failure;
+use crate::picture::Plane;
+use slices::{Dosed, ISODOSES};
+
+/// The page of a plan.
+pub fn page(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<String, Failure> {
+    let sections = [
+        summary(request, outcome)?,
+        doses(request, ground, outcome)?,
+        section("dvh", "Dose-volume histograms", histogram::blocks(request, outcome)?)?,
+        limits(request, outcome)?,
+        section("beams", "Beams", beams::blocks(request, ground, outcome)?)?,
+        search(request, outcome)?,
+        figures(outcome)?,
+    ];
+    let name = request.case.name();
+    let about = format!(
+        "Beams {} by {}. Research only: no plan made by stillpoint may treat a patient.",
+        angles(&outcome.angles_deg),
+        outcome.run.way.word()
+    );
+    Ok(html::page(&format!("Plan of {name}"), &about, &sections))
+}
+
+fn section(id: &'static str, title: &'static str, blocks: Vec<Block>) -> Result<Section, Failure> {
+    let section = Section::new(id, title, &Value::Null).map_err(Failure::failed)?;
+    Ok(blocks.into_iter().fold(section, Section::with))
+}
+
+/// The dose that the page shows: of the segments where there are some.
+fn shown<'a>(outcome: &'a Outcome<'_>) -> (&'a [f32], &'a [StructureDose], &'a [Judged]) {
+    match &outcome.leaves {
+        Some(leaves) => (&leaves.gray, &leaves.figures, &leaves.limits),
+        None => (&outcome.gray[0], &outcome.figures, &outcome.limits),
+    }
+}
+
+fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let (_, figures, limits) = shown(outcome);
+    let mut tiles = Vec::new();
+    for target in figures.iter().filter(|f| f.prescribed_gy.is_some()) {
+        let covered = 100.0 * target.covered.unwrap_or_default();
+        tiles.push(Tile::plain(&format!("{}, V95%", target.name), format!("{covered:.1} %")));
+        tiles.push(Tile::plain(&format!("{}, D95%", target.name), format!("{:.1} Gy", target.d95_gy)));
+    }
+    if let Some(protocol) = &request.protocol {
+        let count = |wanted| limits.iter().filter(|j| j.passed == Some(wanted)).count();
+        let text = format!("{} kept, {} not", count(true), count(false));
+        tiles.push(Tile::state(&format!("limits of {}", protocol.name), text, count(false) == 0));
+    }
+    if let Some(leaves) = &outcome.leaves {
+        let (segments, units) = leaves.totals();
+        let [opaque, loss] = leaves.losses(outcome.run.choice.best.cost).map(|part| 100.0 * part);
+        tiles.push(Tile::plain("segments", segments.to_string()));
+        tiles.push(Tile::plain("monitor units a fraction", format!("{units:.0}")));
+        tiles.push(Tile::plain(
+            "objective lost by leaves",
+            format!("{opaque:.1} %, {loss:.1} % with transmission"),
+        ));
+    }
+    let which = if outcome.leaves.is_some() { "segments" } else { "planned fluence" };
+    let said = format!(
+        "Figures, slices and limits are of the dose of the {which}, computed on a grid of {:.2} mm.",
+        outcome.grid().spacing_mm[0]
+    );
+    section("summary", "Summary", vec![Block::Tiles(tiles), Block::Text(said)])
+}
+
+fn doses(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let (gray, _, _) = shown(outcome);
+    let case = &request.case;
+    let dosed = Dosed { case, grid: outcome.grid(), gray, prescribed_gy: ground.prescribed_gy };
+    let mut blocks = vec![Block::Drawing(legend(outcome, ground.prescribed_gy), String::new())];
+    for plane in Plane::ALL {
+        blocks.push(slices::stack(&dosed, plane)?);
+    }
+    blocks.push(Block::Text("Scroll within a picture to go through the slices.".to_owned()));
+    section("dose", "Dose", blocks)
+}
+
+/// Names of structures and isodoses with their colours.
+fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
+    use std::fmt::Write;
+    let (mut x, mut y, mut svg) = (0.0, 14.0, String::new());
+    let mut entry = |colour: &str, dashes: &str, name: &str, svg: &mut String| {
+        let width = 34.0 + 7.2 * name.chars().count() as f64;
+        if x + width > 880.0 {
+            (x, y) = (0.0, y + 20.0);
+        }
+        let _ = write!(
+            svg,
+            "<path d=\"M{x:.0} {0:.0}h20\" stroke=\"{colour}\" stroke-width=\"3\" stroke-dasharray=\"{dashes}\"/>\
+             <text x=\"{1:.0}\" y=\"{y:.0}\" font-size=\"13\" fill=\"var(--ink)\">{2}</text>",
+            y - 4.0,
+            x + 26.0,
+            stillpoint_report::escape(name)
+        );
+        x += width + 12.0;
+        y
+    };
+    let mut bottom = 14.0;
+    for (number, (structure, _)) in outcome.on_grid.histograms(&outcome.gray[0]).iter().enumerate() {
+        let colour = slices::on_dark(number).replace("#ffffff", "var(--ink)");
+        bottom = entry(&colour, "none", &structure.name, &mut svg);
+    }
+    for (percent, colour) in ISODOSES {
+        let name = format!("{percent} % = {:.1} Gy", 0.01 * percent * prescribed_gy);
+        bottom = entry(colour, if percent >= 95.0 { "none" } else { "4 2" }, &name, &mut svg);
+    }
+    format!(
+        "<svg viewBox=\"0 0 900 {0:.0}\" width=\"900\" role=\"img\" aria-label=\"legend\">{svg}</svg>",
+        bottom + 8.0
+    )
+}
+
+fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let Some(protocol) = &request.protocol else {
+        let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
+        return section("limits", "Limits", vec![Block::Text(none.to_owned())]);
+    };
+    let caption = format!("Limits of the protocol {}", protocol.name);
+    let mut columns = vec!["structure", "limit", "planned"];
+    columns.extend(outcome.leaves.as_ref().map(|_| "segments"));
+    columns.extend(["result", "source"]);
+    let mut table = Table::new(caption, &columns);
+    let text = |value: Option<f64>| match value {
+        Some(value) if value < 10.0 => format!("{value:.2}"),
+        Some(value) => format!("{value:.1}"),
+        None => "-".to_owned(),
+    };
+    let (_, _, shown) = shown(outcome);
+    for (planned, judged) in outcome.limits.iter().zip(shown) {
+        let result = match judged.passed {
+            Some(true) => Cell::State(Mood::Good, "pass".to_owned()),
+            Some(false) => Cell::State(Mood::Bad, "FAIL".to_owned()),
+            None => Cell::text("not in the case"),
+        };
+        let mut cells =
+            vec![Cell::text(&judged.structure), Cell::text(&judged.limit), Cell::number(text(planned.value))];
+        cells.extend(outcome.leaves.as_ref().map(|_| Cell::number(text(judged.value))));
+        cells.extend([result, Cell::text(&judged.source)]);
+        table.row(cells);
+    }
+    section("limits", "Limits", vec![Block::Table(table)])
+}
+
+fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let run = outcome.run;
+    let certificate = &run.choice.best.plan.certificate;
+    let chart = charts::objective(request, run).map_err(Failure::failed)?;
+    let ended = if run.choice.spent { "its budget was spent" } else { "there was nothing more to try" };
+    let found = format!(
+        "The search ended after {} solves and {} prices, when {ended}. It does not prove that no other set of beams is better.",
+        run.history.len(),
+        run.prices
+    );
+    let proved = format!(
+        "Certificate: the objective of the planned fluence is {:.6}, proved to be at most {:.1e} (relative {:.1e}) above the \
+         optimum of these beams{}. The largest violation of the optimality conditions is {:.1e}.",
+        certificate.objective,
+        certificate.excess,
+        certificate.excess / certificate.objective,
+        if run.choice.best.plan.rounds > 1 { " for the chosen voxels of its DVH points" } else { "" },
+        certificate.kkt
+    );
+    let drawing = Block::Drawing(
+        themed(&chart),
+        "Objective of each set of beams, in the order of the solves.".to_owned(),
+    );
+    section("search", "Search and certificate", vec![drawing, Block::Text(found), Block::Text(proved)])
+}
+
+fn figures(outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let table = |caption: &str, figures: &[StructureDose]| {
+        let names =
+            ["structure", "cm3", "D98, Gy", "D95", "D50", "D2", "D0.03cc", "mean", "V95%", "HI", "CI"];
+        let mut table = Table::new(caption, &names);
+        for f in figures {
+            let doses = [f.volume_cm3, f.d98_gy, f.d95_gy, f.d50_gy, f.d2_gy, f.d003cc_gy, f.mean_gy];
+            let optional = |value: Option<f64>, digits: usize| {
+                Cell::number(value.map_or("-".to_owned(), |v| format!("{v:.digits$}")))
+            };
+            let target = [
+                optional(f.covered.map(|c| 100.0 * c), 1),
+                optional(f.homogeneity, 2),
+                optional(f.conformity, 2),
+            ];
+            let numbers = doses.into_iter().map(|dose| Cell::number(format!("{dose:.1}")));
+            table.row(std::iter::once(Cell::text(&f.name)).chain(numbers).chain(target));
+        }
+        Block::Table(table)
+    };
+    let mut blocks = vec![table("Planned fluence", &outcome.figures)];
+    blocks.extend(outcome.leaves.as_ref().map(|leaves| table("Segments", &leaves.figures)));
+    blocks.extend(outcome.reference.as_ref().map(|figures| table("Reference dose of the case", figures)));
+    section("figures", "Figures", blocks)
+}
