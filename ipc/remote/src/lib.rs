@@ -17,6 +17,7 @@
 //! - `host`: the sessions, and the thread that beats
 //! - `sender`, `receiver`: the two ends of an edge
 //! - `lane`: the thread that puts
+//! - `mailbox`: messages between named programs, for the planning pool
 //! - `router`: a router between hosts that cannot reach each other
 
 mod attachment;
@@ -27,6 +28,7 @@ mod error;
 mod host;
 mod identity;
 mod lane;
+mod mailbox;
 mod names;
 mod peers;
 mod receiver;
@@ -41,6 +43,7 @@ pub use endpoints::Endpoints;
 pub use error::RemoteError;
 pub use host::{Host, HostSettings};
 pub use identity::Identity;
+pub use mailbox::Mailbox;
 pub use peers::{HostEvent, PEER_SILENCE, PeerReport, PeerState};
 pub use receiver::Taken;
 pub use remote::Remote;

@@ -21,11 +21,17 @@ struct Arguments {
 enum Command {
     Bridge(commands::bridge::Bridge),
     Router(commands::router::Router),
+    Worker(commands::worker::Worker),
+    Pool(commands::pool::Pool),
+    PlanClient(commands::plan_client::PlanClient),
 }
 
 fn main() -> ExitCode {
     match Arguments::parse().command {
         Command::Bridge(command) => command.execute(),
         Command::Router(command) => command.execute(),
+        Command::Worker(command) => command.execute(),
+        Command::Pool(command) => command.execute(),
+        Command::PlanClient(command) => command.execute(),
     }
 }

@@ -7,3 +7,7 @@
 
 mod bench;
 mod hosts;
+mod pool;
+// The patient and the search of the tests of the pool itself.
+#[path = "../../../stages/pool/tests/water.rs"]
+mod water;

@@ -2,6 +2,7 @@
 
 mod bench;
 mod bladder;
+mod bridge;
 mod case;
 mod check;
 mod echo;
@@ -65,6 +66,12 @@ pub enum Command {
     Case(case::Case),
     /// Choose the beams of a case and optimise their fluence.
     Plan(Box<plan::Plan>),
+    /// Compute calls of plans for other hosts (by stillpoint-bridge).
+    Worker(bridge::Bridge),
+    /// List the workers of a planning pool (by stillpoint-bridge).
+    Pool(bridge::Bridge),
+    /// Pass on messages between hosts (by stillpoint-bridge).
+    Router(bridge::Bridge),
     /// Measure the speed and accuracy of this build on this machine.
     Bench(bench::Bench),
 }
@@ -90,6 +97,9 @@ impl Command {
             Self::Echo(c) => c.execute(registry),
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
+            Self::Worker(c) => c.execute("worker"),
+            Self::Pool(c) => c.execute("pool"),
+            Self::Router(c) => c.execute("router"),
             Self::Bench(c) => c.execute(),
         }
     }

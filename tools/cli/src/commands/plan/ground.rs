@@ -7,6 +7,7 @@ use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::Aims;
 use stillpoint_plan::sampling::Sampling;
 
+use super::pooled::Pooled;
 use super::request::Request;
 use crate::exit::Failure;
 
@@ -21,8 +22,8 @@ pub struct Ground {
     pub aims: Aims,
     /// The same over all set-ups.
     pub goals: Goals,
-    /// The engine of the points in the planned set-up.
-    pub engine: DoseEngine,
+    /// The engines of the points, of each set-up, the planned one first.
+    pub engines: Vec<DoseEngine>,
     /// Doses of the beams.
     pub doses: RingDoses,
     /// Doses at which volumes are told, gray.
@@ -34,8 +35,8 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Makes it; doses that are not in the cache are computed.
-    pub fn new(request: &Request) -> Result<Self, Failure> {
+    /// Makes it; doses that are not in the cache are computed, by the pool if there is one.
+    pub fn new(request: &Request, pooled: Option<&mut Pooled>) -> Result<Self, Failure> {
         let Request { case, .. } = request;
         let sampling = Sampling::new(case, request.grid_mm, request.bixel_mm).map_err(Failure::failed)?;
         let over = DoseParams::over(case.grid(), request.grid_mm);
@@ -45,14 +46,19 @@ impl Ground {
         let engine = sampling.engine(&engine);
         let mut aims = request.objectives.for_points(case, &sampling).map_err(Failure::failed)?;
         let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
-        let mut engines = vec![engine.clone()];
         let moving = engine.within(aims.followed());
+        let mut engines = vec![engine];
         for shift_mm in &request.setups_mm[1..] {
             engines.push(moving.shifted(*shift_mm).map_err(Failure::failed)?);
         }
         let beams = request.needed_beams();
         let bar = bar((beams.len() * engines.len()) as u64, "doses", request.quiet);
         let cache = DoseCache::in_folder(&request.doses).map_err(Failure::failed)?;
+        if let Some(pooled) = pooled {
+            let angles: Vec<f64> = beams.iter().map(|beam| request.ring.angle_deg(*beam)).collect();
+            pooled.fill(&cache, &engines, &angles, || bar.inc(1));
+            bar.set_position(0);
+        }
         let doses = RingDoses::load(&cache, &engines, request.ring, &beams, request.threads, || bar.inc(1));
         bar.finish_and_clear();
         let doses = doses.map_err(Failure::failed)?;
@@ -67,11 +73,16 @@ impl Ground {
             volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
             aims,
             goals,
-            engine,
+            engines,
             doses,
             prescribed_gy,
             notes,
         })
+    }
+
+    /// The engine of the points in the planned set-up.
+    pub fn engine(&self) -> &DoseEngine {
+        &self.engines[0]
     }
 
     /// Says what the plan is made on.

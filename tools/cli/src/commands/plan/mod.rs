@@ -7,6 +7,7 @@
 //! - `leaves`: the segments of a plan
 //! - `way`: the names of the methods of choosing beams
 //! - `search`: the ways to choose beams, with their progress
+//! - `pooled`: doses and solves on a pool of workers
 //! - `outcome`: what a plan gives
 //! - `table`: figures for people
 //! - `page`: plan.html
@@ -23,6 +24,7 @@ mod learned;
 mod leaves;
 mod outcome;
 mod page;
+mod pooled;
 mod protocol;
 mod request;
 mod search;
@@ -36,9 +38,11 @@ use clap::Args;
 use serde_json::json;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::quantity::quantity;
 use ground::Ground;
 use guide::Guide;
 use outcome::Outcome;
+use pooled::Pooled;
 use request::Request;
 use search::Run;
 use way::Way;
@@ -113,6 +117,13 @@ pub struct Plan {
     /// Number of threads; the plan does not depend on it. Default: all cores.
     #[arg(long)]
     threads: Option<std::num::NonZeroUsize>,
+    /// Compute doses, solves and prices on the workers of the pool at this endpoint, such as `tcp/10.0.0.7:7447`. The plan
+    /// is the same to the byte. Needs `stillpoint-bridge`; see docs/remote.md.
+    #[arg(long, value_name = "ENDPOINT")]
+    pool: Option<String>,
+    /// Time without an answer of any worker after which this process computes a call itself.
+    #[arg(long, value_name = "TIME", default_value = "60s", requires = "pool")]
+    patience: String,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -124,12 +135,28 @@ impl Plan {
         let request = Request::new(self)?;
         folder::make_ready(&request.out)?;
         let began = Instant::now();
-        let ground = Ground::new(&request)?;
-        let ready_s = began.elapsed().as_secs_f64();
-        if !self.json {
-            ground.tell();
-        }
-        let runs = search::all(&request, &ground)?;
+        let mut pooled = match &self.pool {
+            Some(endpoint) => Some(Pooled::at(endpoint, self.patience_s()?)?),
+            None => None,
+        };
+        let (ground, runs, ready_s) = loop {
+            let begun = Instant::now();
+            let ground = Ground::new(&request, pooled.as_mut())?;
+            let ready_s = begun.elapsed().as_secs_f64();
+            if !self.json {
+                ground.tell();
+            }
+            let runs = search::all(&request, &ground, pooled.as_mut())?;
+            let Some(pooled) = &mut pooled else { break (ground, runs, ready_s) };
+            pooled.tell_news();
+            if !pooled.is_in_doubt(&request.doses, &ground.engines)? {
+                if !self.json {
+                    pooled.tell();
+                }
+                break (ground, runs, ready_s);
+            }
+            errln!("pool: the plan is made again without the answers of workers that were shut out");
+        };
         let (Some(best), chosen_s) = (best(&runs), began.elapsed().as_secs_f64() - ready_s) else {
             return Err(Failure::failed("no method was run"));
         };
@@ -154,6 +181,17 @@ impl Plan {
             }
         }
         Ok(Exit::Done)
+    }
+}
+
+impl Plan {
+    fn patience_s(&self) -> Result<f64, Failure> {
+        let what = format!("--patience {}", self.patience);
+        let seconds = quantity(&self.patience, "s", &what)?;
+        if !(0.0..=86_400.0).contains(&seconds) {
+            return Err(Failure::wrong(format!("{what}: give 0 s to one day")));
+        }
+        Ok(seconds)
     }
 }
 

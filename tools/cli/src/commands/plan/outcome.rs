@@ -48,7 +48,7 @@ impl<'a> Outcome<'a> {
         let case = &request.case;
         let points_mm = ground.sampling.grid().spacing_mm[0];
         let machine = request.machine.clone();
-        let recompute = Recompute::new(case, machine, ground.engine.params(), points_mm);
+        let recompute = Recompute::new(case, machine, ground.engine().params(), points_mm);
         let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
             gantry_deg: request.ring.angle_deg(*beam),
@@ -96,7 +96,7 @@ impl<'a> Outcome<'a> {
     /// Everything, as it is written to `plan.json`; nothing in it depends on a clock.
     pub fn told(&self, request: &Request, ground: &Ground, runs: &[Run]) -> Value {
         let best = &self.run.choice.best;
-        let params = ground.engine.params();
+        let params = ground.engine().params();
         let beam = |beam: &u16| {
             let weights = best.weights_of(*beam).unwrap_or_default();
             let bixels =

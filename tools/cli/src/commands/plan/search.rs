@@ -2,9 +2,11 @@
 
 use std::time::Instant;
 
-use stillpoint_plan::beams::{Budget, Choice, Evaluator, Progress, choose};
+use stillpoint_plan::beams::{Budget, Choice, Evaluator, Progress, Solver, choose};
+use stillpoint_pool::{PoolGround, PoolSolver};
 
 use super::ground::{Ground, bar};
+use super::pooled::Pooled;
 use super::request::Request;
 use super::way::Way;
 use crate::exit::Failure;
@@ -23,9 +25,22 @@ pub struct Run {
     pub seconds: f64,
 }
 
-/// Runs every requested method, each with the whole budget.
-pub fn all(request: &Request, ground: &Ground) -> Result<Vec<Run>, Failure> {
-    request.methods.iter().map(|(way, method)| run(request, ground, *way, method)).collect()
+/// Runs every requested method, each with the whole budget, on the pool if there is one.
+pub fn all(request: &Request, ground: &Ground, pooled: Option<&mut Pooled>) -> Result<Vec<Run>, Failure> {
+    let mut methods = request.methods.iter();
+    let Some(pooled) = pooled else {
+        return methods.map(|(way, method)| run(request, ground, *way, method, None)).collect();
+    };
+    let named = PoolGround::new(&ground.doses, &ground.goals, request.ring.count());
+    let mut solver = PoolSolver::new(&mut pooled.pool, &named);
+    let runs: Result<Vec<Run>, Failure> = methods.try_fold(Vec::new(), |mut runs, (way, method)| {
+        runs.push(run(request, ground, *way, method, Some(&mut solver))?);
+        Ok(runs)
+    });
+    if let Some(reason) = solver.broken() {
+        errln!("pool: this process went on alone: {reason}");
+    }
+    runs
 }
 
 fn run(
@@ -33,11 +48,16 @@ fn run(
     ground: &Ground,
     way: Way,
     method: &stillpoint_plan::beams::Method,
+    solver: Option<&mut dyn Solver>,
 ) -> Result<Run, Failure> {
     let began = Instant::now();
     let bar = bar(request.budget as u64, way.word(), request.quiet);
     let budget = Budget { solves: request.budget };
     let evaluator = Evaluator::new(&ground.doses, &ground.goals, request.ring, request.beams, budget);
+    let evaluator = match solver {
+        Some(solver) => evaluator.with_solver(solver),
+        None => evaluator,
+    };
     let mut evaluator = evaluator.with_threads(request.threads).with_progress(|progress| {
         bar.set_position(progress.solves as u64);
         if progress.best.is_finite() {

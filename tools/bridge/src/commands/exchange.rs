@@ -1,0 +1,60 @@
+//! What the subcommands of the planning pool share: the place in the exchange of messages, and the end of a program.
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use stillpoint_remote::{Mailbox, RemoteError};
+
+/// First part of all keys.
+pub const PREFIX: &str = "stillpoint";
+
+/// Whether the program was asked to end.
+pub struct Ending(Arc<AtomicBool>);
+
+impl Ending {
+    /// From now on.
+    pub fn watch() -> Result<Self, String> {
+        let flag = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register(signal, flag.clone()).map_err(|e| e.to_string())?;
+        }
+        Ok(Self(flag))
+    }
+
+    /// Whether it has been.
+    pub fn is_due(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The place in the exchange as soon as the router is there; none if the program is to end before.
+pub fn open(name: &str, endpoint: &str, is_due: impl Fn() -> bool) -> Result<Option<Mailbox>, String> {
+    let mut told = false;
+    while !is_due() {
+        match Mailbox::open(PREFIX, name, endpoint) {
+            Ok(mailbox) => return Ok(Some(mailbox)),
+            Err(e @ RemoteError::Session { .. }) => {
+                if !std::mem::replace(&mut told, true) {
+                    eprintln!("stillpoint-bridge: waiting for {endpoint}: {e}");
+                }
+                std::thread::sleep(Duration::from_millis(200));
+            }
+            Err(e) => return Err(e.to_string()),
+        }
+    }
+    Ok(None)
+}
+
+/// The exit code of a subcommand; the reason of a failure goes to standard error.
+pub fn ended(result: Result<(), String>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(reason) => {
+            eprintln!("stillpoint-bridge: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! `worker`: computes calls of the planning pool.
+
+use std::num::NonZeroUsize;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use clap::Args;
+use stillpoint_pool::{Build, Hash, Job, Store, To, Worker as State, WorkerSettings};
+use stillpoint_remote::{Mailbox, Router};
+
+use super::exchange::{Ending, ended, open};
+
+/// Longest time between two looks at the clock.
+const TICK: Duration = Duration::from_millis(50);
+
+/// Compute calls for those who plan. A worker holds nothing that matters: it may be ended at any time.
+#[derive(Args)]
+pub struct Worker {
+    /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`.
+    #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen")]
+    connect: Option<String>,
+    /// Endpoint at which this worker is a router, too; it uses this port and the next one.
+    #[arg(long, value_name = "ENDPOINT", conflicts_with = "connect")]
+    listen: Option<String>,
+    /// Name of the worker; the default is made of its process number and the time.
+    #[arg(long)]
+    name: Option<String>,
+    /// Calls that are computed at the same time. Default: as many as there are cores.
+    #[arg(long)]
+    slots: Option<NonZeroUsize>,
+    /// Folder in which arguments and answers are kept. Each worker needs one of its own.
+    #[arg(long, value_name = "DIR", default_value = "pool-cache")]
+    cache: PathBuf,
+    /// The most megabytes of that folder.
+    #[arg(long, value_name = "MB", default_value_t = 8000)]
+    cache_mb: u64,
+    /// The most megabytes of arguments that are kept open in memory.
+    #[arg(long, value_name = "MB", default_value_t = 2000)]
+    memory_mb: u64,
+    /// Answers from this one on are wrong: a test of those who ask.
+    #[arg(long, hide = true)]
+    wrong_from: Option<u64>,
+}
+
+impl Worker {
+    /// Executes the subcommand.
+    pub fn execute(self) -> ExitCode {
+        ended(self.try_execute())
+    }
+
+    fn try_execute(self) -> Result<(), String> {
+        let ending = Ending::watch()?;
+        let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos() as u64;
+        let name = self.name.clone().unwrap_or_else(|| format!("worker-{}-{born:x}", std::process::id()));
+        let build = Build::here()?;
+        let store = Store::open(&self.cache, self.cache_mb.saturating_mul(1_000_000))?;
+        let slots = match self.slots {
+            Some(slots) => slots.get(),
+            None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
+        };
+        let hub = match &self.listen {
+            Some(endpoint) => Some(Router::open(vec![endpoint.clone()]).map_err(|e| e.to_string())?),
+            None => None,
+        };
+        let endpoint = match (&self.connect, &self.listen) {
+            (Some(endpoint), _) => endpoint.clone(),
+            // The router of this process, by loopback where it listens at all addresses.
+            (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
+            (None, None) => return Err("give --connect or --listen".to_owned()),
+        };
+        let Some(mailbox) = open(&name, &endpoint, || ending.is_due())? else { return Ok(()) };
+        println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
+        let most_open = self.memory_mb.saturating_mul(1_000_000);
+        let settings = WorkerSettings { build, incarnation: born, slots, most_open };
+        serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, self.wrong_from);
+        if let Some(hub) = hub {
+            hub.close();
+        }
+        Ok(())
+    }
+}
+
+enum Happened {
+    Message(String, Vec<u8>),
+    Result(Hash, Result<Vec<u8>, String>),
+}
+
+fn serve(mut state: State, mailbox: Arc<Mailbox>, slots: usize, ending: &Ending, wrong_from: Option<u64>) {
+    let (happens, happened) = channel();
+    let (jobs, queue) = channel();
+    let queue = Arc::new(Mutex::new(queue));
+    for _ in 0..slots {
+        let (queue, happens) = (queue.clone(), happens.clone());
+        std::thread::spawn(move || compute(&queue, &happens));
+    }
+    let reader = mailbox.clone();
+    std::thread::spawn(move || {
+        loop {
+            if let Some((from, bytes)) = reader.receive(Duration::from_secs(1))
+                && happens.send(Happened::Message(from, bytes)).is_err()
+            {
+                return;
+            }
+        }
+    });
+    let begun = Instant::now();
+    let mut given = 0;
+    while !ending.is_due() {
+        let first = happened.recv_timeout(TICK).ok();
+        for one in first.into_iter().chain(happened.try_iter()) {
+            match one {
+                Happened::Message(from, bytes) => {
+                    state.hear(begun.elapsed().as_nanos() as u64, &from, &bytes)
+                }
+                Happened::Result(key, result) => {
+                    given += 1;
+                    let is_wrong = wrong_from.is_some_and(|first| given >= first);
+                    state.finish(key, if is_wrong { result.map(falsified) } else { result });
+                }
+            }
+        }
+        state.tick(begun.elapsed().as_nanos() as u64);
+        while let Some(job) = state.next_job() {
+            if jobs.send(job).is_err() {
+                return;
+            }
+        }
+        for (to, message) in state.take_messages() {
+            let to = match &to {
+                To::All => None,
+                To::One(name) => Some(name.as_str()),
+            };
+            mailbox.send(to, message.to_bytes());
+        }
+    }
+}
+
+/// Computes one job after the other until there is nobody to hand the result to.
+fn compute(queue: &Mutex<Receiver<Job>>, happens: &Sender<Happened>) {
+    loop {
+        let job = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok(job) = job else { return };
+        // A panic is a fault of this program, but no reason to leave the other calls without an answer.
+        let result = catch_unwind(AssertUnwindSafe(|| job.ready.compute()))
+            .unwrap_or_else(|_| Err("the computation panicked on this worker".to_owned()));
+        if happens.send(Happened::Result(job.key, result)).is_err() {
+            return;
+        }
+    }
+}
+
+/// An answer of the right form with a wrong last number.
+fn falsified(mut bytes: Vec<u8>) -> Vec<u8> {
+    let last = bytes.len().saturating_sub(8);
+    bytes.get_mut(last).into_iter().for_each(|byte| *byte ^= 1);
+    bytes
+}

@@ -1,0 +1,85 @@
+//! A plan over the pool: real workers, real processes, loopback.
+
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use stillpoint_plan::dose::DoseCache;
+use stillpoint_pool::pipe::ChildCourier;
+use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
+
+use crate::water::{Water, alone, angles, pooled};
+
+/// A process that ends with the test.
+struct Ends(Child);
+
+impl Drop for Ends {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn program(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint-bridge"));
+    command.args(arguments);
+    command
+}
+
+fn worker(folder: &Path, name: &str, place: [&str; 2], more: &[&str]) -> Ends {
+    let cache = folder.join(name);
+    let cache = cache.to_str().unwrap();
+    let mut command = program(&["worker", place[0], place[1], "--name", name, "--slots", "1", "--cache", cache]);
+    Ends(command.args(more).stdout(Stdio::null()).spawn().unwrap())
+}
+
+/// A port that is free together with the next one, below those that the system gives away.
+fn two_ports() -> u16 {
+    let is_free = |port: &u16| [0, 1].iter().all(|more| TcpListener::bind(("127.0.0.1", port + more)).is_ok());
+    let first = 31_000 + (std::process::id() % 700) as u16 * 2;
+    (first..32_700).step_by(2).find(is_free).unwrap()
+}
+
+#[test]
+fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let folder = tempfile::tempdir().unwrap();
+    let endpoint = format!("tcp/127.0.0.1:{}", two_ports());
+    let _good = worker(folder.path(), "good", ["--listen", &endpoint], &[]);
+    let killed = worker(folder.path(), "killed", ["--connect", &endpoint], &[]);
+    let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
+    let settings = ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) };
+    let mut pool = Pool::new(courier, settings);
+
+    // Both compute doses.
+    let spare = DoseCache::in_folder(&folder.path().join("spare")).unwrap();
+    let engines = [water.engine.clone()];
+    let mut both_answered = false;
+    for round in 0..600 {
+        let angles: Vec<f64> = angles().iter().map(|deg| deg + 0.01 * f64::from(round)).take(6).collect();
+        PoolDoses::default().fill(&mut pool, &spare, &engines, &angles, || ()).unwrap();
+        both_answered = pool.workers().values().filter(|worker| worker.answered > 0).count() == 2;
+        if both_answered {
+            break;
+        }
+    }
+    assert!(both_answered, "{:?}", pool.take_news());
+    drop(killed);
+    let _liar = worker(folder.path(), "liar", ["--connect", &endpoint], &["--wrong-from", "1"]);
+
+    // Plans are made until the liar has taken part: the bytes are the same each time.
+    let mut caught = false;
+    for _ in 0..50 {
+        assert!(pooled(&water, &mut pool) == expected);
+        caught = pool.workers().get("liar").is_some_and(|worker| worker.shut_out.is_some());
+        if caught {
+            break;
+        }
+        // A new pool of calls: answers that are known are not asked again.
+        let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
+        pool = Pool::new(courier, ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) });
+    }
+    assert!(caught);
+    assert!(pool.workers().get("good").is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0));
+}
