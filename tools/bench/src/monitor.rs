@@ -172,6 +172,9 @@ mod tests {
             for (late, due) in [(0, vec![]), (1, vec![rule.name()])] {
                 let mut monitor = good();
                 what(&mut monitor);
+                if rule != Rule::BeamStale {
+                    monitor.measured((99 + ms) * MS);
+                }
                 monitor.far_end((99 + ms + late) * MS, &on(FarEndDoing::Following));
                 assert_eq!(monitor.broken(), due, "{rule:?} {late}");
             }

@@ -67,14 +67,14 @@ fn point(limit: &str, prescribed_gy: f64) -> Option<(f64, f64)> {
         let dose = volume.strip_suffix("[%]")?;
         let gray = match dose.strip_suffix("Gy") {
             Some(gray) => gray.parse().ok()?,
-            None => 0.01 * prescribed_gy * dose.strip_suffix('%')?.parse::<f64>().ok()?,
+            None => dose.strip_suffix('%')?.parse::<f64>().ok()? * prescribed_gy / 100.0,
         };
         return Some((gray, bound));
     }
     let (volume, unit) = quantity.strip_prefix('D')?.split_once("%[")?;
     let gray = match unit {
         "Gy]" => bound,
-        "%]" => 0.01 * bound * prescribed_gy,
+        "%]" => bound * prescribed_gy / 100.0,
         _ => return None,
     };
     Some((gray, volume.parse().ok()?))
