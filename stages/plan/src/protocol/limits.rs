@@ -216,7 +216,7 @@ mod tests {
         let protocol = Protocol {
             name: "test".into(),
             limits: vec![
-                limit(Of::EachTarget, "D98%[%]  >= 95"),
+                limit(Of::EachTarget, "D50%[%]  >= 95"),
                 limit(Of::HighestTarget, "Paddick >= 0.8"),
                 limit(named("Femur_Head_L", "FemoralHeadL"), "V39Gy[%] <= 5"),
                 limit(named("PTV", "PTV"), "Mean[Gy] <= 5"),
@@ -238,7 +238,7 @@ mod tests {
                 ("plan", Some(true)),
             ]
         );
-        assert_eq!((judged[0].limit.as_str(), judged[0].value), ("D98%[%] >= 95", Some(100.0)));
+        assert_eq!((judged[0].limit.as_str(), judged[0].value), ("D50%[%] >= 95", Some(100.0)));
         assert_eq!((judged[2].value, judged[5].value), (Some(100.0), Some(50.0)));
     }
 
