@@ -156,23 +156,38 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     assert!(largest >= told && largest < 1.05 * told, "{largest} {told}");
 }
 
-/// Figures of dicompyler-core, from the structures and the dose of a plan alone.
+/// Figures of dicompyler-core, from the structures and the dose of a plan alone. It counts the points of the dose whose
+/// centres are inside a contour, those on its line too, and its own finer grid is half a point off; so it is given the
+/// dose between the points of the file, every millimetre, none of them on a line.
 const DICOMPYLER: &str = r#"
 import sys, json, warnings
 warnings.simplefilter('ignore')
-import pydicom.dicomio
+import numpy, pydicom.dicomio
 # dicompyler-core 0.5.6 takes the reader by the name that it had before pydicom 3.
 pydicom.dicomio.read_file = pydicom.dcmread
 from dicompylercore import dicomparser, dvhcalc
 structures, dose = sys.argv[1:3]
+file = pydicom.dcmread(dose)
+levels, spacing, shift = file.pixel_array.astype(float), 1.0, 0.37
+for axis in (1, 2):
+    step, count = float(file.PixelSpacing[axis - 1]), levels.shape[axis]
+    at = numpy.arange(shift, (count - 1) * step, spacing) / step
+    low = numpy.minimum(at.astype(int), count - 2)
+    part = (at - low).reshape([-1 if a == axis else 1 for a in range(3)])
+    levels = numpy.take(levels, low, axis) * (1 - part) + numpy.take(levels, low + 1, axis) * part
+x, y, z = [float(v) for v in file.ImagePositionPatient]
+file.ImagePositionPatient, file.PixelSpacing = [x + shift, y + shift, z], [spacing, spacing]
+file.Rows, file.Columns = levels.shape[1:]
+file.PixelData = numpy.round(levels).astype('<u4').tobytes()
+file.save_as(dose + '.fine')
 found = {}
 for number, region in dicomparser.DicomParser(structures).GetStructures().items():
     if region['name'] in sys.argv[3:]:
-        dvh = dvhcalc.get_dvh(structures, dose, number)
+        dvh = dvhcalc.get_dvh(structures, dose + '.fine', number)
         at = lambda name: float(dvh.statistic(name).value)
         found[region['name']] = {
             'volume': float(dvh.volume), 'mean': float(dvh.mean),
-            'doses': [at(name) for name in ('D95', 'D50', 'D2')],
+            'doses': [at(name) for name in ('D98', 'D95', 'D50', 'D2')],
             'percents': [100 * at(f'V{gray}Gy') / float(dvh.volume) for gray in (10, 20, 30, 40, 50, 60, 70)],
         }
 print(json.dumps(found))
@@ -190,7 +205,7 @@ fn dicompyler_finds_the_told_figures() {
     let folder = tempfile::tempdir().unwrap();
     let told = plan(folder.path(), &["--angles", "0,72,144,216,288", "--out", "read"]);
     let files = ["rtstruct.dcm", "rtdose.dcm"].map(|name| folder.path().join("read").join(name));
-    let names = ["PTV", "CTV", "Rectum", "Bladder", "FemoralHeadL"];
+    let names = ["PTV", "CTV", "Rectum", "Bladder", "FemoralHeadL", "FemoralHeadR"];
     let out = Command::new(&python).args(["-c", DICOMPYLER]).args(&files).args(names).output().unwrap();
     assert!(out.status.success(), "{}", text(&out.stderr));
     let found: Value = serde_json::from_slice(&out.stdout).unwrap();
@@ -202,10 +217,9 @@ fn dicompyler_finds_the_told_figures() {
             assert!((number(found) - told).abs() <= most, "{name}, {what}: {found} beside {told}");
         };
         let cm3 = number(&told["volume_cm3"]);
-        near("cm3", &found["volume"], cm3, 0.03 * cm3);
+        near("cm3", &found["volume"], cm3, 0.01 * cm3);
         near("mean", &found["mean"], number(&told["mean_gy"]), 0.5);
-        // D98 of so coarse a plan lies where 1 Gy is a part of a percent of the volume: V70 stands for it below.
-        for (at, what) in ["d95_gy", "d50_gy", "d2_gy"].into_iter().enumerate() {
+        for (at, what) in ["d98_gy", "d95_gy", "d50_gy", "d2_gy"].into_iter().enumerate() {
             near(what, &found["doses"][at], number(&told[what]), 0.5);
         }
         for (at, volume) in told["volumes"].as_array().unwrap().iter().enumerate() {
