@@ -7,6 +7,7 @@
 //! - [`case`]: a patient, and the files it comes from and is kept in
 //! - [`couch`]: from the couch's frame to the patient's
 //! - [`dose`]: the dose that beams of photons give
+//! - [`delivery`]: the dose that a moving patient got
 //! - [`distance`]: how far voxels are from a set of voxels
 //! - [`evaluation`]: what a dose does to each structure
 //! - `grid`: where the voxels are
@@ -27,6 +28,7 @@
 pub mod beams;
 pub mod case;
 pub mod couch;
+pub mod delivery;
 pub mod distance;
 pub mod dose;
 pub mod evaluation;

@@ -7,6 +7,7 @@ use std::num::NonZeroUsize;
 
 use crate::Grid;
 use crate::case::Case;
+use crate::couch::Motion;
 use crate::dose::{DoseEngine, DoseError, DoseParams, Machine};
 use crate::occupancy::Occupancy;
 use crate::threads::on_threads;
@@ -84,15 +85,37 @@ impl Recompute {
             moved = self.engine.shifted(shift_mm)?;
             &moved
         };
+        self.sum(beams, threads, |beam| match beam.bixels_mm {
+            None => engine.weighted_beam(beam.gantry_deg, beam.weights),
+            Some(bixels_mm) => engine.weighted_bixels(beam.gantry_deg, bixels_mm, beam.weights),
+        })
+    }
+
+    /// Dose of the beams, gray, to the patient moved like this in his frame, turns included. Beams without bixels of their
+    /// own have none. Any number of threads gives the same bytes.
+    pub fn moved_dose(
+        &self,
+        beams: &[WeightedBeam<'_>],
+        motion: &Motion,
+        threads: NonZeroUsize,
+    ) -> Result<Vec<f32>, DoseError> {
+        self.sum(beams, threads, |beam| {
+            let bixels_mm = beam.bixels_mm.unwrap_or_default();
+            self.engine.moved_bixels(beam.gantry_deg, bixels_mm, beam.weights, motion)
+        })
+    }
+
+    fn sum(
+        &self,
+        beams: &[WeightedBeam<'_>],
+        threads: NonZeroUsize,
+        dose: impl Fn(&WeightedBeam<'_>) -> Result<Vec<f32>, DoseError> + Sync,
+    ) -> Result<Vec<f32>, DoseError> {
         let threads = threads.min(MOST_THREADS);
         let mut sum = vec![0.0_f32; self.grid().len()];
         // By as many beams as there may be threads, so that the order of the sum is that of the beams and few are held.
         for some in beams.chunks(threads.get()) {
-            let doses = on_threads(some, threads, |beam| match beam.bixels_mm {
-                None => engine.weighted_beam(beam.gantry_deg, beam.weights),
-                Some(bixels_mm) => engine.weighted_bixels(beam.gantry_deg, bixels_mm, beam.weights),
-            })?;
-            for dose in doses {
+            for dose in on_threads(some, threads, &dose)? {
                 sum.iter_mut().zip(&dose).for_each(|(sum, dose)| *sum += dose);
             }
         }

@@ -12,6 +12,7 @@ use super::frame::BeamFrame;
 use super::kernel::BixelKernel;
 use super::machine::COMPONENTS;
 use crate::Csc;
+use crate::couch::Motion;
 
 /// The bixels of a beam and what they give.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,6 +42,11 @@ pub(super) struct Aim {
 
 impl Aim {
     pub fn new(engine: &DoseEngine, gantry_deg: f64) -> Result<Self, DoseError> {
+        Self::at(engine, gantry_deg, None)
+    }
+
+    /// At a patient who moved, if he did.
+    pub fn at(engine: &DoseEngine, gantry_deg: f64, motion: Option<&Motion>) -> Result<Self, DoseError> {
         let (params, machine) = (&engine.params, &engine.machine);
         let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
         let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
@@ -50,7 +56,11 @@ impl Aim {
         }
         // In the frame of a patient who is moved, the isocentre goes the other way.
         let isocentre_mm = std::array::from_fn(|axis| engine.isocentre_mm[axis] - engine.shift_mm[axis]);
-        let frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
+        let mut frame = BeamFrame::new(gantry_deg, engine.position, isocentre_mm, sad_mm);
+        if let Some(motion) = motion {
+            frame = frame.of_moved(motion);
+            engine.check_clearance(&frame)?;
+        }
         let central =
             bixels_mm.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b))).unwrap_or_default();
         let ssd_mm = skin_distance_mm(&params.grid, &engine.density, &frame, central).unwrap_or(sad_mm);

@@ -10,6 +10,7 @@ use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::kernel::STEP_MM;
 use super::machine::COMPONENTS;
+use crate::couch::Motion;
 
 impl DoseEngine {
     /// Dose of a beam to the voxels of the dose grid, gray, by the weights of its bixels in the order of
@@ -29,6 +30,22 @@ impl DoseEngine {
         weights: &[f64],
     ) -> Result<Vec<f32>, DoseError> {
         let mut aim = Aim::new(self, self.checked_angle(gantry_deg)?)?;
+        aim.bixels_mm = bixels_mm.to_vec();
+        self.dose_of(aim, gantry_deg, weights)
+    }
+
+    /// Dose of a beam like that of [`DoseEngine::weighted_bixels`] to a patient who moved like this in his frame. The beam
+    /// stands still; doses are to the voxels that were planned, so rays cross the image in the frame that moved with it.
+    ///
+    /// Errors: also a motion that takes the dose grid to within 100 mm of the source.
+    pub fn moved_bixels(
+        &self,
+        gantry_deg: f64,
+        bixels_mm: &[[f64; 2]],
+        weights: &[f64],
+        motion: &Motion,
+    ) -> Result<Vec<f32>, DoseError> {
+        let mut aim = Aim::at(self, self.checked_angle(gantry_deg)?, Some(motion))?;
         aim.bixels_mm = bixels_mm.to_vec();
         self.dose_of(aim, gantry_deg, weights)
     }

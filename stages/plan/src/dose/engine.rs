@@ -5,6 +5,7 @@ use super::bixels::{self, BixelSpec};
 use super::density;
 use super::depth::corners;
 use super::error::DoseError;
+use super::frame::BeamFrame;
 use super::machine::Machine;
 use crate::Grid;
 use crate::case::{Case, Mask, PatientPosition};
@@ -203,6 +204,19 @@ impl DoseEngine {
 
     pub(super) fn checked_angle(&self, gantry_deg: f64) -> Result<f64, DoseError> {
         in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
+    }
+
+    /// Refuses a patient whom a motion takes near to the source of a beam, or behind it.
+    pub(super) fn check_clearance(&self, frame: &BeamFrame) -> Result<(), DoseError> {
+        let nearest = |near: f64, corner| near.min(frame.beam_from_patient(corner)[1]);
+        let near_mm = corners(&self.params.grid).fold(f64::INFINITY, nearest);
+        match near_mm >= SOURCE_CLEARANCE_MM {
+            true => Ok(()),
+            false => Err(DoseError::Far {
+                reach_mm: frame.sad_mm() - near_mm,
+                most_mm: frame.sad_mm() - SOURCE_CLEARANCE_MM,
+            }),
+        }
     }
 
     /// Dose of several beams, on several threads. Any number of threads gives the same bytes.
