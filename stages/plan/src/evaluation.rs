@@ -150,21 +150,24 @@ impl<'a> OnGrid<'a> {
 
     /// Figures of every structure that has voxels, with its volumes at these doses (gray).
     pub fn figures(&self, gray: &[f32], volumes_at_gy: &[f64]) -> Vec<StructureDose> {
-        let external = self.case.structures().iter().position(|s| s.role == Role::External);
-        let body = external.and_then(|place| self.histogram(gray, &self.parts[place]));
-        let of = |((structure, parts), treated): ((&Structure, &Occupancy), &Option<Occupancy>)| {
-            let dvh = self.histogram(gray, parts)?;
+        let structures = || self.case.structures().iter();
+        let histograms: Vec<Option<Dvh>> =
+            self.parts.iter().map(|parts| self.histogram(gray, parts)).collect();
+        let external = structures().position(|s| s.role == Role::External);
+        let body = external.and_then(|place| histograms[place].as_ref());
+        let of = |(place, structure): (usize, &Structure)| {
+            let dvh = histograms[place].as_ref()?;
             let prescribed_gy = prescribed(self.case, structure);
             let conformity = || {
-                let treated = self.histogram(gray, treated.as_ref()?)?;
-                Some(paddick_conformity(&treated, body.as_ref()?, COVERED * prescribed_gy?))
+                let treated = self.histogram(gray, self.treated[place].as_ref()?)?;
+                Some(paddick_conformity(&treated, body?, COVERED * prescribed_gy?))
             };
             let volume = |dose_gy: &f64| VolumeAt { dose_gy: *dose_gy, fraction: dvh.volume_at(*dose_gy) };
             Some(StructureDose {
                 name: structure.name.clone(),
                 role: structure.role,
                 volume_cm3: self.case.volume_cm3(structure),
-                voxels: parts.voxels().len(),
+                voxels: self.parts[place].voxels().len(),
                 prescribed_gy,
                 d98_gy: dvh.dose_at(98.0),
                 d95_gy: dvh.dose_at(95.0),
@@ -179,12 +182,11 @@ impl<'a> OnGrid<'a> {
                 conformity: conformity(),
             })
         };
-        self.case.structures().iter().zip(&self.parts).zip(&self.treated).filter_map(of).collect()
+        structures().enumerate().filter_map(of).collect()
     }
 
     fn histogram(&self, gray: &[f32], parts: &Occupancy) -> Option<Dvh> {
-        let (doses, volumes) = parts.doses(&self.grid, gray);
-        Dvh::weighted(&doses, &volumes).ok()
+        parts.histogram(&self.grid, gray).ok()
     }
 }
 

@@ -6,6 +6,7 @@
 
 use crate::Grid;
 use crate::case::Mask;
+use crate::metrics::{Dvh, DvhError};
 
 /// Parts of a voxel below which nothing of it counts, and above which all of it does.
 const ROUNDING: f64 = 1e-9;
@@ -13,6 +14,9 @@ const ROUNDING: f64 = 1e-9;
 const STEEP_GY: f64 = 0.5;
 /// Most parts of a voxel or box along an axis.
 const MOST_PARTS: f64 = 6.0;
+/// Width of a bin of a histogram, gray, unless that would take more than [`MOST_BINS`].
+const BIN_GY: f64 = 0.01;
+const MOST_BINS: f64 = 65_536.0;
 
 /// The voxels of a grid that a structure takes, wholly or in part.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -100,56 +104,137 @@ impl Occupancy {
         self.whole.is_empty() && self.border.is_empty()
     }
 
-    /// Doses of its parts (gray) with their volumes (cm3): at the centre of each whole voxel and of each box of a border, or
-    /// of the parts into which those are divided; linear between the centres of voxels.
-    pub fn doses(&self, grid: &Grid, gray: &[f32]) -> (Vec<f64>, Vec<f64>) {
-        let (mut doses, mut volumes) = (Vec::new(), Vec::new());
+    /// The histogram of a dose (gray), volumes in cm3: of the centre of each whole voxel and of each box of a border, or of
+    /// the parts into which those are divided; linear between the centres of voxels. Doses that are nearer to each other
+    /// than 0.01 Gy are one step at their mean.
+    pub fn histogram(&self, grid: &Grid, gray: &[f32]) -> Result<Dvh, DvhError> {
+        let mut bins = Bins::up_to(gray.iter().copied().fold(0.0, f32::max));
         let voxel_cm3 = grid.voxel_cm3();
-        let mut add = |voxel: u32, at_mm: [f64; 3], width: [f64; 3], part: f64| {
-            let parts = parts(grid, gray, voxel as usize, width);
-            let count = parts.iter().product::<usize>() as f64;
-            let along = |axis: usize, i: usize| {
-                let place = (i as f64 + 0.5) / parts[axis] as f64 - 0.5;
-                at_mm[axis] + place * width[axis] * grid.spacing_mm[axis]
-            };
-            for z in 0..parts[2] {
-                for y in 0..parts[1] {
-                    for x in 0..parts[0] {
-                        let at = [along(0, x), along(1, y), along(2, z)];
-                        doses.push(f64::from(grid.value_at(gray, at)));
-                        volumes.push(part * voxel_cm3 / count);
-                    }
-                }
-            }
-        };
         for voxel in &self.whole {
-            add(*voxel, grid.centre_mm(grid.voxel(*voxel as usize)), [1.0; 3], 1.0);
+            add(&mut bins, &Near::new(grid, gray, *voxel), [0.0; 3], [1.0; 3], voxel_cm3);
         }
         for border in &self.border {
-            add(border.voxel, border.at_mm, border.width, border.part);
+            let centre = grid.centre_mm(grid.voxel(border.voxel as usize));
+            let offset =
+                std::array::from_fn(|axis| (border.at_mm[axis] - centre[axis]) / grid.spacing_mm[axis]);
+            let near = Near::new(grid, gray, border.voxel);
+            add(&mut bins, &near, offset, border.width, border.part * voxel_cm3);
         }
-        (doses, volumes)
+        bins.histogram()
     }
 }
 
-/// Into how many parts along each axis a box of this width in a voxel is divided. Where a neighbour has no dose the patient
-/// ends, and nothing is divided along that axis.
-fn parts(grid: &Grid, gray: &[f32], voxel: usize, width: [f64; 3]) -> [usize; 3] {
-    let place = grid.voxel(voxel);
-    let own = gray.get(voxel).copied().unwrap_or_default();
-    std::array::from_fn(|axis| {
-        let beside = |along: Option<usize>| {
-            let mut neighbour = place;
-            neighbour[axis] = along.filter(|along| *along < grid.counts[axis])?;
-            gray.get(grid.index(neighbour)).filter(|dose| **dose > 0.0)
+/// Adds a box within a voxel, whole or in parts. Offset and width are parts of the voxel's width.
+fn add(bins: &mut Bins, near: &Near, offset: [f64; 3], width: [f64; 3], cm3: f64) {
+    let parts = near.parts(width);
+    let cm3 = cm3 / parts.iter().product::<usize>() as f64;
+    let along =
+        |axis: usize, i: usize| offset[axis] + ((i as f64 + 0.5) / parts[axis] as f64 - 0.5) * width[axis];
+    for z in 0..parts[2] {
+        let plane = [0, 1, 2].map(|y| [0, 1, 2].map(|x| between(along(2, z), |side| near.doses[side][y][x])));
+        for y in 0..parts[1] {
+            let row = [0, 1, 2].map(|x| between(along(1, y), |side| plane[side][x]));
+            for x in 0..parts[0] {
+                bins.add(between(along(0, x), |side| row[side]), cm3);
+            }
+        }
+    }
+}
+
+/// Between a voxel (1) and the one before (0) or after it (2), at most half a width from its centre.
+fn between(offset: f64, at: impl Fn(usize) -> f64) -> f64 {
+    let part = offset.abs();
+    at(1) * (1.0 - part) + at(if offset < 0.0 { 0 } else { 2 }) * part
+}
+
+/// The doses of a voxel and of those around it, by place along z, y and x. Beyond the grid they are those at its end.
+struct Near {
+    doses: [[[f64; 3]; 3]; 3],
+    /// Axes along which there is a dose on both sides.
+    within: [bool; 3],
+}
+
+impl Near {
+    fn new(grid: &Grid, gray: &[f32], voxel: u32) -> Self {
+        let place = grid.voxel(voxel as usize);
+        let beside = [0, 1, 2].map(|axis: usize| {
+            [place[axis].saturating_sub(1), place[axis], (place[axis] + 1).min(grid.counts[axis] - 1)]
+        });
+        let dose = |x: usize, y: usize, z: usize| {
+            let at = grid.index([beside[0][x], beside[1][y], beside[2][z]]);
+            f64::from(gray.get(at).copied().unwrap_or_default())
         };
-        let (Some(before), Some(after)) = (beside(place[axis].checked_sub(1)), beside(Some(place[axis] + 1)))
-        else {
-            return 1;
-        };
-        let across = 0.5 * f64::from((before - own).abs() + (after - own).abs()) * width[axis];
-        (across / STEEP_GY).ceil().clamp(1.0, MOST_PARTS) as usize
-    })
+        let doses = [0, 1, 2].map(|z| [0, 1, 2].map(|y| [0, 1, 2].map(|x| dose(x, y, z))));
+        let inner = |axis: usize| place[axis] > 0 && place[axis] + 1 < grid.counts[axis];
+        let mut near = Self { doses, within: [0, 1, 2].map(inner) };
+        near.within =
+            [0, 1, 2].map(|axis| near.within[axis] && near.along(axis).iter().all(|dose| *dose > 0.0));
+        near
+    }
+
+    /// Doses on both sides along an axis.
+    fn along(&self, axis: usize) -> [f64; 2] {
+        [0, 2].map(|side| {
+            let mut at = [1; 3];
+            at[axis] = side;
+            self.doses[at[2]][at[1]][at[0]]
+        })
+    }
+
+    /// Into how many parts along each axis a box of this width is divided. Where a neighbour has no dose the patient ends,
+    /// and nothing is divided along that axis.
+    fn parts(&self, width: [f64; 3]) -> [usize; 3] {
+        let own = self.doses[1][1][1];
+        std::array::from_fn(|axis| {
+            if !self.within[axis] {
+                return 1;
+            }
+            let across =
+                0.5 * self.along(axis).iter().map(|dose| (dose - own).abs()).sum::<f64>() * width[axis];
+            (across / STEEP_GY).ceil().clamp(1.0, MOST_PARTS) as usize
+        })
+    }
+}
+
+/// Volumes by dose, so that millions of parts need neither be kept nor sorted.
+struct Bins {
+    width_gy: f64,
+    bins: Vec<Bin>,
+}
+
+#[derive(Clone, Copy)]
+struct Bin {
+    cm3: f64,
+    gray_cm3: f64,
+    least: f64,
+    most: f64,
+}
+
+impl Bins {
+    fn up_to(largest: f32) -> Self {
+        let width_gy = (f64::from(largest) / MOST_BINS).max(BIN_GY);
+        let empty = Bin { cm3: 0.0, gray_cm3: 0.0, least: f64::INFINITY, most: f64::NEG_INFINITY };
+        Self { width_gy, bins: vec![empty; (f64::from(largest) / width_gy) as usize + 2] }
+    }
+
+    fn add(&mut self, gray: f64, cm3: f64) {
+        let last = self.bins.len() - 1;
+        let bin = &mut self.bins[((gray / self.width_gy) as usize).min(last)];
+        bin.cm3 += cm3;
+        bin.gray_cm3 += gray * cm3;
+        bin.least = bin.least.min(gray);
+        bin.most = bin.most.max(gray);
+    }
+
+    fn histogram(&self) -> Result<Dvh, DvhError> {
+        let filled = || self.bins.iter().filter(|bin| bin.cm3 > 0.0);
+        // An even dose stays what it is, however its mean is rounded.
+        let dose = |bin: &Bin| (bin.gray_cm3 / bin.cm3).max(bin.least).min(bin.most);
+        Dvh::weighted(
+            &filled().map(dose).collect::<Vec<f64>>(),
+            &filled().map(|bin| bin.cm3).collect::<Vec<f64>>(),
+        )
+    }
 }
 
 /// For each voxel of the grid along an axis, the voxels of the image from the first to the last of `extent` that it meets.
@@ -202,10 +287,7 @@ mod tests {
                 Grid { counts: [20, 19, 20], spacing_mm: [2.0, 2.2, 2.0], origin_mm: [0.0, origin, 0.0] };
             let dose = |i| (90.0 - 5.0 * grid.centre_mm(grid.voxel(i))[1]).max(1.0) as f32;
             let gray: Vec<f32> = (0..grid.len()).map(dose).collect();
-            let (doses, volumes) = Occupancy::of(&grid, &image, &mask).doses(&grid, &gray);
-            let above: f64 =
-                doses.iter().zip(&volumes).filter(|(dose, _)| **dose >= 40.0).map(|(_, v)| v).sum();
-            above / volumes.iter().sum::<f64>()
+            Occupancy::of(&grid, &image, &mask).histogram(&grid, &gray).unwrap().volume_at(40.0)
         };
         // Of 32 mm the 3 mm from 7 to 10 get as much.
         for origin in [0.0, 0.3, 0.7, 1.1, 1.6] {
@@ -215,6 +297,64 @@ mod tests {
                 part_above_40(origin)
             );
         }
+    }
+
+    #[test]
+    fn a_histogram_is_that_of_the_doses_between_the_centres_of_voxels() {
+        let image = Grid { counts: [6; 3], spacing_mm: [2.5; 3], origin_mm: [1.0; 3] };
+        let mask = Mask::from_fn(216, |i| (i * 7) % 11 < 8);
+        let grid = Grid { counts: [9; 3], spacing_mm: [2.0; 3], origin_mm: [0.3; 3] };
+        let gray: Vec<f32> = (0..grid.len()).map(|i| 1.0 + ((i * 31) % 97) as f32 / 4.0).collect();
+        let found = Occupancy::of(&grid, &image, &mask);
+        let dvh = found.histogram(&grid, &gray).unwrap();
+        let (mut sum, mut volume, mut above) = (0.0, 0.0, 0.0);
+        let mut add = |at_mm: [f64; 3], width: [f64; 3], parts: [usize; 3], cm3: f64| {
+            let count = parts.iter().product::<usize>();
+            for i in 0..count {
+                let place = [i % parts[0], i / parts[0] % parts[1], i / (parts[0] * parts[1])];
+                let at = [0, 1, 2].map(|axis: usize| {
+                    at_mm[axis]
+                        + ((place[axis] as f64 + 0.5) / parts[axis] as f64 - 0.5)
+                            * width[axis]
+                            * grid.spacing_mm[axis]
+                });
+                let dose = f64::from(grid.value_at(&gray, at));
+                sum += dose * cm3 / count as f64;
+                volume += cm3 / count as f64;
+                above += if dose >= 12.0 { cm3 / count as f64 } else { 0.0 };
+            }
+        };
+        for voxel in &found.whole {
+            let parts = Near::new(&grid, &gray, *voxel).parts([1.0; 3]);
+            add(grid.centre_mm(grid.voxel(*voxel as usize)), [1.0; 3], parts, grid.voxel_cm3());
+        }
+        for b in &found.border {
+            let parts = Near::new(&grid, &gray, b.voxel).parts(b.width);
+            add(b.at_mm, b.width, parts, b.part * grid.voxel_cm3());
+        }
+        assert!((dvh.volume() - volume).abs() < 1e-9);
+        assert!((dvh.mean() - sum / volume).abs() < 1e-5, "{} {}", dvh.mean(), sum / volume);
+        assert!(
+            (dvh.volume_at(12.0) - above / volume).abs() < 2e-3,
+            "{} {}",
+            dvh.volume_at(12.0),
+            above / volume
+        );
+    }
+
+    #[test]
+    fn an_even_dose_is_not_rounded_and_what_is_no_dose_makes_no_histogram() {
+        let grid = Grid { counts: [3; 3], spacing_mm: [2.0; 3], origin_mm: [0.0; 3] };
+        let all = Occupancy::of(&grid, &grid, &Mask::from_fn(27, |_| true));
+        let even = all.histogram(&grid, &[70.3; 27]).unwrap();
+        assert_eq!(
+            (even.min(), even.max(), even.volume_at(f64::from(70.3_f32))),
+            (70.3_f32.into(), 70.3_f32.into(), 1.0)
+        );
+        for wrong in [f32::NAN, f32::INFINITY] {
+            assert!(all.histogram(&grid, &[wrong; 27]).is_err());
+        }
+        assert!(all.histogram(&grid, &[1e30; 27]).is_ok());
     }
 
     proptest! {
@@ -227,8 +367,7 @@ mod tests {
             let mask = Mask::from_fn(60, |i| bits[i]);
             let grid = Grid { counts: [40; 3], spacing_mm, origin_mm: [origin - 3.0; 3] };
             let found = Occupancy::of(&grid, &image, &mask);
-            let (_, volumes) = found.doses(&grid, &vec![1.0; grid.len()]);
-            let whole: f64 = volumes.iter().sum();
+            let whole = found.histogram(&grid, &vec![1.0; grid.len()]).map_or(0.0, |dvh| dvh.volume());
             prop_assert!((whole - mask.count() as f64 * image.voxel_cm3()).abs() < 1e-9, "{whole}");
         }
     }

@@ -213,7 +213,7 @@ mod tests {
         let volume: f64 = {
             let grid = around(case.grid(), body, 4.0).unwrap();
             let parts = Occupancy::of(&grid, case.grid(), body);
-            parts.doses(&grid, &vec![0.0; grid.len()]).1.iter().sum()
+            parts.histogram(&grid, &vec![0.0; grid.len()]).unwrap().volume()
         };
         assert!((volume - case.volume_cm3(case.external().unwrap())).abs() < 1e-6, "all of the patient");
     }
