@@ -17,6 +17,8 @@ const MOST_PARTS: f64 = 6.0;
 /// Width of a bin of a histogram, gray, unless that would take more than [`MOST_BINS`].
 const BIN_GY: f64 = 0.01;
 const MOST_BINS: f64 = 65_536.0;
+/// Part of a bin's volume that stands for its least dose, and for its largest.
+const END_OF_BIN: f64 = 1e-6;
 
 /// The voxels of a grid that a structure takes, wholly or in part.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -226,14 +228,17 @@ impl Bins {
         bin.most = bin.most.max(gray);
     }
 
+    /// A bin is three steps, nearly all of it at its mean, so that doses between bins are where the bins meet.
     fn histogram(&self) -> Result<Dvh, DvhError> {
-        let filled = || self.bins.iter().filter(|bin| bin.cm3 > 0.0);
-        // An even dose stays what it is, however its mean is rounded.
-        let dose = |bin: &Bin| (bin.gray_cm3 / bin.cm3).max(bin.least).min(bin.most);
-        Dvh::weighted(
-            &filled().map(dose).collect::<Vec<f64>>(),
-            &filled().map(|bin| bin.cm3).collect::<Vec<f64>>(),
-        )
+        let steps = |bin: &Bin| {
+            // An even dose stays what it is, however its mean is rounded.
+            let mean = (bin.gray_cm3 / bin.cm3).max(bin.least).min(bin.most);
+            let end = END_OF_BIN * bin.cm3;
+            [(bin.least, end), (mean, bin.cm3 - 2.0 * end), (bin.most, end)]
+        };
+        let filled = self.bins.iter().filter(|bin| bin.cm3 > 0.0);
+        let (doses, volumes): (Vec<f64>, Vec<f64>) = filled.flat_map(steps).unzip();
+        Dvh::weighted(&doses, &volumes)
     }
 }
 
@@ -340,6 +345,20 @@ mod tests {
             dvh.volume_at(12.0),
             above / volume
         );
+    }
+
+    #[test]
+    fn a_large_even_part_shifts_no_dose_of_the_rest() {
+        // A quarter gets nothing, a half 70 Gy; from the one to the other it rises evenly.
+        let grid = Grid { counts: [1, 1, 400], spacing_mm: [2.0; 3], origin_mm: [0.0; 3] };
+        let all = Occupancy::of(&grid, &grid, &Mask::from_fn(400, |_| true));
+        let dose = |i: usize| ((i as f32 - 99.5) * 0.7).clamp(0.0, 70.0);
+        let dvh = all.histogram(&grid, &(0..400).map(dose).collect::<Vec<f32>>()).unwrap();
+        for (percent, dose) in
+            [(99.0, 0.0), (80.0, 0.0), (62.5, 35.0), (51.0, 67.2), (49.0, 70.0), (2.0, 70.0)]
+        {
+            assert!((dvh.dose_at(percent) - dose).abs() < 0.4, "D{percent}: {}", dvh.dose_at(percent));
+        }
     }
 
     #[test]
