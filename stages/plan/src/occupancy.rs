@@ -113,89 +113,107 @@ impl Occupancy {
         let mut bins = Bins::up_to(gray.iter().copied().fold(0.0, f32::max));
         let voxel_cm3 = grid.voxel_cm3();
         for voxel in &self.whole {
-            add(&mut bins, &Near::new(grid, gray, *voxel), [0.0; 3], [1.0; 3], voxel_cm3);
+            Near::new(grid, gray, *voxel).add(&mut bins, [0.0; 3], [1.0; 3], voxel_cm3);
         }
         for border in &self.border {
             let centre = grid.centre_mm(grid.voxel(border.voxel as usize));
             let offset =
                 std::array::from_fn(|axis| (border.at_mm[axis] - centre[axis]) / grid.spacing_mm[axis]);
             let near = Near::new(grid, gray, border.voxel);
-            add(&mut bins, &near, offset, border.width, border.part * voxel_cm3);
+            near.add(&mut bins, offset, border.width, border.part * voxel_cm3);
         }
         bins.histogram()
     }
 }
 
-/// Adds a box within a voxel, whole or in parts. Offset and width are parts of the voxel's width.
-fn add(bins: &mut Bins, near: &Near, offset: [f64; 3], width: [f64; 3], cm3: f64) {
-    let parts = near.parts(width);
-    let cm3 = cm3 / parts.iter().product::<usize>() as f64;
-    let along =
-        |axis: usize, i: usize| offset[axis] + ((i as f64 + 0.5) / parts[axis] as f64 - 0.5) * width[axis];
-    for z in 0..parts[2] {
-        let plane = [0, 1, 2].map(|y| [0, 1, 2].map(|x| between(along(2, z), |side| near.doses[side][y][x])));
-        for y in 0..parts[1] {
-            let row = [0, 1, 2].map(|x| between(along(1, y), |side| plane[side][x]));
-            for x in 0..parts[0] {
-                bins.add(between(along(0, x), |side| row[side]), cm3);
+/// A voxel of a dose and those around it, whose places along an axis are those at the end of the grid beyond it.
+struct Near<'a> {
+    grid: &'a Grid,
+    gray: &'a [f32],
+    place: [usize; 3],
+    /// Places before, at and after it along each axis.
+    beside: [[usize; 3]; 3],
+}
+
+impl<'a> Near<'a> {
+    fn new(grid: &'a Grid, gray: &'a [f32], voxel: u32) -> Self {
+        let place = grid.voxel(voxel as usize);
+        let beside = std::array::from_fn(|axis| {
+            let at: usize = place[axis];
+            [at.saturating_sub(1), at, (at + 1).min(grid.counts[axis] - 1)]
+        });
+        Self { grid, gray, place, beside }
+    }
+
+    fn dose(&self, place: [usize; 3]) -> f64 {
+        f64::from(self.gray.get(self.grid.index(place)).copied().unwrap_or_default())
+    }
+
+    /// Adds a box, whole or in parts. Its offset from the centre and its width are parts of the voxel's width.
+    fn add(&self, bins: &mut Bins, offset: [f64; 3], width: [f64; 3], cm3: f64) {
+        let parts = self.parts(width);
+        if parts == [1; 3] && offset == [0.0; 3] {
+            bins.add(self.dose(self.place), cm3);
+            return;
+        }
+        let mut around = [[[0.0; 3]; 3]; 3];
+        for (z, plane) in self.beside[2].iter().zip(&mut around) {
+            for (y, row) in self.beside[1].iter().zip(plane) {
+                for (x, dose) in self.beside[0].iter().zip(row) {
+                    *dose = self.dose([*x, *y, *z]);
+                }
             }
         }
-    }
-}
-
-/// Between a voxel (1) and the one before (0) or after it (2), at most half a width from its centre.
-fn between(offset: f64, at: impl Fn(usize) -> f64) -> f64 {
-    let part = offset.abs();
-    at(1) * (1.0 - part) + at(if offset < 0.0 { 0 } else { 2 }) * part
-}
-
-/// The doses of a voxel and of those around it, by place along z, y and x. Beyond the grid they are those at its end.
-struct Near {
-    doses: [[[f64; 3]; 3]; 3],
-    /// Axes along which there is a dose on both sides.
-    within: [bool; 3],
-}
-
-impl Near {
-    fn new(grid: &Grid, gray: &[f32], voxel: u32) -> Self {
-        let place = grid.voxel(voxel as usize);
-        let beside = [0, 1, 2].map(|axis: usize| {
-            [place[axis].saturating_sub(1), place[axis], (place[axis] + 1).min(grid.counts[axis] - 1)]
-        });
-        let dose = |x: usize, y: usize, z: usize| {
-            let at = grid.index([beside[0][x], beside[1][y], beside[2][z]]);
-            f64::from(gray.get(at).copied().unwrap_or_default())
+        let cm3 = cm3 / parts.iter().product::<usize>() as f64;
+        let along = |axis: usize, i: usize| {
+            offset[axis] + ((i as f64 + 0.5) / parts[axis] as f64 - 0.5) * width[axis]
         };
-        let doses = [0, 1, 2].map(|z| [0, 1, 2].map(|y| [0, 1, 2].map(|x| dose(x, y, z))));
-        let inner = |axis: usize| place[axis] > 0 && place[axis] + 1 < grid.counts[axis];
-        let mut near = Self { doses, within: [0, 1, 2].map(inner) };
-        near.within =
-            [0, 1, 2].map(|axis| near.within[axis] && near.along(axis).iter().all(|dose| *dose > 0.0));
-        near
-    }
-
-    /// Doses on both sides along an axis.
-    fn along(&self, axis: usize) -> [f64; 2] {
-        [0, 2].map(|side| {
-            let mut at = [1; 3];
-            at[axis] = side;
-            self.doses[at[2]][at[1]][at[0]]
-        })
+        for z in 0..parts[2] {
+            let mut plane = [[0.0; 3]; 3];
+            for (y, row) in plane.iter_mut().enumerate() {
+                for (x, dose) in row.iter_mut().enumerate() {
+                    *dose = between(along(2, z), [around[0][y][x], around[1][y][x], around[2][y][x]]);
+                }
+            }
+            for y in 0..parts[1] {
+                let mut row = [0.0; 3];
+                for (x, dose) in row.iter_mut().enumerate() {
+                    *dose = between(along(1, y), [plane[0][x], plane[1][x], plane[2][x]]);
+                }
+                for x in 0..parts[0] {
+                    bins.add(between(along(0, x), row), cm3);
+                }
+            }
+        }
     }
 
     /// Into how many parts along each axis a box of this width is divided. Where a neighbour has no dose the patient ends,
     /// and nothing is divided along that axis.
     fn parts(&self, width: [f64; 3]) -> [usize; 3] {
-        let own = self.doses[1][1][1];
+        let own = self.dose(self.place);
         std::array::from_fn(|axis| {
-            if !self.within[axis] {
+            let [before, at, after] = self.beside[axis];
+            if before == at || after == at {
                 return 1;
             }
-            let across =
-                0.5 * self.along(axis).iter().map(|dose| (dose - own).abs()).sum::<f64>() * width[axis];
+            let [before, after] = [before, after].map(|along| {
+                let mut place = self.place;
+                place[axis] = along;
+                self.dose(place)
+            });
+            if !(before > 0.0 && after > 0.0) {
+                return 1;
+            }
+            let across = 0.5 * ((before - own).abs() + (after - own).abs()) * width[axis];
             (across / STEEP_GY).ceil().clamp(1.0, MOST_PARTS) as usize
         })
     }
+}
+
+/// Between the doses before, at and after a centre, at most half a width from it.
+fn between(offset: f64, [before, at, after]: [f64; 3]) -> f64 {
+    let part = offset.abs();
+    at * (1.0 - part) + if offset < 0.0 { before } else { after } * part
 }
 
 /// Volumes by dose, so that millions of parts need neither be kept nor sorted.
