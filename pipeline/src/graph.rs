@@ -1,6 +1,7 @@
 //! The checked pipeline. It can only be made by checking, and only it can run.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
@@ -126,6 +127,19 @@ pub struct HostNode {
     pub connect: Vec<String>,
     /// Endpoints of a router, through which it reaches the others.
     pub router: Vec<String>,
+    /// The files of its certificate; with them, all its endpoints are `tls/...`.
+    pub tls: Option<HostTls>,
+}
+
+/// The files by which a host shows what it is. Their names are known to every host, their content to none but its own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HostTls {
+    /// Certificate, PEM.
+    pub certificate: PathBuf,
+    /// Key of the certificate, PEM.
+    pub key: PathBuf,
+    /// Certificate of the authority that signs the certificates of all hosts, PEM.
+    pub authority: PathBuf,
 }
 
 /// What happens when a process ends without being asked.

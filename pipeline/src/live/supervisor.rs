@@ -119,7 +119,7 @@ impl Supervisor {
         }
         let identity = identity_of(&graph, &source);
         let hello = HelloBridge::of(&graph, identity, folder.root(), folder.prefix().to_owned(), clock);
-        let bridge = launch.zip(hello);
+        let bridge = launch.zip(hello.map(|hello| hello.with_files_of(&options.files)));
         let workers = (0..graph.processes.len())
             .map(|process| Worker {
                 process,

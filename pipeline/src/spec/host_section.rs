@@ -3,6 +3,8 @@
 //! An edge between two hosts of the section stands for an operator of its own on the host that takes the samples, named
 //! after topic and host (`planner_plan_bedside`). The bridges of the two hosts carry its samples.
 
+use std::path::PathBuf;
+
 use super::faults::{Code, Findings};
 use super::fields::check_name;
 use super::inputs::{ParsedInput, Topic, topic_at};
@@ -11,12 +13,14 @@ use super::operators::ParsedOperator;
 use super::processes::{ParsedProcess, RESTART};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
-use crate::graph::{HostNode, Priority, Wire};
+use crate::graph::{HostNode, HostTls, Priority, Wire};
 use crate::hosts::{MAIN, edge_name};
 use crate::{far_end, link};
 
 /// Keys of a host.
-pub const KEYS: &[&str] = &["listen", "connect", "router", "takes"];
+pub const KEYS: &[&str] = &["listen", "connect", "router", "tls", "takes"];
+/// Keys of a host's certificate.
+pub const TLS_KEYS: &[&str] = &["certificate", "key", "authority"];
 
 /// A host as it was written.
 pub struct ParsedHost {
@@ -50,12 +54,14 @@ fn host(entry: &Entry, findings: &Findings) -> Option<ParsedHost> {
     let name = shown(&entry.key.value);
     let entries = entry.value.map(&name, "{ listen: tcp/10.0.0.7:7447 }", findings)?;
     let keys = Keys::of(entries, KEYS, "a host", findings);
-    let of = |key| keys.get(key).map(|e| endpoints(e, findings)).unwrap_or_default();
+    let tls = keys.get("tls").map(|e| tls(e, findings));
+    let of = |key| keys.get(key).map(|e| endpoints(e, tls.is_some(), findings)).unwrap_or_default();
     let node = HostNode {
         name: entry.key.value.clone(),
         listen: of("listen"),
         connect: of("connect"),
         router: of("router"),
+        tls: tls.flatten(),
     };
     if let Some(router) = keys.get("router")
         && (keys.get("listen").is_some() || keys.get("connect").is_some())
@@ -82,18 +88,39 @@ fn host(entry: &Entry, findings: &Findings) -> Option<ParsedHost> {
 }
 
 /// One endpoint, or a list of them.
-fn endpoints(entry: &Entry, findings: &Findings) -> Vec<String> {
+fn endpoints(entry: &Entry, has_tls: bool, findings: &Findings) -> Vec<String> {
     let what = shown(&entry.key.value);
     let nodes: Vec<&Node> = match &entry.value.value {
         Value::List(items) => items.iter().collect(),
         _ => vec![&entry.value],
     };
-    nodes.into_iter().filter_map(|node| endpoint(node, &what, findings)).collect()
+    nodes.into_iter().filter_map(|node| endpoint(node, &what, has_tls, findings)).collect()
 }
 
-fn endpoint(node: &Node, what: &str, findings: &Findings) -> Option<String> {
+/// The certificate of a host.
+fn tls(entry: &Entry, findings: &Findings) -> Option<HostTls> {
+    let due = "{ certificate: FILE, key: FILE, authority: FILE }";
+    let keys = Keys::of(entry.value.map("`tls`", due, findings)?, TLS_KEYS, "a certificate", findings);
+    let file = |key: &str| {
+        let Some(entry) = keys.get(key) else {
+            findings.say(
+                entry.key.span,
+                Code::MissingKey,
+                format!("`tls` has no `{key}`"),
+                "name the three files that `stillpoint pki certificate` makes",
+            );
+            return None;
+        };
+        entry.value.scalar(key, "the name of a file", findings).map(PathBuf::from)
+    };
+    let (certificate, key, authority) = (file("certificate"), file("key"), file("authority"));
+    Some(HostTls { certificate: certificate?, key: key?, authority: authority? })
+}
+
+fn endpoint(node: &Node, what: &str, has_tls: bool, findings: &Findings) -> Option<String> {
     let text = node.scalar(what, "an endpoint", findings)?;
-    let address = text.strip_prefix("tcp/").and_then(|a| a.rsplit_once(':'));
+    let (scheme, rest) = text.split_once('/').unwrap_or_default();
+    let address = rest.rsplit_once(':').filter(|_| matches!(scheme, "tcp" | "tls"));
     let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
     let stands = address.is_some_and(|(host, port)| {
         !host.is_empty()
@@ -105,8 +132,20 @@ fn endpoint(node: &Node, what: &str, findings: &Findings) -> Option<String> {
             node.span,
             Code::WrongShape,
             format!("{} is no endpoint", shown(text)),
-            "write `tcp/ADDRESS:PORT`, for example `tcp/10.0.0.7:7447`; the next port is used, too",
+            "write `tcp/ADDRESS:PORT` or, with a certificate, `tls/ADDRESS:PORT`, for example `tls/10.0.0.7:7447`; the \
+             next port is used, too",
         );
+    } else if (scheme == "tls") != has_tls {
+        let (message, help) = match has_tls {
+            true => {
+                ("is not encrypted, although this host has a certificate", "write `tls/...`, or remove `tls`")
+            }
+            false => (
+                "is encrypted, and this host has no certificate",
+                "add `tls: { certificate: FILE, key: FILE, authority: FILE }`",
+            ),
+        };
+        findings.say(node.span, Code::WrongShape, format!("{} {message}", shown(text)), help);
     }
     stands.then(|| text.to_owned())
 }

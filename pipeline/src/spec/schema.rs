@@ -141,12 +141,27 @@ fn links() -> Value {
 }
 
 fn hosts() -> Value {
-    let endpoint = json!({ "type": "string", "pattern": r"^tcp/\S+:[0-9]{1,5}$" });
+    let endpoint = json!({ "type": "string", "pattern": r"^(tcp|tls)/\S+:[0-9]{1,5}$" });
     let host = closed(host_section::KEYS, &[], |key| match key {
         "takes" => json!({
             "type": "array", "items": { "type": "string", "pattern": TOPIC },
             "description": "Topics of other hosts that it takes and records, besides those that its operators take.",
         }),
+        "tls" => {
+            let mut files = closed(host_section::TLS_KEYS, host_section::TLS_KEYS, |key| {
+                json!({
+                    "type": "string",
+                    "description": match key {
+                        "certificate" => "Certificate of the host, PEM, in a file beside the pipeline.",
+                        "key" => "Key of the certificate, PEM; only its owner may read the file.",
+                        _ => "Certificate of the authority that signs the certificates of all hosts, PEM.",
+                    },
+                })
+            });
+            files["description"] =
+                "The certificate of the host; with it, all its endpoints are `tls/...`.".into();
+            files
+        }
         _ => json!({
             "description": match key {
                 "listen" => "Endpoint at which others reach it; the next port is used, too.",

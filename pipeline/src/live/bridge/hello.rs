@@ -6,14 +6,14 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use stillpoint_operator::Files;
+use stillpoint_operator::files::{DiskFiles, FilePlace, Files};
 use stillpoint_samples::{SampleKind, Shape};
 use stillpoint_shm::Contract;
 use stillpoint_transport::Channel;
 
 use crate::clock::SessionClock;
 use crate::far_end;
-use crate::graph::{Graph, HostNode, Priority};
+use crate::graph::{Graph, HostNode, HostTls, Priority};
 use crate::live::contracts;
 use crate::run_source::RunSource;
 use crate::session::hex;
@@ -206,6 +206,21 @@ impl HelloBridge {
             identity,
             real_time_cores: real_time_cores.into_iter().collect(),
         })
+    }
+}
+
+impl HelloBridge {
+    /// The same with the files of the certificate where they are on disk: beside the pipeline.
+    #[must_use]
+    pub fn with_files_of(mut self, files: &DiskFiles) -> Self {
+        if let Some(HostTls { certificate, key, authority }) = &mut self.host.tls {
+            for file in [certificate, key, authority] {
+                if let FilePlace::Disk(place) = files.place(&file.to_string_lossy()) {
+                    *file = place;
+                }
+            }
+        }
+        self
     }
 }
 

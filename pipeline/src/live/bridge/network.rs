@@ -73,6 +73,11 @@ pub trait Network {
     /// The clock of the host from which the samples of an edge come, where it is measured.
     fn clock(&self, edge: &str) -> Option<ClockOffset>;
 
+    /// Why the network is to be opened anew, if it is: this process ends, and another one opens it.
+    fn renewal(&self) -> Option<String> {
+        None
+    }
+
     /// What happened since the last call.
     fn events(&self) -> Vec<NetworkEvent>;
 

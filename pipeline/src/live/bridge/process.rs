@@ -122,6 +122,11 @@ impl Bridge {
             if told.elapsed() >= TOLD {
                 told = Instant::now();
                 self.tell_news()?;
+                if let Some(reason) =
+                    self.network.renewal().filter(|_| self.running && self.stopping.is_none())
+                {
+                    return Err(WorkerError::Network(reason));
+                }
             }
             if let Some(since) = self.stopping
                 && !worked
