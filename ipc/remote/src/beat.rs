@@ -99,6 +99,9 @@ pub enum BeatError {
         "it speaks version {0} of the protocol, and this program version {PROTOCOL}: use the same build on all hosts"
     )]
     Protocol(u32),
+    /// It was sent under the name of another host.
+    #[error("it says that it comes from the host `{0}`, and was sent under another name")]
+    Key(String),
     /// A part of it is beyond the bounds.
     #[error("{0} of it is empty or too long")]
     Bounds(&'static str),

@@ -1,14 +1,17 @@
 //! Where a host listens and connects, and the zenoh session for it.
 
+use std::sync::Arc;
+
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
-use crate::RemoteError;
 use crate::lane::Lane;
+use crate::probe::{Answer, probe};
+use crate::{RemoteError, Tls, access, names};
 
-/// Where a host listens and where it connects, as `tcp/ADDRESS:PORT`. Each endpoint stands for two ports: the port
+/// Where a host listens and where it connects, as `tcp/ADDRESS:PORT`, or as `tls/ADDRESS:PORT` with a certificate. Each endpoint stands for two ports: the port
 /// itself for small samples and beats, and the next one for bulk.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default)]
 pub struct Endpoints {
     /// Endpoints at which others reach this host.
     pub listen: Vec<String>,
@@ -17,6 +20,8 @@ pub struct Endpoints {
     /// Endpoints of a router, through which all others are reached, in place of the other two. A host cannot be opened
     /// before its router; afterwards the router may go and come again.
     pub router: Vec<String>,
+    /// The certificate of the host. With one, all endpoints are `tls/...`, and without one none is.
+    pub tls: Option<Arc<Tls>>,
 }
 
 /// How a session takes part in the network.
@@ -55,7 +60,28 @@ impl Endpoints {
             return Err(RemoteError::RouterAndMore(endpoint.clone()));
         }
         let all = self.listen.iter().chain(&self.connect).chain(&self.router);
-        all.clone().try_for_each(|e| port_of(e, Lane::Bulk).map(|_| ()))
+        for endpoint in all {
+            let (scheme, _) = parts(endpoint, Lane::Bulk)?;
+            match (scheme, self.tls.is_some()) {
+                (Scheme::Tls, false) => return Err(RemoteError::NoCertificate(endpoint.clone())),
+                (Scheme::Tcp, true) => return Err(RemoteError::NotEncrypted(endpoint.clone())),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// What the ends to which this host connects do with it: the first that refuses it.
+    pub(crate) fn refusal(&self) -> Option<String> {
+        let ends = self.connect.iter().chain(&self.router);
+        let mut answers = ends.filter_map(|e| {
+            let (_, address) = parts(e, Lane::Small).ok()?;
+            Some(probe(&address, self.tls.as_deref()))
+        });
+        answers.find_map(|answer| match answer {
+            Answer::Refused(reason) => Some(reason),
+            Answer::Taken | Answer::Absent(_) => None,
+        })
     }
 
     /// How a host with these endpoints takes part. zenoh's routers pass nothing on between its peers, only to its clients.
@@ -64,9 +90,9 @@ impl Endpoints {
     }
 
     /// The zenoh configuration of one of the two sessions.
-    fn config(&self, mode: Mode, which: Lane) -> Result<Config, RemoteError> {
+    fn config(&self, mode: Mode, which: Lane, prefix: &str) -> Result<Config, RemoteError> {
         let of = |list: &[String]| list.iter().map(|e| port_of(e, which)).collect::<Result<Vec<_>, _>>();
-        let config = json!({
+        let mut config = json!({
             "mode": mode.name(),
             "listen": { "endpoints": of(&self.listen)? },
             "connect": {
@@ -79,6 +105,23 @@ impl Endpoints {
             "scouting": { "delay": 0, "multicast": { "enabled": false }, "gossip": { "enabled": false } },
             "transport": { "link": { "protocols": ["tcp"] } },
         });
+        if let Some(tls) = &self.tls {
+            let files = tls.files();
+            config["transport"]["link"] = json!({
+                "protocols": ["tls"],
+                "tls": {
+                    "root_ca_certificate": files.authority,
+                    "listen_certificate": files.certificate,
+                    "listen_private_key": files.key,
+                    "connect_certificate": files.certificate,
+                    "connect_private_key": files.key,
+                    "enable_mtls": true,
+                    "verify_name_on_connect": true,
+                    "close_link_on_expiration": true,
+                },
+            });
+            config["access_control"] = access::control(&names::chunk(prefix));
+        }
         self.parsed(&config)
     }
 
@@ -87,22 +130,39 @@ impl Endpoints {
     }
 
     /// Opens one of the two sessions.
-    pub(crate) fn open(&self, mode: Mode, which: Lane) -> Result<Session, RemoteError> {
-        let config = self.config(mode, which)?;
-        zenoh::open(config).wait().map_err(|e| self.refused(&e.to_string()))
+    pub(crate) fn open(&self, mode: Mode, which: Lane, prefix: &str) -> Result<Session, RemoteError> {
+        let config = self.config(mode, which, prefix)?;
+        zenoh::open(config).wait().map_err(|e| match self.refusal() {
+            Some(reason) => RemoteError::Refused(reason),
+            None => self.refused(&e.to_string()),
+        })
     }
 
     fn refused(&self, reason: &str) -> RemoteError {
-        let place =
-            format!("listens at [{}], connects to [{}]", self.listen.join(", "), self.connect.join(", "));
+        let place = format!("listens at [{}], connects to [{}]", self.listen.join(", "), {
+            let ends: Vec<&str> = self.connect.iter().chain(&self.router).map(String::as_str).collect();
+            ends.join(", ")
+        });
         RemoteError::Session { place, reason: reason.to_owned() }
     }
 }
 
-/// The endpoint of one of the two sessions.
-fn port_of(endpoint: &str, which: Lane) -> Result<String, RemoteError> {
+/// What an endpoint speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scheme {
+    Tcp,
+    Tls,
+}
+
+/// The parts of the endpoint of one of the two sessions: what it speaks, and `ADDRESS:PORT`.
+fn parts(endpoint: &str, which: Lane) -> Result<(Scheme, String), RemoteError> {
     let wrong = || RemoteError::Endpoint(endpoint.to_owned());
-    let address = endpoint.strip_prefix("tcp/").ok_or_else(wrong)?;
+    let (scheme, address) = endpoint.split_once('/').ok_or_else(wrong)?;
+    let scheme = match scheme {
+        "tcp" => Scheme::Tcp,
+        "tls" => Scheme::Tls,
+        _ => return Err(wrong()),
+    };
     let (host, port) = address.rsplit_once(':').ok_or_else(wrong)?;
     let port: u16 = port.parse().map_err(|_| wrong())?;
     let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
@@ -110,7 +170,14 @@ fn port_of(endpoint: &str, which: Lane) -> Result<String, RemoteError> {
         return Err(wrong());
     }
     let port = port + u16::from(which == Lane::Bulk);
-    Ok(format!("tcp/{host}:{port}"))
+    Ok((scheme, format!("{host}:{port}")))
+}
+
+/// The endpoint of one of the two sessions.
+fn port_of(endpoint: &str, which: Lane) -> Result<String, RemoteError> {
+    let (scheme, address) = parts(endpoint, which)?;
+    let scheme = if scheme == Scheme::Tls { "tls" } else { "tcp" };
+    Ok(format!("{scheme}/{address}"))
 }
 
 #[cfg(test)]
@@ -120,11 +187,19 @@ mod tests {
     #[test]
     fn an_endpoint_stands_for_two_ports() {
         assert_eq!(port_of("tcp/10.0.0.7:7447", Lane::Small).as_deref(), Ok("tcp/10.0.0.7:7447"));
+        assert_eq!(port_of("tls/a:7447", Lane::Bulk).as_deref(), Ok("tls/a:7448"));
         assert_eq!(port_of("tcp/[::1]:7447", Lane::Bulk).as_deref(), Ok("tcp/[::1]:7448"));
         for wrong in
             ["", "tcp/", "tcp/a", "udp/a:1", "tcp/:7", "tcp/a:0", "tcp/a:65535", "tcp/a:7#x", "tcp/a b:7"]
         {
             assert_eq!(port_of(wrong, Lane::Small), Err(RemoteError::Endpoint(wrong.to_owned())));
         }
+    }
+
+    #[test]
+    fn an_encrypted_endpoint_needs_a_certificate() {
+        let endpoint = "tls/10.0.0.7:7447".to_owned();
+        let endpoints = Endpoints { connect: vec![endpoint.clone()], ..Endpoints::default() };
+        assert_eq!(endpoints.check(), Err(RemoteError::NoCertificate(endpoint)));
     }
 }

@@ -1,7 +1,7 @@
 //! One end of the network: its two sessions, its ends, and the thread that beats.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -17,7 +17,9 @@ use crate::lane::{Lane, LaneShared};
 use crate::peers::Peers;
 use crate::receiver::{Incoming, RemoteReceiver};
 use crate::sender::{Outgoing, RemoteSender};
-use crate::{Beat, Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names};
+use crate::{
+    Beat, Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names, watch,
+};
 
 /// Period of the beats.
 const BEAT: Duration = Duration::from_millis(100);
@@ -62,11 +64,15 @@ pub struct Shared {
     beats: Publisher<'static>,
     acknowledgements: Publisher<'static>,
     lanes: [LaneShared; 2],
+    /// There is a newer certificate than that with which this host listens.
+    pub is_outdated: AtomicBool,
     // Locked in this order: ends, then peers.
     ends: Mutex<Ends>,
     peers: Mutex<Peers>,
     due: Mutex<Due>,
     signal: Condvar,
+    /// Signalled at the end, with `due`.
+    closing: Condvar,
     next_end: AtomicU64,
 }
 
@@ -126,9 +132,18 @@ impl Host {
             return Err(RemoteError::Name(settings.name));
         }
         settings.endpoints.check()?;
-        let mode = settings.endpoints.mode();
-        let small = settings.endpoints.open(mode, Lane::Small)?;
-        let bulk = settings.endpoints.open(mode, Lane::Bulk)?;
+        if let Some(tls) = &settings.endpoints.tls {
+            let role = tls.role();
+            if !role.is_host() {
+                let instead = "`bedside`, `cluster` or `viewer`";
+                return Err(RemoteError::Role { role, what: "exchange samples", instead });
+            }
+            if !settings.name.starts_with(role.name()) {
+                return Err(RemoteError::HostName { host: settings.name, role });
+            }
+        }
+        let open = |lane| settings.endpoints.open(settings.endpoints.mode(), lane, &settings.prefix);
+        let (small, bulk) = (open(Lane::Small)?, open(Lane::Bulk)?);
         let (prefix, name) = (settings.prefix.clone(), settings.name.clone());
         let shared = Arc::new(Shared {
             beats: publisher(&small, names::beats(&prefix, &name), Priority::InteractiveHigh)?,
@@ -138,10 +153,12 @@ impl Host {
                 Priority::InteractiveHigh,
             )?,
             lanes: Default::default(),
+            is_outdated: AtomicBool::new(false),
             ends: Mutex::default(),
             peers: Mutex::new(Peers::new(name, settings.incarnation, settings.identity.clone())),
             due: Mutex::default(),
             signal: Condvar::new(),
+            closing: Condvar::new(),
             // Ends of several lives and hosts have different numbers.
             next_end: AtomicU64::new(first_end(&settings.name, settings.incarnation)),
             small,
@@ -157,6 +174,7 @@ impl Host {
             ("beat", Shared::beat as fn(&Shared)),
             ("small", |shared: &Shared| shared.lane(Lane::Small).run()),
             ("bulk", |shared: &Shared| shared.lane(Lane::Bulk).run()),
+            ("watch", watch::run),
         ] {
             let shared = shared.clone();
             let thread = std::thread::Builder::new().name(name.into()).spawn(move || body(&shared));
@@ -168,6 +186,12 @@ impl Host {
     /// What is known of the peers.
     pub fn peers(&self) -> Vec<PeerReport> {
         lock(&self.shared.peers).reports(self.shared.now())
+    }
+
+    /// Whether this host listens with a certificate in whose place a newer one has come: it is to be opened anew. The
+    /// others come back by themselves.
+    pub fn is_outdated(&self) -> bool {
+        self.shared.is_outdated.load(Ordering::Relaxed)
     }
 
     /// Messages about peers since the last call.
@@ -241,6 +265,7 @@ impl Drop for Host {
     fn drop(&mut self) {
         lock(&self.shared.due).is_closed = true;
         self.shared.signal.notify_one();
+        self.shared.closing.notify_all();
         self.shared.lanes.iter().for_each(LaneShared::close);
         for thread in self.threads.drain(..) {
             let _ = thread.join();
@@ -253,12 +278,12 @@ impl Drop for Host {
 /// A callback that does nothing once the host is gone.
 fn with(
     shared: &Weak<Shared>,
-    take: fn(&Shared, &[u8]),
+    take: fn(&Shared, &str, &[u8]),
 ) -> impl Fn(zenoh::sample::Sample) + Send + Sync + 'static {
     let shared = shared.clone();
     move |sample| {
         if let Some(shared) = shared.upgrade() {
-            take(&shared, &sample.payload().to_bytes());
+            take(&shared, sample.key_expr().as_str(), &sample.payload().to_bytes());
         }
     }
 }
@@ -275,6 +300,38 @@ fn first_end(host: &str, incarnation: u64) -> u64 {
 impl Shared {
     fn now(&self) -> u64 {
         (self.settings.clock)()
+    }
+
+    pub fn endpoints(&self) -> &Endpoints {
+        &self.settings.endpoints
+    }
+
+    /// Whether no other host is heard.
+    pub fn is_alone(&self) -> bool {
+        !lock(&self.peers).is_any_alive()
+    }
+
+    /// Tells a reason for which nothing can be exchanged.
+    pub fn fault(&self, text: String) {
+        lock(&self.peers).tell(text, true);
+    }
+
+    /// Tells what needs no hurry.
+    pub fn note(&self, text: String) {
+        lock(&self.peers).tell(text, false);
+    }
+
+    /// Waits. Gives whether the host goes on.
+    pub fn goes_on_after(&self, wait: Duration) -> bool {
+        let until = Instant::now() + wait;
+        let mut due = lock(&self.due);
+        loop {
+            let rest = until.saturating_duration_since(Instant::now());
+            if due.is_closed || rest.is_zero() {
+                return !due.is_closed;
+            }
+            due = self.closing.wait_timeout(due, rest).unwrap_or_else(PoisonError::into_inner).0;
+        }
     }
 
     pub fn lane(&self, lane: Lane) -> &LaneShared {
@@ -308,16 +365,16 @@ impl Shared {
     }
 
     /// A beat of another host has arrived.
-    fn hear(&self, bytes: &[u8]) {
+    fn hear(&self, key: &str, bytes: &[u8]) {
         let now = self.now();
-        if lock(&self.peers).hear(bytes, now) {
+        if lock(&self.peers).hear(key, bytes, now) {
             self.beat_soon();
         }
         self.refresh();
     }
 
     /// Acknowledgements of another host have arrived: pairs of end and number.
-    fn acknowledged(&self, bytes: &[u8]) {
+    fn acknowledged(&self, _: &str, bytes: &[u8]) {
         let ends = lock(&self.ends);
         for pair in bytes.chunks_exact(16) {
             let number = |at: usize| pair[at..at + 8].try_into().map_or(0, u64::from_le_bytes);

@@ -7,6 +7,11 @@
 //! which a thread puts; the beats of each host carry the counts of its senders and receivers, so that lost tails are
 //! seen; and a peer is alive only as long as its beats arrive.
 //!
+//! - `tls`: the certificate of a program
+//! - `access`: roles, and what a peer of each role may send and take
+//! - `probe`: why another end refuses this one
+//! - `pki`: a small authority that makes certificates
+//! - `watch`: the thread that finds out why nobody is heard
 //! - `endpoints`: where a host listens and connects, and the zenoh session for it
 //! - `identity`: what two hosts compare before anything flows
 //! - `beat`: the message by which a host is alive, with the counts of its ends
@@ -20,6 +25,7 @@
 //! - `mailbox`: messages between named programs, for the planning pool
 //! - `router`: a router between hosts that cannot reach each other
 
+mod access;
 mod attachment;
 mod beat;
 mod clocks;
@@ -31,11 +37,16 @@ mod lane;
 mod mailbox;
 mod names;
 mod peers;
+mod pki;
+mod probe;
 mod receiver;
 mod remote;
 mod router;
 mod sender;
+mod tls;
+mod watch;
 
+pub use access::Role;
 pub use attachment::Attachment;
 pub use beat::{Beat, BeatError, Heard, Sends, Takes};
 pub use clocks::Offset;
@@ -45,7 +56,10 @@ pub use host::{Host, HostSettings};
 pub use identity::Identity;
 pub use mailbox::Mailbox;
 pub use peers::{HostEvent, PEER_SILENCE, PeerReport, PeerState};
+pub use pki::{Authority, Issued, PkiError};
+pub use probe::{Answer, probe};
 pub use receiver::Taken;
 pub use remote::Remote;
 pub use router::Router;
 pub use sender::Sent;
+pub use tls::{Tls, TlsError, TlsFiles};

@@ -13,7 +13,7 @@ use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 
 use crate::lane::Lane;
-use crate::{Endpoints, RemoteError};
+use crate::{Endpoints, RemoteError, Tls};
 
 /// The name that stands for all.
 const ALL: &str = "all";
@@ -69,15 +69,15 @@ impl Mailbox {
     /// for the router, which may go and come again afterwards.
     ///
     /// # Errors
-    /// The name or the endpoint is wrong, or the router is not there.
-    pub fn open(prefix: &str, name: &str, router: &str) -> Result<Self, RemoteError> {
+    /// The name or the endpoint is wrong, or the router is not there or refuses the certificate.
+    pub fn open(prefix: &str, name: &str, router: &str, tls: Option<Arc<Tls>>) -> Result<Self, RemoteError> {
         if !is_name(name) || !is_name(prefix) || name == ALL {
             return Err(RemoteError::Name(name.to_owned()));
         }
-        let endpoints = Endpoints { router: vec![router.to_owned()], ..Endpoints::default() };
+        let endpoints = Endpoints { router: vec![router.to_owned()], tls, ..Endpoints::default() };
         endpoints.check()?;
-        let small = endpoints.open(endpoints.mode(), Lane::Small)?;
-        let bulk = endpoints.open(endpoints.mode(), Lane::Bulk)?;
+        let open = |lane| endpoints.open(endpoints.mode(), lane, prefix);
+        let (small, bulk) = (open(Lane::Small)?, open(Lane::Bulk)?);
         let inbox = Arc::new(Inbox::default());
         let mut subscribers = Vec::new();
         for session in [&small, &bulk] {

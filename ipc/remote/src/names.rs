@@ -5,7 +5,7 @@ use std::fmt::Write;
 use stillpoint_transport::Channel;
 
 /// A text as one chunk of a key: other characters than letters, digits, `_`, `-` and `.` are written by number.
-fn chunk(text: &str) -> String {
+pub fn chunk(text: &str) -> String {
     let mut chunk = String::with_capacity(text.len());
     for byte in text.bytes() {
         match byte {

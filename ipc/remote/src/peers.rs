@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use stillpoint_transport::{LinkState, Refusal};
 
-use crate::beat::{MOST_PEERS, Sends};
+use crate::beat::{BeatError, MOST_PEERS, Sends};
 use crate::clocks::Offsets;
 use crate::sender::Confirmed;
-use crate::{Beat, Heard, Identity, Offset};
+use crate::{Beat, Heard, Identity, Offset, names};
 
 /// How long a peer may be silent before it counts as gone: three beats and a half.
 pub const PEER_SILENCE: Duration = Duration::from_millis(350);
@@ -89,7 +89,7 @@ impl Peers {
         }
     }
 
-    fn tell(&mut self, text: String, is_fault: bool) {
+    pub fn tell(&mut self, text: String, is_fault: bool) {
         if self.events.len() < MOST_EVENTS {
             self.events.push_back(HostEvent { text, is_fault });
         }
@@ -100,9 +100,20 @@ impl Peers {
         self.events.drain(..).collect()
     }
 
-    /// Takes a beat that arrived at `now`, ns of this host's clock. Gives whether this host should answer at once.
-    pub fn hear(&mut self, bytes: &[u8], now: u64) -> bool {
-        let beat = match Beat::read(bytes) {
+    /// Whether any peer is heard.
+    pub fn is_any_alive(&self) -> bool {
+        self.table.values().any(|p| p.is_alive)
+    }
+
+    /// Takes a beat that arrived under `key` at `now`, ns of this host's clock. Gives whether this host should answer at
+    /// once.
+    pub fn hear(&mut self, key: &str, bytes: &[u8], now: u64) -> bool {
+        // What a peer may send is checked by key, so the key must name the host of the beat.
+        let named = |beat: Beat| match key.rsplit('/').next() == Some(names::chunk(&beat.host).as_str()) {
+            true => Ok(beat),
+            false => Err(BeatError::Key(beat.host)),
+        };
+        let beat = match Beat::read(bytes).and_then(named) {
             Ok(beat) => beat,
             Err(error) => {
                 let reason = error.to_string();

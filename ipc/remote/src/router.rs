@@ -1,10 +1,12 @@
 //! A router between hosts that cannot reach each other.
 
+use std::sync::Arc;
+
 use zenoh::{Session, Wait};
 
 use crate::endpoints::Mode;
 use crate::lane::Lane;
-use crate::{Endpoints, RemoteError};
+use crate::{Endpoints, RemoteError, Role, Tls};
 
 /// Passes on what hosts send that are connected to it. It holds no state: it may be restarted at any time.
 pub struct Router {
@@ -12,15 +14,19 @@ pub struct Router {
 }
 
 impl Router {
-    /// Listens at these endpoints.
+    /// Listens at these endpoints, for keys that begin with `prefix` if there is a certificate.
     ///
     /// # Errors
-    /// An endpoint is not written as one, or a port is taken.
-    pub fn open(listen: Vec<String>) -> Result<Self, RemoteError> {
-        let endpoints = Endpoints { listen, ..Endpoints::default() };
-        Ok(Self {
-            sessions: [endpoints.open(Mode::Router, Lane::Small)?, endpoints.open(Mode::Router, Lane::Bulk)?],
-        })
+    /// An endpoint is not written as one, a port is taken, or the certificate is not that of a router.
+    pub fn open(prefix: &str, listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, RemoteError> {
+        if let Some(tls) = tls.as_ref().filter(|tls| tls.role() != Role::Router) {
+            let role = tls.role();
+            return Err(RemoteError::Role { role, what: "pass on what others send", instead: "`router`" });
+        }
+        let endpoints = Endpoints { listen, tls, ..Endpoints::default() };
+        endpoints.check()?;
+        let open = |lane| endpoints.open(Mode::Router, lane, prefix);
+        Ok(Self { sessions: [open(Lane::Small)?, open(Lane::Bulk)?] })
     }
 
     /// Ends it.

@@ -8,6 +8,8 @@ mod foreign;
 mod liveness;
 mod relay;
 mod slow;
+mod speed;
+mod tls;
 
 use std::sync::Arc;
 
@@ -35,7 +37,7 @@ fn samples_pass_through_a_router_and_after_its_restart() {
     let to_router = || Endpoints { router: endpoint(), ..Endpoints::default() };
     let early = Host::open(common::settings("bedside", to_router(), identity(), 1, 0)).err().unwrap();
     assert!(early.to_string().contains(&endpoint()[0]), "{early}");
-    let router = Router::open(endpoint()).unwrap();
+    let router = Router::open("stillpoint-test", endpoint(), None).unwrap();
     let pair = Pair {
         sender: host("bedside", to_router(), identity()),
         receiver: host("cluster", to_router(), identity()),
@@ -49,7 +51,7 @@ fn samples_pass_through_a_router_and_after_its_restart() {
     router.close();
     drop(router);
     eventually("the sender notices", || sender.state() == LinkState::Waiting);
-    let _router = Router::open(endpoint()).unwrap();
+    let _router = Router::open("stillpoint-test", endpoint(), None).unwrap();
     eventually("samples pass again", || {
         send(&mut *sender, &mut next);
         receiver.receive(&mut Vec::new()).unwrap().is_some()

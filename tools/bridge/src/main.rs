@@ -23,6 +23,7 @@ enum Command {
     Router(commands::router::Router),
     Worker(commands::worker::Worker),
     Pool(commands::pool::Pool),
+    Pki(commands::pki::Pki),
     PlanClient(commands::plan_client::PlanClient),
 }
 
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Command::Router(command) => command.execute(),
         Command::Worker(command) => command.execute(),
         Command::Pool(command) => command.execute(),
+        Command::Pki(command) => command.execute(),
         Command::PlanClient(command) => command.execute(),
     }
 }

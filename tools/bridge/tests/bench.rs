@@ -174,6 +174,14 @@ impl Running {
         wait_for(words, || std::fs::read_to_string(&self.err).unwrap().contains(words).then_some(()));
     }
 
+    /// Waits until these words stand on its standard error after the first place of other ones.
+    pub fn wait_for_words_after(&self, first: &str, words: &str) {
+        wait_for(words, || {
+            let text = std::fs::read_to_string(&self.err).unwrap();
+            text.split_once(first)?.1.contains(words).then_some(())
+        });
+    }
+
     /// Waits for its end.
     pub fn finish(mut self) -> Done {
         let status = wait_for("the end of a command", || self.child.try_wait().unwrap());

@@ -169,15 +169,34 @@ fn a_taken_port_ends_the_run_before_it_begins_and_is_named() {
     assert!(done.err.contains(&format!("tcp/127.0.0.1:{port}")), "{}", done.err);
 }
 
+/// A certificate of the test's authority, in the folder `pki`.
+fn certificate(bench: &Bench, arguments: &[&str]) {
+    let all = [&["pki", "certificate", "pki"], arguments].concat();
+    let done = bench.call(&all);
+    assert!(done.status.success(), "{}", done.err);
+}
+
+/// With certificates, of which the listening host gets a new one: its bridge begins anew, and no operator does.
 #[test]
-fn the_example_plans_on_the_cluster_and_the_bedside_replays() {
+fn the_example_plans_on_the_cluster_over_tls_and_the_bedside_replays() {
     let bench = Bench::new();
+    assert!(bench.call(&["pki", "authority", "pki"]).status.success());
+    certificate(&bench, &["bedside"]);
+    certificate(&bench, &["cluster", "--address", "127.0.0.1"]);
     let yaml = include_str!("../../../examples/remote-planning.yaml");
     let file = bench.write("planning.yaml", &yaml.replace("7447", &two_ports().to_string()));
     let (cluster, bedside) = (bench.host(&file, "cluster"), bench.host(&file, "bedside"));
     bench.wait_for_samples("remote-planning-bedside", "plans_plan_bedside.sample", 1);
+    certificate(&bench, &["cluster", "--address", "127.0.0.1", "--replace"]);
+    cluster.wait_for_words("a new certificate was written");
+    // Its place is taken by the next life of the bridge.
+    cluster.wait_for_words_after("a new certificate was written", "host `bedside` is here");
     let (bedside, cluster) = (bedside.stop().good(), cluster.stop().good());
     assert_eq!((&bedside["balanced"], &cluster["balanced"]), (&true.into(), &true.into()));
+    for report in [&bedside, &cluster] {
+        let text = report.to_string();
+        assert!(!text.contains("PRIVATE KEY"), "{text}");
+    }
     let session = bedside["session"].as_str().unwrap();
     assert!(!bench.samples(session, "plans_plan_bedside.sample").is_empty());
     replays(&bench, &bedside);

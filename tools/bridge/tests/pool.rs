@@ -29,13 +29,15 @@ fn program(arguments: &[&str]) -> Command {
 fn worker(folder: &Path, name: &str, place: [&str; 2], more: &[&str]) -> Ends {
     let cache = folder.join(name);
     let cache = cache.to_str().unwrap();
-    let mut command = program(&["worker", place[0], place[1], "--name", name, "--slots", "1", "--cache", cache]);
+    let mut command =
+        program(&["worker", place[0], place[1], "--name", name, "--slots", "1", "--cache", cache]);
     Ends(command.args(more).stdout(Stdio::null()).spawn().unwrap())
 }
 
 /// A port that is free together with the next one, below those that the system gives away.
 fn two_ports() -> u16 {
-    let is_free = |port: &u16| [0, 1].iter().all(|more| TcpListener::bind(("127.0.0.1", port + more)).is_ok());
+    let is_free =
+        |port: &u16| [0, 1].iter().all(|more| TcpListener::bind(("127.0.0.1", port + more)).is_ok());
     let first = 31_000 + (std::process::id() % 700) as u16 * 2;
     (first..32_700).step_by(2).find(is_free).unwrap()
 }
@@ -78,8 +80,13 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
         }
         // A new pool of calls: answers that are known are not asked again.
         let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
-        pool = Pool::new(courier, ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) });
+        pool = Pool::new(
+            courier,
+            ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) },
+        );
     }
     assert!(caught);
-    assert!(pool.workers().get("good").is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0));
+    assert!(
+        pool.workers().get("good").is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0)
+    );
 }

@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use clap::Args;
 use stillpoint_operator::outside::ClockOffset;
+use stillpoint_pipeline::graph::HostTls;
 use stillpoint_pipeline::live::bridge::{
     BridgeSettings, Network, NetworkEvent, SentCounts, TakenCounts, bridge_main,
 };
-use stillpoint_remote::{Endpoints, Host, HostSettings, Identity, Remote};
+use stillpoint_remote::{Endpoints, Host, HostSettings, Identity, Remote, Tls, TlsFiles};
 use stillpoint_transport::Transport;
 
 /// First part of all keys.
@@ -37,10 +38,14 @@ struct Zenoh(Arc<Host>);
 impl Zenoh {
     fn open(settings: BridgeSettings) -> Result<Self, String> {
         let BridgeSettings { host, identity, incarnation, clock, arrived } = settings;
+        let tls = host.tls.map(|HostTls { certificate, key, authority }| {
+            Tls::load(&TlsFiles { certificate, key, authority }).map(Arc::new)
+        });
+        let tls = tls.transpose().map_err(|e| e.to_string())?;
         let opened = Host::open(HostSettings {
             prefix: PREFIX.to_owned(),
             name: host.name,
-            endpoints: Endpoints { listen: host.listen, connect: host.connect, router: host.router },
+            endpoints: Endpoints { listen: host.listen, connect: host.connect, router: host.router, tls },
             identity: Identity {
                 pipeline: identity.pipeline,
                 hash: identity.hash,
@@ -63,6 +68,12 @@ impl Network for Zenoh {
     fn clock(&self, edge: &str) -> Option<ClockOffset> {
         let offset = self.0.offset_of(edge)?;
         Some(ClockOffset { offset: offset.offset, uncertainty: offset.uncertainty })
+    }
+
+    fn renewal(&self) -> Option<String> {
+        self.0
+            .is_outdated()
+            .then(|| "a new certificate was written: the bridge begins anew with it".to_owned())
     }
 
     fn events(&self) -> Vec<NetworkEvent> {

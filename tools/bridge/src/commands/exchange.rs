@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use signal_hook::consts::{SIGINT, SIGTERM};
-use stillpoint_remote::{Mailbox, RemoteError};
+use stillpoint_remote::{Mailbox, RemoteError, Tls};
 
 /// First part of all keys.
 pub const PREFIX: &str = "stillpoint";
 
 /// Whether the program was asked to end.
+#[derive(Clone)]
 pub struct Ending(Arc<AtomicBool>);
 
 impl Ending {
@@ -31,15 +32,21 @@ impl Ending {
 }
 
 /// The place in the exchange as soon as the router is there; none if the program is to end before.
-pub fn open(name: &str, endpoint: &str, is_due: impl Fn() -> bool) -> Result<Option<Mailbox>, String> {
-    let mut told = false;
+pub fn open(
+    name: &str,
+    endpoint: &str,
+    tls: Option<Arc<Tls>>,
+    is_due: impl Fn() -> bool,
+) -> Result<Option<Mailbox>, String> {
+    let mut told = None;
     while !is_due() {
-        match Mailbox::open(PREFIX, name, endpoint) {
+        match Mailbox::open(PREFIX, name, endpoint, tls.clone()) {
             Ok(mailbox) => return Ok(Some(mailbox)),
-            Err(e @ RemoteError::Session { .. }) => {
-                if !std::mem::replace(&mut told, true) {
+            Err(e @ (RemoteError::Session { .. } | RemoteError::Refused(_))) => {
+                if told.as_ref() != Some(&e) {
                     eprintln!("stillpoint-bridge: waiting for {endpoint}: {e}");
                 }
+                told = Some(e);
                 std::thread::sleep(Duration::from_millis(200));
             }
             Err(e) => return Err(e.to_string()),

@@ -2,7 +2,9 @@
 
 pub mod bridge;
 mod exchange;
+pub mod pki;
 pub mod plan_client;
 pub mod pool;
 pub mod router;
+pub mod tls;
 pub mod worker;

@@ -7,9 +7,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use stillpoint_pool::pipe::{read_frame, write_frame};
-use stillpoint_remote::Mailbox;
+use stillpoint_remote::{Mailbox, Tls};
 
 use super::exchange::{ended, open};
+use super::tls::{TlsArgs, Use, allow};
 
 /// Carry the messages of `stillpoint plan --pool`, which starts it: frames on standard input and output.
 #[derive(Args)]
@@ -17,6 +18,8 @@ pub struct PlanClient {
     /// Endpoint of a router or of a listening worker.
     #[arg(long, value_name = "ENDPOINT")]
     connect: String,
+    #[command(flatten)]
+    tls: TlsArgs,
 }
 
 impl PlanClient {
@@ -28,10 +31,12 @@ impl PlanClient {
     fn try_execute(self) -> Result<(), String> {
         let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos();
         let name = format!("plan-{}-{born:x}", std::process::id());
+        let tls = self.tls.load()?;
+        allow(tls.as_deref(), &Use::Ask)?;
         let place: Arc<OnceLock<Mailbox>> = Arc::default();
         let filled = place.clone();
         std::thread::spawn(move || {
-            if let Err(reason) = carry(&name, &self.connect, &filled) {
+            if let Err(reason) = carry(&name, &self.connect, tls, &filled) {
                 eprintln!("stillpoint-bridge: {reason}");
                 std::process::exit(1);
             }
@@ -48,8 +53,8 @@ impl PlanClient {
 }
 
 /// Hands on what arrives, until the asking process has ended.
-fn carry(name: &str, endpoint: &str, place: &OnceLock<Mailbox>) -> Result<(), String> {
-    let Some(opened) = open(name, endpoint, || false)? else { return Ok(()) };
+fn carry(name: &str, endpoint: &str, tls: Option<Arc<Tls>>, place: &OnceLock<Mailbox>) -> Result<(), String> {
+    let Some(opened) = open(name, endpoint, tls, || false)? else { return Ok(()) };
     let mailbox = place.get_or_init(|| opened);
     let mut output = stdout().lock();
     loop {

@@ -9,6 +9,7 @@ use stillpoint_pool::{Build, Hello, Message};
 use stillpoint_remote::Mailbox;
 
 use super::exchange::{PREFIX, ended};
+use super::tls::{TlsArgs, Use, allow};
 
 /// List the workers of a pool: load, calls a second, cache, and whether they are of this build.
 #[derive(Args)]
@@ -16,6 +17,8 @@ pub struct Pool {
     /// Endpoint of a router or of a listening worker.
     #[arg(value_name = "ENDPOINT")]
     connect: String,
+    #[command(flatten)]
+    tls: TlsArgs,
     /// Seconds for which it listens.
     #[arg(long, default_value_t = 2.0)]
     seconds: f64,
@@ -37,8 +40,10 @@ impl Pool {
             return Err(format!("--seconds {}: give 0.5 to 3600", self.seconds));
         }
         let build = Build::here()?;
+        let tls = self.tls.load()?;
+        allow(tls.as_deref(), &Use::List)?;
         let name = format!("look-{}", std::process::id());
-        let mailbox = Mailbox::open(PREFIX, &name, &self.connect).map_err(|e| e.to_string())?;
+        let mailbox = Mailbox::open(PREFIX, &name, &self.connect, tls).map_err(|e| e.to_string())?;
         let until = Instant::now() + Duration::from_secs_f64(self.seconds);
         let mut workers: BTreeMap<String, Heard> = BTreeMap::new();
         loop {

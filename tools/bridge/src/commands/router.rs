@@ -1,40 +1,89 @@
 //! `stillpoint-bridge router`
 
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Args;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
+use stillpoint_remote::{Router as Session, Tls};
+
+use super::exchange::{Ending, PREFIX, ended};
+use super::tls::TlsArgs;
+
+/// How often the files of the certificate are looked at.
+const LOOK: Duration = Duration::from_millis(250);
 
 /// Pass on samples between hosts that cannot reach each other. Such hosts name its endpoint as `router` in the pipeline.
 /// It holds no state and runs until Ctrl-C.
 #[derive(Args)]
 pub struct Router {
-    /// Endpoint at which hosts reach it, as `tcp/ADDRESS:PORT`; the next port is used, too.
+    /// Endpoint at which hosts reach it, as `tcp/ADDRESS:PORT`, or `tls/ADDRESS:PORT` with a certificate; the next port is used, too.
     #[arg(long, value_name = "ENDPOINT", required = true)]
     listen: Vec<String>,
+    #[command(flatten)]
+    tls: TlsArgs,
 }
 
 impl Router {
     /// Executes the subcommand.
     pub fn execute(self) -> ExitCode {
-        let failed = |reason: String| {
-            eprintln!("stillpoint-bridge: {reason}");
-            ExitCode::FAILURE
-        };
-        let mut signals = match Signals::new([SIGINT, SIGTERM, SIGHUP]) {
-            Ok(signals) => signals,
-            Err(error) => return failed(format!("signals cannot be taken: {error}")),
-        };
-        let places = self.listen.join(", ");
-        match stillpoint_remote::Router::open(self.listen) {
-            Ok(router) => {
-                eprintln!("stillpoint-bridge: the router listens at {places}");
-                signals.forever().next();
-                router.close();
-                ExitCode::SUCCESS
+        ended(self.try_execute())
+    }
+
+    fn try_execute(self) -> Result<(), String> {
+        let ending = Ending::watch()?;
+        Hub::open(self.listen, self.tls.load()?)?.run(&ending);
+        Ok(())
+    }
+}
+
+/// A router that takes a new certificate when there is one. zenoh reads the certificate of a listening session once, so
+/// the router, which holds nothing else, is closed and opened anew; the others come back by themselves.
+pub struct Hub {
+    router: Session,
+    listen: Vec<String>,
+    tls: Option<Arc<Tls>>,
+    told: Option<String>,
+}
+
+impl Hub {
+    /// Listens.
+    pub fn open(listen: Vec<String>, tls: Option<Arc<Tls>>) -> Result<Self, String> {
+        let router = Session::open(PREFIX, listen.clone(), tls.clone()).map_err(|e| e.to_string())?;
+        eprintln!("stillpoint-bridge: the router listens at {}", listen.join(", "));
+        Ok(Self { router, listen, tls, told: None })
+    }
+
+    /// Opens itself anew if there is a new certificate.
+    fn renew(&mut self) {
+        let failed = match self.tls.as_ref().map(|tls| tls.renewed()) {
+            None | Some(Ok(None)) => return,
+            Some(Ok(Some(tls))) => {
+                self.router.close();
+                match Self::open(self.listen.clone(), Some(Arc::new(tls))) {
+                    Ok(hub) => {
+                        *self = hub;
+                        eprintln!("stillpoint-bridge: the router has a new certificate");
+                        return;
+                    }
+                    // The next look tries again.
+                    Err(e) => e,
+                }
             }
-            Err(error) => failed(error.to_string()),
+            Some(Err(e)) => format!("the new certificate is not used: {e}"),
+        };
+        if self.told.as_ref() != Some(&failed) {
+            eprintln!("stillpoint-bridge: {failed}");
+            self.told = Some(failed);
         }
+    }
+
+    /// Looks for new certificates until the program is to end.
+    pub fn run(mut self, ending: &Ending) {
+        while !ending.is_due() {
+            std::thread::sleep(LOOK);
+            self.renew();
+        }
+        self.router.close();
     }
 }

@@ -10,9 +10,11 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use stillpoint_pool::{Build, Hash, Job, Store, To, Worker as State, WorkerSettings};
-use stillpoint_remote::{Mailbox, Router};
+use stillpoint_remote::Mailbox;
 
 use super::exchange::{Ending, ended, open};
+use super::router::Hub;
+use super::tls::{TlsArgs, Use, allow};
 
 /// Longest time between two looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
@@ -23,9 +25,12 @@ pub struct Worker {
     /// Endpoint of a router or of a listening worker, such as `tcp/10.0.0.7:7447`.
     #[arg(long, value_name = "ENDPOINT", required_unless_present = "listen")]
     connect: Option<String>,
-    /// Endpoint at which this worker is a router, too; it uses this port and the next one.
+    /// Endpoint at which this worker is a router, too; it uses this port and the next one. Its certificate must be
+    /// that of a router.
     #[arg(long, value_name = "ENDPOINT", conflicts_with = "connect")]
     listen: Option<String>,
+    #[command(flatten)]
+    tls: TlsArgs,
     /// Name of the worker; the default is made of its process number and the time.
     #[arg(long)]
     name: Option<String>,
@@ -62,8 +67,10 @@ impl Worker {
             Some(slots) => slots.get(),
             None => std::thread::available_parallelism().map_or(1, NonZeroUsize::get),
         };
+        let tls = self.tls.load()?;
+        allow(tls.as_deref(), &Use::Compute)?;
         let hub = match &self.listen {
-            Some(endpoint) => Some(Router::open(vec![endpoint.clone()]).map_err(|e| e.to_string())?),
+            Some(endpoint) => Some(Hub::open(vec![endpoint.clone()], tls.clone())?),
             None => None,
         };
         let endpoint = match (&self.connect, &self.listen) {
@@ -72,13 +79,17 @@ impl Worker {
             (None, Some(endpoint)) => endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "[::1]"),
             (None, None) => return Err("give --connect or --listen".to_owned()),
         };
-        let Some(mailbox) = open(&name, &endpoint, || ending.is_due())? else { return Ok(()) };
+        let hub = hub.map(|hub| {
+            let ending = ending.clone();
+            std::thread::spawn(move || hub.run(&ending))
+        });
+        let Some(mailbox) = open(&name, &endpoint, tls, || ending.is_due())? else { return Ok(()) };
         println!("worker `{name}` with {slots} slots at {endpoint}: {}", build.text());
         let most_open = self.memory_mb.saturating_mul(1_000_000);
         let settings = WorkerSettings { build, incarnation: born, slots, most_open };
         serve(State::new(settings, store), Arc::new(mailbox), slots, &ending, self.wrong_from);
         if let Some(hub) = hub {
-            hub.close();
+            let _ = hub.join();
         }
         Ok(())
     }
