@@ -72,6 +72,8 @@ pub enum Command {
     Pool(bridge::Bridge),
     /// Pass on messages between hosts (by stillpoint-bridge).
     Router(bridge::Bridge),
+    /// Make the certificates of hosts, workers and routers (by stillpoint-bridge).
+    Pki(bridge::Bridge),
     /// Measure the speed and accuracy of this build on this machine.
     Bench(bench::Bench),
 }
@@ -100,6 +102,7 @@ impl Command {
             Self::Worker(c) => c.execute("worker"),
             Self::Pool(c) => c.execute("pool"),
             Self::Router(c) => c.execute("router"),
+            Self::Pki(c) => c.execute("pki"),
             Self::Bench(c) => c.execute(),
         }
     }

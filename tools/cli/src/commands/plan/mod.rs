@@ -31,6 +31,7 @@ mod search;
 mod table;
 mod way;
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -121,6 +122,15 @@ pub struct Plan {
     /// is the same to the byte. Needs `stillpoint-bridge`; see docs/remote.md.
     #[arg(long, value_name = "ENDPOINT")]
     pool: Option<String>,
+    /// Certificate of this program, PEM, for a pool at `tls/ADDRESS:PORT`.
+    #[arg(long, value_name = "FILE", requires_all = ["pool", "key", "authority"])]
+    certificate: Option<PathBuf>,
+    /// Key of the certificate, PEM; only its owner may read it.
+    #[arg(long, value_name = "FILE", requires = "certificate")]
+    key: Option<PathBuf>,
+    /// Certificate of the authority that signs all certificates, PEM.
+    #[arg(long, value_name = "FILE", requires = "certificate")]
+    authority: Option<PathBuf>,
     /// Time without an answer of any worker after which this process computes a call itself.
     #[arg(long, value_name = "TIME", default_value = "60s", requires = "pool")]
     patience: String,
@@ -136,7 +146,7 @@ impl Plan {
         folder::make_ready(&request.out)?;
         let began = Instant::now();
         let mut pooled = match &self.pool {
-            Some(endpoint) => Some(Pooled::at(endpoint, self.patience_s()?)?),
+            Some(endpoint) => Some(Pooled::at(endpoint, &self.tls_arguments(), self.patience_s()?)?),
             None => None,
         };
         let (ground, runs, ready_s) = loop {
@@ -185,6 +195,15 @@ impl Plan {
 }
 
 impl Plan {
+    /// The arguments by which the child process gets the certificate: names of files, and nothing of their content.
+    fn tls_arguments(&self) -> Vec<&OsStr> {
+        let files =
+            [("--certificate", &self.certificate), ("--key", &self.key), ("--authority", &self.authority)];
+        let given =
+            files.iter().filter_map(|(name, file)| Some([OsStr::new(*name), file.as_ref()?.as_os_str()]));
+        given.flatten().collect()
+    }
+
     fn patience_s(&self) -> Result<f64, Failure> {
         let what = format!("--patience {}", self.patience);
         let seconds = quantity(&self.patience, "s", &what)?;

@@ -1,5 +1,6 @@
 //! Planning on a pool of workers: the same plan, computed elsewhere.
 
+use std::ffi::OsStr;
 use std::path::Path;
 
 use stillpoint_plan::dose::{DoseCache, DoseEngine};
@@ -17,13 +18,14 @@ pub struct Pooled {
 }
 
 impl Pooled {
-    /// The pool at this endpoint; a child process carries the messages.
+    /// The pool at this endpoint; a child process carries the messages, with the certificate that the
+    /// arguments `tls` name.
     ///
     /// # Errors
     /// The child cannot be started.
-    pub fn at(endpoint: &str, patience_s: f64) -> Result<Self, Failure> {
+    pub fn at(endpoint: &str, tls: &[&OsStr], patience_s: f64) -> Result<Self, Failure> {
         let mut command = bridge::command()?;
-        command.args(["plan-client", "--connect", endpoint]);
+        command.args(["plan-client", "--connect", endpoint]).args(tls);
         let courier = ChildCourier::start(command)
             .map_err(|e| Failure::failed(format!("stillpoint-bridge cannot be started: {e}")))?;
         let mut settings = ClientSettings::new(Build::here().map_err(Failure::failed)?);
