@@ -6,7 +6,8 @@ use std::io::Write;
 use mcap::McapError;
 use mcap::write::NoSeek;
 
-use crate::form::{Form, Shared, schema};
+use crate::encoded::Encoded;
+use crate::form::{Beside, Form, Shared};
 use crate::topic::TopicInfo;
 
 /// Channels that one topic may have; samples that would need more are recorded in their own form.
@@ -18,7 +19,7 @@ pub(crate) struct Topic {
     pub channels: BTreeMap<(Form, Shared), u16>,
     /// The last channel used: nearly always the next one too.
     pub last: Option<(Form, Shared, u16)>,
-    pub camera_info: BTreeMap<Shared, u16>,
+    pub beside: BTreeMap<(Beside, Shared), u16>,
 }
 
 /// The file.
@@ -26,7 +27,7 @@ pub(crate) type Out<W> = mcap::Writer<NoSeek<W>>;
 
 impl Topic {
     pub fn new(info: TopicInfo) -> Self {
-        Self { info, channels: BTreeMap::new(), last: None, camera_info: BTreeMap::new() }
+        Self { info, channels: BTreeMap::new(), last: None, beside: BTreeMap::new() }
     }
 
     /// Whether the topic has a channel for samples in this form that share this, or may have one more.
@@ -56,13 +57,14 @@ impl Topic {
             None => {
                 let (name, text) = form.schema(self.info.kind);
                 let mut metadata = qos();
+                metadata.insert(TOPIC.to_owned(), self.info.name.clone());
                 metadata.insert("stillpoint.form".to_owned(), form.name().to_owned());
                 metadata.insert("stillpoint.type".to_owned(), self.info.kind.type_name());
                 if let Some(frame) = &self.info.frame {
                     metadata.insert("stillpoint.frame".to_owned(), frame.clone());
                 }
                 metadata.extend(key.1.entries(form));
-                let channel = add_channel(out, &self.info.name, (&name, &text), &metadata)?;
+                let channel = add_channel(out, &ros_name(&self.info.name), (&name, &text), &metadata)?;
                 self.channels.insert(key.clone(), channel);
                 channel
             }
@@ -71,23 +73,40 @@ impl Topic {
         Ok(channel)
     }
 
-    /// The channel of the camera infos beside the images that share this.
-    pub fn camera_info_channel<W: Write>(
+    /// The channel of the messages beside samples such as this one.
+    pub fn channel_beside<W: Write>(
         &mut self,
         out: &mut Out<W>,
-        shared: Shared,
+        beside: Beside,
+        sample: &Encoded,
     ) -> Result<u16, McapError> {
-        if let Some(channel) = self.camera_info.get(&shared) {
+        let shared = &sample.shared;
+        if let Some(channel) = self.beside.get(&(beside, shared.clone())) {
             return Ok(*channel);
         }
         let mut metadata = qos();
         metadata.insert("stillpoint.beside".to_owned(), self.info.name.clone());
-        metadata.extend(shared.entries(Form::Depth));
-        let name = format!("{}/camera_info", self.info.name);
-        let channel = add_channel(out, &name, schema::CAMERA_INFO, &metadata)?;
-        self.camera_info.insert(shared, channel);
+        metadata.extend(shared.entries(sample.form));
+        let name = beside.channel(&ros_name(&self.info.name));
+        let channel = add_channel(out, &name, beside.schema(), &metadata)?;
+        self.beside.insert((beside, shared.clone()), channel);
         Ok(channel)
     }
+}
+
+/// Entry of a channel: the session's name of its topic.
+pub(crate) const TOPIC: &str = "stillpoint.topic";
+
+/// The name of a topic as ROS 2 accepts it: `head.pose` is `/head/pose`.
+pub(crate) fn ros_name(topic: &str) -> String {
+    let token = |token: &str| {
+        let fits = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let name: String = token.chars().map(fits).collect();
+        // No token begins with a digit.
+        let digit = name.starts_with(|c: char| c.is_ascii_digit());
+        if digit || name.is_empty() { format!("/_{name}") } else { format!("/{name}") }
+    };
+    topic.split('.').map(token).collect()
 }
 
 /// rosbag2 expects the key in every channel.

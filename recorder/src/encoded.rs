@@ -5,7 +5,7 @@
 
 use stillpoint_samples::{BytesError, Header, Pieces, SampleKind};
 
-use crate::form::{Envelope, Form, Shared, camera_info};
+use crate::form::{Beside, Envelope, Form, Shared};
 use crate::topic::TopicInfo;
 
 /// A sample laid out as the message that it is recorded as.
@@ -15,10 +15,17 @@ pub struct Encoded {
     pub(crate) form: Form,
     pub(crate) shared: Shared,
     pub(crate) header: Header,
-    /// The message, followed by the message beside it, if there is one.
+    /// The message, followed by those beside it.
     bytes: Vec<u8>,
+    /// Length of the message.
     message: usize,
+    /// What stands beside it, and where each ends.
+    beside: &'static [Beside],
+    ends: [usize; MOST_BESIDE],
 }
+
+/// Messages beside one.
+const MOST_BESIDE: usize = 2;
 
 impl Encoded {
     /// Lays out a sample of a topic in `buffer`, whose capacity is reused.
@@ -27,11 +34,8 @@ impl Encoded {
     /// The bytes are no sample of the topic's kind.
     pub fn new(info: &TopicInfo, sample: Pieces<'_>, buffer: Vec<u8>) -> Result<Self, BytesError> {
         let sample = sample.check(info.kind)?;
-        let preferred = Form::of(info.kind);
-        let (form, shared) = match preferred.shared(&sample) {
-            Some(shared) => (preferred, shared),
-            None => (Form::Own, Shared::default()),
-        };
+        let mut fitting = Form::of(info.kind).iter().filter_map(|form| Some((*form, form.shared(&sample)?)));
+        let (form, shared) = fitting.next().unwrap_or_default();
         Ok(Self::in_form(form, shared, info, &sample, buffer))
     }
 
@@ -46,10 +50,13 @@ impl Encoded {
         bytes.clear();
         form.encode(sample, frame, &mut bytes);
         let message = bytes.len();
-        if form == Form::Depth {
-            camera_info(sample, frame, &mut bytes);
+        let beside = Beside::of(form, frame);
+        let mut ends = [message; MOST_BESIDE];
+        for (end, beside) in ends.iter_mut().zip(beside) {
+            beside.encode(sample, &info.name, frame, &mut bytes);
+            *end = bytes.len();
         }
-        Self { kind: info.kind, form, shared, header: sample.header(), bytes, message }
+        Self { kind: info.kind, form, shared, header: sample.header(), bytes, message, beside, ends }
     }
 
     /// The same sample in its own form. `None`: the message does not read back, which its form rules out.
@@ -59,7 +66,7 @@ impl Encoded {
             .decode(
                 info.kind,
                 &self.shared,
-                Envelope { sequence: self.header.sequence as u32, publish_time: self.header.origin },
+                Envelope { sequence: self.header.sequence as u32, publish_time: self.header.stamp },
                 self.message(),
             )
             .ok()?
@@ -73,9 +80,11 @@ impl Encoded {
         &self.bytes[..self.message]
     }
 
-    /// The message beside it for viewers; empty if there is none.
-    pub(crate) fn beside(&self) -> &[u8] {
-        &self.bytes[self.message..]
+    /// The messages beside it for viewers.
+    pub(crate) fn beside(&self) -> impl Iterator<Item = (Beside, &[u8])> {
+        let begins = [self.message].into_iter().chain(self.ends);
+        let places = begins.zip(self.ends).map(|(begin, end)| &self.bytes[begin..end]);
+        self.beside.iter().copied().zip(places)
     }
 
     /// Number of the sample on its topic and incarnation of its producer.

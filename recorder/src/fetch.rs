@@ -83,7 +83,7 @@ impl Session {
             return true;
         }
         let Ok(Some((incarnation, sequence))) = channel.purpose.number(m) else { return false };
-        let Some(topic) = self.topic_number(&channel.channel.topic) else { return false };
+        let Some(topic) = self.topic_number(&channel.topic) else { return false };
         self.index.get(&(topic, incarnation, sequence)) == Some(&place)
     }
 
@@ -103,10 +103,10 @@ impl Session {
         let part = &self.parts[place.part as usize];
         let Some(channel) = part.channels.get(&m.channel) else { return Ok(None) };
         let Use::Samples { form, shared } = &channel.purpose else { return Ok(None) };
-        let Some(topic) = self.topic_number(&channel.channel.topic) else { return Ok(None) };
+        let Some(topic) = self.topic_number(&channel.topic) else { return Ok(None) };
         let fault = |what: String| SessionError::Message {
             path: part.path.clone(),
-            topic: channel.channel.topic.clone(),
+            topic: channel.topic.clone(),
             offset: part.scan.blocks.get(place.block as usize).map_or(0, |b| b.offset),
             within: place.start,
             what,

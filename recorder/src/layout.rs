@@ -61,7 +61,7 @@ impl TopicKind {
         data: &'m [u8],
     ) -> Result<Option<Decoded<'m>>, Fault> {
         let Some(kind) = self.kind() else { return Ok(None) };
-        if form != Form::Own && form != Form::of(kind) {
+        if form != Form::Own && !Form::of(kind).contains(&form) {
             return Err(format!("a {} is not recorded as {}", kind.name, form.name()));
         }
         match self {

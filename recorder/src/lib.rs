@@ -37,6 +37,7 @@
 //! - `journal`: whether a journal can be what an operator wrote
 //! - `part`, `samples`, `cache`: its parts, its samples in order, the chunks read last
 //! - `raw`: its messages as they stand in the file
+//! - `rosbag`: `metadata.yaml`, which makes its folder a bag of rosbag2
 //! - `layout`, `mapping`: whether a recorded type is a kind of this build; how one of an older layout becomes one
 //! - `ended`: how the recording came to its end
 //! - `complete`: what is missing
@@ -66,6 +67,7 @@ mod opening;
 mod part;
 mod raw;
 mod recover;
+mod rosbag;
 mod samples;
 mod session;
 mod topic;
@@ -86,6 +88,7 @@ pub use mapping::Mapping;
 pub use opening::{Attachment, Compression, Opening};
 pub use raw::RawMessage;
 pub use recover::{RecoverError, Report, recover, recover_session};
+pub use rosbag::{METADATA_FILE, metadata_yaml, write_metadata};
 pub use samples::Samples;
 pub use session::{Session, Topic};
 pub use topic::{Role, TopicInfo};

@@ -7,7 +7,7 @@ use stillpoint_samples::Entry;
 
 use crate::account::{ClockSample, Lost};
 use crate::error::SessionError;
-use crate::file::{Channel, Message, Source, scan};
+use crate::file::{Message, Source, scan};
 use crate::folder::{is_blank, session_parts};
 use crate::form::{Envelope, transforms_from};
 use crate::journal::entry_of;
@@ -164,14 +164,14 @@ impl Session {
             }
             Use::Beside { .. } => {}
             Use::Samples { .. } | Use::Opaque => {
-                let number = match self.numbers.get(&channel.channel.topic) {
+                let number = match self.numbers.get(&channel.topic) {
                     Some(number) => *number,
-                    None => self.describe(described_by(&channel.channel)),
+                    None => self.describe(described_by(channel)),
                 };
                 if let Some((incarnation, sequence)) = channel.purpose.number(message)? {
                     let key = (number, incarnation, sequence);
                     if let Some(known) = self.index.get(&key) {
-                        let topic = &channel.channel.topic;
+                        let topic = &channel.topic;
                         if known.part < place.part && self.repeats(key, &channel.purpose, message) {
                             // Mending the earlier part then drops it there.
                             self.index.insert(key, place);
@@ -181,7 +181,7 @@ impl Session {
                             "sample {sequence} of `{topic}`, incarnation {incarnation}, stands there twice"
                         ));
                     }
-                    let topic = &channel.channel.topic;
+                    let topic = &channel.topic;
                     let entry = self.check(number, &channel.purpose, message).map_err(|what| {
                         format!("sample {sequence} of `{topic}`, incarnation {incarnation}: {what}")
                     })?;
@@ -227,10 +227,10 @@ impl Session {
 }
 
 /// What a channel says of a topic that no record describes.
-fn described_by(channel: &Channel) -> Described {
+fn described_by(PartChannel { topic, channel, .. }: &PartChannel) -> Described {
     Described {
-        name: channel.topic.clone(),
-        operator: channel.topic.rsplit_once('.').map(|(operator, _)| operator.to_owned()).unwrap_or_default(),
+        name: topic.clone(),
+        operator: topic.rsplit_once('.').map(|(operator, _)| operator.to_owned()).unwrap_or_default(),
         type_name: channel.metadata.get("stillpoint.type").cloned().unwrap_or_default(),
         schema: String::new(),
         frame: channel.metadata.get("stillpoint.frame").cloned(),

@@ -5,6 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RECOVERED_RECORD};
+use crate::channels::TOPIC;
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
@@ -31,6 +32,10 @@ pub(crate) enum Use {
 #[derive(Clone, Debug)]
 pub(crate) struct PartChannel {
     pub channel: Channel,
+    /// The session's name of its topic: the channel itself has a name that ROS 2 accepts.
+    pub topic: String,
+    /// Type of its messages; empty if they have none.
+    pub schema_name: String,
     pub purpose: Use,
 }
 
@@ -46,6 +51,10 @@ pub(crate) struct Part {
     pub damage: Vec<Damage>,
     /// A recorder has it open.
     pub is_being_written: bool,
+    /// Messages of each channel.
+    pub counts: BTreeMap<u16, u64>,
+    /// First and last log time of its messages, ns.
+    pub times: Option<[u64; 2]>,
 }
 
 impl Part {
@@ -93,7 +102,9 @@ impl Part {
         let Some(mut scan) = scan(&source)? else { return Ok(None) };
         let damage = std::mem::take(&mut scan.damage);
         let (schemas, channels) = (BTreeMap::new(), BTreeMap::new());
-        let mut part = Self { path, source, size, scan, schemas, channels, damage, is_being_written };
+        let (counts, times) = (BTreeMap::new(), None);
+        let mut part =
+            Self { path, source, size, scan, schemas, channels, damage, is_being_written, counts, times };
         // Every block passes through the same room.
         let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
         for number in 0..part.scan.blocks.len() {
@@ -106,7 +117,12 @@ impl Part {
             while let Some((_, record)) = next_record(&bytes, &mut at) {
                 let fault = match record {
                     Ok(Record::Message(m)) => match part.channels.get(&m.channel) {
-                        Some(channel) => each(channel, number as u32, start, &m).err(),
+                        Some(channel) => {
+                            *part.counts.entry(m.channel).or_default() += 1;
+                            let [first, last] = part.times.unwrap_or([m.log_time; 2]);
+                            part.times = Some([first.min(m.log_time), last.max(m.log_time)]);
+                            each(channel, number as u32, start, &m).err()
+                        }
                         None => Some(format!("a message of channel {} comes before that channel", m.channel)),
                     },
                     Ok(Record::Channel(channel)) => part.add_channel(channel),
@@ -184,7 +200,9 @@ impl Part {
             return Some(format!("channel {id} names schema {}, which is not there", channel.schema_id));
         }
         let purpose = Use::of(&channel);
-        self.channels.insert(id, PartChannel { channel, purpose });
+        let topic = channel.metadata.get(TOPIC).unwrap_or(&channel.topic).clone();
+        let schema_name = self.schemas.get(&channel.schema_id).map_or(String::new(), |s| s.name.clone());
+        self.channels.insert(id, PartChannel { channel, topic, schema_name, purpose });
         None
     }
 }

@@ -2,12 +2,13 @@
 
 use crate::error::SessionError;
 use crate::file::{Record, next_record};
+use crate::part::PartChannel;
 use crate::session::Session;
 
 /// A message as it stands in the file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMessage<'a> {
-    /// Topic of its channel; the session's own channels have names that start with `/`.
+    /// Its topic; channels that are no topic of the session have names that start with `/`.
     pub topic: &'a str,
     /// Name of its schema; empty where the channel has none.
     pub schema_name: &'a str,
@@ -39,11 +40,11 @@ impl Session {
             let mut at = 0;
             while let Some((_, record)) = next_record(&bytes, &mut at) {
                 let Ok(Record::Message(m)) = record else { continue };
-                let Some(channel) = p.channels.get(&m.channel).map(|c| &c.channel) else { continue };
-                if choose(&channel.topic) {
+                let Some(PartChannel { topic, channel, .. }) = p.channels.get(&m.channel) else { continue };
+                if choose(topic) {
                     let schema = p.schemas.get(&channel.schema_id);
                     found.push(Ok(RawMessage {
-                        topic: &channel.topic,
+                        topic,
                         schema_name: schema.map_or("", |s| &s.name),
                         schema: schema.map_or(&[], |s| &s.data),
                         log_time: m.log_time,

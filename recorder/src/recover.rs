@@ -275,7 +275,7 @@ fn rewrite<W: Write>(
 fn beyond<'a>(limits: &Limits, channel: &'a PartChannel, m: &Message<'_>) -> Option<&'a str> {
     let topic = match &channel.purpose {
         Use::Beside { topic, .. } => topic,
-        _ => &channel.channel.topic,
+        _ => &channel.topic,
     };
     let limit = limits.get(topic)?;
     let number = channel.purpose.number(m).ok().flatten()?;

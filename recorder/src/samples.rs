@@ -60,7 +60,7 @@ impl<'a> Samples<'a> {
     fn is_chosen(&self, channel: u16) -> bool {
         self.session.parts[self.place.part as usize].channels.get(&channel).is_some_and(|c| {
             matches!(c.purpose, Use::Samples { .. })
-                && self.session.topic_number(&c.channel.topic).is_some_and(|n| self.chosen[n])
+                && self.session.topic_number(&c.topic).is_some_and(|n| self.chosen[n])
         })
     }
 }

@@ -14,7 +14,7 @@ use crate::account::{
 use crate::channels::{Out, Topic, add_channel, qos};
 use crate::encoded::Encoded;
 use crate::error::with_causes;
-use crate::form::{schema, transforms_message};
+use crate::form::{Beside, schema, transforms_message};
 use crate::opening::{Compression, Opening};
 use crate::topic::{TOPIC_RECORD, TopicInfo};
 
@@ -57,6 +57,8 @@ pub struct PartWriter<W: Write> {
     clock_channel: u16,
     notes: u32,
     lost: u64,
+    /// Publish time of the last message on `/tf`, ns.
+    moved: u64,
     message: Vec<u8>,
 }
 
@@ -96,6 +98,7 @@ impl<W: Write> PartWriter<W> {
             clock_channel,
             notes: 0,
             lost: 0,
+            moved: 0,
             message: Vec::new(),
         };
         if !opening.frames.is_empty() {
@@ -157,17 +160,26 @@ impl<W: Write> PartWriter<W> {
             own = sample.in_own_form(&t.info).ok_or(WriteError::NoTopic(topic.0))?;
             &own
         };
-        let header = |channel_id| MessageHeader {
+        let header = |channel_id, publish_time| MessageHeader {
             channel_id,
             sequence: sample.header.sequence as u32,
             log_time: log_time_ns,
-            publish_time: sample.header.origin,
+            publish_time,
         };
+        let stamp = sample.header.stamp;
         let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
-        self.out.write_to_known_channel(&header(channel), sample.message())?;
-        if !sample.beside().is_empty() {
-            let channel = t.camera_info_channel(&mut self.out, sample.shared.clone())?;
-            self.out.write_to_known_channel(&header(channel), sample.beside())?;
+        self.out.write_to_known_channel(&header(channel, stamp), sample.message())?;
+        for (beside, message) in sample.beside() {
+            let channel = t.channel_beside(&mut self.out, beside, sample)?;
+            let published = match beside {
+                Beside::CameraInfo | Beside::PoseStamped => stamp,
+                // Samples of different topics, which share `/tf`, do not come in the order of their stamps.
+                Beside::Transform => stamp.max(self.moved),
+            };
+            if beside == Beside::Transform {
+                self.moved = published;
+            }
+            self.out.write_to_known_channel(&header(channel, published), message)?;
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Standard tools read a session: the Python packages `mcap-ros2-support` and `rosbags` decode every kind, and their
-//! values are those that were written. `STILLPOINT_PYTHON` names a Python that has them.
+//! values are those that were written. `STILLPOINT_PYTHON` names a Python that has them. `STILLPOINT_RERUN` names the
+//! program `rerun`, whose `mcap check` then has nothing to say; the test of its rules in `round_trip.rs` runs everywhere.
 
 #![allow(
     clippy::unwrap_used,
@@ -12,7 +13,7 @@ mod fixture;
 
 use std::process::Command;
 
-use fixture::{START, cloud, depth, entry, grey, header, opening, pieces, sample, topic};
+use fixture::{START, cloud, depth, depth_in, entry, grey, header, opening, pieces, sample, topic};
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{
     Cause, DepthImage, Field, GreyImage, HEADER_SIZE, Header, PointCloud, Pose, Primitive, RefKind, Sample,
@@ -51,12 +52,25 @@ with open(sys.argv[1], 'rb') as file:
     for schema, channel, message, ros in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(log_time_order=False):
         line('mcap', channel.topic, ros)
 
-store = get_typestore(Stores.EMPTY)
-with Reader(Path(sys.argv[1])) as reader:
-    for c in reader.connections:
-        store.register(get_types_from_msg(c.msgdef.data, c.msgtype))
-    for c, stamp, raw in reader.messages():
-        line('rosbags', c.topic, store.deserialize_cdr(raw, c.msgtype))
+def bag(name, path):
+    store = get_typestore(Stores.EMPTY)
+    with Reader(Path(path)) as reader:
+        for c in reader.connections:
+            store.register(get_types_from_msg(c.msgdef.data, c.msgtype))
+        for c, stamp, raw in reader.messages():
+            line(name, c.topic, store.deserialize_cdr(raw, c.msgtype))
+        return {c.topic: c.msgcount for c in reader.connections}
+
+bag('rosbags', sys.argv[1])
+# The folder, by its metadata.yaml.
+counts = bag('folder', sys.argv[2])
+assert counts['/op/pose'] == 2 and counts['/tf'] == 2, counts
+
+last = {}
+with open(sys.argv[1], 'rb') as file:
+    for schema, channel, message in make_reader(file).iter_messages(log_time_order=False):
+        assert message.publish_time >= last.get(channel.topic, 0), channel.topic
+        last[channel.topic] = message.publish_time
 "#;
 
 fn python() -> String {
@@ -76,10 +90,12 @@ fn python_reads_the_values_that_were_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("part-000.mcap");
     let expected = write_every_kind(&path);
-    let out = Command::new(python()).args(["-c", PRINT]).arg(&path).output().unwrap();
+    let session = stillpoint_recorder::Session::open(folder.path()).unwrap();
+    stillpoint_recorder::write_metadata(folder.path(), &session).unwrap();
+    let out = Command::new(python()).args(["-c", PRINT]).arg(&path).arg(folder.path()).output().unwrap();
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     let text = String::from_utf8(out.stdout).unwrap();
-    for reader in ["mcap", "rosbags"] {
+    for reader in ["mcap", "rosbags", "folder"] {
         let of_reader = || text.lines().filter_map(|l| l.strip_prefix(reader)?.strip_prefix(' '));
         for (topic, values) in &expected {
             let found: Vec<_> =
@@ -146,8 +162,9 @@ fn own_header(h: &Header) -> Vec<String> {
     [h.stamp, h.origin, h.sequence, u64::from(h.incarnation)].map(|n| n.to_string()).to_vec()
 }
 
+/// The time of a standard message is that of the acquisition.
 fn ros_head(h: &Header) -> Vec<String> {
-    vec![(h.stamp / 1_000_000_000).to_string(), (h.stamp % 1_000_000_000).to_string(), "camera".to_owned()]
+    vec![(h.origin / 1_000_000_000).to_string(), (h.origin % 1_000_000_000).to_string(), "camera".to_owned()]
 }
 
 type Expected = Vec<(String, Vec<Vec<String>>)>;
@@ -178,8 +195,21 @@ fn write_every_kind(path: &std::path::Path) -> Expected {
             w.write(id, pieces(kind, &bytes), START + i).unwrap();
             lines.push(values(kind.name, &bytes));
         }
-        expected.push((name, lines));
+        expected.push((format!("/{}", name.replace('.', "/")), lines));
     }
+    let fine = w.add_topic(topic("op.fine", DepthImage::KIND, Role::Computed)).unwrap();
+    let bytes = depth_in(header(0), [3, 2], 450.5, 1e-4, &[0, 0, 39, 16]);
+    w.write(fine, pieces(DepthImage::KIND, &bytes), START).unwrap();
+    let mut line = ros_head(&header(0));
+    line.extend(["2", "3", "32FC1", "0", "12"].map(str::to_owned));
+    // No measurement, and 4135 counts.
+    line.extend([f32::NAN, (4135.0_f64 * 1e-4) as f32].repeat(3).iter().flat_map(|m| u8s(&m.to_le_bytes())));
+    expected.push(("/op/fine".into(), vec![line]));
+    let poses = expected.iter().find(|(name, _)| name == "/op/pose").unwrap().1.clone();
+    let stamped = poses.iter().map(|line| line[..10].to_vec()).collect();
+    let moved =
+        poses.iter().map(|line| [&line[..3], &["op/pose".to_owned()], &line[3..10]].concat()).collect();
+    expected.extend([("/op/pose/stamped".to_owned(), stamped), ("/tf".to_owned(), moved)]);
     let late = w.add_topic(topic("late.cloud", PointCloud::KIND, Role::Source)).unwrap();
     w.note_lost(late, 3, 17, 4, START).unwrap();
     expected.push((
@@ -189,7 +219,7 @@ fn write_every_kind(path: &std::path::Path) -> Expected {
     w.finish(&Closing::default()).unwrap();
     let t = &opening().frames[0];
     let [qw, qx, qy, qz] = t.rotation;
-    let mut frames = ros_head(&Header { stamp: START, ..Header::default() });
+    let mut frames = ros_head(&Header { origin: START, ..Header::default() });
     frames.splice(2.., [t.parent.clone(), t.child.clone()]);
     frames.extend(t.translation.into_iter().chain([qx, qy, qz, qw]).map(hex));
     expected.push(("/tf_static".into(), vec![frames]));
@@ -250,4 +280,23 @@ fn values(kind: &str, bytes: &[u8]) -> Vec<String> {
         }
     }
     out
+}
+
+#[test]
+fn rerun_finds_nothing_to_say() {
+    let Ok(rerun) = std::env::var("STILLPOINT_RERUN") else {
+        eprintln!("skipped: STILLPOINT_RERUN names no program `rerun`");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("part-000.mcap");
+    write_every_kind(&path);
+    let out = Command::new(rerun).args(["mcap", "check"]).arg(&path).output().unwrap();
+    let text = String::from_utf8_lossy(&out.stdout).into_owned() + &String::from_utf8_lossy(&out.stderr);
+    let rows =
+        text.lines().skip_while(|line| !line.starts_with("Status")).skip(2).filter(|l| !l.trim().is_empty());
+    let rows: Vec<&str> = rows.collect();
+    assert!(out.status.success() && rows.len() > 10, "{text}");
+    let flagged: Vec<&&str> = rows.iter().filter(|row| !row.starts_with("ok")).collect();
+    assert!(flagged.is_empty(), "{text}");
 }

@@ -9,16 +9,16 @@
 
 mod fixture;
 
-use fixture::{cloud, depth, grey, header, opening, pieces, pipeline, sample, samples, topic};
+use fixture::{cloud, depth, depth_in, grey, header, opening, pieces, pipeline, sample, samples, topic};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use stillpoint_recorder::{Closing, Compression, PartWriter, Role};
 use stillpoint_samples::{AlignedBytes, DepthImage, GreyImage, Header, PointCloud, Pose, Sample, SampleKind};
 
 fn heads() -> impl Strategy<Value = Header> {
-    let times = prop_oneof![any::<u64>(), 0..i32::MAX as u64 * 1_000_000_000];
+    let times = || prop_oneof![any::<u64>(), 0..i32::MAX as u64 * 1_000_000_000];
     let sequences = prop_oneof![any::<u64>(), 0..1000_u64, Just(u64::from(u32::MAX)), Just(1 << 32)];
-    (times, any::<u64>(), sequences, any::<u32>(), 0..40_u32).prop_map(
+    (times(), times(), sequences, any::<u32>(), 0..40_u32).prop_map(
         |(stamp, origin, sequence, incarnation, count)| Header {
             stamp,
             origin,
@@ -65,6 +65,14 @@ proptest! {
     #[test]
     fn depth_images_come_back(heads in vec((heads(), any::<f64>()), 1..5), w in 0..9_u32, noise in vec(any::<u8>(), 1..99)) {
         let written = distinct(heads.iter().map(|(header, fx)| depth(*header, w, 3, *fx, &noise)).collect());
+        prop_assert_eq!(there_and_back(DepthImage::KIND, &written), written);
+    }
+
+    #[test]
+    fn depth_images_of_any_count_come_back(
+        head in heads(), unit in prop_oneof![Just(1e-4), Just(2.5e-4), 1e-9..1e3_f64, any::<f64>()], noise in vec(any::<u8>(), 1..400),
+    ) {
+        let written = vec![depth_in(head, [9, 11], 500.0, unit, &noise)];
         prop_assert_eq!(there_and_back(DepthImage::KIND, &written), written);
     }
 
@@ -134,4 +142,126 @@ fn a_sample_is_held_with_exactly_its_bytes() {
         assert_eq!(session.holds(topic, 0, *number, shorter).unwrap(), Some(false));
         assert_eq!(session.holds(topic, 9, *number, sample).unwrap(), None);
     }
+}
+
+/// What older builds wrote has its stamp inside and its origin as MCAP's publish time, and topics with dots.
+#[test]
+fn a_recording_of_an_older_build_is_read_as_it_was_meant() {
+    let bytes = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/data/clouds.mcap")).unwrap();
+    let mut times = Vec::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        if message.channel.topic == "coarse.cloud" {
+            let word = |at: usize| u32::from_le_bytes(message.data[at..at + 4].try_into().unwrap());
+            times.push((u64::from(word(4)) * 1_000_000_000 + u64::from(word(8)), message.publish_time));
+        }
+    }
+    assert!(times.len() > 1);
+    let session = stillpoint_recorder::Session::from_bytes([bytes.into()]).unwrap();
+    let found: Vec<(u64, u64)> = session
+        .samples_where(|t| t.name == "coarse.cloud")
+        .map(|r| pieces(PointCloud::KIND, &r.unwrap().sample).header())
+        .map(|header| (header.stamp, header.origin))
+        .collect();
+    assert_eq!(found, times);
+}
+
+#[test]
+fn messages_have_the_origin_inside_and_publish_times_that_never_go_back() {
+    let (bytes, written) = pipeline(Compression::Lz4, 25);
+    let mut last = std::collections::BTreeMap::new();
+    let mut seen = 0;
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let before = last.insert(message.channel.topic.clone(), message.publish_time);
+        assert!(before.is_none_or(|before| before <= message.publish_time), "{}", message.channel.topic);
+        if message.channel.topic == "/seg/cloud" {
+            let word = |at: usize| u32::from_le_bytes(message.data[at..at + 4].try_into().unwrap());
+            let head = header(u64::from(message.sequence));
+            let inside = u64::from(word(4)) * 1_000_000_000 + u64::from(word(8));
+            assert_eq!((inside, message.publish_time), (head.origin, head.stamp));
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, written.iter().filter(|(name, _)| name == "seg.cloud").count());
+    let names: Vec<&str> = last.keys().map(String::as_str).collect();
+    assert_eq!(
+        names,
+        [
+            "/cam/image",
+            "/cam/image/camera_info",
+            "/cam/journal",
+            "/seg/cloud",
+            "/seg/journal",
+            "/stillpoint/clock",
+            "/tf_static"
+        ]
+    );
+}
+
+/// What viewers check of a file: within a topic of ROS 2, times never go back and all messages have one type.
+fn check_as_viewers_do(bytes: &[u8]) {
+    let mut last = std::collections::BTreeMap::new();
+    for message in mcap::MessageStream::new(bytes).unwrap() {
+        let message = message.unwrap();
+        let topic = &message.channel.topic;
+        let schema = message.channel.schema.as_ref().unwrap();
+        assert!(topic.starts_with('/') && !topic.contains("//") && !topic.ends_with('/'), "{topic}");
+        assert!(topic.chars().all(|c| c.is_ascii_alphanumeric() || "/_".contains(c)), "{topic}");
+        assert!(!topic.split('/').any(|token| token.starts_with(|c: char| c.is_ascii_digit())), "{topic}");
+        assert_eq!((&*schema.encoding, &*message.channel.message_encoding), ("ros2msg", "cdr"));
+        let now = (schema.name.clone(), message.publish_time, message.log_time);
+        if let Some((name, published, logged)) = last.insert(topic.clone(), now.clone()) {
+            assert!((name, true, true) == (now.0, published <= now.1, logged <= now.2), "{topic}");
+        }
+    }
+}
+
+/// A recorder takes what waits topic by topic, so that the stamps of two topics do not come in their order.
+#[test]
+fn transforms_of_two_topics_are_published_in_their_order() {
+    let mut w = PartWriter::new(Vec::new(), Compression::Lz4, &opening()).unwrap();
+    let ids = ["head.pose", "3rd.pose-raw"]
+        .map(|name| w.add_topic(topic(name, Pose::KIND, Role::Computed)).unwrap());
+    for (log, (id, sequence)) in [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2)].into_iter().enumerate() {
+        let bytes = sample(Pose::KIND, header(sequence), &[1, 2, 3]);
+        w.write(ids[id], pieces(Pose::KIND, &bytes), log as u64).unwrap();
+    }
+    let bytes = w.finish(&Closing::default()).unwrap();
+    check_as_viewers_do(&bytes);
+    let topics: std::collections::BTreeSet<String> =
+        mcap::MessageStream::new(&bytes).unwrap().map(|m| m.unwrap().channel.topic.clone()).collect();
+    let of_poses: Vec<&str> =
+        topics.iter().map(String::as_str).filter(|t| t.contains("pose") || *t == "/tf").collect();
+    assert_eq!(
+        of_poses,
+        ["/_3rd/pose_raw", "/_3rd/pose_raw/stamped", "/head/pose", "/head/pose/stamped", "/tf"]
+    );
+    let session = stillpoint_recorder::Session::from_bytes([bytes.into()]).unwrap();
+    let found =
+        session.samples_where(|t| t.name == "3rd.pose-raw").map(|r| r.unwrap().sample).collect::<Vec<_>>();
+    assert_eq!(found.len(), 2);
+}
+
+#[test]
+fn a_pipeline_passes_the_checks_of_viewers() {
+    check_as_viewers_do(&pipeline(Compression::Zstd, 25).0);
+}
+
+#[test]
+fn metadata_says_what_is_in_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("part-000.mcap"), pipeline(Compression::Lz4, 25).0).unwrap();
+    let session = stillpoint_recorder::Session::open(folder.path()).unwrap();
+    stillpoint_recorder::write_metadata(folder.path(), &session).unwrap();
+    // Once more, as after a repair.
+    stillpoint_recorder::write_metadata(folder.path(), &session).unwrap();
+    let path = folder.path().join(stillpoint_recorder::METADATA_FILE);
+    let text = std::fs::read_to_string(&path).unwrap();
+    let count = |line: &str| text.matches(line).count();
+    assert_eq!(count("\n    - 'part-000.mcap'\n"), 1, "{text}");
+    assert_eq!(count("name: '/seg/cloud'\n        type: 'sensor_msgs/msg/PointCloud2'"), 1, "{text}");
+    assert_eq!(count("\n      message_count: 25\n"), 3, "{text}");
+    let mode = std::os::unix::fs::PermissionsExt::mode(&std::fs::metadata(path).unwrap().permissions());
+    assert_eq!(mode & 0o777, 0o600);
 }

@@ -27,7 +27,7 @@ pub(super) fn fits(sample: &Pieces<'_>) -> bool {
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let shape = shape(sample).unwrap_or_default();
     let mut w = Writer::new(out);
-    w.header(sample.header().stamp, frame);
+    w.header(sample.header().origin, frame);
     w.u32(shape.height);
     w.u32(shape.width);
     w.u32(3);

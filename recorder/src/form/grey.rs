@@ -13,7 +13,7 @@ fn shape(sample: &Pieces<'_>) -> Option<GreyShape> {
 }
 
 fn image<'a>(s: &GreyShape, sample: &Pieces<'a>) -> Image<'a> {
-    Image { stamp: sample.header().stamp, width: s.width, height: s.height, pixels: sample.payload }
+    Image { time: sample.header().origin, width: s.width, height: s.height, pixels: sample.payload }
 }
 
 /// Whether the message says all that the sample says.
@@ -27,8 +27,8 @@ pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
 }
 
 pub(super) fn decode<'a>(shared: &Shared, envelope: Envelope, data: &'a [u8]) -> Result<Decoded<'a>, Fault> {
-    let (Image { stamp, width, height, pixels }, length) = Image::decode(&ENCODING, data)?;
+    let (Image { time, width, height, pixels }, length) = Image::decode(&ENCODING, data)?;
     let shape = GreyShape { width, height, reserved: 0, length };
-    let meta = [shared.header(envelope, stamp, length).as_bytes(), shape.as_bytes()].concat();
+    let meta = [shared.header(envelope, time, length).as_bytes(), shape.as_bytes()].concat();
     Ok(Decoded { meta: meta.into(), payload: pixels.into() })
 }

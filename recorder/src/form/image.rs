@@ -11,7 +11,8 @@ pub(super) struct Encoding {
 
 /// An image.
 pub(super) struct Image<'a> {
-    pub stamp: u64,
+    /// The time in its header, ns.
+    pub time: u64,
     pub width: u32,
     pub height: u32,
     pub pixels: &'a [u8],
@@ -27,7 +28,7 @@ impl<'a> Image<'a> {
 
     pub fn encode(&self, frame: &str, encoding: &Encoding, out: &mut Vec<u8>) {
         let mut w = Writer::new(out);
-        w.header(self.stamp, frame);
+        w.header(self.time, frame);
         w.u32(self.height);
         w.u32(self.width);
         w.text(encoding.name);
@@ -39,7 +40,7 @@ impl<'a> Image<'a> {
     /// The image of a message, and how many pixels it has.
     pub fn decode(encoding: &Encoding, data: &'a [u8]) -> Result<(Self, u32), Fault> {
         let mut r = Reader::new(data)?;
-        let stamp = r.header()?;
+        let time = r.header()?;
         let (height, width) = (r.u32()?, r.u32()?);
         let name = r.text()?;
         let (big_endian, _step) = (r.u8()?, r.u32()?);
@@ -54,6 +55,6 @@ impl<'a> Image<'a> {
             ));
         }
         let length = u32::try_from(count).map_err(|_| format!("{count} pixels are too many"))?;
-        Ok((Self { stamp, width, height, pixels }, length))
+        Ok((Self { time, width, height, pixels }, length))
     }
 }

@@ -4,21 +4,24 @@
 //! CDR body already. A sample whose standard message would lose anything (a stamp beyond the range of ROS time, a grid
 //! that is not its point count) is recorded in its own form on the same topic, so every form is lossless.
 //!
-//! What a standard message has no place for: the origin is MCAP's `publish_time` (on every channel), the low half of
-//! the sequence is MCAP's `sequence`, and the high half, the incarnation and what else holds for many samples at once
-//! are in the metadata of the channel, so that a topic has a channel for each of their values.
+//! What a standard message has no place for: its stamp is the origin, as ROS wants it, and the stamp of the sample is MCAP's
+//! `publish_time`, which never goes back within a topic; the low half of the sequence is MCAP's `sequence`, and the high
+//! half, the incarnation and what else holds for many samples at once are in the metadata of the channel, so that a topic
+//! has a channel for each of their values. (Recordings of older builds have stamp and origin the other way round.)
 //!
 //! - `cdr`: numbers and texts at their CDR places
 //! - `decoded`: a sample behind a message, not copied yet
 //! - `own`: the sample's own bytes
 //! - `cloud`: `PointCloud` as `sensor_msgs/msg/PointCloud2`
 //! - `pose`: `Pose` as `geometry_msgs/msg/PoseWithCovarianceStamped`
-//! - `depth`: `DepthImage` as `sensor_msgs/msg/Image`, with a `sensor_msgs/msg/CameraInfo`
+//! - `depth`: `DepthImage` as `sensor_msgs/msg/Image` as REP 118 has it: whole millimetres, or metres
+//! - `beside`: what viewers want beside a message: `CameraInfo`, `PoseStamped`, `/tf`
 //! - `grey`: `GreyImage` as `sensor_msgs/msg/Image`
 //! - `image`: the message of both
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
+mod beside;
 mod cloud;
 mod decoded;
 mod depth;
@@ -33,6 +36,7 @@ use std::collections::BTreeMap;
 
 use stillpoint_samples::{Header, Pieces, SampleKind};
 
+pub(crate) use beside::Beside;
 pub(crate) use decoded::Decoded;
 pub use transforms::StaticTransform;
 pub(crate) use transforms::{transforms_from, transforms_message};
@@ -50,16 +54,29 @@ pub(crate) enum Form {
     Cloud,
     /// `geometry_msgs/msg/PoseWithCovarianceStamped`.
     Pose,
-    /// `sensor_msgs/msg/Image`, `16UC1`.
+    /// `sensor_msgs/msg/Image`, `16UC1`: counts, which are millimetres. (Recordings of older builds have any counts.)
     Depth,
+    /// `sensor_msgs/msg/Image`, `32FC1`: metres, out of counts of any length.
+    DepthMetres,
     /// `sensor_msgs/msg/Image`, `mono8`.
     Grey,
+}
+
+/// Which time stands where in a standard message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Times {
+    /// The message has the stamp, and MCAP's publish time is the origin: so older builds recorded.
+    #[default]
+    StampInside,
+    /// The message has the origin, and MCAP's publish time is the stamp.
+    OriginInside,
 }
 
 /// What one channel says about all of its messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Shared {
     pub incarnation: u32,
+    pub times: Times,
     /// High half of the sequence.
     pub sequence_high: u32,
     /// What the form itself keeps here.
@@ -76,18 +93,16 @@ pub(crate) struct Envelope {
 }
 
 impl Form {
-    /// The preferred form of a kind, by its exact layout.
-    pub fn of(kind: &SampleKind) -> Self {
+    /// The standard forms of a kind, by its exact layout, the preferred one first.
+    pub fn of(kind: &SampleKind) -> &'static [Self] {
         use stillpoint_samples::{DepthImage, GreyImage, PointCloud, Pose, Sample};
-        [
-            (PointCloud::KIND, Self::Cloud),
-            (Pose::KIND, Self::Pose),
-            (DepthImage::KIND, Self::Depth),
-            (GreyImage::KIND, Self::Grey),
-        ]
-        .into_iter()
-        .find(|(k, _)| *k == kind)
-        .map_or(Self::Own, |(_, form)| form)
+        const FORMS: [(&SampleKind, &[Form]); 4] = [
+            (PointCloud::KIND, &[Form::Cloud]),
+            (Pose::KIND, &[Form::Pose]),
+            (DepthImage::KIND, &[Form::Depth, Form::DepthMetres]),
+            (GreyImage::KIND, &[Form::Grey]),
+        ];
+        FORMS.iter().find(|(k, _)| *k == kind).map_or(&[], |(_, forms)| forms)
     }
 
     /// Name in a channel's metadata.
@@ -97,13 +112,16 @@ impl Form {
             Self::Cloud => "PointCloud2",
             Self::Pose => "PoseWithCovarianceStamped",
             Self::Depth => "Image",
+            Self::DepthMetres => "Image32FC1",
             Self::Grey => "GreyImage",
         }
     }
 
     /// The form of this name.
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Own, Self::Cloud, Self::Pose, Self::Depth, Self::Grey].into_iter().find(|f| f.name() == name)
+        [Self::Own, Self::Cloud, Self::Pose, Self::Depth, Self::DepthMetres, Self::Grey]
+            .into_iter()
+            .find(|f| f.name() == name)
     }
 
     /// Name and text of the schema.
@@ -112,7 +130,7 @@ impl Form {
             Self::Own => return (kind.schema_name(), kind.ros_schema()),
             Self::Cloud => schema::POINT_CLOUD,
             Self::Pose => schema::POSE,
-            Self::Depth | Self::Grey => schema::IMAGE,
+            Self::Depth | Self::DepthMetres | Self::Grey => schema::IMAGE,
         };
         (name.to_owned(), text.to_owned())
     }
@@ -126,13 +144,15 @@ impl Form {
         }
         let extra = match self {
             Self::Own => BTreeMap::new(),
-            _ if !stillpoint_cdr::is_ros_time(header.stamp) => return None,
+            _ if !stillpoint_cdr::is_ros_time(header.origin) => return None,
             Self::Cloud => cloud::fits(sample).then(BTreeMap::new)?,
             Self::Pose => BTreeMap::new(),
-            Self::Depth => depth::extra(sample)?,
+            Self::Depth => depth::millimetres(sample)?,
+            Self::DepthMetres => depth::metres(sample)?,
             Self::Grey => grey::fits(sample).then(BTreeMap::new)?,
         };
-        Some(Shared { incarnation: header.incarnation, sequence_high: (header.sequence >> 32) as u32, extra })
+        let (incarnation, times) = (header.incarnation, Times::OriginInside);
+        Some(Shared { incarnation, times, sequence_high: (header.sequence >> 32) as u32, extra })
     }
 
     /// Appends the message to `out`.
@@ -142,6 +162,7 @@ impl Form {
             Self::Cloud => cloud::encode(sample, frame, out),
             Self::Pose => pose::encode(sample, frame, out),
             Self::Depth => depth::encode(sample, frame, out),
+            Self::DepthMetres => depth::encode_metres(sample, frame, out),
             Self::Grey => grey::encode(sample, frame, out),
         }
     }
@@ -159,21 +180,20 @@ impl Form {
             Self::Cloud => cloud::decode(shared, envelope, data),
             Self::Pose => pose::decode(shared, envelope, data),
             Self::Depth => depth::decode(shared, envelope, data),
+            Self::DepthMetres => depth::decode_metres(shared, envelope, data),
             Self::Grey => grey::decode(shared, envelope, data),
         }
     }
 }
 
 impl Shared {
-    /// The header behind a message.
-    fn header(&self, envelope: Envelope, stamp: u64, count: u32) -> Header {
-        Header {
-            stamp,
-            origin: envelope.publish_time,
-            sequence: self.sequence(envelope),
-            incarnation: self.incarnation,
-            count,
-        }
+    /// The header behind a message that has this time inside.
+    fn header(&self, envelope: Envelope, inside: u64, count: u32) -> Header {
+        let (stamp, origin) = match self.times {
+            Times::StampInside => (inside, envelope.publish_time),
+            Times::OriginInside => (envelope.publish_time, inside),
+        };
+        Header { stamp, origin, sequence: self.sequence(envelope), incarnation: self.incarnation, count }
     }
 
     /// The whole sequence number behind a message.
@@ -182,11 +202,12 @@ impl Shared {
     }
 }
 
-pub(crate) use depth::camera_info;
 pub(crate) use own::header as own_header;
 
 const INCARNATION: &str = "stillpoint.incarnation";
 const SEQUENCE_HIGH: &str = "stillpoint.sequence_high";
+const TIMES: &str = "stillpoint.times";
+const ORIGIN_INSIDE: &str = "header.stamp is the origin, publish_time the stamp";
 
 impl Shared {
     /// As entries of a channel's metadata. The own form needs none.
@@ -195,6 +216,9 @@ impl Shared {
         if form != Form::Own {
             entries.insert(INCARNATION.to_owned(), self.incarnation.to_string());
             entries.insert(SEQUENCE_HIGH.to_owned(), self.sequence_high.to_string());
+            if self.times == Times::OriginInside {
+                entries.insert(TIMES.to_owned(), ORIGIN_INSIDE.to_owned());
+            }
         }
         entries
     }
@@ -204,6 +228,10 @@ impl Shared {
         let number = |key: &str| entries.get(key).and_then(|t| t.parse().ok()).unwrap_or(0);
         Self {
             incarnation: number(INCARNATION),
+            times: match entries.contains_key(TIMES) {
+                true => Times::OriginInside,
+                false => Times::StampInside,
+            },
             sequence_high: number(SEQUENCE_HIGH),
             extra: entries.clone(),
         }

@@ -8,7 +8,7 @@ use stillpoint_cdr::{Reader, Writer};
 
 pub(super) fn encode(sample: &Pieces<'_>, frame: &str, out: &mut Vec<u8>) {
     let mut w = Writer::new(out);
-    w.header(sample.header().stamp, frame);
+    w.header(sample.header().origin, frame);
     if let Ok(pose) = PoseElement::read_from_bytes(sample.payload) {
         let [qw, qx, qy, qz] = pose.orientation;
         w.f64s(&pose.position);

@@ -75,6 +75,37 @@ float64 w
 ",
 );
 
+pub(crate) const POSE_STAMPED: Schema = (
+    "geometry_msgs/msg/PoseStamped",
+    "\
+std_msgs/Header header
+geometry_msgs/Pose pose
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+================================================================================
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+",
+);
+
 pub(crate) const IMAGE: Schema = (
     "sensor_msgs/msg/Image",
     "\

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use stillpoint_operator::{Policy, Registry};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::{Fault, RunReport};
-use stillpoint_recorder::{Session, session_parts};
+use stillpoint_recorder::{Session, SessionError, session_parts};
 
 use crate::columns::{Columns, Side};
 use crate::exit::Failure;
@@ -38,17 +38,18 @@ pub struct Summary<'a> {
 }
 
 impl<'a> Summary<'a> {
-    /// The summary of a run of this graph. `observed` comes from the run itself, so it exists without a session, too.
+    /// The summary of a run of this graph, with its session as it was opened. `observed` comes from the run itself, so it
+    /// exists without a session, too.
     pub fn new(
         report: &'a RunReport,
         graph: &Graph,
         registry: &Registry,
         is_live: bool,
         session: Option<&'a Path>,
+        opened: Option<&Result<Session, SessionError>>,
         observed: Option<Held>,
     ) -> Self {
-        let opened = session.map(Session::open);
-        let readable = opened.as_ref().and_then(|o| o.as_ref().ok());
+        let readable = opened.and_then(|o| o.as_ref().ok());
         let mut held = readable.and_then(|session| Hold::of_session(graph, session));
         match (&mut held, observed) {
             (Some(held), Some(observed)) => held.add_missing(observed),
@@ -61,7 +62,7 @@ impl<'a> Summary<'a> {
             held,
             accuracy: readable.and_then(accuracy::of_session),
             samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
-            gaps: match &opened {
+            gaps: match opened {
                 None => Vec::new(),
                 Some(Ok(session)) => gaps_of(session, registry),
                 Some(Err(e)) => vec![e.to_string()],

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use mcap::{McapError, Message, MessageStream};
+use mcap::{Channel, McapError, Message, MessageStream};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Sample};
@@ -14,6 +14,8 @@ use crate::point_cloud2::PointCloud2;
 const CLOUD: usize = 0;
 /// Name of the schema that is read.
 const SCHEMA: &str = "sensor_msgs/msg/PointCloud2";
+/// Entry in the metadata of a channel of a session: the session's own name of the topic.
+const OWN_NAME: &str = "stillpoint.topic";
 /// Largest number of points of all clouds together: 1 GiB.
 const MOST_POINTS: usize = (1 << 30) / size_of::<[f32; 3]>();
 
@@ -23,7 +25,8 @@ pub struct McapParams {
     /// An MCAP recording of ROS 2 messages.
     #[param(file)]
     pub file: String,
-    /// Topic of `sensor_msgs/msg/PointCloud2` messages in it.
+    /// Topic of `sensor_msgs/msg/PointCloud2` messages in it. Of a session, its own name (`cloud.cloud`) or that of ROS 2
+    /// (`/cloud/cloud`).
     pub topic: String,
     /// Number of clouds to skip at the beginning, in the order of their log times.
     #[param(default = 0)]
@@ -126,13 +129,14 @@ fn log_times(bytes: &[u8], params: &McapParams) -> Result<Vec<u64>, String> {
         let (channel, encoding) = (&message.channel, &message.channel.message_encoding);
         let schema = channel.schema.as_ref().map_or("", |s| s.name.as_str());
         let is_cloud = schema == SCHEMA && encoding == "cdr";
-        if channel.topic == params.topic && !is_cloud {
+        let is_named = is_named(channel, &params.topic);
+        if is_named && !is_cloud {
             return Err(format!(
                 "the topic {} has {schema} in {encoding}, not {SCHEMA} in cdr",
                 params.topic
             ));
         }
-        if channel.topic == params.topic {
+        if is_named {
             times.push(message.log_time);
         } else if schema == SCHEMA {
             others.insert(channel.topic.clone());
@@ -161,7 +165,11 @@ fn messages(bytes: &[u8]) -> Result<impl Iterator<Item = Result<Message<'_>, Str
 }
 
 fn is_on(message: &Result<Message<'_>, String>, topic: &str) -> bool {
-    message.as_ref().map_or(true, |m| m.channel.topic == topic)
+    message.as_ref().map_or(true, |m| is_named(&m.channel, topic))
+}
+
+fn is_named(channel: &Channel<'_>, topic: &str) -> bool {
+    channel.topic == topic || channel.metadata.get(OWN_NAME).is_some_and(|name| name == topic)
 }
 
 fn decode(bytes: &[u8], params: &McapParams) -> Result<Cloud, String> {

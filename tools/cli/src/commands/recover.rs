@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_recorder::recover_session;
+use stillpoint_recorder::{Session, recover_session, write_metadata};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
@@ -22,6 +22,10 @@ impl Recover {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let mended = recover_session(&self.session).map_err(Failure::failed)?;
+        if !mended.is_empty() {
+            let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+            write_metadata(&self.session, &session).map_err(Failure::failed)?;
+        }
         if self.json {
             let all: Vec<_> = mended
                 .iter()

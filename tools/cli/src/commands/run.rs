@@ -8,6 +8,7 @@ use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_pipeline::spec::{Machine, quantity};
+use stillpoint_recorder::{METADATA_FILE, Session, write_metadata};
 use stillpoint_report::hold::Held;
 
 use crate::compress::Compress;
@@ -137,7 +138,18 @@ impl Run {
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
-        let summary = Summary::new(&report, &checked.graph, registry, is_live, session.as_deref(), observed);
+        let opened = session.as_deref().map(Session::open);
+        if let (Some(folder), Some(Ok(opened))) = (&session, &opened)
+            && let Err(e) = write_metadata(folder, opened)
+        {
+            errln!(
+                "{}: {e}. The session is whole, but rosbag2 does not open it",
+                folder.join(METADATA_FILE).display()
+            );
+        }
+        let session = session.as_deref();
+        let graph = &checked.graph;
+        let summary = Summary::new(&report, graph, registry, is_live, session, opened.as_ref(), observed);
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
             && report.recording_failed.is_none()
