@@ -143,6 +143,8 @@ impl Endpoints {
             let ends: Vec<&str> = self.connect.iter().chain(&self.router).map(String::as_str).collect();
             ends.join(", ")
         });
+        // zenoh names the line of its source, which says nothing to those who read this.
+        let reason = reason.split(" at /").next().unwrap_or(reason).trim_end_matches(['.', '!']);
         RemoteError::Session { place, reason: reason.to_owned() }
     }
 }
