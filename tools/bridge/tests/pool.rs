@@ -7,6 +7,7 @@ use std::process::{Child, Command, Stdio};
 use stillpoint_plan::dose::DoseCache;
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
+use stillpoint_remote::{Authority, Role};
 
 use crate::water::{Water, alone, angles, pooled};
 
@@ -26,12 +27,21 @@ fn program(arguments: &[&str]) -> Command {
     command
 }
 
-fn worker(folder: &Path, name: &str, place: [&str; 2], more: &[&str]) -> Ends {
+fn worker(folder: &Path, name: &str, place: [&str; 2], role: Role, more: &[&str]) -> Ends {
     let cache = folder.join(name);
     let cache = cache.to_str().unwrap();
     let mut command =
         program(&["worker", place[0], place[1], "--name", name, "--slots", "1", "--cache", cache]);
-    Ends(command.args(more).stdout(Stdio::null()).spawn().unwrap())
+    Ends(command.args(certificate(folder, role, name)).args(more).stdout(Stdio::null()).spawn().unwrap())
+}
+
+/// The arguments for a new certificate.
+fn certificate(folder: &Path, role: Role, name: &str) -> Vec<String> {
+    let authority = Authority::open(&folder.join("pki")).unwrap();
+    let made = authority.issue(role, name, &["127.0.0.1".to_owned()], 2, false).unwrap();
+    let file = |option: &str, file: &Path| [option.to_owned(), file.to_str().unwrap().to_owned()];
+    let [certificate, key, authority] = [made.certificate, made.key, made.authority];
+    [file("--certificate", &certificate), file("--key", &key), file("--authority", &authority)].concat()
 }
 
 /// A port that is free together with the next one, below those that the system gives away.
@@ -47,10 +57,17 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     let water = Water::new();
     let expected = alone(&water);
     let folder = tempfile::tempdir().unwrap();
-    let endpoint = format!("tcp/127.0.0.1:{}", two_ports());
-    let _good = worker(folder.path(), "good", ["--listen", &endpoint], &[]);
-    let killed = worker(folder.path(), "killed", ["--connect", &endpoint], &[]);
-    let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
+    Authority::create(&folder.path().join("pki"), 2).unwrap();
+    let endpoint = format!("tls/127.0.0.1:{}", two_ports());
+    let _good = worker(folder.path(), "good", ["--listen", &endpoint], Role::Router, &[]);
+    let killed = worker(folder.path(), "killed", ["--connect", &endpoint], Role::Worker, &[]);
+    let bedside = certificate(folder.path(), Role::Bedside, "bedside");
+    let client = || {
+        let mut command = program(&["plan-client", "--connect", &endpoint]);
+        command.args(&bedside);
+        ChildCourier::start(command).unwrap()
+    };
+    let courier = client();
     let settings = ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) };
     let mut pool = Pool::new(courier, settings);
 
@@ -68,7 +85,7 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     }
     assert!(both_answered, "{:?}", pool.take_news());
     drop(killed);
-    let _liar = worker(folder.path(), "liar", ["--connect", &endpoint], &["--wrong-from", "1"]);
+    let _liar = worker(folder.path(), "liar", ["--connect", &endpoint], Role::Worker, &["--wrong-from", "1"]);
 
     // Plans are made until the liar has taken part: the bytes are the same each time.
     let mut caught = false;
@@ -79,7 +96,7 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
             break;
         }
         // A new pool of calls: answers that are known are not asked again.
-        let courier = ChildCourier::start(program(&["plan-client", "--connect", &endpoint])).unwrap();
+        let courier = client();
         pool = Pool::new(
             courier,
             ClientSettings { checked: 0.5, ..ClientSettings::new(Build::here().unwrap()) },
@@ -89,4 +106,25 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     assert!(
         pool.workers().get("good").is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0)
     );
+    let mut list = program(&["pool", &endpoint]);
+    let listed = list.args(certificate(folder.path(), Role::Viewer, "viewer")).output().unwrap();
+    let text = String::from_utf8_lossy(&listed.stdout);
+    assert!(
+        text.contains("good: ") && text.contains("liar: ") && text.contains("build: as here"),
+        "{listed:?}"
+    );
+}
+
+#[test]
+fn a_program_whose_certificate_has_another_role_says_so_and_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    Authority::create(&folder.path().join("pki"), 2).unwrap();
+    let viewer = certificate(folder.path(), Role::Viewer, "viewer");
+    for arguments in
+        [vec!["worker", "--connect", "tls/127.0.0.1:1"], vec!["router", "--listen", "tls/127.0.0.1:1"]]
+    {
+        let done = program(&arguments).args(&viewer).output().unwrap();
+        let text = String::from_utf8_lossy(&done.stderr);
+        assert!(!done.status.success() && text.contains("has the role `viewer`, which may not"), "{text}");
+    }
 }
