@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod bench;
+mod cut;
 mod hosts;
 mod pool;
 // The patient and the search of the tests of the pool itself.
