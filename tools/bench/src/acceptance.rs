@@ -2,14 +2,19 @@
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use stillpoint::{Ended, Exit, Failure, print_json};
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose, class_solution};
+use stillpoint_plan::beams::{
+    Budget, Evaluated, Evaluator, Influence, Method, Ring, RingDoses, choose, class_solution,
+};
 use stillpoint_plan::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseError, DoseParams, Machine};
 use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose};
+use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, sequence};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 use stillpoint_plan::sampling::Sampling;
@@ -44,6 +49,10 @@ pub struct Plans {
     /// Spacing of the grid that figures are compared with, mm.
     #[arg(long, default_value_t = 1.5, value_name = "MM")]
     finer: f64,
+    /// In place of figures: sequence the fluences for the leaves of the built-in machine as `stillpoint plan` does, and print
+    /// how much the objective rises, in percent, without and with the transmission of the leaves.
+    #[arg(long)]
+    leaves: bool,
     /// Folder of the reference data; the default is the environment variable STILLPOINT_DATA.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -77,6 +86,21 @@ struct Row {
     differences: Differences,
 }
 
+/// What leaves cost, as parts of the objective of the fluence.
+#[derive(Serialize)]
+struct Loss {
+    case: String,
+    beams: usize,
+    bixel_mm: f64,
+    segments: usize,
+    /// In one fraction.
+    monitor_units: f64,
+    /// Behind leaves that let nothing through.
+    opaque: f64,
+    /// With their transmission.
+    shaped: f64,
+}
+
 #[derive(Clone, Default, Serialize)]
 struct Differences {
     /// Of D98, D95, D50, D2, D0.03cc, gray.
@@ -92,6 +116,9 @@ struct Differences {
 impl Plans {
     pub fn execute(self) -> Ended {
         let table = self.table()?;
+        if self.leaves {
+            return self.losses(&table);
+        }
         let mut rows = Vec::new();
         if !self.json {
             outln!(
@@ -112,6 +139,31 @@ impl Plans {
         }
         if self.json {
             print_json(&rows)?;
+        }
+        Ok(Exit::Done)
+    }
+
+    /// What leaves cost.
+    fn losses(&self, table: &ObjectiveTable) -> Ended {
+        let mut losses = Vec::new();
+        if !self.json {
+            outln!("| case | beams | bixels, mm | segments | MU | loss, opaque leaves, % | loss, % |");
+            outln!("|{}", " --- |".repeat(7));
+        }
+        for (name, case) in self.cases()? {
+            for &bixel_mm in &self.bixels {
+                for &beams in &self.beams {
+                    let plan = Planned::new(&case, table, (beams, bixel_mm), self.threads);
+                    let loss = plan.and_then(|plan| Loss::of(&name, &case, &plan)).map_err(Failure::failed)?;
+                    if !self.json {
+                        outln!("{}", loss.line());
+                    }
+                    losses.push(loss);
+                }
+            }
+        }
+        if self.json {
+            print_json(&losses)?;
         }
         Ok(Exit::Done)
     }
@@ -178,11 +230,15 @@ impl Plans {
     }
 }
 
-/// The fluence of given beams.
+/// The plan of given beams.
 struct Planned {
     params: DoseParams,
     points_mm: f64,
-    beams: Vec<(f64, Vec<f64>)>,
+    /// The plan with what it was made of.
+    ring: Ring,
+    doses: RingDoses,
+    goals: Goals,
+    best: Arc<Evaluated>,
 }
 
 impl Planned {
@@ -210,10 +266,9 @@ impl Planned {
         let goals = table.for_points(case, &sampling).and_then(|aims| aims.goals(1)).map_err(|e| text(&e))?;
         let mut evaluator = Evaluator::new(&doses, &goals, ring, count, Budget { solves: 1 });
         let best = choose(&Method::Class(angles), &mut evaluator, None, 0).map_err(|e| text(&e))?.best;
-        let weighted =
-            |beam: &u16| (ring.angle_deg(*beam), best.weights_of(*beam).unwrap_or_default().to_vec());
+        drop(evaluator);
         let points_mm = sampling.grid().spacing_mm[0];
-        Ok(Self { params, points_mm, beams: beams.iter().map(weighted).collect() })
+        Ok(Self { params, points_mm, ring, doses, goals, best })
     }
 
     /// Figures as `stillpoint plan` tells them, or on a grid of another spacing.
@@ -229,14 +284,62 @@ impl Planned {
             Some(mm) => Recompute::with_spacing(case, machine()?, &self.params, mm),
         };
         let recompute = recompute.map_err(fault)?;
-        let beams: Vec<WeightedBeam<'_>> = self
-            .beams
-            .iter()
-            .map(|(gantry_deg, weights)| WeightedBeam { gantry_deg: *gantry_deg, weights, bixels_mm: None })
-            .collect();
+        let weighted = |beam: &u16| WeightedBeam {
+            gantry_deg: self.ring.angle_deg(*beam),
+            weights: self.best.weights_of(*beam).unwrap_or_default(),
+            bixels_mm: None,
+        };
+        let beams: Vec<WeightedBeam<'_>> = self.best.beams.beams().iter().map(weighted).collect();
         let gray = recompute.dose(&beams, [0.0; 3], threads).map_err(fault)?;
         let on_grid = OnGrid::new(case, recompute.grid());
         Ok((on_grid.figures(&gray, &[VOLUME_AT_GY]), on_grid.fall_off(&gray)))
+    }
+}
+
+impl Loss {
+    /// With the numbers of `stillpoint plan`.
+    fn of(name: &str, case: &Case, plan: &Planned) -> Result<Self, String> {
+        let machine = machine()?;
+        let collimator = machine.file().collimator.as_ref().ok_or("the machine has no collimator")?;
+        let mu_per_weight = collimator.mu_per_weight / f64::from(case.fractions().unwrap_or(1));
+        let bixel_mm = plan.params.bixels.width_mm;
+        let options = LeafOptions {
+            width_mm: bixel_mm,
+            least_weight: collimator.least_mu / mu_per_weight,
+            ..LeafOptions::PLAN
+        };
+        let best = &plan.best;
+        let beam = |beam: &u16| FluenceBeam {
+            doses: plan.doses.beam(*beam),
+            bixels_mm: plan.doses.bixels_mm(*beam),
+            weights: best.weights_of(*beam).unwrap_or_default(),
+        };
+        let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
+        let found =
+            sequence(&plan.goals, &beams, collimator, best.cost, options).map_err(|e| e.to_string())?;
+        let segments = || found.beams.iter().flatten().flat_map(|beam| &beam.segments);
+        Ok(Self {
+            case: name.to_owned(),
+            beams: beams.len(),
+            bixel_mm,
+            segments: segments().count(),
+            monitor_units: mu_per_weight * segments().map(|segment| segment.weight).sum::<f64>(),
+            opaque: found.opaque / best.cost - 1.0,
+            shaped: found.plan.certificate.objective / best.cost - 1.0,
+        })
+    }
+
+    fn line(&self) -> String {
+        format!(
+            "| {} | {} | {} | {} | {:.0} | {:.2} | {:.2} |",
+            self.case,
+            self.beams,
+            self.bixel_mm,
+            self.segments,
+            self.monitor_units,
+            100.0 * self.opaque,
+            100.0 * self.shaped
+        )
     }
 }
 

@@ -10,8 +10,7 @@ use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, Sequenced, sequence};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::sampling::Sampling;
 
-const OPTIONS: LeafOptions =
-    LeafOptions { width_mm: 10.0, levels: 20, loss: 0.02, most_segments: 30, least_weight: 0.0 };
+const OPTIONS: LeafOptions = LeafOptions::PLAN;
 
 struct Planned {
     goals: Goals,
