@@ -3,7 +3,7 @@
 //! Figures are of the volumes of structures: a voxel at the border counts with the part of it that lies inside. They hold
 //! for the dose that is given; a plan gives the one that [`crate::recompute`] makes.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::Grid;
 use crate::case::{Case, Mask, Role, Structure};
@@ -21,7 +21,7 @@ const FAR_MM: f32 = 20.0;
 const ENTRY_MM: f32 = 10.0;
 
 /// Figures of one structure. Doses are in gray, volumes without a unit are fractions of the structure.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StructureDose {
     /// Its name.
     pub name: String,
@@ -59,7 +59,7 @@ pub struct StructureDose {
 }
 
 /// `V_d`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VolumeAt {
     /// Gray.
     pub dose_gy: f64,
@@ -68,7 +68,7 @@ pub struct VolumeAt {
 }
 
 /// How a dose falls off around the targets.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FallOff {
     /// Volume that gets half of the highest prescription, over that of all targets.
     pub r50: f64,

@@ -2,7 +2,7 @@
 
 use std::fmt::{Display, Formatter};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::metric::{Metric, MetricError, Subject};
@@ -70,7 +70,7 @@ pub enum LimitError {
 }
 
 /// A limit beside a plan.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// The structure of the case, or `plan`; the protocol's name where the case has no such structure.
     pub structure: String,

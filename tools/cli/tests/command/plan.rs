@@ -62,6 +62,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     assert!(limits.iter().any(|l| l["structure"] == "PenileBulb" && l["passed"].is_null()), "{limits:?}");
     let ptv = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "PTV").unwrap().clone();
     assert!(ptv["mean_gy"].as_f64().unwrap() > 70.0 && ptv["conformity"].as_f64().unwrap() > 0.4, "{ptv}");
+    two_plans_stand_beside_each_other_and_others_are_refused(folder.path(), &told);
 }
 
 #[test]
@@ -124,6 +125,7 @@ fn pydicom_reads_the_exported_plan_and_dose() {
         (told, serde_json::from_slice(&out.stdout).unwrap())
     };
     let (told, shaped) = read(&[], "shaped");
+    dciodvfy_finds_no_error(&folder.path().join("shaped"));
     let leaves = &told["leaves"];
     assert!(shaped["description"].as_str().unwrap().contains("step and shoot"));
     assert_eq!(shaped["weights"], serde_json::json!([1.0, 1.0, 1.0, 1.0, 1.0]));
@@ -136,6 +138,7 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     let largest = shaped["largest"].as_f64().unwrap() / body["d0_03cc_gy"].as_f64().unwrap();
     assert!((1.0..1.05).contains(&largest), "the dose of the file is that of the segments: {largest}");
     let (told, read) = read(&["--fluence-only"], "given");
+    dciodvfy_finds_no_error(&folder.path().join("given"));
     assert_eq!((&told["leaves"], &read["units"]), (&Value::Null, &serde_json::json!([])));
     assert_eq!(read["angles"], serde_json::json!([0.0, 72.0, 144.0, 216.0, 288.0]));
     let weights: f64 = read["weights"].as_array().unwrap().iter().map(|w| w.as_f64().unwrap()).sum();
@@ -154,6 +157,20 @@ fn pydicom_reads_the_exported_plan_and_dose() {
     let body = told["structures"].as_array().unwrap().iter().find(|s| s["name"] == "Body").unwrap();
     let (largest, told) = (read["largest"].as_f64().unwrap(), body["d0_03cc_gy"].as_f64().unwrap());
     assert!(largest >= told && largest < 1.05 * told, "{largest} {told}");
+}
+
+/// dciodvfy of dicom3tools checks modules and attributes. (Its version of 2022 ends on an assertion of its own for an
+/// RTDOSE of 32 bits.)
+fn dciodvfy_finds_no_error(folder: &Path) {
+    for name in ["rtplan.dcm", "rtstruct.dcm"] {
+        let program = std::env::var("STILLPOINT_DCIODVFY").unwrap_or_else(|_| "dciodvfy".to_owned());
+        let Ok(out) = Command::new(&program).arg(folder.join(name)).output() else {
+            println!("skipped: {program} cannot be run (dicom3tools; set STILLPOINT_DCIODVFY to its path)");
+            return;
+        };
+        let said = text(&out.stdout) + &text(&out.stderr);
+        assert!(!said.contains("Error") && said.contains("RT"), "{name}: {said}");
+    }
 }
 
 /// Figures of dicompyler-core, from the structures and the dose of a plan alone. It counts the points of the dose whose
@@ -231,6 +248,56 @@ fn dicompyler_finds_the_told_figures() {
             );
         }
     }
+}
+
+/// `a` is the plan in the folder `one`; a second plan of its case is made of it, so that none must be computed.
+fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &Value) {
+    let compare = |arguments: &[&str]| stillpoint(folder, &[&["plan", "compare"], arguments].concat());
+    let write = |name: &str, change: &dyn Fn(&mut Value)| {
+        let mut other = a.clone();
+        other["leaves"] = Value::Null;
+        change(&mut other);
+        std::fs::write(folder.join(name), other.to_string()).unwrap();
+        other
+    };
+    let b = write("b.json", &|plan| plan["beams"][0]["gantry_deg"] = 356.into());
+    let out = compare(&["one", "b.json", "--out", "both.html", "--json"]);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let told: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!((&told["case"]["hash"], &told["same_objectives"]), (&a["case"]["hash"], &Value::from(true)));
+    let [of_a, of_b] = [&told["plans"][0], &told["plans"][1]];
+    assert_eq!(of_a["structures"], a["leaves"]["structures"], "figures of the segments, where there are some");
+    assert_eq!(of_a["monitor_units"], a["leaves"]["monitor_units"]);
+    assert_eq!((&of_b["structures"], &of_b["segments"]), (&b["structures"], &Value::Null));
+    assert_eq!(of_b["angles_deg"][0], 356.0);
+    let page = std::fs::read_to_string(folder.join("both.html")).unwrap();
+    for word in ["Two plans of", "result of A", "Paddick", "One plan is in segments", "356\u{b0}", "<svg"] {
+        assert!(page.contains(word), "{word}");
+    }
+    assert!(!page.contains("src=") && !page.contains("http"), "the page stands alone");
+    let out = compare(&["one", "b.json"]);
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let d98 = format!("{:.1}", b["structures"][0]["d98_gy"].as_f64().unwrap());
+    for word in ["objective of the fluence", "FemoralHeadL", "pass", "compare.html", &d98] {
+        assert!(text(&out.stdout).contains(word), "{word}: {}", text(&out.stdout));
+    }
+    let refused = |change: &dyn Fn(&mut Value)| {
+        write("c.json", change);
+        let out = compare(&["one", "c.json"]);
+        assert!(!out.status.success());
+        text(&out.stderr)
+    };
+    let none = || serde_json::json!([]);
+    for (said, why) in [
+        (refused(&|plan| plan["case"]["hash"] = "0".into()), "the plans are of different cases"),
+        (refused(&|plan| plan["prescription"] = none()), "c.json: the plan has no prescription"),
+        (refused(&|plan| plan["histograms"] = none()), "an older build"),
+        (refused(&|plan| plan["structures"][1]["volumes"] = none()), "not at the doses of"),
+        (refused(&|plan| plan["objective"] = Value::Null), "c.json: this is no plan.json"),
+    ] {
+        assert!(said.contains(why), "{said}");
+    }
+    assert!(text(&compare(&["one", "none"]).stderr).contains("none"));
 }
 
 #[test]

@@ -16,9 +16,7 @@ const STEPS: usize = 300;
 pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, String> {
     let planned = outcome.on_grid.histograms(&outcome.gray[0]);
     let reference = outcome.reference_gray.as_deref().map(|gray| outcome.on_grid.histograms(gray));
-    let largest =
-        planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh.max()).fold(1.0, f64::max);
-    let up_to = 1.01 * largest;
+    let up_to = up_to_gy(planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh));
     let percent = |dvh: &Dvh| percent_curve(dvh, up_to);
     let (mut series, mut colours) = (Vec::new(), Vec::new());
     for (place, (structure, dvh)) in planned.iter().enumerate() {
@@ -67,6 +65,11 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
         series,
     };
     chart.svg_with_legend_beside(960, 520, &colours)
+}
+
+/// The dose at which histograms end, gray.
+pub fn up_to_gy<'a>(histograms: impl Iterator<Item = &'a Dvh>) -> f64 {
+    1.01 * histograms.map(Dvh::max).fold(1.0, f64::max)
 }
 
 /// The cumulative curve of a histogram in percent, until nothing is left.

@@ -9,16 +9,10 @@ use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
 use super::ground::Ground;
+use super::outcome::histograms;
 use super::request::Request;
 use super::search::Run;
 use crate::exit::Failure;
-
-/// Levels of a beam's fluence.
-const LEVELS: u32 = 20;
-/// Segments are added until the objective is this part above that of the fluence.
-const LOSS: f64 = 0.02;
-/// Most segments of a beam.
-const MOST_SEGMENTS: usize = 30;
 
 /// A plan in segments, in the planned set-up.
 pub struct Leaves {
@@ -56,10 +50,8 @@ impl Leaves {
         let mu_per_weight = collimator.mu_per_weight / f64::from(request.case.fractions().unwrap_or(1));
         let options = LeafOptions {
             width_mm: request.bixel_mm,
-            levels: LEVELS,
-            loss: LOSS,
-            most_segments: MOST_SEGMENTS,
             least_weight: collimator.least_mu / mu_per_weight,
+            ..LeafOptions::PLAN
         };
         let sequenced = sequence(&ground.goals, &beams, collimator, best.cost, options);
         let sequenced = sequenced.map_err(|e| {
@@ -99,7 +91,7 @@ impl Leaves {
     }
 
     /// All of it, for `plan.json`.
-    pub fn told(&self, request: &Request, run: &Run) -> Value {
+    pub fn told(&self, request: &Request, run: &Run, on_grid: &OnGrid<'_>) -> Value {
         let [opaque, loss] = self.losses(run.choice.best.cost);
         let (segments, monitor_units) = self.totals();
         let beam = |(number, beam): (&u16, &LeafBeam)| {
@@ -119,7 +111,7 @@ impl Leaves {
         };
         json!({
             "collimator": request.collimator(),
-            "levels": LEVELS,
+            "levels": LeafOptions::PLAN.levels,
             "objective": self.sequenced.plan.certificate.objective,
             "loss": loss,
             "loss_without_transmission": opaque,
@@ -129,6 +121,7 @@ impl Leaves {
             "monitor_units": monitor_units,
             "beams": self.beams(run).map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
+            "histograms": histograms(on_grid, &self.gray),
             "fall_off": self.fall_off,
             "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
         })

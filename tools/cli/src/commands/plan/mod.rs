@@ -11,11 +11,13 @@
 //! - `outcome`: what a plan gives
 //! - `table`: figures for people
 //! - `page`: plan.html
+//! - `compare`: two plans side by side
 //! - `charts`: histograms and searches as SVG
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
 
 mod charts;
+mod compare;
 mod export;
 mod folder;
 mod ground;
@@ -35,7 +37,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, Subcommand};
 use serde_json::json;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -54,7 +56,10 @@ use way::Way;
 /// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, the dose over the slices through the isocentre (PNG),
 /// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
 #[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Plan {
+    #[command(subcommand)]
+    action: Option<Action>,
     /// The case file; see `stillpoint case`.
     case: Option<PathBuf>,
     /// Number of beams.
@@ -139,9 +144,18 @@ pub struct Plan {
     json: bool,
 }
 
+#[derive(Subcommand)]
+enum Action {
+    /// Show two plans of one case side by side.
+    Compare(compare::Compare),
+}
+
 impl Plan {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
+        if let Some(Action::Compare(compare)) = &self.action {
+            return compare.execute();
+        }
         let request = Request::new(self)?;
         folder::make_ready(&request.out)?;
         let began = Instant::now();

@@ -3,12 +3,16 @@
 use serde_json::{Value, json};
 use stillpoint_plan::Grid;
 use stillpoint_plan::beams::Progress;
+use stillpoint_plan::case::Structure;
 use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
+use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::follows;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
+use super::charts::up_to_gy;
+use super::compare::Histogram;
 use super::ground::{Ground, bar};
 use super::leaves::Leaves;
 use super::request::Request;
@@ -132,14 +136,23 @@ impl<'a> Outcome<'a> {
             "newton_steps": best.plan.steps,
             "beams": best.beams.beams().iter().map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
+            "histograms": histograms(&self.on_grid, &self.gray[0]),
             "fall_off": self.fall_off,
             "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
-            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run)),
+            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run, &self.on_grid)),
             "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
             "reference": self.reference,
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),
         })
     }
+}
+
+/// The histogram of each structure in percent of its volume.
+pub fn histograms(on_grid: &OnGrid<'_>, gray: &[f32]) -> Vec<Histogram> {
+    let histograms = on_grid.histograms(gray);
+    let up_to = up_to_gy(histograms.iter().map(|(_, dvh)| dvh));
+    let told = |(structure, dvh): &(&Structure, Dvh)| Histogram::new(&structure.name, dvh, up_to);
+    histograms.iter().map(told).collect()
 }
 
 fn grid(grid: &Grid) -> Value {

@@ -6,6 +6,7 @@ use stillpoint_plan::protocol::Judged;
 use super::ground::Ground;
 use super::leaves::Leaves;
 use super::outcome::Outcome;
+use super::page::parts::{number, value, word};
 use super::request::Request;
 use super::search::Run;
 use crate::columns::{Columns, Side};
@@ -97,26 +98,35 @@ fn searches(request: &Request, runs: &[Run]) {
 }
 
 fn structures(figures: &[StructureDose], volumes_at_gy: &[f64]) {
+    let rows = figures.iter().map(|f| (vec![f.name.clone()], f));
+    out!("{}", of_structures(&["structure"], rows, volumes_at_gy));
+}
+
+/// Figures of structures; the cells in front of the figures stand under the first headings.
+pub fn of_structures<'a>(
+    first: &[&str],
+    rows: impl Iterator<Item = (Vec<String>, &'a StructureDose)>,
+    volumes_at_gy: &[f64],
+) -> Columns {
     let doses = ["cm3", "D98", "D95", "D50", "D10", "D2", "D0.03", "mean"].map(str::to_owned);
     let volumes = volumes_at_gy.iter().map(|dose| format!("V{dose}"));
     let right = doses.into_iter().chain(volumes).chain(["V95%", "HI", "CI"].map(str::to_owned));
-    let head = [(Side::Left, "structure".to_owned())];
-    let mut table = Columns::new(head.into_iter().chain(right.map(|name| (Side::Right, name))));
-    for f in figures {
-        let or_dash =
-            |value: Option<f64>, digits: usize| value.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
+    let head = first.iter().map(|name| (Side::Left, (*name).to_owned()));
+    let mut table = Columns::new(head.chain(right.map(|name| (Side::Right, name))));
+    for (first, f) in rows {
         let doses = [f.d98_gy, f.d95_gy, f.d50_gy, f.d10_gy, f.d2_gy, f.d003cc_gy, f.mean_gy];
         let percents = f.volumes.iter().map(|volume| 100.0 * volume.fraction);
         let numbers = [f.volume_cm3].into_iter().chain(doses).chain(percents);
         let target =
-            [or_dash(f.covered.map(|c| 100.0 * c), 1), or_dash(f.homogeneity, 2), or_dash(f.conformity, 2)];
+            [number(f.covered.map(|c| 100.0 * c), 1), number(f.homogeneity, 2), number(f.conformity, 2)];
         let cells = numbers.map(|number| format!("{number:.1}")).chain(target);
-        table.row(std::iter::once(f.name.clone()).chain(cells));
+        table.row(first.into_iter().chain(cells));
     }
-    out!("{table}");
+    table
 }
 
-fn explain() {
+/// Says what the headings mean.
+pub fn explain() {
     outln!(
         "D98 is the dose in Gy that 98 % of the structure receive at least, D0.03 that of 0.03 cm3; V60 is the percentage that receives 60 Gy;\n\
          V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
@@ -129,10 +139,9 @@ fn limits(protocol: &str, limits: &[Judged]) {
     let head =
         [(Side::Left, "structure"), (Side::Left, "limit"), (Side::Right, "plan"), (Side::Left, "result")];
     let mut table = Columns::new(head.into_iter().chain([(Side::Left, "source")]));
-    let word = |passed| if passed { "pass" } else { "FAIL" };
-    for (value, passed, j) in limits.iter().filter_map(|j| Some((j.value?, j.passed?, j))) {
-        let value = if value < 10.0 { format!("{value:.2}") } else { format!("{value:.1}") };
-        table.row([j.structure.clone(), j.limit.clone(), value, word(passed).to_owned(), j.source.clone()]);
+    for j in limits.iter().filter(|j| j.passed.is_some()) {
+        let (value, word) = (value(Some(j)), word(Some(j)).to_owned());
+        table.row([j.structure.clone(), j.limit.clone(), value, word, j.source.clone()]);
     }
     let count = |wanted: Option<bool>| limits.iter().filter(|j| j.passed == wanted).count();
     outln!("\nprotocol {protocol}: {} limits kept, {} not kept\n", count(Some(true)), count(Some(false)));

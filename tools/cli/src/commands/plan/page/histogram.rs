@@ -1,11 +1,13 @@
 //! Histograms of the planned dose and that of the segments, with prescriptions and limits.
 
+use stillpoint_plan::case::{Prescription, Structure};
 use stillpoint_plan::metrics::Dvh;
+use stillpoint_plan::protocol::Judged;
 use stillpoint_report::chart::{Chart, Series, Style};
 use stillpoint_report::page::Block;
 use stillpoint_report::themed;
 
-use super::super::charts::percent_curve;
+use super::super::charts::{percent_curve, up_to_gy};
 use super::super::outcome::Outcome;
 use super::super::request::Request;
 use super::shown;
@@ -14,48 +16,80 @@ use crate::exit::Failure;
 /// Number of the colour of prescriptions.
 const INK: usize = 6;
 
+/// Histograms in one drawing.
+pub struct Histograms<'a> {
+    /// Names of structures with their curves in lines; their order gives the colours.
+    pub lines: Vec<(&'a str, Vec<(f64, f64)>)>,
+    /// Names of structures with their curves in dashes.
+    pub dashes: Vec<(&'a str, Vec<(f64, f64)>)>,
+    /// Prescriptions of the case.
+    pub prescription: &'a [Prescription],
+    /// Limits, of which those on the histogram are drawn.
+    pub limits: &'a [Judged],
+}
+
 pub fn blocks(request: &Request, outcome: &Outcome<'_>) -> Result<Vec<Block>, Failure> {
     let planned = outcome.on_grid.histograms(&outcome.gray[0]);
     let shaped = outcome.leaves.as_ref().map(|leaves| outcome.on_grid.histograms(&leaves.gray));
-    let both = || planned.iter().chain(shaped.iter().flatten());
-    let up_to = 1.01 * both().map(|(_, dvh): &(_, Dvh)| dvh.max()).fold(1.0, f64::max);
-    let (mut series, mut colours) = (Vec::new(), Vec::new());
-    let mut add = |name: &str, points: Vec<(f64, f64)>, style: Style, colour: usize| {
-        series.push(Series { name: name.to_owned(), points, style });
-        colours.push(colour);
-    };
-    for (number, (structure, dvh)) in planned.iter().enumerate() {
-        add(&structure.name, percent_curve(dvh, up_to), Style::Line, number);
-    }
-    for (number, (_, dvh)) in shaped.iter().flatten().enumerate() {
-        add("", percent_curve(dvh, up_to), Style::Dashed, number);
-    }
-    for prescription in request.case.prescription() {
-        add("", vec![(prescription.dose_gy, 0.0), (prescription.dose_gy, 100.0)], Style::Dashed, INK);
-    }
+    let shaped = shaped.as_deref().unwrap_or_default();
+    let up_to = up_to_gy(planned.iter().chain(shaped).map(|(_, dvh)| dvh));
     let (_, _, limits) = shown(outcome);
-    let highest = request.case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
-    for limit in limits {
-        let Some(number) = planned.iter().position(|(s, _)| s.name == limit.structure) else { continue };
-        let own = request.case.prescription().iter().find(|p| p.structure == limit.structure);
-        let prescribed = own.map_or(highest, |p| p.dose_gy);
-        if let Some(point) = point(&limit.limit, prescribed).filter(|(dose, _)| *dose <= up_to) {
-            add("", vec![point], Style::Dots, number);
-        }
-    }
-    let chart = Chart {
-        title: String::new(),
-        x: "dose, Gy".to_owned(),
-        y: "volume with at least this dose, %".to_owned(),
-        series,
+    let histograms = Histograms {
+        lines: curves(&planned, up_to),
+        dashes: curves(shaped, up_to),
+        prescription: request.case.prescription(),
+        limits,
     };
-    let svg = chart.svg_with_legend_beside(960, 520, &colours).map_err(Failure::failed)?;
-    let dashed = if shaped.is_some() { "; dashed: the dose of the segments" } else { "" };
-    let caption = format!(
-        "Lines: the dose of the planned fluence{dashed}. Vertical dashes: prescriptions. Dots: limits of the protocol, in the \
-         colour of the structure."
-    );
-    Ok(vec![Block::Drawing(themed(&svg), caption)])
+    let dashed = if shaped.is_empty() { "" } else { "; dashed: the dose of the segments" };
+    Ok(vec![histograms.draw(&format!("Lines: the dose of the planned fluence{dashed}."))?])
+}
+
+fn curves<'a>(histograms: &[(&'a Structure, Dvh)], up_to: f64) -> Vec<(&'a str, Vec<(f64, f64)>)> {
+    histograms.iter().map(|(structure, dvh)| (&structure.name[..], percent_curve(dvh, up_to))).collect()
+}
+
+impl Histograms<'_> {
+    /// The drawing, with a caption that begins with these words.
+    pub fn draw(&self, words: &str) -> Result<Block, Failure> {
+        let both = || self.lines.iter().chain(&self.dashes);
+        let up_to = both().flat_map(|(_, points)| points).map(|(dose, _)| *dose).fold(1.0, f64::max);
+        let number = |name: &str| self.lines.iter().position(|(structure, _)| *structure == name);
+        let (mut series, mut colours) = (Vec::new(), Vec::new());
+        let mut add = |name: &str, points: Vec<(f64, f64)>, style: Style, colour: usize| {
+            series.push(Series { name: name.to_owned(), points, style });
+            colours.push(colour);
+        };
+        for (number, (name, points)) in self.lines.iter().enumerate() {
+            add(name, points.clone(), Style::Line, number);
+        }
+        for (name, points) in &self.dashes {
+            add("", points.clone(), Style::Dashed, number(name).unwrap_or(INK));
+        }
+        for prescription in self.prescription {
+            let dose = prescription.dose_gy;
+            add("", vec![(dose, 0.0), (dose, 100.0)], Style::Dashed, INK);
+        }
+        let highest = self.prescription.iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        for limit in self.limits {
+            let Some(number) = number(&limit.structure) else { continue };
+            let own = self.prescription.iter().find(|p| p.structure == limit.structure);
+            let prescribed = own.map_or(highest, |p| p.dose_gy);
+            if let Some(point) = point(&limit.limit, prescribed).filter(|(dose, _)| *dose <= up_to) {
+                add("", vec![point], Style::Dots, number);
+            }
+        }
+        let chart = Chart {
+            title: String::new(),
+            x: "dose, Gy".to_owned(),
+            y: "volume with at least this dose, %".to_owned(),
+            series,
+        };
+        let svg = chart.svg_with_legend_beside(960, 520, &colours).map_err(Failure::failed)?;
+        let caption = format!(
+            "{words} Vertical dashes: prescriptions. Dots: limits of the protocol, in the colour of the structure."
+        );
+        Ok(Block::Drawing(themed(&svg), caption))
+    }
 }
 
 /// Where a limit such as `V75Gy[%] <= 15` or `D95%[%] >= 95` lies in a histogram; nothing for other quantities.

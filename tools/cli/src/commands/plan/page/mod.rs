@@ -3,17 +3,19 @@
 //! - `slices`: the image with isodose lines; `eye`: fluence in beam's-eye view
 //! - `histogram`: planned and sequenced doses with prescriptions and limits
 //! - `beams`: angles, what each is worth, its fluence
+//! - `parts`: tables of limits and figures
 
 mod beams;
 mod eye;
-mod histogram;
+pub mod histogram;
+pub mod parts;
 mod slices;
 
 use serde_json::Value;
 use stillpoint_plan::evaluation::StructureDose;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_report::html;
-use stillpoint_report::page::{Block, Cell, Mood, Section, Table, Tile};
+use stillpoint_report::page::{Block, Section, Tile};
 use stillpoint_report::themed;
 
 use super::charts;
@@ -45,7 +47,8 @@ pub fn page(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result
     Ok(html::page(&format!("Plan of {name}"), &about, &sections))
 }
 
-fn section(id: &'static str, title: &'static str, blocks: Vec<Block>) -> Result<Section, Failure> {
+/// A section with these blocks.
+pub fn section(id: &'static str, title: &'static str, blocks: Vec<Block>) -> Result<Section, Failure> {
     let section = Section::new(id, title, &Value::Null).map_err(Failure::failed)?;
     Ok(blocks.into_iter().fold(section, Section::with))
 }
@@ -142,28 +145,11 @@ fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
         return section("limits", "Limits", vec![Block::Text(none.to_owned())]);
     };
     let caption = format!("Limits of the protocol {}", protocol.name);
-    let mut columns = vec!["structure", "limit", "planned"];
-    columns.extend(outcome.leaves.as_ref().map(|_| "segments"));
-    columns.extend(["result", "source"]);
-    let mut table = Table::new(caption, &columns);
-    let text = |value: Option<f64>| match value {
-        Some(value) if value < 10.0 => format!("{value:.2}"),
-        Some(value) => format!("{value:.1}"),
-        None => "-".to_owned(),
-    };
     let (_, _, shown) = shown(outcome);
-    for (planned, judged) in outcome.limits.iter().zip(shown) {
-        let result = match judged.passed {
-            Some(true) => Cell::State(Mood::Good, "pass".to_owned()),
-            Some(false) => Cell::State(Mood::Bad, "FAIL".to_owned()),
-            None => Cell::text("not in the case"),
-        };
-        let mut cells =
-            vec![Cell::text(&judged.structure), Cell::text(&judged.limit), Cell::number(text(planned.value))];
-        cells.extend(outcome.leaves.as_ref().map(|_| Cell::number(text(judged.value))));
-        cells.extend([result, Cell::text(&judged.source)]);
-        table.row(cells);
-    }
+    let of = |limits: &'_ [Judged]| limits.iter().cloned().map(Some).collect::<Vec<_>>();
+    let mut values = vec![("planned", of(&outcome.limits))];
+    values.extend(outcome.leaves.as_ref().map(|leaves| ("segments", of(&leaves.limits))));
+    let table = parts::limits(caption, &values, &[("result", of(shown))]);
     section("limits", "Limits", vec![Block::Table(table)])
 }
 
@@ -195,23 +181,8 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
 
 fn figures(outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let table = |caption: &str, figures: &[StructureDose]| {
-        let names =
-            ["structure", "cm3", "D98, Gy", "D95", "D50", "D2", "D0.03cc", "mean", "V95%", "HI", "CI"];
-        let mut table = Table::new(caption, &names);
-        for f in figures {
-            let doses = [f.volume_cm3, f.d98_gy, f.d95_gy, f.d50_gy, f.d2_gy, f.d003cc_gy, f.mean_gy];
-            let optional = |value: Option<f64>, digits: usize| {
-                Cell::number(value.map_or("-".to_owned(), |v| format!("{v:.digits$}")))
-            };
-            let target = [
-                optional(f.covered.map(|c| 100.0 * c), 1),
-                optional(f.homogeneity, 2),
-                optional(f.conformity, 2),
-            ];
-            let numbers = doses.into_iter().map(|dose| Cell::number(format!("{dose:.1}")));
-            table.row(std::iter::once(Cell::text(&f.name)).chain(numbers).chain(target));
-        }
-        Block::Table(table)
+        let rows = figures.iter().map(|f| (vec![f.name.clone()], f));
+        Block::Table(parts::figures(caption, &["structure"], rows))
     };
     let mut blocks = vec![table("Planned fluence", &outcome.figures)];
     blocks.extend(outcome.leaves.as_ref().map(|leaves| table("Segments", &leaves.figures)));

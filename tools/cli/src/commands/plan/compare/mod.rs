@@ -1,0 +1,101 @@
+//! `stillpoint plan compare`: two plans of one case side by side.
+//!
+//! - `told`: what is read of plan.json
+//! - `beside`: the rows of both plans
+//! - `page`: compare.html
+
+mod beside;
+mod page;
+mod told;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::page::parts::{value, word};
+use super::table;
+use crate::columns::{Columns, Side};
+use crate::exit::{Ended, Exit, Failure, print_json};
+use beside::Beside;
+pub use told::Histogram;
+use told::Told;
+
+/// Names of both plans in tables.
+const NAMES: [&str; 2] = ["A", "B"];
+
+/// Show two plans of one case side by side, as text and as a page: angles, objective, figures of structures, limits,
+/// histograms, monitor units. The figures are those of plan.json: of the dose of the segments where a plan has segments, of
+/// the planned fluence otherwise.
+#[derive(Args)]
+pub struct Compare {
+    /// The folder of the first plan, or its plan.json.
+    a: PathBuf,
+    /// The folder of the second plan, or its plan.json.
+    b: PathBuf,
+    /// The page to be written.
+    #[arg(long, value_name = "FILE", default_value = "compare.html")]
+    out: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Compare {
+    /// Executes the subcommand.
+    pub fn execute(&self) -> Ended {
+        let plans = [Told::read(&self.a)?, Told::read(&self.b)?];
+        let beside = Beside::new(&plans)?;
+        let page = page::page(&beside)?;
+        let fault = |e: &dyn std::fmt::Display| {
+            Failure::failed(format!("{}: {e}; give another file with --out", self.out.display()))
+        };
+        stillpoint_map::publish(&self.out, |file| std::io::Write::write_all(file, page.as_bytes()))
+            .map_err(|e| fault(&e))?;
+        if self.json {
+            let both = json!({
+                "case": plans[0].case(),
+                "same_objectives": beside.is_of_the_same_objectives(),
+                "plans": beside.to_json(),
+                "files": [&self.out],
+            });
+            print_json(&both)?;
+        } else {
+            print(&beside);
+            outln!("\n{}", self.out.display());
+        }
+        Ok(Exit::Done)
+    }
+}
+
+fn print(beside: &Beside<'_>) {
+    outln!("two plans of {}:\n", beside.plans[0].case().name);
+    let mut rows = Columns::new([(Side::Left, ""), (Side::Left, NAMES[0]), (Side::Left, NAMES[1])]);
+    for (name, values) in beside.rows() {
+        rows.row(std::iter::once(name).chain(values));
+    }
+    out!("{rows}");
+    for note in beside.notes() {
+        outln!("{note}");
+    }
+    outln!();
+    let volumes = beside.volumes_at_gy();
+    // One column, because a wide table repeats its first column alone.
+    let rows = beside.structures().map(|(names, figures)| (vec![names.join(", ")], figures));
+    out!("{}", table::of_structures(&["structure, plan"], rows, &volumes));
+    table::explain();
+    let [a, b] = beside.limits();
+    if a.is_empty() {
+        return;
+    }
+    let head = ["structure", "limit"].map(|name| (Side::Left, name));
+    let head = head.into_iter().chain(NAMES.map(|name| (Side::Right, name)));
+    let mut limits = Columns::new(head.chain(["result of A", "of B", "source"].map(|n| (Side::Left, n))));
+    for (a, b) in a.iter().zip(&b).map(|(a, b)| (a.as_ref(), b.as_ref())) {
+        let Some(limit) = a.or(b) else { continue };
+        let values = [value(a), value(b), word(a).to_owned(), word(b).to_owned()];
+        let names = [limit.structure.clone(), limit.limit.clone()];
+        limits.row(names.into_iter().chain(values).chain([limit.source.clone()]));
+    }
+    out!("\n{limits}");
+}
