@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use stillpoint_plan::beams::{price_beams, solve_beams};
+use stillpoint_plan::beams::{SOLVE_TOLERANCE, price_beams, solve_beams};
 use stillpoint_plan::case::Mask;
 use stillpoint_plan::dose::{Anatomy, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted};
@@ -118,7 +118,7 @@ fn probe() -> Result<Hash, String> {
     ];
     let goals = Goals::new(wanted, engine.rows()).map_err(|e| e.to_string())?;
     let beams: Vec<Setups<'_>> = rows.iter().map(|rows| rows.view().into()).collect();
-    let plan = solve_beams(&goals, &beams[..2], None).map_err(|e| e.to_string())?;
+    let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE).map_err(|e| e.to_string())?;
     let prices = price_beams(&goals, Some(&plan), &beams[2..]).map_err(|e| e.to_string())?;
     let doses: Vec<u8> =
         rows.iter().flat_map(|rows| rows.view().value).flat_map(|v| v.to_le_bytes()).collect();

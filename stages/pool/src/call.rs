@@ -1,7 +1,5 @@
 //! A call: what is asked, as canonical bytes, and its key.
 
-use stillpoint_plan::beams::SOLVE_OPTIONS;
-
 use crate::wire::{Reader, WireError, Writer};
 use crate::{Build, Hash};
 
@@ -84,9 +82,9 @@ impl Call {
         }
     }
 
-    /// A solve with the accuracy of a search.
-    pub fn solve(goals: Hash, beams: Vec<BeamDoses>, start: Option<Vec<f64>>) -> Self {
-        Self::Solve { goals, beams, start, tolerance: SOLVE_OPTIONS.tolerance }
+    /// A solve to this part of the optimum.
+    pub fn solve(goals: Hash, beams: Vec<BeamDoses>, start: Option<Vec<f64>>, tolerance: f64) -> Self {
+        Self::Solve { goals, beams, start, tolerance }
     }
 
     /// The key: SHA-256 of all that the answer depends on.

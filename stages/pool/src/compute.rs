@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use stillpoint_plan::Setups;
-use stillpoint_plan::beams::{SOLVE_OPTIONS, price_beams, solve_beams};
+use stillpoint_plan::beams::{checked_tolerance, price_beams, solve_beams};
 use stillpoint_plan::dose::{BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
@@ -49,14 +49,9 @@ impl Ready {
         match self {
             Self::Dose { engine, gantry_deg } => engine.beam_file(*gantry_deg).map_err(|e| e.to_string()),
             Self::Solve { goals, beams, start, tolerance } => {
-                if *tolerance != SOLVE_OPTIONS.tolerance {
-                    return Err(format!(
-                        "a tolerance of {tolerance} is not that of a search, {}",
-                        SOLVE_OPTIONS.tolerance
-                    ));
-                }
-                let plan =
-                    solve_beams(goals, &setups(beams)?, start.as_deref()).map_err(|e| e.to_string())?;
+                let tolerance = checked_tolerance(*tolerance).map_err(|e| e.to_string())?;
+                let plan = solve_beams(goals, &setups(beams)?, start.as_deref(), tolerance);
+                let plan = plan.map_err(|e| e.to_string())?;
                 Ok(answer::of_plan(&plan))
             }
             Self::Price { goals, beside, candidates } => {

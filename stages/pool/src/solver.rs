@@ -80,18 +80,24 @@ impl<'a, C: Courier> PoolSolver<'a, C> {
 }
 
 impl<C: Courier> Solver for PoolSolver<'_, C> {
-    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, GoalsError> {
         let ground = self.ground;
         let usable = sets.iter().all(|set| !set.beams().is_empty() && ground.holds(set.beams()));
         if sets.is_empty() || self.broken.is_some() || !usable {
-            return ground.local().solve(sets, near);
+            return ground.local().solve(sets, near, tolerance);
         }
         let columns: Vec<Vec<usize>> = sets.iter().map(|set| ground.columns(set)).collect();
         let call = |(set, columns): (&&BeamSet, &Vec<usize>)| {
-            Call::solve(ground.goals_hash, ground.of(set.beams()), start_weights(set, columns, near))
+            let start = start_weights(set, columns, near);
+            Call::solve(ground.goals_hash, ground.of(set.beams()), start, tolerance)
         };
         let calls: Vec<Call> = sets.iter().zip(&columns).map(call).collect();
-        let home = Solving { ground, sets, near, columns: &columns };
+        let home = Solving { ground, sets, near, tolerance, columns: &columns };
         match self.pool.call_all(&calls, &home) {
             Ok(answers) => {
                 let mut solved = Vec::new();
@@ -99,7 +105,7 @@ impl<C: Courier> Solver for PoolSolver<'_, C> {
                     match home.plan(place, bytes) {
                         Ok(plan) => solved.push(Evaluated::new(sets[place], &columns[place], plan)),
                         // An answer is checked before it is given out; so this is one of this process.
-                        Err(_) => return ground.local().solve(sets, near),
+                        Err(_) => return ground.local().solve(sets, near, tolerance),
                     }
                 }
                 Ok(solved)
@@ -107,7 +113,7 @@ impl<C: Courier> Solver for PoolSolver<'_, C> {
             // This process finds the same fault of the problem, or goes on without the pool.
             Err(reason) => {
                 self.broken = Some(reason);
-                ground.local().solve(sets, near)
+                ground.local().solve(sets, near, tolerance)
             }
         }
     }
@@ -146,6 +152,7 @@ struct Solving<'a> {
     ground: &'a PoolGround<'a>,
     sets: &'a [&'a BeamSet],
     near: Option<&'a Evaluated>,
+    tolerance: f64,
     columns: &'a [Vec<usize>],
 }
 
@@ -166,7 +173,8 @@ impl Home for Solving<'_> {
     }
 
     fn compute(&self, call: usize) -> Result<Vec<u8>, String> {
-        let solved = self.ground.local().solve(&[self.sets[call]], self.near).map_err(|e| e.to_string())?;
+        let solved = self.ground.local().solve(&[self.sets[call]], self.near, self.tolerance);
+        let solved = solved.map_err(|e| e.to_string())?;
         solved.first().map(|solved| answer::of_plan(&solved.plan)).ok_or_else(|| "no plan".to_owned())
     }
 }

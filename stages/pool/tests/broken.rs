@@ -23,7 +23,7 @@ impl Inside for Nothing {
 
 fn call() -> Call {
     let hash = Hash::of(b"dose");
-    Call::solve(Hash::of(b"goals"), vec![vec![hash, hash], vec![hash, hash]], Some(vec![1.0, 0.5]))
+    Call::solve(Hash::of(b"goals"), vec![vec![hash, hash], vec![hash, hash]], Some(vec![1.0, 0.5]), 1e-6)
 }
 
 fn messages() -> Vec<Vec<u8>> {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::ring::{BeamSet, Ring};
-use super::solver::{Local, Solver};
+use super::solver::{Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
 use crate::dose::CachedBeam;
 use crate::fluence::{Goals, GoalsError, Plan};
 use crate::{Rows, Setups};
@@ -97,6 +97,8 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     /// Solves after which the search pauses, whatever its budget.
     pause: usize,
     threads: NonZeroUsize,
+    /// To which part of its optimum each set is solved.
+    tolerance: f64,
     /// Where sets are solved, if not on threads of this process.
     elsewhere: Option<&'a mut dyn Solver>,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
@@ -118,6 +120,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             budget,
             pause: usize::MAX,
             threads: NonZeroUsize::MIN,
+            tolerance: SOLVE_TOLERANCE,
             elsewhere: None,
             cache: BTreeMap::new(),
             memo: Memo::default(),
@@ -135,6 +138,15 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         self
     }
 
+    /// Solves each set to this part of its optimum instead of [`SOLVE_TOLERANCE`], for searches that only scout.
+    ///
+    /// # Errors
+    /// The tolerance is not above 0 and at most 1e-3.
+    pub fn with_tolerance(mut self, tolerance: f64) -> Result<Self, ToleranceError> {
+        self.tolerance = checked_tolerance(tolerance)?;
+        Ok(self)
+    }
+
     /// Solves and prices by this solver instead of on threads of this process. The results are the same.
     #[must_use]
     pub fn with_solver(mut self, solver: &'a mut dyn Solver) -> Self {
@@ -142,7 +154,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         self
     }
 
-    /// Takes what earlier runs with the same doses and goals solved; it counts as solved and priced when it is asked for.
+    /// Takes what earlier runs with the same doses, goals and tolerance solved; it counts as solved and priced when it is asked for.
     #[must_use]
     pub fn with_memo(mut self, memo: Memo) -> Self {
         self.memo = memo;
@@ -247,8 +259,8 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
 
     fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
         match &mut self.elsewhere {
-            Some(solver) => solver.solve(sets, near),
-            None => self.local().solve(sets, near),
+            Some(solver) => solver.solve(sets, near, self.tolerance),
+            None => self.local().solve(sets, near, self.tolerance),
         }
     }
 

@@ -56,4 +56,7 @@ pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};
 pub use search::{BeamGame, SearchOptions};
-pub use solver::{Local, SOLVE_OPTIONS, Solver, price_beams, solve_beams, start_weights};
+pub use solver::{
+    COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance, price_beams, solve_beams,
+    start_weights,
+};

@@ -2,6 +2,8 @@
 
 use std::num::NonZeroUsize;
 
+use thiserror::Error;
+
 use super::evaluator::{Evaluated, Influence};
 use super::price::{Slopes, promise};
 use super::ring::BeamSet;
@@ -9,18 +11,40 @@ use crate::Setups;
 use crate::fluence::{Goals, GoalsError, Options, Plan, solve_plan};
 use crate::threads::on_threads;
 
-/// Accuracy of the solve of a set: a thousandth of what counts as a solve.
-pub const SOLVE_OPTIONS: Options = Options { tolerance: 1e-6, ..Options::DEFAULT };
+/// Accuracy of the solve of a set, unless another is asked for: a thousandth of what counts as a solve.
+pub const SOLVE_TOLERANCE: f64 = 1e-6;
+
+/// Coarsest accuracy that counts as a solve.
+pub const COARSEST_TOLERANCE: f64 = 1e-3;
+
+/// A tolerance that no solve can have.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+#[error("a tolerance of {0} is not above 0 and at most {COARSEST_TOLERANCE}, the coarsest that counts as a solve")]
+pub struct ToleranceError(pub f64);
+
+/// The tolerance, if it can be that of a solve.
+///
+/// # Errors
+/// It is not above 0 and at most [`COARSEST_TOLERANCE`].
+pub fn checked_tolerance(tolerance: f64) -> Result<f64, ToleranceError> {
+    if tolerance > 0.0 && tolerance <= COARSEST_TOLERANCE { Ok(tolerance) } else { Err(ToleranceError(tolerance)) }
+}
 
 /// Solves sets and prices beams for an [`super::Evaluator`].
 ///
 /// The results are pure functions of goals, dose matrices and arguments: every solver gives the same bits as [`Local`].
 pub trait Solver {
-    /// The best fluence of each set, in the order of the sets, found from that of a neighbouring set where one is given.
+    /// The best fluence of each set to this part of its optimum, in the order of the sets, found from that of a neighbouring
+    /// set where one is given.
     ///
     /// # Errors
     /// The goals and matrices make no problem.
-    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError>;
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, GoalsError>;
 
     /// The price of each candidate beside a solved set, or beside no beam.
     ///
@@ -41,12 +65,18 @@ pub struct Local<'a, I: Influence + ?Sized> {
 }
 
 impl<I: Influence + ?Sized> Solver for Local<'_, I> {
-    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, GoalsError> {
         let (influence, goals) = (self.influence, self.goals);
         on_threads(sets, self.threads, |set| {
             let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
             let columns: Vec<usize> = matrices.iter().map(Setups::columns).collect();
-            let plan = solve_beams(goals, &matrices, start_weights(set, &columns, near).as_deref())?;
+            let start = start_weights(set, &columns, near);
+            let plan = solve_beams(goals, &matrices, start.as_deref(), tolerance)?;
             Ok(Evaluated::new(set, &columns, plan))
         })
     }
@@ -60,7 +90,7 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
     }
 }
 
-/// The best fluence of these beams, from weights of their bixels where there are some.
+/// The best fluence of these beams to this part of their optimum, from weights of their bixels where there are some.
 ///
 /// # Errors
 /// The goals and matrices make no problem.
@@ -68,8 +98,10 @@ pub fn solve_beams(
     goals: &Goals,
     matrices: &[Setups<'_>],
     start: Option<&[f64]>,
+    tolerance: f64,
 ) -> Result<Plan, GoalsError> {
-    Ok(solve_plan(&goals.problem(matrices)?, start, SOLVE_OPTIONS)?)
+    let options = Options { tolerance, ..Options::DEFAULT };
+    Ok(solve_plan(&goals.problem(matrices)?, start, options)?)
 }
 
 /// The price of each of these beams beside a plan, or beside no beam.
@@ -103,7 +135,7 @@ pub fn start_weights(set: &BeamSet, columns: &[usize], near: Option<&Evaluated>)
 fn slopes_beside(goals: &Goals, beside: Option<&Plan>) -> Result<Slopes, GoalsError> {
     match beside {
         Some(plan) => Ok(Slopes::new(goals, plan)),
-        None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None)?)),
+        None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None, SOLVE_TOLERANCE)?)),
     }
 }
 

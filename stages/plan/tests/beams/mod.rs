@@ -6,10 +6,10 @@ use std::num::NonZeroUsize;
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use stillpoint_plan::beams::{
-    BeamGame, Budget, Choice, Evaluator, Memo, Method, Prior, Progress, Ring, SearchOptions, Stop, choose,
-    class_solution, random_set, rotations,
+    BeamGame, BeamSet, Budget, Choice, Evaluated, Evaluator, Local, Memo, Method, Prior, Progress, Ring,
+    SOLVE_TOLERANCE, SearchOptions, Solver, Stop, choose, class_solution, random_set, rotations,
 };
-use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, GoalsError, Objective, Wanted};
 use stillpoint_plan::{Csc, Rows};
 
 const SIDE: usize = 21;
@@ -73,6 +73,52 @@ fn disc() -> (Vec<Rows>, Goals) {
     )
     .unwrap();
     ((0..90).map(beam).collect(), goals)
+}
+
+/// The threads of this process; it keeps the tolerances that it is asked for.
+struct Noted<'a> {
+    local: Local<'a, [Rows]>,
+    tolerances: Vec<f64>,
+}
+
+impl Solver for Noted<'_> {
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, GoalsError> {
+        self.tolerances.push(tolerance);
+        self.local.solve(sets, near, tolerance)
+    }
+
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError> {
+        self.local.price(beside, candidates)
+    }
+}
+
+#[test]
+fn an_evaluator_solves_to_the_tolerance_that_it_is_given_and_to_none_that_is_no_solve() {
+    let (matrices, goals) = disc();
+    let set = ring().set(&[0, 18, 36, 54, 72]).unwrap();
+    for tolerance in [None, Some(1e-3), Some(1e-9)] {
+        let local = Local { influence: &matrices[..], goals: &goals, threads: NonZeroUsize::MIN };
+        let mut noted = Noted { local, tolerances: Vec::new() };
+        let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 1 });
+        let mut evaluator = evaluator.with_solver(&mut noted);
+        if let Some(tolerance) = tolerance {
+            evaluator = evaluator.with_tolerance(tolerance).unwrap();
+        }
+        let solved = evaluator.evaluate(&set, None).unwrap();
+        drop(evaluator);
+        let wanted = tolerance.unwrap_or(SOLVE_TOLERANCE);
+        assert_eq!(noted.tolerances, [wanted]);
+        assert!(solved.plan.certificate.excess <= wanted * solved.cost, "{wanted}: {:?}", solved.plan.certificate);
+    }
+    for tolerance in [0.0, -1e-6, 2e-3, f64::NAN, f64::INFINITY] {
+        let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 1 });
+        assert!(evaluator.with_tolerance(tolerance).is_err(), "{tolerance}");
+    }
 }
 
 fn methods() -> Vec<Method> {
