@@ -70,7 +70,10 @@ mod tests {
         (bixels_mm, weights)
     }
 
-    fn delivered(ready: &Ready, beams: &[(f64, Vec<[f64; 2]>, Vec<f64>)], bins: &[Bin]) -> Vec<f32> {
+    /// Gantry angle, centres of bixels, and their weights.
+    type Fluence = (f64, Vec<[f64; 2]>, Vec<f64>);
+
+    fn delivered(ready: &Ready, beams: &[Fluence], bins: &[Bin]) -> Vec<f32> {
         let beams: Vec<WeightedBeam<'_>> = beams
             .iter()
             .map(|(gantry_deg, bixels_mm, weights)| WeightedBeam {

@@ -2,12 +2,15 @@
 
 use std::fmt::Write;
 
+/// Centres of bixels (x, z, mm), and their weights.
+type Map<'a> = (&'a [[f64; 2]], &'a [f64]);
+
 /// Bixels by centre (x, z, mm) with their weights, those of the plan beside those of the segments.
 pub struct Eye<'a> {
     /// As planned.
-    pub planned: (&'a [[f64; 2]], &'a [f64]),
+    pub planned: Map<'a>,
     /// Of the segments.
-    pub shaped: Option<(&'a [[f64; 2]], &'a [f64])>,
+    pub shaped: Option<Map<'a>>,
     /// Width of a bixel, mm.
     pub width_mm: f64,
     /// Weight that is drawn darkest.
@@ -23,7 +26,7 @@ pub fn draw(eye: &Eye<'_>) -> String {
     };
     let (left, right, low, high) = (-end(0, -1.0), end(0, 1.0), -end(1, -1.0), end(1, 1.0));
     let (wide, tall, head, gap) = (right - left, high - low, 12.0, 12.0);
-    let maps: Vec<(&str, (&[[f64; 2]], &[f64]))> = std::iter::once(("planned", eye.planned))
+    let maps: Vec<(&str, Map<'_>)> = std::iter::once(("planned", eye.planned))
         .chain(eye.shaped.map(|shaped| ("segments", shaped)))
         .collect();
     let width = maps.len() as f64 * (wide + gap) - gap;
