@@ -154,7 +154,8 @@ impl Plans {
             for &bixel_mm in &self.bixels {
                 for &beams in &self.beams {
                     let plan = Planned::new(&case, table, (beams, bixel_mm), self.threads);
-                    let loss = plan.and_then(|plan| Loss::of(&name, &case, &plan)).map_err(Failure::failed)?;
+                    let loss =
+                        plan.and_then(|plan| Loss::of(&name, &case, &plan)).map_err(Failure::failed)?;
                     if !self.json {
                         outln!("{}", loss.line());
                     }

@@ -57,6 +57,6 @@ pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};
 pub use search::{BeamGame, SearchOptions};
 pub use solver::{
-    COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance, price_beams, solve_beams,
-    start_weights,
+    COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance, price_beams,
+    solve_beams, start_weights,
 };

@@ -19,7 +19,9 @@ pub const COARSEST_TOLERANCE: f64 = 1e-3;
 
 /// A tolerance that no solve can have.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
-#[error("a tolerance of {0} is not above 0 and at most {COARSEST_TOLERANCE}, the coarsest that counts as a solve")]
+#[error(
+    "a tolerance of {0} is not above 0 and at most {COARSEST_TOLERANCE}, the coarsest that counts as a solve"
+)]
 pub struct ToleranceError(pub f64);
 
 /// The tolerance, if it can be that of a solve.
@@ -27,7 +29,11 @@ pub struct ToleranceError(pub f64);
 /// # Errors
 /// It is not above 0 and at most [`COARSEST_TOLERANCE`].
 pub fn checked_tolerance(tolerance: f64) -> Result<f64, ToleranceError> {
-    if tolerance > 0.0 && tolerance <= COARSEST_TOLERANCE { Ok(tolerance) } else { Err(ToleranceError(tolerance)) }
+    if tolerance > 0.0 && tolerance <= COARSEST_TOLERANCE {
+        Ok(tolerance)
+    } else {
+        Err(ToleranceError(tolerance))
+    }
 }
 
 /// Solves sets and prices beams for an [`super::Evaluator`].

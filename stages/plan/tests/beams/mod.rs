@@ -113,7 +113,11 @@ fn an_evaluator_solves_to_the_tolerance_that_it_is_given_and_to_none_that_is_no_
         drop(evaluator);
         let wanted = tolerance.unwrap_or(SOLVE_TOLERANCE);
         assert_eq!(noted.tolerances, [wanted]);
-        assert!(solved.plan.certificate.excess <= wanted * solved.cost, "{wanted}: {:?}", solved.plan.certificate);
+        assert!(
+            solved.plan.certificate.excess <= wanted * solved.cost,
+            "{wanted}: {:?}",
+            solved.plan.certificate
+        );
     }
     for tolerance in [0.0, -1e-6, 2e-3, f64::NAN, f64::INFINITY] {
         let evaluator = Evaluator::new(&matrices[..], &goals, ring(), BEAMS, Budget { solves: 1 });

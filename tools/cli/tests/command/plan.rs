@@ -264,7 +264,10 @@ fn two_plans_stand_beside_each_other_and_others_are_refused(folder: &Path, a: &V
     let told: Value = serde_json::from_slice(&out.stdout).unwrap();
     assert_eq!((&told["case"]["hash"], &told["same_objectives"]), (&a["case"]["hash"], &Value::from(true)));
     let [of_a, of_b] = [&told["plans"][0], &told["plans"][1]];
-    assert_eq!(of_a["structures"], a["leaves"]["structures"], "figures of the segments, where there are some");
+    assert_eq!(
+        of_a["structures"], a["leaves"]["structures"],
+        "figures of the segments, where there are some"
+    );
     assert_eq!(of_a["monitor_units"], a["leaves"]["monitor_units"]);
     assert_eq!((&of_b["structures"], &of_b["segments"]), (&b["structures"], &Value::Null));
     assert_eq!(of_b["angles_deg"][0], 356.0);

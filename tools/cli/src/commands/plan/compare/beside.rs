@@ -33,7 +33,8 @@ impl<'a> Beside<'a> {
         }
         let doses = |s: &StructureDose| s.volumes.iter().map(|v| v.dose_gy).collect::<Vec<_>>();
         let first = a.shown().structures.first().map(doses);
-        if let Some(odd) = plans.iter().find(|p| p.shown().structures.iter().any(|s| Some(doses(s)) != first)) {
+        if let Some(odd) = plans.iter().find(|p| p.shown().structures.iter().any(|s| Some(doses(s)) != first))
+        {
             let path = odd.path.display();
             return Err(Failure::wrong(format!(
                 "{path}: its volumes are not at the doses of {}; plan the case again",
@@ -77,14 +78,17 @@ impl<'a> Beside<'a> {
         row("method", &|p| p.file.method.clone());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
         row("grid of the dose, mm", &|p| format!("{:.2}", p.file.dose.grid.spacing_mm[0]));
-        row("figures of", &|p| if p.file.leaves.is_some() { "segments" } else { "planned fluence" }.to_owned());
+        row("figures of", &|p| {
+            if p.file.leaves.is_some() { "segments" } else { "planned fluence" }.to_owned()
+        });
         row("objective of the fluence", &|p| format!("{:.4}", p.file.objective));
         let leaves = |p: &'a Told| p.file.leaves.as_ref();
         if self.plans.iter().any(|p| leaves(p).is_some()) {
             let of = |p: &Told, text: &dyn Fn(&super::told::Leaves) -> String| {
                 p.file.leaves.as_ref().map_or("-".to_owned(), text)
             };
-            let objective = |l: &super::told::Leaves| format!("{:.4} (+{:.1} %)", l.objective, 100.0 * l.loss);
+            let objective =
+                |l: &super::told::Leaves| format!("{:.4} (+{:.1} %)", l.objective, 100.0 * l.loss);
             row("objective of the segments", &|p| of(p, &objective));
             row("segments", &|p| of(p, &|l| l.segments.to_string()));
             row("monitor units a fraction", &|p| of(p, &|l| format!("{:.0}", l.monitor_units)));

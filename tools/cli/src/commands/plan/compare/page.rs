@@ -37,7 +37,11 @@ pub fn page(beside: &Beside<'_>) -> Result<String, Failure> {
     let figures = parts::figures("Figures by structure", &["structure", "plan"], rows);
     let sections = [
         section("plans", "Plans", summary)?,
-        section("dvh", "Dose-volume histograms", vec![histograms.draw("Lines: plan A. Dashed lines: plan B.")?])?,
+        section(
+            "dvh",
+            "Dose-volume histograms",
+            vec![histograms.draw("Lines: plan A. Dashed lines: plan B.")?],
+        )?,
         section("limits", "Limits", vec![limits])?,
         section("figures", "Figures", vec![Block::Table(figures)])?,
     ];

@@ -149,10 +149,14 @@ impl Told {
             .map_err(|e| fault(&format!("this is no plan.json of `stillpoint plan`: {e}")))?;
         let told = Self { file, path: path.clone() };
         if told.file.prescription.is_empty() {
-            return Err(fault(&"the plan has no prescription; import its case with --prescribe and plan it again"));
+            return Err(fault(
+                &"the plan has no prescription; import its case with --prescribe and plan it again",
+            ));
         }
         if told.shown().histograms.is_empty() {
-            return Err(fault(&"the plan has no histograms; an older build wrote it, so plan the case again"));
+            return Err(fault(
+                &"the plan has no histograms; an older build wrote it, so plan the case again",
+            ));
         }
         Ok(told)
     }
