@@ -158,6 +158,8 @@ const fn stage(
         },
         validate: |_| Ok(()),
         validate_period: |_, _| Ok(()),
+        check_files: |_, _| Ok(()),
+        cut_files: |_, _| Ok(std::collections::BTreeMap::new()),
         // A graph lays the sample out as its producer does.
         capacities: |_| vec![1, METRICS],
         build: |_, setup| Ok::<_, SetupError>(Box::new(FarEnd::new(setup))),

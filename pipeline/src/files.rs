@@ -1,12 +1,12 @@
 //! The files that parameters name, as they were when a run began.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use stillpoint_operator::files::{DiskFiles, FilePlace, Files, listed};
 
-use crate::graph::Graph;
+use crate::graph::{Graph, OperatorNode};
 
 /// Where the bytes of a file are.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -38,16 +38,17 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// The files that a graph names, where they are.
+    /// The files that a graph names, where they are; of those that its operators read in part, that part.
     pub fn of(graph: &Graph, disk: &DiskFiles) -> Result<Self, FileError> {
         let mut files = BTreeMap::new();
+        let mut parts = parts(graph, disk)?;
         for name in graph.files() {
             for file in disk.list(name).map_err(|e| FileError::new(name, &e))? {
-                let place = match disk.place(&file) {
-                    FilePlace::Memory(bytes) => Place::Here(bytes),
-                    FilePlace::Disk(path) => Place::Disk(path),
+                let place = match (parts.remove(&file), disk.place(&file)) {
+                    (Some(bytes), _) | (None, FilePlace::Memory(bytes)) => Place::Here(bytes),
+                    (None, FilePlace::Disk(path)) => Place::Disk(path),
                 };
-                files.insert(file, place);
+                files.entry(file).or_insert(place);
             }
         }
         Ok(Self { files })
@@ -68,6 +69,40 @@ impl Snapshot {
         }
         Ok(Self { files })
     }
+}
+
+/// The files of which the operators of a graph read a part alone, with that part.
+fn parts(graph: &Graph, disk: &DiskFiles) -> Result<BTreeMap<String, Vec<u8>>, FileError> {
+    // The hosts of a pipeline compare their files, and each knows the operators of its own part alone.
+    if graph.part.is_some() {
+        return Ok(BTreeMap::new());
+    }
+    let mut by_kind = BTreeMap::<&str, Vec<&OperatorNode>>::new();
+    for node in graph.operators.iter().filter(|node| !node.files.is_empty()) {
+        by_kind.entry(node.stage.kind.name).or_default().push(node);
+    }
+    let (mut parts, mut whole) = (BTreeMap::new(), BTreeSet::new());
+    let mut named: Vec<(&String, &str)> = Vec::new();
+    for (kind, nodes) in by_kind {
+        let params: Vec<_> = nodes.iter().map(|node| &node.params).collect();
+        let cut =
+            (nodes[0].stage.cut_files)(&params, disk).map_err(|e| FileError::new(&nodes[0].name, &e))?;
+        named.extend(nodes.iter().flat_map(|node| &node.files).map(|name| (name, kind)));
+        parts.extend(cut.into_iter().map(|(file, bytes)| (file, (kind, bytes))));
+    }
+    // What another kind names, too, it reads whole.
+    for (name, kind) in named {
+        for file in disk.list(name).map_err(|e| FileError::new(name, &e))? {
+            if parts.get(&file).is_some_and(|(of, _)| *of != kind) {
+                whole.insert(file);
+            }
+        }
+    }
+    Ok(parts
+        .into_iter()
+        .filter(|(file, _)| !whole.contains(file))
+        .map(|(f, (_, bytes))| (f, bytes))
+        .collect())
 }
 
 impl Files for Snapshot {

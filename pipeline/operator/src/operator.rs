@@ -1,7 +1,10 @@
 //! The operator: a deterministic step machine.
 
+use std::collections::BTreeMap;
+
 use crate::activation::Activation;
 use crate::error::{ParamConflict, SetupError, StepError};
+use crate::files::Files;
 use crate::kind::Kind;
 use crate::outputs::Outputs;
 use crate::params::Params;
@@ -29,6 +32,21 @@ pub trait Operator: Sized + Send + 'static {
     /// Refuses parameters that do not go together with the period of the operator's timer, ns.
     fn validate_period(_params: &Self::Params, _every: u64) -> Result<(), ParamConflict> {
         Ok(())
+    }
+
+    /// Refuses parameters that do not fit the files that they name. The checker says it with the place, before a run and
+    /// without making the operator.
+    fn check_files(_params: &Self::Params, _files: &dyn Files) -> Result<(), ParamConflict> {
+        Ok(())
+    }
+
+    /// The files of which a run and its session keep a part, with that part. `params` are those of all operators of this
+    /// kind. [`new`](Operator::new) must read the same from a part as from the whole.
+    fn cut_files(
+        _params: &[&Self::Params],
+        _files: &dyn Files,
+    ) -> Result<BTreeMap<String, Vec<u8>>, SetupError> {
+        Ok(BTreeMap::new())
     }
 
     /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.

@@ -1,9 +1,11 @@
 //! The list of the kinds of operators that a build knows: what checker and executors need, without the types.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::error::{ParamConflict, SetupError};
+use crate::files::Files;
 use crate::kind::{Kind, check_names};
 use crate::operator::{ErasedOperator, Operator};
 use crate::params::{CheckedParams, ParamField, ParamReader, Params};
@@ -11,6 +13,9 @@ use crate::setup::Setup;
 
 /// Makes an operator from its checked parameters.
 pub type Build = fn(&CheckedParams, &Setup<'_>) -> Result<Box<dyn ErasedOperator>, SetupError>;
+
+/// Gives the files of which a run keeps a part, with that part.
+pub type CutFiles = fn(&[&CheckedParams], &dyn Files) -> Result<BTreeMap<String, Vec<u8>>, SetupError>;
 
 /// A kind of operator in a family's list: what checker and executors need, without its type.
 #[derive(Clone, Copy)]
@@ -27,6 +32,10 @@ pub struct Stage {
     pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
     /// Refuses parameters that do not go together with the period of the timer, ns.
     pub validate_period: fn(&CheckedParams, u64) -> Result<(), ParamConflict>,
+    /// Refuses parameters that do not fit the files that they name.
+    pub check_files: fn(&CheckedParams, &dyn Files) -> Result<(), ParamConflict>,
+    /// The files of which a run keeps a part, with that part, by the parameters of all operators of the kind.
+    pub cut_files: CutFiles,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// Makes the operator.
@@ -48,6 +57,13 @@ impl Stage {
             validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
             validate_period: |checked, every| {
                 typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate_period(&params, every))
+            },
+            check_files: |checked, files| {
+                typed::<T>(&checked.value).map_or(Ok(()), |params| T::check_files(&params, files))
+            },
+            cut_files: |checked, files| {
+                let params: Vec<T::Params> = checked.iter().filter_map(|c| typed::<T>(&c.value)).collect();
+                T::cut_files(&params.iter().collect::<Vec<_>>(), files)
             },
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
             build: |checked, setup| {
@@ -71,7 +87,7 @@ fn typed<T: Operator>(value: &Arc<dyn Any + Send + Sync>) -> Option<T::Params> {
 /// All kinds of operators that a build knows, by name.
 #[derive(Clone, Default)]
 pub struct Registry {
-    stages: std::collections::BTreeMap<&'static str, Stage>,
+    stages: BTreeMap<&'static str, Stage>,
 }
 
 impl Registry {

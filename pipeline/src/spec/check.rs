@@ -133,7 +133,8 @@ fn params(
         (stage.read)(&mut ParamReader::new(entries, stage.kind.name, place, findings, files, named))?;
     let every = parsed.every.as_ref().map(|every| every.value);
     let fits = |()| every.map_or(Ok(()), |every| (stage.validate_period)(&params, every));
-    if let Err(conflict) = (stage.validate)(&params).and_then(fits) {
+    let opens = |()| (stage.check_files)(&params, files);
+    if let Err(conflict) = (stage.validate)(&params).and_then(fits).and_then(opens) {
         let given =
             |name: &&str| entries.iter().find(|e| e.key.value == *name).map(|e| changed_last(&e.value));
         let place = conflict.params.iter().filter_map(given).rev().max_by_key(|p| p.source).unwrap_or(place);

@@ -6,14 +6,20 @@
 //! - [`pcd`]: point cloud files, ascii, binary and compressed.
 //! - [`depth`]: 16-bit depth images and their deprojection.
 //! - [`grey`]: 8-bit grey images.
-//! - [`point_cloud2`]: clouds as ROS 2 records them.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.grey` and `ingest.mcap`. The other modules know nothing of
-//!   pipelines.
+//! - [`ply`]: the vertices of PLY files.
+//! - [`point_cloud2`], [`depth_message`], [`camera_info`]: clouds, depth images and cameras as ROS 2 records them.
+//! - [`bag`]: recordings of ROS 2, and which of their messages are read.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey` and `ingest.mcap`. The other modules know
+//!   nothing of pipelines.
 
+pub mod bag;
+pub mod camera_info;
 pub mod depth;
+pub mod depth_message;
 pub mod grey;
 pub mod operators;
 pub mod pcd;
+pub mod ply;
 pub mod point_cloud2;
 
 use stillpoint_operator::Stage;
@@ -25,6 +31,7 @@ pub const INVALID_POINT: [f32; 3] = [f32::from_bits(0x7fc0_0000); 3];
 pub const STAGES: &[Stage] = &[
     Stage::of::<operators::IngestDepth>(),
     Stage::of::<operators::IngestPcd>(),
+    Stage::of::<operators::IngestPly>(),
     Stage::of::<operators::IngestGrey>(),
     Stage::of::<operators::IngestMcap>(),
 ];

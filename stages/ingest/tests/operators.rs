@@ -171,7 +171,7 @@ fn a_recording_without_the_topic_names_those_that_it_has() {
     let files = files(&[("r.mcap", recording(&[("/cam", 1, message(&[]))])), ("s.mcap", vec![1; 90])]);
     let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /points } }";
     let error = refused(it, &files);
-    assert!(error.contains("r.mcap: it has no clouds on /points, but on /cam"), "{error}");
+    assert!(error.contains("r.mcap: it has no messages on /points, but on /cam"), "{error}");
     assert!(refused(&it.replace("r.mcap", "s.mcap"), &files).contains("s.mcap: "));
 }
 
@@ -182,7 +182,7 @@ fn a_broken_message_is_named_by_its_number() {
     let files = files(&[("r.mcap", recording(&[("/cam", 2, cut), ("/cam", 1, message(&[]))]))]);
     let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /cam } }";
     let error = refused(it, &files);
-    assert!(error.contains("r.mcap: cloud 2 by time: it ends at byte 60"), "{error}");
+    assert!(error.contains("r.mcap: message 2 by time: it ends at byte 60"), "{error}");
 }
 
 fn port() -> Bench {

@@ -22,7 +22,7 @@ impl Rejection {
     #[must_use]
     pub fn code(&self) -> u32 {
         match self {
-            Self::TooFewVoxels { .. } => 1,
+            Self::TooFewVoxels { .. } | Self::OutOfRange { .. } => 1,
             Self::NoPlane { .. } => 2,
             Self::NoCluster { .. } => 3,
             Self::NoHead { .. } => 4,
@@ -38,6 +38,7 @@ impl Rejection {
             | Self::NoPlane { found, needed }
             | Self::NoCluster { above: found, needed }
             | Self::NoHead { above: found, needed } => (found as f64, needed as f64),
+            Self::OutOfRange { needed, .. } => (0.0, needed as f64),
             Self::Uncertain { best } => (best.certainty(), ENOUGH),
             Self::Ambiguous { .. } => (2.0, 1.0),
         }

@@ -51,7 +51,7 @@ pub mod table;
 pub mod voxel;
 
 pub use cloud::Cloud;
-pub use face::{FaceParams, FaceSegmenter, Rejection, Rule, Seen, SegmentationStep};
+pub use face::{Advice, FaceParams, FaceSegmenter, Rejection, Rule, Seen, SegmentationStep};
 pub use plane::Plane;
 
 use stillpoint_operator::Stage;

@@ -80,7 +80,23 @@ fn empty_and_invalid_frames_have_too_few_voxels() {
     let refusal = Err(Rejection::TooFewVoxels { found: 0, needed: 100 });
     assert_eq!(segmenter.segment(loose(&[]), &mut rng()).face, refusal);
     assert_eq!(segmenter.segment(loose(&[[f32::NAN; 3]; 1000]), &mut rng()).face, refusal);
-    assert_eq!(segmenter.segment(loose(&[[0.0, 0.0, 9.0]; 1000]), &mut rng()).face, refusal);
+}
+
+#[test]
+fn a_frame_beyond_the_range_says_how_far_it_is_and_whether_it_may_be_in_millimetres() {
+    let mut segmenter = FaceSegmenter::new(params()).unwrap();
+    let mut said = |z: f32| {
+        let rejection = segmenter.segment(loose(&[[0.0, 0.0, z]; 1000]), &mut rng()).face.unwrap_err();
+        assert_eq!(rejection.code(), 1);
+        let text = rejection.to_string();
+        // The sample of a rejection has 96 bytes for it.
+        assert!(text.len() <= 96, "{text}");
+        text
+    };
+    let far = said(9.0);
+    assert!(far.ends_with("the nearest point is at 9.0 m: raise `range_max`"), "{far}");
+    let unit = said(430.0);
+    assert!(unit.ends_with("the nearest point is at 430.0 m: are these millimetres?"), "{unit}");
 }
 
 #[test]

@@ -3,9 +3,12 @@
 //! - `depth`: `ingest.depth`, depth images to clouds
 //! - `pcd`: `ingest.pcd`, point cloud files to clouds
 //! - `grey`: `ingest.grey`, image files to grey images
-//! - `mcap`: `ingest.mcap`, the clouds of an MCAP recording
+//! - `ply`: `ingest.ply`, the vertices of PLY files to clouds
+//! - `mcap`: `ingest.mcap`, the clouds or depth images of an MCAP recording
 //! - `files`: the files of a recording, named by a parameter
 //! - `turn`: which of a recording's frames is next
+//! - `playback`: when a message of a recording is sent
+//! - `unit`: the unit of the coordinates of a file
 //! - `points`: the points of a sample, in place
 
 mod depth;
@@ -13,10 +16,17 @@ mod files;
 mod grey;
 mod mcap;
 mod pcd;
+mod playback;
+mod ply;
 mod points;
 mod turn;
+mod unit;
 
 pub use depth::{CameraParams, DepthParams, IngestDepth};
 pub use grey::{GreyParams, IngestGrey};
 pub use mcap::{IngestMcap, McapParams};
 pub use pcd::{IngestPcd, PcdParams};
+pub use playback::Pace;
+pub use ply::{IngestPly, PlyParams};
+pub use turn::AtEnd;
+pub use unit::Unit;

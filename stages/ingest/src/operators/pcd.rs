@@ -7,6 +7,7 @@ use stillpoint_samples::{PointCloud, Sample};
 use super::files::{self, RecordedFile};
 use super::points::send_cloud;
 use super::turn::{AtEnd, Turn};
+use super::unit::Unit;
 use crate::pcd;
 
 const CLOUD: usize = 0;
@@ -14,10 +15,13 @@ const CLOUD: usize = 0;
 /// Parameters of `ingest.pcd`.
 #[derive(Clone, Debug, Params)]
 pub struct PcdParams {
-    /// PCD files (ascii, binary or compressed; coordinates in metres), in the order of their names: one file, a folder,
-    /// or a pattern such as `scans/left_*.pcd`.
+    /// PCD files (ascii, binary or compressed), in the order of their names: one file, a folder, or a pattern such as
+    /// `scans/left_*.pcd`.
     #[param(files = "*.pcd")]
     pub files: String,
+    /// Unit of the coordinates.
+    #[param(default = "m")]
+    pub unit: Unit,
     /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
@@ -31,6 +35,7 @@ pub struct IngestPcd {
     /// As they are on disk: compressed ones stay small.
     files: Vec<RecordedFile>,
     turn: Turn,
+    unit: Unit,
 }
 
 impl Operator for IngestPcd {
@@ -57,8 +62,9 @@ impl Operator for IngestPcd {
             if points > params.max_points as usize {
                 return Err(SetupError(format!("{}: it has {points} points: raise `max_points`", file.name)));
             }
+            params.unit.check(&cloud.points).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
         }
-        Ok(Self { turn: Turn::new(files.len(), params.at_end), files })
+        Ok(Self { turn: Turn::new(files.len(), params.at_end), files, unit: params.unit })
     }
 
     fn capacities(params: &PcdParams) -> Vec<usize> {
@@ -73,7 +79,7 @@ impl Operator for IngestPcd {
         let file = &self.files[frame];
         let cloud = pcd::read(&file.bytes).map_err(|e| StepError(format!("{}: {e}", file.name)))?;
         send_cloud(outputs, CLOUD, cloud.width, cloud.height, |points| {
-            points.copy_from_slice(&cloud.points);
+            points.iter_mut().zip(&cloud.points).for_each(|(to, from)| *to = self.unit.in_metres(*from));
             Ok(())
         })
     }

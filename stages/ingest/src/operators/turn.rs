@@ -11,6 +11,15 @@ pub enum AtEnd {
     Repeat,
 }
 
+/// Whether the next frame is of the same round through the recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Round {
+    /// It is.
+    Same,
+    /// The recording begins again with it.
+    Next,
+}
+
 /// The next frame of a recording.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
@@ -25,16 +34,17 @@ impl Turn {
         Self { frames, next: 0, at_end }
     }
 
+    /// The frame that comes next, `None` after the end, and its round.
+    pub fn peek(&self) -> (Option<usize>, Round) {
+        let begins = self.next >= self.frames && self.at_end == AtEnd::Repeat;
+        let (next, round) = if begins { (0, Round::Next) } else { (self.next, Round::Same) };
+        ((next < self.frames).then_some(next), round)
+    }
+
     /// The frame of this tick; `None` after the end.
     pub fn take(&mut self) -> Option<usize> {
-        if self.next >= self.frames && self.at_end == AtEnd::Repeat {
-            self.next = 0;
-        }
-        let frame = self.next;
-        if frame >= self.frames {
-            return None;
-        }
-        self.next += 1;
+        let frame = self.peek().0?;
+        self.next = frame + 1;
         Some(frame)
     }
 }

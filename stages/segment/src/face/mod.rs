@@ -13,5 +13,5 @@ mod segmenter;
 mod support;
 
 pub use params::{FaceParams, Rule};
-pub use seen::{Rejection, Seen, SegmentationStep};
+pub use seen::{Advice, Rejection, Seen, SegmentationStep};
 pub use segmenter::FaceSegmenter;

@@ -18,6 +18,18 @@ pub enum Rejection {
         /// Voxels needed.
         needed: usize,
     },
+    /// All points are beyond the range.
+    #[error("0 voxels within {range} m; the nearest point is at {nearest:.1} m: {}", .advice.words())]
+    OutOfRange {
+        /// Range of the chain, m.
+        range: f64,
+        /// Distance of the nearest point, m.
+        nearest: f32,
+        /// What may be wrong.
+        advice: Advice,
+        /// Voxels needed.
+        needed: usize,
+    },
     /// No plane holds enough voxels.
     #[error("the best plane holds {found} voxels, it needs {needed}")]
     NoPlane {
@@ -55,6 +67,32 @@ pub enum Rejection {
         both: [Candidate; 2],
     },
 }
+
+/// What may be wrong with a cloud beyond the range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Advice {
+    /// Its unit.
+    Millimetres,
+    /// The range.
+    Range,
+}
+
+impl Advice {
+    /// A cloud in millimetres lies a thousand times farther than in metres.
+    pub(super) fn of(nearest: f32, range: f64) -> Self {
+        if f64::from(nearest) > UNIT_OFF * range { Self::Millimetres } else { Self::Range }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Millimetres => "are these millimetres?",
+            Self::Range => "raise `range_max`",
+        }
+    }
+}
+
+/// Ranges beyond which the nearest point of a cloud is likely to be in millimetres.
+const UNIT_OFF: f64 = 20.0;
 
 /// A place in the couch's frame, in mm.
 fn placed(place: nalgebra::Vector3<f64>) -> String {

@@ -2,7 +2,7 @@
 
 use super::pairs::PairsSeen;
 use super::params::{FaceParams, ParamError, Rule, check};
-use super::seen::{Rejection, Seen, SegmentationStep};
+use super::seen::{Advice, Rejection, Seen, SegmentationStep};
 use super::support::Support;
 use crate::cloud::Cloud;
 use crate::cluster::EuclideanClusters;
@@ -104,7 +104,8 @@ impl FaceSegmenter {
         ended: &mut impl FnMut(SegmentationStep),
     ) -> Seen<'_> {
         self.simplify(cloud, ended);
-        let again = self.found.filter(|_| self.grid.is_repeated());
+        // Two clouds beyond the range have the same voxels, none, and lie at different distances.
+        let again = self.found.filter(|_| self.grid.is_repeated() && !self.grid.centroids().is_empty());
         let found = again.unwrap_or_else(|| self.search(cloud, rng, ended));
         self.found = Some(found);
         if found.face.is_ok() {
@@ -150,7 +151,23 @@ impl FaceSegmenter {
         self.support.clear();
         match self.stand(rng, ended) {
             Ok(plane) => Found { plane: Some(plane), face: self.choose(cloud, &plane.plane, ended) },
+            Err(Rejection::TooFewVoxels { found: 0, needed }) => {
+                Found { plane: None, face: Err(self.out_of_range(cloud, needed)) }
+            }
             Err(rejection) => Found { plane: None, face: Err(rejection) },
+        }
+    }
+
+    /// Why no point of a cloud is within the range.
+    fn out_of_range(&self, cloud: Cloud<'_>, needed: usize) -> Rejection {
+        let range = self.params.range_max;
+        let squared = |p: &[f32; 3]| p.iter().map(|c| c * c).sum::<f32>();
+        let squares = cloud.points.iter().map(squared).filter(|s| s.is_finite());
+        match squares.min_by(f32::total_cmp).map(f32::sqrt).filter(|nearest| f64::from(*nearest) > range) {
+            Some(nearest) => {
+                Rejection::OutOfRange { range, nearest, advice: Advice::of(nearest, range), needed }
+            }
+            None => Rejection::TooFewVoxels { found: 0, needed },
         }
     }
 

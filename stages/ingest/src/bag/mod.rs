@@ -1,0 +1,16 @@
+//! Recordings of ROS 2: one MCAP file, or a folder of rosbag2 with `metadata.yaml`.
+//!
+//! - `files`: the MCAP files of a recording
+//! - `topics`: which topics it has, and which of them can be read
+//! - `select`: which messages are read
+//! - `cut`: a recording with the messages that are read, and no others
+
+mod cut;
+mod files;
+mod select;
+mod topics;
+
+pub use cut::cut;
+pub use files::{Bag, OpenError};
+pub use select::{At, Selection, Wanted, select};
+pub use topics::{Reading, check};

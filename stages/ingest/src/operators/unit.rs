@@ -1,0 +1,59 @@
+//! The unit of the coordinates of a file.
+
+use stillpoint_operator::Choice;
+
+/// A unit of coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Unit {
+    /// Metres.
+    M,
+    /// Millimetres.
+    Mm,
+}
+
+/// Distance from the camera, m, beyond which no camera of depth sees: the nearest point is closer.
+const FAR: f32 = 20.0;
+
+impl Unit {
+    /// A point in metres.
+    pub fn in_metres(self, point: [f32; 3]) -> [f32; 3] {
+        match self {
+            Self::M => point,
+            // The product of an invalid point is another NaN than the one that marks it.
+            Self::Mm if point[0].is_nan() => point,
+            Self::Mm => point.map(|c| (f64::from(c) * 1e-3) as f32),
+        }
+    }
+
+    /// Refuses points that are likely to be in another unit.
+    ///
+    /// # Errors
+    /// The nearest point is farther than any camera of depth sees.
+    pub fn check(self, points: &[[f32; 3]]) -> Result<(), String> {
+        let squared = |p: &[f32; 3]| p.iter().map(|c| c * c).sum::<f32>();
+        let nearest = points.iter().map(|p| squared(&self.in_metres(*p))).filter(|s| s.is_finite());
+        match nearest.min_by(f32::total_cmp).map(f32::sqrt) {
+            Some(nearest) if nearest > FAR && self == Self::M => Err(format!(
+                "its nearest point is {nearest:.0} m from the origin: are these millimetres? Then set `unit: mm`"
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::INVALID_POINT;
+
+    #[test]
+    fn millimetres_are_recognised_and_become_metres() {
+        let points = [[0.0, 0.0, 430.0], INVALID_POINT, [100.0, 0.0, 500.0]];
+        let said = Unit::M.check(&points).unwrap_err();
+        assert!(said.contains("430 m") && said.contains("unit: mm"), "{said}");
+        assert!(Unit::Mm.check(&points).is_ok());
+        assert!(Unit::M.check(&[INVALID_POINT]).is_ok() && Unit::M.check(&[[0.0, 0.0, 1.2]]).is_ok());
+        assert_eq!(Unit::Mm.in_metres(points[0]), [0.0, 0.0, 0.43]);
+        assert_eq!(Unit::Mm.in_metres(INVALID_POINT).map(f32::to_bits), INVALID_POINT.map(f32::to_bits));
+    }
+}
