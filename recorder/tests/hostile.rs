@@ -15,9 +15,9 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 use stillpoint_recorder::{Compression, Session, Source, recover};
 use stillpoint_samples::{
-    Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Datagram, DepthImage, Diagnostics, Duties,
-    FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate, Plane,
-    PointCloud, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
+    Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Contacts, Datagram, DepthImage, Diagnostics,
+    Duties, FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate,
+    Plane, PointCloud, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
 };
 
 /// Looks at the pieces as a sample of each kind.
@@ -40,6 +40,7 @@ view_as_each!(
     Duties,
     FaceBoxes,
     FarEnd,
+    Contacts,
     Gate,
     GreyImage,
     Health,

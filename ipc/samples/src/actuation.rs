@@ -92,6 +92,12 @@ impl ActuationReason {
     pub const TRACKING_ERROR: u32 = 1 << 20;
     /// The pressure estimate limits an inlet while the head is that far off, for too long: the estimate is wrong.
     pub const PRESSURE_DOUBTED: u32 = 1 << 21;
+    /// The far end has acknowledged no order of late: orders or acknowledgements do not arrive.
+    pub const NO_ANSWER: u32 = 1 << 22;
+    /// In the last second an order was found not to have arrived at the far end.
+    pub const ORDERS_LOST: u32 = 1 << 23;
+    /// A bladder pushes with less than the least force; a fault if it lasts.
+    pub const CONTACT_LOW: u32 = 1 << 24;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -117,6 +123,9 @@ impl ActuationReason {
         ("unconfirmed", Self::UNCONFIRMED),
         ("tracking error", Self::TRACKING_ERROR),
         ("pressure doubted", Self::PRESSURE_DOUBTED),
+        ("no answer", Self::NO_ANSWER),
+        ("orders lost", Self::ORDERS_LOST),
+        ("contact low", Self::CONTACT_LOW),
     ];
 
     /// The words of the bits that are set, in their order.

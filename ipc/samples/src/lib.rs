@@ -23,6 +23,7 @@ mod bytes;
 mod cloud;
 mod clusters;
 mod console;
+mod contacts;
 mod datagram;
 mod depth;
 mod diagnostics;
@@ -50,6 +51,7 @@ pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
 pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
 pub use console::{Command, ConsoleCommand, Verb};
+pub use contacts::{Contacts, ContactsElement};
 pub use datagram::Datagram;
 pub use depth::{DepthImage, Intrinsics};
 pub use diagnostics::{Diagnostics, Metric};
@@ -116,6 +118,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         Duties::KIND,
         FaceBoxes::KIND,
         FarEnd::KIND,
+        Contacts::KIND,
         Gate::KIND,
         GreyImage::KIND,
         Health::KIND,

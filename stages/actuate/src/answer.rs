@@ -21,6 +21,10 @@ pub struct AnswerParams {
     /// the same way. Not used while pressures are measured.
     #[param(unit = "ns", default = "1 s", min = "10 ms", max = "10 min")]
     pub pressure_patience: u64,
+    /// Time for which a bladder may push with less than the least force before this is a fault, counted in the same
+    /// way. It is used if `contacts` is connected.
+    #[param(unit = "ns", default = "2 s", min = "10 ms", max = "10 min")]
+    pub contact_patience: u64,
 }
 
 /// What one look at the head's answer finds.
@@ -30,6 +34,8 @@ pub struct Answered {
     pub error: bool,
     /// The estimate of a pressure limits an inlet.
     pub limited: bool,
+    /// A bladder pushes with less than the least force.
+    pub loose: bool,
 }
 
 /// Counts for how long the head has not answered.
@@ -39,13 +45,14 @@ pub struct AnswerWatch {
     looked: Option<u64>,
     error: u64,
     limited: u64,
+    loose: u64,
 }
 
 impl AnswerWatch {
     /// A watch that has seen nothing.
     #[must_use]
     pub fn new(params: AnswerParams) -> Self {
-        Self { params, looked: None, error: 0, limited: 0 }
+        Self { params, looked: None, error: 0, limited: 0, loose: 0 }
     }
 
     /// Looks at `now`, ns, in this state of actuation, and returns the faults as bits of [`Reason`].
@@ -57,14 +64,16 @@ impl AnswerWatch {
             ActuationState::Armed => {
                 count(&mut self.error, gone, answered.error);
                 count(&mut self.limited, gone, answered.error && answered.limited);
+                count(&mut self.loose, gone, answered.loose);
             }
             ActuationState::Holding => {}
             ActuationState::Disarmed | ActuationState::Venting | ActuationState::Fault => {
-                (self.error, self.limited) = (0, 0);
+                (self.error, self.limited, self.loose) = (0, 0, 0);
             }
         }
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         bit(self.error >= self.params.error_patience, Reason::TRACKING_ERROR)
+            | bit(self.loose >= self.params.contact_patience, Reason::CONTACT_LOW)
             | bit(
                 self.limited >= self.params.pressure_patience,
                 Reason::PRESSURE_DOUBTED | Reason::TRACKING_ERROR,
@@ -81,10 +90,11 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    const RULES: AnswerParams = AnswerParams { error_patience: 4000 * MS, pressure_patience: 1000 * MS };
-    const ERROR: Answered = Answered { error: true, limited: false };
-    const BOTH: Answered = Answered { error: true, limited: true };
-    const WELL: Answered = Answered { error: false, limited: false };
+    const RULES: AnswerParams =
+        AnswerParams { error_patience: 4000 * MS, pressure_patience: 1000 * MS, contact_patience: 2000 * MS };
+    const ERROR: Answered = Answered { error: true, limited: false, loose: false };
+    const BOTH: Answered = Answered { error: true, limited: true, loose: false };
+    const WELL: Answered = Answered { error: false, limited: false, loose: false };
 
     /// Looks every 10 ms; returns when the first fault came, ms, and which.
     fn first(ms: u64, at: impl Fn(u64) -> (ActuationState, Answered)) -> Option<(u64, u32)> {
@@ -103,8 +113,17 @@ mod tests {
         let both = Reason::TRACKING_ERROR | Reason::PRESSURE_DOUBTED;
         assert_eq!(first(9000, |_| (Armed, BOTH)), Some((1000, both)));
         // An estimate at its limit alone is how a limit works.
-        let limited = Answered { error: false, limited: true };
+        let limited = Answered { limited: true, ..WELL };
         assert_eq!(first(60_000, |_| (Armed, limited)), None);
+    }
+
+    #[test]
+    fn a_bladder_that_hardly_touches_for_long_is_a_fault() {
+        use ActuationState::Armed;
+        let loose = Answered { loose: true, ..WELL };
+        assert_eq!(first(9000, |_| (Armed, loose)), Some((2000, Reason::CONTACT_LOW)));
+        // A cough of half a second every ten.
+        assert_eq!(first(60_000, |t| (Armed, if t % 10_000 < 500 { loose } else { WELL })), None);
     }
 
     #[test]

@@ -193,10 +193,10 @@ fn receiving_of(number: u8) -> Option<Receiving> {
     }
 }
 
-fn four(bytes: &[u8]) -> [u8; 4] {
+pub(crate) fn four(bytes: &[u8]) -> [u8; 4] {
     std::array::from_fn(|i| bytes.get(i).copied().unwrap_or(0))
 }
 
-fn eight(bytes: &[u8]) -> u64 {
+pub(crate) fn eight(bytes: &[u8]) -> u64 {
     u64::from_le_bytes(std::array::from_fn(|i| bytes.get(i).copied().unwrap_or(0)))
 }

@@ -64,9 +64,9 @@ impl Drive {
     }
 
     /// Takes measured pressures, Pa, for the estimated ones.
-    pub fn measure(&mut self, pressures: &[f64]) {
-        for (bladder, pressure) in pressures.iter().enumerate() {
-            self.pressure.correct(bladder, *pressure);
+    pub fn measure(&mut self, pressures: impl Iterator<Item = f64>) {
+        for (bladder, pressure) in pressures.enumerate() {
+            self.pressure.correct(bladder, pressure);
         }
     }
 

@@ -1,8 +1,9 @@
 //! Valves and beam at the far end, locked to each other: the beam is off before anything vents.
 
+use crate::acknowledgement::{Acknowledgement, PRESSURES};
 use crate::datagram::receiving;
 use crate::key::Key;
-use crate::message::Receiving;
+use crate::message::{Receiving, Session};
 use crate::receiver::{Act, Receiver, Receives};
 use crate::refusal::{Counts, Refusal};
 
@@ -61,6 +62,26 @@ impl FarEnd {
         };
         self.was_on = beam;
         Doing { valves, beam }
+    }
+
+    /// What the sender is told at `now`, ns, of what is done since the last step. `far` is the session of this far end.
+    #[must_use]
+    pub fn acknowledgement(&self, doing: &Doing, far: Session, number: u64, now: u64) -> Acknowledgement {
+        let (last, counts) = (self.valves.last(), self.valves.counts());
+        Acknowledgement {
+            doing: doing.valves.doing(),
+            beam: doing.beam,
+            session: last.map_or(Session::default(), |last| last.session),
+            sequence: last.map_or(0, |last| last.sequence),
+            order_stamp: last.map_or(0, |last| last.stamp),
+            accepted: counts.in_session,
+            refused: counts.all_refused(),
+            far,
+            number,
+            stamp: now,
+            bladders: 0,
+            pressure: [0.0; PRESSURES],
+        }
     }
 
     /// Counts of the datagrams for the valves, and of those without a known recipient.

@@ -6,11 +6,13 @@
 //! - [`datagram`]: its bytes, which carry a keyed code
 //! - `refusal`: why a datagram is refused, and counts
 //! - [`receiver`]: the far end: which are accepted, and what is to be done now
+//! - [`acknowledgement`]: what the far end tells the sender
 //! - `far_end`: valves and beam together, the beam off before anything vents
 //!
 //! What decides, plain:
 //! - [`machine`]: the states of actuation
 //! - `answer`: whether the head goes where it is told
+//! - [`far_watch`]: whether orders arrive at the far end
 //! - `drive`, of `shaping` and [`pressure`]: bounds and growth of duties; pressures estimated from them
 //! - [`pose_watch`], `extrinsic`: whether pose and cameras can be trusted
 //! - `plan_watch`: whether the standing plan holds in the requested set-up
@@ -21,12 +23,14 @@
 
 #![forbid(unsafe_code)]
 
+pub mod acknowledgement;
 pub mod aim;
 mod answer;
 pub mod datagram;
 mod drive;
 mod extrinsic;
 mod far_end;
+pub mod far_watch;
 pub mod key;
 mod lease;
 pub mod machine;

@@ -39,6 +39,8 @@
 //! only a change of the key does. A session that starts while the machine's clock is behind the start of the last
 //! session is refused as old: restart the far end, too.
 
+use stillpoint_samples::FarEndDoing;
+
 use crate::datagram::decode;
 use crate::key::Key;
 use crate::message::{Message, Order, Receiving, Safe, VALVES};
@@ -98,6 +100,18 @@ pub enum Act {
     Follow([f32; VALVES]),
 }
 
+impl Act {
+    /// Its name in samples.
+    #[must_use]
+    pub fn doing(&self) -> FarEndDoing {
+        match self {
+            Self::Hold => FarEndDoing::Holding,
+            Self::Vent => FarEndDoing::Venting,
+            Self::Follow(_) => FarEndDoing::Following,
+        }
+    }
+}
+
 /// Takes datagrams and gives the present order. It does not allocate.
 #[derive(Clone, Debug)]
 pub struct Receiver {
@@ -134,6 +148,7 @@ impl Receiver {
                 let (before, now) = (self.last.as_ref().map(|l| l.message), &accepted.message);
                 let follows = before.filter(|b| b.session == now.session).map(|b| b.sequence);
                 self.counts.accepted += 1;
+                self.counts.in_session = follows.map_or(1, |_| self.counts.in_session + 1);
                 self.counts.sessions += u64::from(follows.is_none());
                 self.counts.missing += follows.map_or(0, |before| now.sequence - before - 1);
                 Ok(&self.last.insert(accepted).message)

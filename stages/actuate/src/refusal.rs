@@ -121,6 +121,8 @@ pub struct Counts {
     pub accepted: u64,
     /// Numbers that were passed over between accepted ones: lost on the way, or refused.
     pub missing: u64,
+    /// Accepted ones of the present session.
+    pub in_session: u64,
     /// Sessions adopted.
     pub sessions: u64,
     refused: [u64; Refusal::ALL.len()],

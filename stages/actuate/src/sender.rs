@@ -65,6 +65,12 @@ impl Sender {
         self.session.unwrap_or_default()
     }
 
+    /// How many datagrams were sent.
+    #[must_use]
+    pub fn sent(&self) -> u64 {
+        self.sequence
+    }
+
     /// Number of the last datagram; 0 before it, too.
     #[must_use]
     pub fn sequence(&self) -> u64 {

@@ -21,6 +21,7 @@
 
 pub mod adaptive;
 pub mod channels;
+pub mod contacts;
 pub mod effect;
 pub mod features;
 mod goal;
@@ -53,4 +54,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operators::ControlPi>(),
     Stage::of::<operators::ControlLqg>(),
     Stage::of::<operators::ControlMrac>(),
+    Stage::of::<operators::ControlContacts>(),
 ];

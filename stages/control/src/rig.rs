@@ -4,13 +4,16 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 use nalgebra::SVector;
+use stillpoint_mechanics::contact::grasp::Touch;
 use stillpoint_mechanics::plant::Plant;
+use stillpoint_mechanics::plant::layouts::around;
 use stillpoint_mechanics::plant::reach::{Limits, Unreachable};
 pub use stillpoint_mechanics::plant::rigs::{RIGS, RigSpec};
 use stillpoint_mechanics::plant::rigs::{RigPlant, UsePlant};
 use stillpoint_operator::params::{Node, ParamField, ParamReader, ParamType, ParamValue, json};
 
-use crate::channels::Channel;
+use crate::channels::{ALL, Channel, Channels};
+use crate::contacts::{BLADDERS, Friction, Held, held};
 
 /// Names of a rig in parameters: `unknown`, and those of the table of rigs.
 const NAMES: [&str; RIGS.len() + 1] = {
@@ -70,6 +73,7 @@ trait Mechanics: Debug + Send + Sync {
     fn channels(&self) -> &[usize];
     fn rates(&self) -> Result<Vec<[f64; 6]>, String>;
     fn check(&self, from: &[f64; 6], to: &[f64; 6]) -> Result<(), InTheWay>;
+    fn held(&self, moved: &[f64; 6], pressure: &[f64; BLADDERS]) -> (Held, usize);
 }
 
 /// A plant, where it rests, and with which pushes.
@@ -81,6 +85,8 @@ struct At<const D: usize, const B: usize, const N: usize> {
     push: SVector<f64, B>,
     /// Which of the six channels each coordinate is.
     channels: [usize; D],
+    /// Of a rig whose contacts' places are known.
+    friction: Option<Friction>,
 }
 
 /// What stands in the way of a target, and how far it could be reached: 0 to 1.
@@ -131,6 +137,21 @@ impl Rig {
         self.0.as_ref().is_none_or(|at| at.channels().contains(&channel.place()))
     }
 
+    /// The channels that its bladders move; `None` where no rig is known.
+    #[must_use]
+    pub fn channels(&self) -> Option<Channels> {
+        let places = self.0.as_ref()?.channels();
+        let moved: Vec<Channel> = ALL.into_iter().filter(|c| places.contains(&c.place())).collect();
+        Channels::new(&moved).ok()
+    }
+
+    /// How its bladders of these pressures (Pa over that of the room) hold the head, which is this far from rest in x, y,
+    /// z, pitch, roll and yaw, m and rad, and how many bladders there are; `None` where no rig is known.
+    #[must_use]
+    pub fn held(&self, moved: &[f64; 6], pressure: &[f64; BLADDERS]) -> Option<(Held, usize)> {
+        self.0.as_ref().map(|at| at.held(moved, pressure))
+    }
+
     /// Whether the rig can hold every pose on the straight way between two, both as distances from where control began
     /// in x, y, z, pitch, roll and yaw, m and rad.
     ///
@@ -152,13 +173,25 @@ impl UsePlant for Rest {
         let rest = plant.equilibrium(&air, guess).map_err(|e| e.to_string())?;
         let pressed = plant.bladders(&rest, &air);
         let push = SVector::from_fn(|j, _| pressed[j].force());
-        Ok(Arc::new(At { plant, air, rest, push, channels }))
+        let friction = (D == 6 && B == BLADDERS).then(|| {
+            let touches = std::array::from_fn(|j| {
+                let (arm, normal) = around(j);
+                Touch { arm, normal }
+            });
+            Friction::new(&touches)
+        });
+        Ok(Arc::new(At { plant, air, rest, push, channels, friction: friction.flatten() }))
     }
 }
 
 impl<const D: usize, const B: usize, const N: usize> Mechanics for At<D, B, N> {
     fn channels(&self) -> &[usize] {
         &self.channels
+    }
+
+    fn held(&self, moved: &[f64; 6], pressure: &[f64; BLADDERS]) -> (Held, usize) {
+        let position = SVector::<f64, D>::from_fn(|i, _| self.rest[i] + moved[self.channels[i]]);
+        (held(&self.plant, self.friction.as_ref(), &position, pressure), B)
     }
 
     fn rates(&self) -> Result<Vec<[f64; 6]>, String> {

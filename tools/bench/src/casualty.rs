@@ -128,7 +128,7 @@ impl Fault {
             text = text
                 .replace("state: filter.state", "state: poison.state")
                 .replace("operators:\n", &format!("operators:\n{poison}"))
-                .replace("control: [target,", "control: [poison, target,");
+                .replace("far_acknowledgement, target,", "far_acknowledgement, poison, target,");
         }
         text.replace("rig.truth,", "rig.truth, far.duties,")
     }

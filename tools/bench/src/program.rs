@@ -19,9 +19,9 @@ use stillpoint::deliver;
 use stillpoint::{Attached, Which};
 use stillpoint::{EMBEDDED, EMBEDDED_FILES};
 
-/// Addresses in the pipeline's file: of the valves, and of the beam.
-const PORTS: [&str; 2] = ["127.0.0.1:5005", "127.0.0.1:5006"];
-/// IP address in both of them.
+/// Addresses in the pipeline's file: of the valves, of the beam, and of the acknowledgements.
+const PORTS: [&str; 3] = ["127.0.0.1:5005", "127.0.0.1:5006", "127.0.0.1:5008"];
+/// IP address in all of them.
 const HERE: &str = "127.0.0.1";
 /// Name of the pipeline's file.
 const FILE: &str = "loop.yaml";

@@ -142,6 +142,9 @@ impl Display for FarEnd {
         if !self.reasons.is_empty() {
             write!(f, " ({})", self.why())?;
         }
+        if self.missing > 0 {
+            write!(f, "; {} orders did not arrive or were refused", self.missing)?;
+        }
         self.vents.line("vented").map_or(Ok(()), |vented| write!(f, "; {vented}"))
     }
 }

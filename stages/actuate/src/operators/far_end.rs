@@ -4,20 +4,24 @@ use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Cause, Datagram, Diagnostics, Duties, DutiesElement, FarEnd as FarEndSample, FarEndDoing, FarEndElement,
-    Metric, Sample,
+    Metric, RigState, Sample,
 };
 
 use super::params::key;
-use crate::far_end::FarEnd;
-use crate::message::{Receiving, Safe};
+use crate::acknowledgement::{self, PRESSURES};
+use crate::far_end::{Doing, FarEnd};
+use crate::key::Key;
+use crate::message::{Receiving, Safe, Session};
 use crate::receiver::{Act, Clock, Receives};
 use crate::refusal::Refusal;
 
 const VALVES: usize = 0;
 const BEAM: usize = 1;
+const MEASURED: usize = 2;
 const DUTIES: usize = 0;
 const STATE: usize = 1;
 const DIAGNOSTICS: usize = 2;
+const ACKNOWLEDGEMENT: usize = 3;
 const METRICS: usize = Refusal::ALL.len();
 
 /// Parameters of `actuate.far_end`.
@@ -38,17 +42,30 @@ pub struct FarEndParams {
     /// Time in which duties grow from zero after silence.
     #[param(unit = "ns", default = "100 ms", min = "0 ms", max = "10 s")]
     pub ramp: u64,
+    /// How often it acknowledges orders. Without it there are no acknowledgements.
+    #[param(unit = "ns", min = "1 ms", max = "1 s")]
+    pub acknowledge_every: Option<u64>,
 }
 
 /// Takes datagrams for valves and beam, refuses invalid ones, and sends the duties of the valves at each tick: those of
 /// the valid datagram, or those of the safe state if no datagram is valid.
 pub struct ActuateFarEnd {
     far_end: FarEnd,
+    key: Key,
     valves: usize,
     arrived: u64,
     doing: FarEndDoing,
     since: Option<u64>,
     refused: u64,
+    acknowledge_every: Option<u64>,
+    /// When it last acknowledged, ns.
+    acknowledged: Option<u64>,
+    /// Its session and the number of the next acknowledgement in it.
+    session: Option<Session>,
+    number: u64,
+    /// Measured pressures, Pa, and how many.
+    measured: ([f32; PRESSURES], usize),
+    bytes: [u8; acknowledgement::LONGEST],
     metrics: [Metric; METRICS],
 }
 
@@ -73,6 +90,13 @@ impl Operator for ActuateFarEnd {
                 required: false,
                 about: "Datagrams of `gate.beam`. Without them the beam is never on.",
             },
+            Input {
+                name: "measured",
+                sample: RigState::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "Measured pressures, which the acknowledgements bring to the sender.",
+            },
         ],
         outputs: &[
             Output {
@@ -93,6 +117,12 @@ impl Operator for ActuateFarEnd {
                 frame: FrameRule::None,
                 about: "Refused datagrams by reason, when there are new ones.",
             },
+            Output {
+                name: "acknowledgement",
+                sample: Datagram::KIND,
+                frame: FrameRule::None,
+                about: "The newest accepted order and what the valves do, as a signed datagram for `actuate.valves`.",
+            },
         ],
         timer: Timer::Required,
     };
@@ -105,19 +135,27 @@ impl Operator for ActuateFarEnd {
             ramp: params.ramp,
             ..Receives::valves(valves)
         };
+        let key = key(&params.key, setup)?;
         Ok(Self {
-            far_end: FarEnd::new(&key(&params.key, setup)?, receives),
+            far_end: FarEnd::new(&key, receives),
+            key,
             valves,
             arrived: 0,
             doing: FarEndDoing::Venting,
             since: None,
             refused: 0,
+            acknowledge_every: params.acknowledge_every,
+            acknowledged: None,
+            session: None,
+            number: 0,
+            measured: ([0.0; PRESSURES], 0),
+            bytes: [0; acknowledgement::LONGEST],
             metrics: Refusal::ALL.map(|refusal| Metric::new(refusal.name(), 0.0)),
         })
     }
 
     fn capacities(_: &FarEndParams) -> Vec<usize> {
-        vec![1, 1, METRICS]
+        vec![1, 1, METRICS, acknowledgement::LONGEST]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -129,6 +167,12 @@ impl Operator for ActuateFarEnd {
                 }
             }
         }
+        if let Some(sample) = activation.fresh::<RigState>(MEASURED)
+            && let Some(rig) = sample.first()
+        {
+            let bladders = (rig.bladders as usize).min(PRESSURES);
+            self.measured = (rig.pressure.map(|p| p as f32), bladders);
+        }
         if activation.cause != Cause::Timer {
             return Ok(());
         }
@@ -139,6 +183,7 @@ impl Operator for ActuateFarEnd {
         }
         outputs.send::<Duties>(DUTIES, &duties)?;
         outputs.send::<FarEndSample>(STATE, &self.state(activation.time, doing.beam))?;
+        self.acknowledge(activation, &doing, outputs)?;
         self.tell_refusals(outputs)
     }
 }
@@ -160,6 +205,27 @@ impl ActuateFarEnd {
         }
     }
 
+    /// Acknowledges the newest order, as often as it has to.
+    fn acknowledge(
+        &mut self,
+        activation: &Activation<'_>,
+        doing: &Doing,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        let Some(every) = self.acknowledge_every else { return Ok(()) };
+        let now = activation.time;
+        if self.acknowledged.is_some_and(|at| now.saturating_sub(at) < every) {
+            return Ok(());
+        }
+        self.acknowledged = Some(now);
+        let session = *self.session.get_or_insert_with(|| Session::begun(&self.key, now, &activation.key));
+        let mut said = self.far_end.acknowledgement(doing, session, self.number, now);
+        (said.pressure, said.bladders) = self.measured;
+        self.number += 1;
+        let length = said.encode(&self.key, &mut self.bytes);
+        outputs.send_slice::<Datagram>(ACKNOWLEDGEMENT, &(), self.bytes.get(..length).unwrap_or(&self.bytes))
+    }
+
     fn tell_refusals(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let (valves, beam) = (self.far_end.valves(), self.far_end.beam());
         let all = valves.all_refused() + beam.all_refused();
@@ -177,18 +243,14 @@ impl ActuateFarEnd {
 /// What an act is in duties of this many valves: inlets and outlets in turn.
 fn duties(act: Act, valves: usize) -> (DutiesElement, FarEndDoing) {
     let mut duties = DutiesElement { valves: valves as u32, ..DutiesElement::default() };
-    let doing = match act {
-        Act::Hold => FarEndDoing::Holding,
-        Act::Vent => {
-            duties = DutiesElement::vented(valves as u32);
-            FarEndDoing::Venting
-        }
+    match act {
+        Act::Hold => {}
+        Act::Vent => duties = DutiesElement::vented(valves as u32),
         Act::Follow(opening) => {
             for (duty, opening) in duties.duty.iter_mut().zip(opening).take(valves) {
                 *duty = f64::from(opening);
             }
-            FarEndDoing::Following
         }
-    };
-    (duties, doing)
+    }
+    (duties, act.doing())
 }

@@ -5,16 +5,17 @@ use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_samples::{
-    Actuation, ActuationElement, ActuationReason as Reason, ConsoleCommand, Datagram, Diagnostics, Duties,
-    Metric, PoseReport, RigState, Sample, Track,
+    Actuation, ActuationElement, ActuationReason as Reason, Cause, ConsoleCommand, Contacts, Datagram,
+    Diagnostics, Duties, Metric, PoseReport, RigState, Sample, Track,
 };
 
 use super::params::{FreshnessParams, check_life, extrinsic, key};
-use super::watch::{MEASURED, REFERENCE, STATE, Watch};
+use super::watch::{ACKNOWLEDGEMENT, CONTACTS, MEASURED, REFERENCE, STATE, Watch};
 use crate::answer::{AnswerParams, AnswerWatch, Answered};
 use crate::datagram::LONGEST;
 use crate::drive::{Drive, Driven};
 use crate::extrinsic::{ExtrinsicParams, Need};
+use crate::far_watch::{FarWatch, FarWatchParams};
 use crate::machine::{Machine, Rules};
 use crate::message::{Order, Receiving, Safe};
 use crate::pressure::{PressureEstimator, PressureParams};
@@ -71,6 +72,8 @@ pub struct ValvesParams {
     pub pressure: PressureParams,
     /// For how long the head may fail to answer.
     pub answer: AnswerParams,
+    /// For how long the far end may be silent.
+    pub far: FarWatchParams,
 }
 
 /// Sends an order to the valves at each tick and at each command of a person, with its state and the reasons for it.
@@ -80,6 +83,8 @@ pub struct ValvesParams {
 pub struct ActuateValves {
     watch: Watch,
     answer: AnswerWatch,
+    /// `None` where the acknowledgements of the far end are not connected.
+    far: Option<FarWatch>,
     /// Whether the estimate of a pressure limited an inlet of the last order.
     is_limited: bool,
     machine: Machine,
@@ -88,7 +93,9 @@ pub struct ActuateValves {
     metrics: [Metric; METRICS],
 }
 
-const METRICS: usize = 8;
+/// Metrics, and those of them that need no far end that answers.
+const METRICS: usize = 11;
+const METRICS_ALONE: usize = 8;
 
 const fn person(name: &'static str, required: bool, about: &'static str) -> Input {
     Input { name, sample: ConsoleCommand::KIND, policy: Policy::Queue(8), required, about }
@@ -132,6 +139,20 @@ impl Operator for ActuateValves {
                 policy: Policy::Latest,
                 required: false,
                 about: "Measured pressures, which replace the estimated ones.",
+            },
+            Input {
+                name: "acknowledgement",
+                sample: Datagram::KIND,
+                policy: Policy::Queue(64),
+                required: false,
+                about: "What the far end answers: the newest order that it accepted, and measured pressures.",
+            },
+            Input {
+                name: "contacts",
+                sample: Contacts::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "The contact forces of `control.contacts`.",
             },
         ],
         outputs: &[
@@ -199,6 +220,7 @@ impl Operator for ActuateValves {
         Ok(Self {
             watch,
             answer: AnswerWatch::new(params.answer),
+            far: setup.is_connected(ACKNOWLEDGEMENT).then(|| FarWatch::new(key.clone(), params.far)),
             is_limited: false,
             machine: Machine::new(rules),
             drive,
@@ -212,6 +234,9 @@ impl Operator for ActuateValves {
                 "largest_pressure_pa",
                 "faults",
                 "refused",
+                "acknowledged_age_s",
+                "orders_lost",
+                "acknowledgements_refused",
             ]
             .map(|name| Metric::new(name, f64::NAN)),
         })
@@ -224,40 +249,66 @@ impl Operator for ActuateValves {
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let now = activation.time;
         self.watch.take(activation);
+        if self.is_acknowledgement_alone(activation) {
+            return Ok(());
+        }
         self.drive.pass(now);
         if let Some(sample) = activation.fresh::<RigState>(MEASURED)
             && let Some(rig) = sample.first()
         {
             let bladders = (rig.bladders as usize).min(rig.pressure.len());
-            self.drive.measure(&rig.pressure[..bladders]);
+            self.drive.measure(rig.pressure[..bladders].iter().copied());
+        }
+        let far = self.far.as_ref().and_then(FarWatch::last).map(|heard| heard.pressures());
+        let is_measured_there = far.is_some_and(|pressures| !pressures.is_empty());
+        if let Some(pressures) = far {
+            self.drive.measure(pressures.iter().map(|p| f64::from(*p)));
         }
         let mut seen = self.watch.seen(now);
+        seen.missing |= self.far.as_ref().map_or(0, |far| far.missing(now));
         if self.drive.is_exceeded() {
             seen.faults |= Reason::PRESSURE;
         }
-        let answered = Answered { error: self.watch.has_tracking_error(), limited: self.is_limited };
+        let contacts = activation.input::<Contacts>(CONTACTS);
+        let loose = contacts.as_ref().and_then(|view| view.first()).is_some_and(|held| held.low != 0);
+        let error = self.watch.has_tracking_error();
+        let answered = Answered { error, limited: self.is_limited, loose };
         seen.faults |= self.answer.look(now, self.machine.state(), answered);
         for asked in Watch::asked(activation) {
             self.machine.ask(asked, &seen);
         }
         let order = self.machine.look(&seen);
         let shaped = self.drive.tell(now, order, self.watch.duties());
-        let is_measured = activation.input::<RigState>(MEASURED).is_some();
+        let is_measured = is_measured_there || activation.input::<RigState>(MEASURED).is_some();
         self.is_limited = !is_measured && shaped.reasons & Reason::PRESSURE_LIMITED != 0;
         let error = answered.error && order == Order::Follow;
-        let reasons =
-            self.machine.reasons() | shaped.reasons | if error { Reason::TRACKING_ERROR } else { 0 };
+        let warnings = self.far.as_ref().map_or(0, |far| far.warnings(now))
+            | if loose { Reason::CONTACT_LOW } else { 0 };
+        let error = if error { Reason::TRACKING_ERROR } else { 0 };
+        let reasons = self.machine.reasons() | shaped.reasons | warnings | error;
         let duties = &self.drive.duties()[..self.drive.valves()];
         let bytes = self.sender.datagram(activation, order, reasons, duties)?;
         outputs.send_slice::<Datagram>(DATAGRAM, &(), bytes)?;
         let element = self.element(now, order, reasons, shaped);
         self.say(now, &element);
         outputs.send::<Actuation>(ACTUATION, &element)?;
-        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics)
+        let metrics = if self.far.is_some() { METRICS } else { METRICS_ALONE };
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &self.metrics[..metrics])
     }
 }
 
 impl ActuateValves {
+    /// Takes an acknowledgement, and says whether it alone caused this activation: then there is nothing to send.
+    fn is_acknowledgement_alone(&mut self, activation: &Activation<'_>) -> bool {
+        let Some(view) = activation.fresh::<Datagram>(ACKNOWLEDGEMENT) else { return false };
+        if let Some(far) = &mut self.far {
+            // A refusal is counted, and changes nothing.
+            let (session, sent) = (self.sender.session(), self.sender.sent());
+            let _ = far.take(view.elements, session, sent, activation.time);
+        }
+        activation.cause != Cause::Timer && Watch::asked(activation).next().is_none()
+    }
+
     fn element(&self, now: u64, order: Order, reasons: u32, shaped: Shaped) -> ActuationElement {
         let session = self.sender.session();
         let ((faults, fault), (refused, lacking)) = (self.machine.faults(), self.machine.refused());
@@ -293,6 +344,9 @@ impl ActuateValves {
             largest(&element.pressure),
             element.faults as f64,
             element.refused as f64,
+            seconds(self.far.as_ref().and_then(|far| far.age(now))),
+            self.far.as_ref().map_or(f64::NAN, |far| far.lost() as f64),
+            self.far.as_ref().map_or(f64::NAN, |far| far.refused() as f64),
         ];
         for (metric, value) in self.metrics.iter_mut().zip(values) {
             metric.value = value;

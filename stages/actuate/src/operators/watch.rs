@@ -14,6 +14,8 @@ pub const COMMAND: usize = 0;
 pub const STATE: usize = 1;
 pub const REFERENCE: usize = 2;
 pub const MEASURED: usize = 7;
+pub const ACKNOWLEDGEMENT: usize = 8;
+pub const CONTACTS: usize = 9;
 /// The first of the inputs of people.
 pub const ARM: usize = 3;
 /// What each of them asks, and the verb that it must carry.

@@ -1,3 +1,4 @@
+mod acknowledged;
 mod bench;
 mod broken;
 mod codec;

@@ -140,6 +140,9 @@ pub struct BladderParams {
     /// Safe state of the valves when duties stop.
     #[param(default = "vent")]
     pub safe: Safe,
+    /// Duty up to which a valve stays shut; above it the opening grows in proportion, to full opening at full duty.
+    #[param(default = 0, min = 0, max = 0.5)]
+    pub dead_band: f64,
     /// Longest step of the plant.
     #[param(unit = "ns", default = "1 ms", min = "10 us", max = "1 ms")]
     pub plant_step: u64,
@@ -195,7 +198,13 @@ impl BladderParams {
             head_mass: self.head_mass,
             time_to_live: self.time_to_live,
             safe,
-            surroundings: Surroundings { involuntary, pushes, faults, step: self.plant_step },
+            surroundings: Surroundings {
+                involuntary,
+                pushes,
+                faults,
+                dead_band: self.dead_band,
+                step: self.plant_step,
+            },
         })
     }
 }

@@ -58,8 +58,15 @@ pub struct Surroundings {
     pub pushes: Vec<Push>,
     /// The faults.
     pub faults: Vec<Scheduled>,
+    /// Duty up to which a valve stays shut, 0 to 1; above it the opening grows in proportion, to full opening at full duty.
+    pub dead_band: f64,
     /// Longest step of the plant, ns.
     pub step: u64,
+}
+
+/// Opening of a valve with a dead band at this duty.
+fn opening(duty: f64, dead_band: f64) -> f64 {
+    if duty <= dead_band { 0.0 } else { (duty - dead_band) / (1.0 - dead_band) }
 }
 
 /// A rig through time. Times are ns after its start.
@@ -145,7 +152,8 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
     /// What drives the plant at this moment. Valves that stick remember where.
     fn drive(&mut self) -> Drive<D, B> {
         let mut drive = self.plant.idle();
-        drive.duty = self.safety.duty(self.now);
+        let dead_band = self.surroundings.dead_band;
+        drive.duty = self.safety.duty(self.now).map(|pair| pair.map(|duty| opening(duty, dead_band)));
         drive.force = self.hands();
         let room = self.plant.air.atmosphere;
         if self.safety.mode(self.now) == RigMode::Venting {
@@ -284,5 +292,21 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
     fn arriving(&self) -> f64 {
         let acting = self.surroundings.faults.iter().filter(|s| s.acts(self.now));
         acting.fold(1.0, |part, s| if let Fault::LostDuties { left } = s.fault { part * left } else { part })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::opening;
+
+    #[test]
+    fn a_valve_stays_shut_within_its_dead_band_and_is_fully_open_at_full_duty() {
+        for dead_band in [0.0, 0.07, 0.5] {
+            assert_eq!([0.0, dead_band, 1.0].map(|duty| opening(duty, dead_band)), [0.0, 0.0, 1.0]);
+            let middle = opening(0.5 + 0.5 * dead_band, dead_band);
+            assert!((middle - 0.5).abs() < 1e-15, "{dead_band}: {middle}");
+        }
+        // Without a dead band a duty is the opening, to the bit.
+        assert_eq!([0.1, 0.3, 0.7].map(|duty| opening(duty, 0.0)), [0.1, 0.3, 0.7]);
     }
 }

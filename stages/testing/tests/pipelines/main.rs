@@ -5,6 +5,7 @@
 mod answer;
 mod beam_off;
 mod budget;
+mod contacts;
 mod default_pipeline;
 mod examples;
 mod frozen;
