@@ -25,7 +25,8 @@ pub fn held(name: &str, changes: &[(&str, &str)], ms: u64) -> Run {
 
 /// Five minutes of images are some gigabytes.
 fn no_image(topic: &str) -> bool {
-    let others = ["valves.state", "far.state", "law.duties", "target.reference", "fused.state"];
+    let others =
+        ["valves.state", "far.state", "law.duties", "target.reference", "fused.state", "contacts.contacts"];
     topic.starts_with("rig.") && topic != "rig.depth" || others.contains(&topic)
 }
 
