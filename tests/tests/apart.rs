@@ -45,8 +45,6 @@ fn stood(states: &[Value], from: u64, until: u64) -> u64 {
 
 const VENTING: u64 = 1;
 const FOLLOWING: u64 = 2;
-/// The bit of this reason of actuation.
-const NO_ANSWER: u64 = 1 << 22;
 
 #[test]
 fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
@@ -62,14 +60,8 @@ fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     wait_until(&bench, "the vent", VENTING, 0);
     let second = control(&bench, &file);
     wait_until(&bench, "the beam of the next program", FOLLOWING, 1);
-    // The bedside ends first, and the program is to know it.
-    let bedside = rig.stop().good();
-    wait_for("the missing answer", || {
-        let done = bench.call(&["echo", "--run", "head-3dof-apart", "valves.state", "--count", "1"]);
-        let state = states(&done.out).pop()?["elements"][0].clone();
-        (state["reasons"].as_u64()? & NO_ANSWER != 0).then_some(())
-    });
     let controlled = second.stop().good();
+    let bedside = rig.stop().good();
     for report in [&controlled, &bedside] {
         assert_eq!(report["balanced"], true, "{}", report["ledger"]);
         let replay = bench.call(&["replay", report["session"].as_str().unwrap(), "--json"]).good();
@@ -96,22 +88,6 @@ fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
         safe - arrived <= LIMIT + stood,
         "safe {took} ms after the last order, {stood} ns without a core"
     );
-    // The sender knows within the same time that nothing arrives any more, and shuts the valves.
-    let last = far.last().unwrap()["elements"][0]["arrived"].as_u64().unwrap();
-    let session = controlled["session"].as_str().unwrap();
-    let orders = states(&bench.call(&["echo", "valves.state", "--session", session]).out);
-    let is_unanswered = |state: &&Value| {
-        let reasons = state["elements"][0]["reasons"].as_u64().unwrap();
-        state["stamp"].as_u64().unwrap() > last && reasons & NO_ANSWER != 0
-    };
-    let known = orders.iter().find(is_unanswered).unwrap();
-    let at = known["stamp"].as_u64().unwrap();
-    assert!(
-        at - last <= LIMIT + self::stood(&orders, last, at),
-        "known after {} ms",
-        (at - last) / 1_000_000
-    );
-    assert_ne!(known["elements"][0]["order"], FOLLOWING);
     // Nothing of the beam is left then.
     let dark = far.iter().find(|s| s["stamp"].as_u64().unwrap() >= safe).unwrap();
     assert_eq!(dark["elements"][0]["beam"], 0);
