@@ -5,6 +5,7 @@ mod bladder;
 mod bridge;
 mod case;
 mod check;
+mod delivered;
 mod echo;
 mod identify;
 mod info;
@@ -66,6 +67,8 @@ pub enum Command {
     Case(case::Case),
     /// Choose the beams of a case and optimise their fluence.
     Plan(Box<plan::Plan>),
+    /// Compute the dose that the patient of a session got from a plan.
+    Delivered(Box<delivered::Delivered>),
     /// Compute calls of plans for other hosts (by stillpoint-bridge).
     Worker(bridge::Bridge),
     /// List the workers of a planning pool (by stillpoint-bridge).
@@ -99,6 +102,7 @@ impl Command {
             Self::Echo(c) => c.execute(registry),
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
+            Self::Delivered(c) => c.execute(registry),
             Self::Worker(c) => c.execute("worker"),
             Self::Pool(c) => c.execute("pool"),
             Self::Router(c) => c.execute("router"),

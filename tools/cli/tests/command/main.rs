@@ -5,6 +5,7 @@
 mod bench;
 mod bladder;
 mod case;
+mod delivered;
 mod identified;
 mod identity;
 mod loops;

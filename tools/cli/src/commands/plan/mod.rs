@@ -50,6 +50,10 @@ use request::Request;
 use search::Run;
 use way::Way;
 
+pub(super) use charts::percent_curve;
+pub(super) use ground::bar;
+pub(super) use request::machine as machine_of;
+
 /// Choose the beams of a case and optimise their fluence.
 ///
 /// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.

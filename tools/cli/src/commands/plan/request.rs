@@ -232,7 +232,8 @@ fn objectives(own: Option<&Path>) -> Result<ObjectiveTable, Failure> {
     Ok(ObjectiveTable::parse(&text).map_err(|e| fault(&e))?.before(shipped))
 }
 
-fn machine(own: Option<&Path>) -> Result<Machine, Failure> {
+/// The machine of this file, or the one that comes with the project.
+pub fn machine(own: Option<&Path>) -> Result<Machine, Failure> {
     let Some(path) = own else { return Machine::shipped().map_err(Failure::failed) };
     let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;

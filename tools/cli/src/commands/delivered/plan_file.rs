@@ -1,0 +1,206 @@
+//! The beams of a plan folder: its segments if it has some, else its fluence.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use stillpoint_plan::case::{Case, content_hash};
+use stillpoint_plan::dose::{BixelSpec, Collimator, DoseParams};
+use stillpoint_plan::leaves::{LeafBeam, Segment};
+use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+
+use crate::commands::plan::machine_of;
+use crate::exit::Failure;
+
+/// Farthest place of a field from the axis of its beam, mm.
+const MOST_MM: f64 = 500.0;
+
+/// A plan, ready for its dose.
+pub struct PlanFile {
+    /// The beams.
+    pub beams: Vec<PlannedBeam>,
+    /// Fractions of the plan.
+    pub fractions: u32,
+    /// Monitor units of one fraction; `None` for a plan without segments.
+    pub monitor_units: Option<f64>,
+    /// The engine of its dose.
+    pub recompute: Recompute,
+}
+
+/// The fluence of a beam.
+pub struct PlannedBeam {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Centres of the bixels, mm.
+    bixels_mm: Vec<[f64; 2]>,
+    /// Their weights, of all fractions.
+    weights: Vec<f64>,
+}
+
+impl PlannedBeam {
+    /// As the engine takes it.
+    pub fn weighted(&self) -> WeightedBeam<'_> {
+        WeightedBeam { gantry_deg: self.gantry_deg, weights: &self.weights, bixels_mm: Some(&self.bixels_mm) }
+    }
+}
+
+/// What is read of plan.json.
+#[derive(Deserialize)]
+struct Told {
+    case: ToldCase,
+    fractions: Option<u32>,
+    machine: ToldMachine,
+    dose: ToldDose,
+    beams: Vec<ToldBeam>,
+    leaves: Option<ToldLeaves>,
+}
+
+#[derive(Deserialize)]
+struct ToldCase {
+    name: String,
+    hash: String,
+}
+
+#[derive(Deserialize)]
+struct ToldMachine {
+    energy_mv: f64,
+    provenance: String,
+}
+
+#[derive(Deserialize)]
+struct ToldDose {
+    grid: ToldGrid,
+    bixel_mm: f64,
+    cutoff_mm: f64,
+}
+
+#[derive(Deserialize)]
+struct ToldGrid {
+    spacing_mm: [f64; 3],
+}
+
+#[derive(Deserialize)]
+struct ToldBeam {
+    gantry_deg: f64,
+    bixels_x_z_mm_weight: Vec<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+struct ToldLeaves {
+    collimator: Collimator,
+    monitor_units: f64,
+    beams: Vec<ToldLeafBeam>,
+}
+
+#[derive(Deserialize)]
+struct ToldLeafBeam {
+    gantry_deg: f64,
+    field_x_z_mm: [[f64; 2]; 2],
+    segments: Vec<ToldSegment>,
+}
+
+#[derive(Deserialize)]
+struct ToldSegment {
+    monitor_units: f64,
+    open_pair_from_to_mm: Vec<(usize, f64, f64)>,
+}
+
+impl PlanFile {
+    /// Reads the plan of a case from its folder or its plan.json.
+    pub fn read(
+        path: &Path,
+        case: &Case,
+        machine: Option<&Path>,
+        grid_mm: Option<f64>,
+    ) -> Result<Self, Failure> {
+        let path = if path.is_dir() { path.join("plan.json") } else { path.to_owned() };
+        let fault = |e: &dyn std::fmt::Display| Failure::failed(format!("{}: {e}", path.display()));
+        let text = std::fs::read_to_string(&path).map_err(|e| fault(&e))?;
+        let told: Told = serde_json::from_str(&text)
+            .map_err(|e| fault(&format!("{e}; it is no plan.json of this version of `stillpoint plan`")))?;
+        let hash = content_hash(case).map_err(Failure::failed)?.to_string();
+        if told.case.hash != hash {
+            return Err(fault(&format!(
+                "this plan is of the case {} ({}), and --case is {} ({hash}); give the case of the plan",
+                told.case.name,
+                told.case.hash,
+                case.name()
+            )));
+        }
+        let machine = machine_of(machine)?;
+        let file = machine.file();
+        if file.energy_mv != told.machine.energy_mv || file.provenance != told.machine.provenance {
+            return Err(fault(&format!(
+                "this plan is for the machine \"{}\"; give its machine file with --machine",
+                told.machine.provenance
+            )));
+        }
+        let fractions = told.fractions.unwrap_or(1);
+        let grid_mm = grid_mm.unwrap_or(told.dose.grid.spacing_mm[0]);
+        let params = DoseParams {
+            bixels: BixelSpec::of_width(told.dose.bixel_mm),
+            cutoff_mm: told.dose.cutoff_mm,
+            ..DoseParams::over(case.grid(), grid_mm)
+        };
+        let collimator = machine.file().collimator.clone();
+        let recompute = Recompute::with_spacing(case, machine, &params, grid_mm).map_err(|e| fault(&e))?;
+        let beams = match &told.leaves {
+            Some(leaves) if Some(&leaves.collimator) != collimator.as_ref() => {
+                return Err(fault(
+                    &"the leaves of this plan are not those of the machine; give its machine file with --machine",
+                ));
+            }
+            Some(leaves) => leaves.fluences(told.dose.bixel_mm, fractions).map_err(|e| fault(&e))?,
+            None => told.beams.iter().map(ToldBeam::fluence).collect(),
+        };
+        let is_near = |bixel: &[f64; 2]| bixel.iter().all(|mm| mm.abs() <= MOST_MM);
+        let is_sound = |beam: &PlannedBeam| {
+            beam.weights.iter().all(|w| w.is_finite() && *w >= 0.0) && beam.bixels_mm.iter().all(is_near)
+        };
+        if beams.is_empty() || !beams.iter().all(is_sound) {
+            return Err(fault(&format!(
+                "the plan has no beam, a weight that is negative, or a bixel more than {MOST_MM} mm from the axis"
+            )));
+        }
+        Ok(Self {
+            recompute,
+            fractions,
+            monitor_units: told.leaves.map(|leaves| leaves.monitor_units),
+            beams,
+        })
+    }
+}
+
+impl ToldBeam {
+    fn fluence(&self) -> PlannedBeam {
+        let (bixels_mm, weights) = self.bixels_x_z_mm_weight.iter().map(|[x, z, w]| ([*x, *z], *w)).unzip();
+        PlannedBeam { gantry_deg: self.gantry_deg, bixels_mm, weights }
+    }
+}
+
+impl ToldLeaves {
+    /// What passes the leaves, in weights of all fractions.
+    fn fluences(&self, bixel_mm: f64, fractions: u32) -> Result<Vec<PlannedBeam>, String> {
+        let weight_of_unit = f64::from(fractions) / self.collimator.mu_per_weight;
+        let pairs = self.collimator.leaf_edges_mm.len().saturating_sub(1);
+        let segment = |beam: &ToldLeafBeam, told: &ToldSegment| {
+            let over = self.collimator.over_travel_mm;
+            let mut tips_mm = vec![[beam.field_x_z_mm[0][0].clamp(-over, over); 2]; pairs];
+            for (pair, low, high) in &told.open_pair_from_to_mm {
+                let tips = tips_mm.get_mut(*pair).ok_or_else(|| format!("there is no leaf pair {pair}"))?;
+                *tips = [*low, *high];
+            }
+            Ok::<_, String>(Segment { tips_mm, weight: told.monitor_units * weight_of_unit })
+        };
+        let fluence = |beam: &ToldLeafBeam| {
+            if beam.field_x_z_mm.iter().flatten().any(|mm| mm.abs() > MOST_MM) {
+                return Err(format!("a field reaches more than {MOST_MM} mm from the axis"));
+            }
+            let segments: Result<Vec<Segment>, String> =
+                beam.segments.iter().map(|told| segment(beam, told)).collect();
+            let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
+            let (bixels_mm, weights) = shaped.fluence(&self.collimator, bixel_mm);
+            Ok(PlannedBeam { gantry_deg: beam.gantry_deg, bixels_mm, weights })
+        };
+        self.beams.iter().map(fluence).collect()
+    }
+}
