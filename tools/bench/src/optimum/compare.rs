@@ -2,7 +2,7 @@
 
 use rustix::time::{ClockId, clock_gettime};
 use stillpoint_plan::beams::{
-    Budget, Evaluator, Geometry, Method, Prior, SearchOptions, choose, pelvis_solutions,
+    BeamGame, Budget, Evaluator, Geometry, Method, Prior, SearchOptions, choose, pelvis_solutions,
 };
 
 use super::pelvis::Pelvis;
@@ -46,6 +46,18 @@ pub fn entries() -> Vec<Entry> {
             "class set",
             Method::Class(starts.into_iter().next().unwrap_or_default()),
             Guide::None,
+            false,
+            false,
+        ),
+        of("best rotation", Method::Equidistant, Guide::None, false, false),
+        of("greedy", Method::Greedy, Guide::None, false, false),
+        of("column generation", Method::ColumnGeneration, Guide::None, false, false),
+        of("geometry alone", Method::Prior, Guide::Geometry, false, false),
+        of("game, beam by beam", Method::Game(BeamGame::Construction), Guide::Geometry, false, false),
+        of(
+            "game, two players",
+            Method::Game(BeamGame::Alternating { depth: 2 }),
+            Guide::Geometry,
             false,
             false,
         ),
