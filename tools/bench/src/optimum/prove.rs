@@ -160,7 +160,7 @@ fn subsets(mask: u32, size: usize) -> impl Iterator<Item = u32> {
         // The next number with as many bits (Gosper).
         let low = chosen & chosen.wrapping_neg();
         let ripple = chosen + low;
-        next = ripple | ((chosen ^ ripple) >> 2) / low;
+        next = ripple | (((chosen ^ ripple) >> 2) / low);
         Some(bits.iter().enumerate().filter(|(i, _)| chosen >> i & 1 == 1).map(|(_, bit)| bit).sum())
     })
 }
