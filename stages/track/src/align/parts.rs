@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
 use super::equations::Sums;
 use super::misfit::spread;
-use crate::patch::Place;
+use crate::patch::{Patch, Place};
 use crate::surface::Surface;
 
 /// Points seen at a smaller cosine are left out.
@@ -63,6 +63,9 @@ pub struct Agreement {
     pub least_overlap: f64,
     /// Size of the cloud over that of the surface; NaN where the surface does not tell.
     pub scale: f64,
+    /// Number of the cloud's points on the surface, over the solid angle under which the surface is seen, 1/sr times the
+    /// spacing of patches in m2: a constant for one camera and surface, unless a part of it is gone.
+    pub density: f64,
 }
 
 /// The sums of one quarter.
@@ -133,10 +136,23 @@ pub fn agreement(
     let (first, second) = (cut([0, 2], [1, 3]), cut([0, 1], [2, 3]));
     let apart = if first.is_nan() || second.is_nan() { f64::NAN } else { first.max(second) };
     let parts = quarters.iter().filter(|q| q.used >= POINTS_LEAST);
+    let close = quarters.iter().map(|q| f64::from(q.close)).sum::<f64>();
+    let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
+        / solid_angle(surface, surface_from_cloud);
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
-    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull) }
+    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density }
+}
+
+/// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2.
+fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>) -> f64 {
+    let of = |patch: &Patch| {
+        let sight = patch.position - surface_from_cloud.translation.vector;
+        let cosine = -patch.normal.dot(&sight) / sight.norm();
+        if cosine < COSINE_LEAST { 0.0 } else { cosine / sight.norm_squared() }
+    };
+    surface.patches().iter().filter(|patch| patch.place == Place::Inside).map(of).sum()
 }
 
 /// The size, with the pose free: the seventh unknown of the normal equations.
