@@ -15,7 +15,7 @@ const POINTS: usize = 3000;
 const SIZE: f64 = 0.05;
 /// Over the least overlap that a pose needs: how far from there to full certainty.
 const OVERLAP: f64 = 0.15;
-/// Points on the surface, over those that it had after the capture: the limit, and how far above it is full certainty. A
+/// Density of points on the surface over that after the capture: its limit, and how far above it is full certainty. A
 /// perforated mask that stays where the head was has about two thirds of the points.
 const DENSITY: f64 = 0.78;
 const DENSITY_RANGE: f64 = 0.1;
@@ -87,7 +87,7 @@ pub struct Identity {
     since: Option<u64>,
     proof: Proof,
     moved: f64,
-    /// Density of the points on the surface, in the mean of the first frames with enough confidence, and their number.
+    /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
     /// Frames behind `start`.
@@ -136,7 +136,7 @@ impl Identity {
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
         certainty[IdentityPart::Agreement as usize] = apart.min(quarter);
         let judged = Judged { certainty, agreement: seen };
-        if judged.confidence() >= ENOUGH && self.dense_frames < FIRST {
+        if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
             self.density += (seen.density - self.density) / f64::from(self.dense_frames);
         }
@@ -144,13 +144,19 @@ impl Identity {
         judged
     }
 
-    /// How sure it is that no part of what was captured is gone.
+    /// Notes that the surface has been fitted to more frames. Its patches are others, so their density is measured anew.
+    pub fn refine(&mut self) {
+        self.density = 0.0;
+        self.dense_frames = 0;
+    }
+
+    /// The certainty that no part of the captured surface is gone.
     fn complete(&self, density: f64) -> f64 {
         if self.dense_frames == 0 {
             return 1.0;
         }
         let certainty = 0.5 + 0.5 * (density / self.density - DENSITY) / DENSITY_RANGE;
-        if certainty.is_nan() { 0.0 } else { certainty.clamp(0.0, 1.0) }
+        if certainty.is_finite() { certainty.clamp(0.0, 1.0) } else { 0.0 }
     }
 
     fn prove(&mut self, judged: &Judged, frame: &Frame<'_>, middle: &Vector3<f64>, length: f64) {

@@ -63,8 +63,8 @@ pub struct Agreement {
     pub least_overlap: f64,
     /// Size of the cloud over that of the surface; NaN where the surface does not tell.
     pub scale: f64,
-    /// Number of the cloud's points on the surface, over the solid angle under which the surface is seen, 1/sr times the
-    /// spacing of patches in m2: a constant for one camera and surface, unless a part of it is gone.
+    /// Number of points on the surface for the solid angle under which its patches are seen. One camera keeps it for one
+    /// surface at any distance, unless a part of the surface is gone. Infinite or not a number where no patch is seen.
     pub density: f64,
 }
 

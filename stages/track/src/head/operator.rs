@@ -265,6 +265,9 @@ impl Operator for TrackHead {
         let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
             self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference)
         });
+        if let Some((_, identity)) = self.identity.as_mut().filter(|_| is_refined) {
+            identity.refine();
+        }
         self.found = Some(found).filter(|_| !is_refined);
         if let Some(cloud) = self.capture.completed() {
             send_cloud(cloud, outputs)?;

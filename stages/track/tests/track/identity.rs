@@ -4,6 +4,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use stillpoint_rig::head::Head;
 use stillpoint_rig::ray::{self, Ray};
+use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{IdentityPart, PoseReportElement, PoseStatus, Proof, Verb};
 use stillpoint_testing::Bench;
 
@@ -23,6 +24,29 @@ fn with_fist(camera_from_head: &Isometry3<f64>, shift: Vector3<f64>) -> Vec<Vect
         let b = offset.dot(direction);
         let root = b * b - a * (offset.norm_squared() - 0.05 * 0.05);
         hits.chain((root > 0.0).then(|| (-b - root.sqrt()) / a)).min_by(f64::total_cmp)
+    })
+}
+
+/// A perforated mask 2 mm over the rig's head, with the head in it or without.
+fn masked(camera_from_head: &Isometry3<f64>, is_there: bool) -> Vec<Vector3<f64>> {
+    let head = Head::new(1.0).unwrap();
+    let mask: Vec<Ellipsoid> = head
+        .parts()
+        .iter()
+        .map(|part| Ellipsoid::new(*part.parent_from_shape(), part.semi_axes().add_scalar(0.002)).unwrap())
+        .collect();
+    // Holes of 6.4 mm every 10 mm.
+    let is_solid = |place: &Point3<f64>| {
+        let cell = |along: f64| along - (along / 0.01).round() * 0.01;
+        cell(place.x).hypot(cell(place.y)) > 0.0032
+    };
+    seen(camera_from_head, |origin, direction| {
+        let ray = Ray { origin: *origin, direction: *direction };
+        let first = |parts: &[Ellipsoid]| {
+            parts.iter().filter_map(|part| ray::ellipsoid(&ray, part)).map(|hit| hit.t).min_by(f64::total_cmp)
+        };
+        let solid = first(&mask).filter(|t| is_solid(&(origin + direction * *t)));
+        solid.or_else(|| first(head.parts()).filter(|_| is_there))
     })
 }
 
@@ -69,6 +93,20 @@ fn a_fist_on_the_chin_that_moves_apart_ends_the_poses() {
         }
     }
     assert!(apart.is_some_and(|mm| mm <= 5), "{apart:?}");
+}
+
+#[test]
+fn a_mask_that_stays_where_the_head_was_is_not_the_head() {
+    let mut bench = bench(str::to_owned);
+    for _ in 0..6 {
+        feed(&mut bench, &masked(&camera_from_body(), true));
+    }
+    let there = feed(&mut bench, &masked(&moved([0.0, 0.0, 2e-3], [0.0; 3]), true));
+    assert_eq!(there.status(), PoseStatus::Tracked, "{:?}", there.report);
+    assert!(part(&there.report, IdentityPart::Overlap) > 0.9, "{:?}", there.report.certainty);
+    let gone = feed(&mut bench, &masked(&camera_from_body(), false));
+    assert_eq!((gone.status(), gone.pose), (PoseStatus::Doubted, None), "{:?}", gone.report);
+    assert!(part(&gone.report, IdentityPart::Overlap) < 0.5, "{:?}", gone.report.certainty);
 }
 
 #[test]
