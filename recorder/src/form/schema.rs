@@ -3,9 +3,59 @@
 /// A schema's name and its text.
 pub(crate) type Schema = (&'static str, &'static str);
 
+/// What every stamped message refers to.
+macro_rules! header {
+    () => {
+        "\
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"
+    };
+}
+
+/// A pose and what it refers to.
+macro_rules! pose {
+    () => {
+        concat!(
+            "\
+================================================================================
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+",
+            quaternion!()
+        )
+    };
+}
+
+macro_rules! quaternion {
+    () => {
+        "\
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+"
+    };
+}
+
 pub(crate) const POINT_CLOUD: Schema = (
     "sensor_msgs/msg/PointCloud2",
-    "\
+    concat!(
+        "\
 std_msgs/Header header
 uint32 height
 uint32 width
@@ -15,14 +65,9 @@ uint32 point_step
 uint32 row_step
 uint8[] data
 bool is_dense
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+        header!(),
+        "\
 ================================================================================
 MSG: sensor_msgs/PointField
 uint8 INT8=1
@@ -38,77 +83,43 @@ uint32 offset
 uint8 datatype
 uint32 count
 ",
+    ),
 );
 
 pub(crate) const POSE: Schema = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
-    "\
+    concat!(
+        "\
 std_msgs/Header header
 geometry_msgs/PoseWithCovariance pose
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+        header!(),
+        "\
 ================================================================================
 MSG: geometry_msgs/PoseWithCovariance
 geometry_msgs/Pose pose
 float64[36] covariance
-================================================================================
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
 ",
+        pose!(),
+    ),
 );
 
 pub(crate) const POSE_STAMPED: Schema = (
     "geometry_msgs/msg/PoseStamped",
-    "\
+    concat!(
+        "\
 std_msgs/Header header
 geometry_msgs/Pose pose
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-================================================================================
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
 ",
+        header!(),
+        pose!(),
+    ),
 );
 
 pub(crate) const IMAGE: Schema = (
     "sensor_msgs/msg/Image",
-    "\
+    concat!(
+        "\
 std_msgs/Header header
 uint32 height
 uint32 width
@@ -116,20 +127,15 @@ string encoding
 uint8 is_bigendian
 uint32 step
 uint8[] data
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
 ",
+        header!(),
+    ),
 );
 
 pub(crate) const CAMERA_INFO: Schema = (
     "sensor_msgs/msg/CameraInfo",
-    "\
+    concat!(
+        "\
 std_msgs/Header header
 uint32 height
 uint32 width
@@ -141,14 +147,9 @@ float64[12] p
 uint32 binning_x
 uint32 binning_y
 sensor_msgs/RegionOfInterest roi
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+        header!(),
+        "\
 ================================================================================
 MSG: sensor_msgs/RegionOfInterest
 uint32 x_offset
@@ -157,25 +158,22 @@ uint32 height
 uint32 width
 bool do_rectify
 ",
+    ),
 );
 
 pub(crate) const TRANSFORMS: Schema = (
     "tf2_msgs/msg/TFMessage",
-    "\
+    concat!(
+        "\
 geometry_msgs/TransformStamped[] transforms
 ================================================================================
 MSG: geometry_msgs/TransformStamped
 std_msgs/Header header
 string child_frame_id
 geometry_msgs/Transform transform
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
+",
+        header!(),
+        "\
 ================================================================================
 MSG: geometry_msgs/Transform
 geometry_msgs/Vector3 translation
@@ -185,13 +183,9 @@ MSG: geometry_msgs/Vector3
 float64 x
 float64 y
 float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
 ",
+        quaternion!(),
+    ),
 );
 
 /// What could not be kept: `count` samples of `topic` from number `first` on.

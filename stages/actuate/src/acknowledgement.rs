@@ -23,10 +23,10 @@
 
 use stillpoint_samples::FarEndDoing;
 
-use crate::datagram::{eight, four};
 use crate::key::{Key, MAC_SIZE};
 use crate::message::Session;
 use crate::refusal::Refusal;
+use crate::sealed::{Form, eight};
 
 /// Version of the layout.
 pub const VERSION: u8 = 1;
@@ -39,6 +39,7 @@ pub const SHORTEST: usize = HEADER + MAC_SIZE;
 
 const MAGIC: [u8; 4] = *b"SPDA";
 const HEADER: usize = 88;
+const FORM: Form = Form { magic: MAGIC, version: VERSION, header: HEADER, count: 7, most: PRESSURES };
 
 /// What the far end says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,8 +76,7 @@ impl Acknowledgement {
     pub fn encode(&self, key: &Key, bytes: &mut [u8; LONGEST]) -> usize {
         let measured = self.pressure.get(..self.bladders).unwrap_or(&self.pressure);
         let measured = if measured.iter().all(|p| p.is_finite()) { measured } else { &[] };
-        bytes[..4].copy_from_slice(&MAGIC);
-        bytes[4..8].copy_from_slice(&[VERSION, self.doing as u8, u8::from(self.beam), measured.len() as u8]);
+        bytes[5..7].copy_from_slice(&[self.doing as u8, u8::from(self.beam)]);
         let numbers = [
             self.session.started,
             self.session.nonce,
@@ -92,13 +92,7 @@ impl Acknowledgement {
         for (slot, number) in bytes[8..HEADER].chunks_exact_mut(8).zip(numbers) {
             slot.copy_from_slice(&number.to_le_bytes());
         }
-        for (slot, pressure) in bytes[HEADER..].chunks_exact_mut(4).zip(measured) {
-            slot.copy_from_slice(&pressure.to_le_bytes());
-        }
-        let end = HEADER + 4 * measured.len();
-        let code = key.code(&bytes[..end]);
-        bytes[end..end + MAC_SIZE].copy_from_slice(&code);
-        end + MAC_SIZE
+        FORM.seal(measured, key, bytes)
     }
 
     /// Reads one: its form first, then its code, then what it says.
@@ -106,26 +100,7 @@ impl Acknowledgement {
     /// # Errors
     /// Why it is refused.
     pub fn decode(bytes: &[u8], key: &Key) -> Result<Self, Refusal> {
-        if bytes.len() < SHORTEST {
-            return Err(Refusal::TooShort);
-        }
-        if bytes.len() > LONGEST {
-            return Err(Refusal::TooLong);
-        }
-        if bytes[..4] != MAGIC {
-            return Err(Refusal::Foreign);
-        }
-        if bytes[4] != VERSION {
-            return Err(Refusal::Version);
-        }
-        let bladders = usize::from(bytes[7]);
-        if bladders > PRESSURES || bytes.len() != SHORTEST + 4 * bladders {
-            return Err(Refusal::Length);
-        }
-        let (said, code) = bytes.split_at(bytes.len() - MAC_SIZE);
-        if !key.confirms(said, code) {
-            return Err(Refusal::Forged);
-        }
+        let said = FORM.open(bytes, key)?;
         // Only a holder of the key gets here.
         let doing = match bytes[5] {
             0 => FarEndDoing::Holding,
@@ -133,10 +108,7 @@ impl Acknowledgement {
             2 => FarEndDoing::Following,
             _ => return Err(Refusal::Malformed),
         };
-        let mut pressure = [0.0; PRESSURES];
-        for (slot, bytes) in pressure.iter_mut().zip(said[HEADER..].chunks_exact(4)) {
-            *slot = f32::from_le_bytes(four(bytes));
-        }
+        let (pressure, bladders) = FORM.numbers::<PRESSURES>(said);
         if pressure.iter().any(|p| !p.is_finite()) {
             return Err(Refusal::NotFinite);
         }

@@ -23,6 +23,7 @@
 use crate::key::{Key, MAC_SIZE};
 use crate::message::{LONGEST_LIFE, Message, Order, Receiving, Safe, Session, VALVES};
 use crate::refusal::Refusal;
+use crate::sealed::{Form, eight, four};
 
 /// Version of the layout.
 pub const VERSION: u8 = 1;
@@ -33,6 +34,7 @@ pub const SHORTEST: usize = HEADER + MAC_SIZE;
 
 const MAGIC: [u8; 4] = *b"SPDG";
 const HEADER: usize = 52;
+const FORM: Form = Form { magic: MAGIC, version: VERSION, header: HEADER, count: 48, most: VALVES };
 const MICROSECOND: u64 = 1_000;
 
 /// Why a message cannot be sent.
@@ -73,8 +75,6 @@ pub fn encode(message: &Message, key: &Key, bytes: &mut [u8; LONGEST]) -> Result
     if !is_sound(message) {
         return Err(EncodeError::Order);
     }
-    bytes[..4].copy_from_slice(&MAGIC);
-    bytes[4] = VERSION;
     bytes[5] = message.receiving as u8;
     bytes[6] = message.order as u8;
     bytes[7] = message.safe as u8;
@@ -84,14 +84,8 @@ pub fn encode(message: &Message, key: &Key, bytes: &mut [u8; LONGEST]) -> Result
     bytes[32..40].copy_from_slice(&message.stamp.to_le_bytes());
     bytes[40..44].copy_from_slice(&((message.life / MICROSECOND) as u32).to_le_bytes());
     bytes[44..48].copy_from_slice(&message.reasons.to_le_bytes());
-    bytes[48..52].copy_from_slice(&[message.valves as u8, 0, 0, 0]);
-    for (slot, duty) in bytes[HEADER..].chunks_exact_mut(4).zip(duties) {
-        slot.copy_from_slice(&duty.to_le_bytes());
-    }
-    let end = HEADER + 4 * duties.len();
-    let code = key.code(&bytes[..end]);
-    bytes[end..end + MAC_SIZE].copy_from_slice(&code);
-    Ok(end + MAC_SIZE)
+    bytes[49..52].fill(0);
+    Ok(FORM.seal(duties, key, bytes))
 }
 
 /// The recipient in the bytes, to choose a receiver; the bytes are not yet authenticated.
@@ -105,26 +99,7 @@ pub fn receiving(bytes: &[u8]) -> Option<Receiving> {
 /// # Errors
 /// Why it is refused.
 pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, Refusal> {
-    if bytes.len() < SHORTEST {
-        return Err(Refusal::TooShort);
-    }
-    if bytes.len() > LONGEST {
-        return Err(Refusal::TooLong);
-    }
-    if bytes[..4] != MAGIC {
-        return Err(Refusal::Foreign);
-    }
-    if bytes[4] != VERSION {
-        return Err(Refusal::Version);
-    }
-    let valves = usize::from(bytes[48]);
-    if valves > VALVES || bytes.len() != SHORTEST + 4 * valves {
-        return Err(Refusal::Length);
-    }
-    let (said, code) = bytes.split_at(bytes.len() - MAC_SIZE);
-    if !key.confirms(said, code) {
-        return Err(Refusal::Forged);
-    }
+    let said = FORM.open(bytes, key)?;
     // Only a holder of the key gets here.
     let order = match bytes[6] {
         0 => Order::Hold,
@@ -137,10 +112,7 @@ pub fn decode(bytes: &[u8], key: &Key) -> Result<Message, Refusal> {
         1 => Safe::Vent,
         _ => return Err(Refusal::Malformed),
     };
-    let mut duty = [0.0; VALVES];
-    for (slot, bytes) in duty.iter_mut().zip(said[HEADER..].chunks_exact(4)) {
-        *slot = f32::from_le_bytes(four(bytes));
-    }
+    let (duty, valves) = FORM.numbers::<VALVES>(said);
     let message = Message {
         receiving: receiving_of(bytes[5]).ok_or(Refusal::Malformed)?,
         order,
@@ -191,12 +163,4 @@ fn receiving_of(number: u8) -> Option<Receiving> {
         2 => Some(Receiving::Beam),
         _ => None,
     }
-}
-
-pub(crate) fn four(bytes: &[u8]) -> [u8; 4] {
-    std::array::from_fn(|i| bytes.get(i).copied().unwrap_or(0))
-}
-
-pub(crate) fn eight(bytes: &[u8]) -> u64 {
-    u64::from_le_bytes(std::array::from_fn(|i| bytes.get(i).copied().unwrap_or(0)))
 }

@@ -41,6 +41,7 @@ pub mod pose_watch;
 pub mod pressure;
 pub mod receiver;
 mod refusal;
+mod sealed;
 mod sender;
 mod shaping;
 
