@@ -9,6 +9,7 @@ mod delivered;
 mod echo;
 mod identify;
 mod info;
+mod merge;
 mod operators;
 mod plan;
 mod reach;
@@ -45,6 +46,8 @@ pub enum Command {
     Info(info::Info),
     /// Write a report of a session: tracks, pictures, rates, latencies, ledger, faults, provenance.
     Report(report::Report),
+    /// Join the sessions of the hosts of one run on the time axis of the first session.
+    Merge(merge::Merge),
     /// Repair a session whose recorder was cut off.
     Recover(recover::Recover),
     /// List the kinds of operators, or describe one.
@@ -91,6 +94,7 @@ impl Command {
             Self::Replay(c) => c.execute(registry),
             Self::Info(c) => c.execute(registry),
             Self::Report(c) => c.execute(registry),
+            Self::Merge(c) => c.execute(registry),
             Self::Recover(c) => c.execute(),
             Self::Operators(c) => c.execute(registry),
             Self::Schema(c) => c.execute(registry),

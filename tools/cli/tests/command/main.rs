@@ -9,6 +9,7 @@ mod delivered;
 mod identified;
 mod identity;
 mod loops;
+mod merge;
 mod plan;
 mod reach;
 mod report;
