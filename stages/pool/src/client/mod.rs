@@ -1,0 +1,240 @@
+//! The side that asks, as a state machine: calls, messages and time go in; messages and answers come out.
+//!
+//! Answers do not depend on who gives them, so it matters to nobody which worker is asked, and when. A call is given to
+//! the worker with the most room; to another one when the first is late; to this process when nobody answers.
+//! The first answers of a worker, and a share of all, are compared with those of another worker or of this process.
+//!
+//! - `open`: calls that are open; `asking`: whom they are asked
+//! - `judging`: answers and those who give them; `parts`: long answers
+
+mod asking;
+mod judging;
+mod open;
+mod parts;
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+
+use crate::call::Kind;
+use crate::fetch::Fetch;
+use crate::message::Message;
+use crate::roster::Roster;
+use crate::worker::part_message;
+use crate::{Build, Call, Hash, To, WorkerState};
+use open::{Accepted, Open};
+
+/// How a client asks.
+#[derive(Clone, Debug)]
+pub struct ClientSettings {
+    /// The build.
+    pub build: Build,
+    /// Time without any sign of an answer after which a call is computed by this process, ns.
+    pub patience: u64,
+    /// Least time after which another worker is asked, ns. It is at least four times the median time of such calls.
+    pub late: u64,
+    /// Share of the calls whose answers are compared, from 0 to 1.
+    pub checked: f64,
+}
+
+impl ClientSettings {
+    /// Patience of 60 s, a second worker after 2 s at the earliest, one answer in 32 compared.
+    pub fn new(build: Build) -> Self {
+        Self { build, patience: 60_000_000_000, late: 2_000_000_000, checked: 1.0 / 32.0 }
+    }
+}
+
+/// What the asking process can do itself.
+pub trait Inside {
+    /// A content that workers need.
+    fn content(&self, hash: &Hash) -> Option<&[u8]>;
+
+    /// Whether an answer has the form that the call asks for.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String>;
+}
+
+/// What the client needs or has.
+#[derive(Debug)]
+pub enum Event {
+    /// An answer.
+    Answer(Hash, Arc<Vec<u8>>),
+    /// This process must compute the call, and hand the result to [`Client::settle`].
+    Compute(Hash),
+}
+
+/// How calls were answered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Calls answered by workers.
+    pub remote: u64,
+    /// Calls computed by this process.
+    pub local: u64,
+    /// Answers that were compared.
+    pub compared: u64,
+    /// Calls for which another worker was asked because the first was late.
+    pub hedged: u64,
+}
+
+/// The side that asks.
+pub struct Client {
+    settings: ClientSettings,
+    roster: Roster,
+    calls: BTreeMap<Hash, Open>,
+    /// Keys of open calls in the order in which they came.
+    order: Vec<Hash>,
+    accepted: BTreeMap<Hash, Accepted>,
+    /// Accepted answers whose bytes are kept, the oldest first.
+    kept: VecDeque<Hash>,
+    kept_bytes: usize,
+    tainted: BTreeSet<Hash>,
+    times: BTreeMap<Kind, VecDeque<u64>>,
+    events: VecDeque<Event>,
+    news: Vec<String>,
+    out: Vec<(To, Message)>,
+    tally: Tally,
+    /// When there was a worker last.
+    attended: u64,
+}
+
+impl Client {
+    /// Without workers yet.
+    pub fn new(now: u64, settings: ClientSettings) -> Self {
+        Self {
+            settings,
+            roster: Roster::default(),
+            calls: BTreeMap::new(),
+            order: Vec::new(),
+            accepted: BTreeMap::new(),
+            kept: VecDeque::new(),
+            kept_bytes: 0,
+            tainted: BTreeSet::new(),
+            times: BTreeMap::new(),
+            events: VecDeque::new(),
+            news: Vec::new(),
+            out: Vec::new(),
+            tally: Tally::default(),
+            attended: now,
+        }
+    }
+
+    /// The build.
+    pub fn build(&self) -> &Build {
+        &self.settings.build
+    }
+
+    /// The workers.
+    pub fn workers(&self) -> &BTreeMap<String, WorkerState> {
+        self.roster.workers()
+    }
+
+    /// How calls were answered.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Messages for people since the last call.
+    pub fn take_news(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.news)
+    }
+
+    /// Messages to send.
+    pub fn take_messages(&mut self) -> Vec<(To, Message)> {
+        std::mem::take(&mut self.out)
+    }
+
+    /// The next answer, or the next call to compute.
+    pub fn next_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// Keys of answers that were given to the caller, came from a worker that was shut out later, and were not compared.
+    /// What was made of them must be made again.
+    pub fn take_tainted(&mut self) -> BTreeSet<Hash> {
+        std::mem::take(&mut self.tainted)
+    }
+
+    /// Asks a call. The answer comes as an event.
+    pub fn submit(&mut self, now: u64, call: &Call) -> Hash {
+        let bytes = call.to_bytes();
+        let key = Call::key_of(&bytes, &self.settings.build);
+        if let Some(bytes) = self.accepted.get(&key).and_then(|accepted| accepted.bytes.clone()) {
+            self.events.push_back(Event::Answer(key, bytes));
+        } else if !self.calls.contains_key(&key) {
+            let share = key.number() as f64 / u64::MAX as f64;
+            let open = Open {
+                bytes,
+                kind: call.kind(),
+                compare: share < self.settings.checked,
+                since: now,
+                progress: now,
+                asked: BTreeMap::new(),
+                answers: Vec::new(),
+                fetches: BTreeMap::new(),
+                failed: BTreeSet::new(),
+                inside: false,
+            };
+            self.calls.insert(key, open);
+            self.order.push(key);
+        }
+        key
+    }
+
+    /// Forgets all calls that have no answer, and tells the workers.
+    pub fn cancel_all(&mut self) {
+        for key in std::mem::take(&mut self.order) {
+            self.close(&key);
+        }
+        self.events.clear();
+    }
+
+    /// Takes a message. Bytes that are no message are ignored.
+    pub fn hear(&mut self, now: u64, from: &str, bytes: &[u8], inside: &dyn Inside) {
+        let Ok(message) = Message::from_bytes(bytes) else { return };
+        match message {
+            Message::Hello(hello) => {
+                let (event, lost) = self.roster.greet(now, from, hello, &self.settings.build);
+                self.news.extend(event);
+                if lost {
+                    self.calls.values_mut().for_each(|open| open.forget(from));
+                }
+            }
+            Message::Want { content, part } => {
+                self.out.push((To::one(from), part_message(content, inside.content(&content), part)));
+            }
+            Message::Working { key } => {
+                if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
+                    open.progress = now;
+                }
+            }
+            Message::Busy { key } => {
+                self.roster.full(now, from);
+                self.release(&key, from);
+            }
+            Message::Failed { key, reason } => {
+                if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
+                    open.failed.insert(from.to_owned());
+                    self.news
+                        .push(format!("worker `{from}` does not answer a {}: {reason}", open.kind.word()));
+                    self.release(&key, from);
+                }
+            }
+            Message::Answer { key, bytes } => self.arrived(now, key, from, bytes, inside),
+            Message::Done { key, answer } => {
+                if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
+                    open.progress = now;
+                    let fetch = open.fetches.entry(from.to_owned()).or_insert_with(|| Fetch::new(answer));
+                    if fetch.content() != answer {
+                        *fetch = Fetch::new(answer);
+                    }
+                }
+            }
+            Message::Part { content, part, length, bytes } => {
+                self.take_part(now, from, (content, part, length, bytes), inside);
+            }
+            Message::Absent { content } => self.drop_fetches(from, &content),
+            Message::Ask { .. } | Message::Cancel { .. } => {}
+        }
+    }
+}
