@@ -193,6 +193,7 @@ impl Incoming {
             };
             let mut whole = free.unwrap_or_default();
             whole.clear();
+            whole.reserve(bytes);
             whole.extend_from_slice(attachment.header.as_bytes());
             body.for_each(|slice| whole.extend_from_slice(slice));
             match Pieces::split(self.kind, &whole) {

@@ -79,6 +79,21 @@ struct Queue {
     most_outstanding: u64,
 }
 
+impl Queue {
+    /// Whether somebody is there to take a sample; one that nobody takes is counted.
+    fn is_wanted(&mut self) -> Result<bool, TransportError> {
+        match self.state {
+            LinkState::Closed => Err(TransportError::Closed),
+            LinkState::Open => Ok(true),
+            LinkState::Waiting | LinkState::Refused(_) => {
+                self.sent.offered += 1;
+                self.sent.unheard += 1;
+                Ok(false)
+            }
+        }
+    }
+}
+
 impl Outgoing {
     pub fn new(
         (edge, channel): (String, String),
@@ -162,23 +177,24 @@ impl Outgoing {
     }
 
     fn offer(&self, header: Header, body: &[&[u8]]) -> Result<(), TransportError> {
+        if !self.queue().is_wanted()? {
+            return Ok(());
+        }
+        // Without the lock: the thread that puts does not wait for this copy.
+        let body = body.concat();
         let mut queue = self.queue();
-        match queue.state {
-            LinkState::Closed => return Err(TransportError::Closed),
-            LinkState::Open => {}
-            LinkState::Waiting | LinkState::Refused(_) => {
-                queue.sent.offered += 1;
-                queue.sent.unheard += 1;
-                return Ok(());
-            }
+        // The taker may have gone meanwhile.
+        if !queue.is_wanted()? {
+            return Ok(());
         }
         queue.sent.offered += 1;
         let most = if self.lane == Lane::Small { MOST_SMALL } else { MOST_BULK };
-        if queue.waiting.len() >= most {
-            queue.waiting.pop_front();
-            queue.sent.replaced += 1;
-        }
-        queue.waiting.push_back((header, body.concat()));
+        let replaced = if queue.waiting.len() >= most { queue.waiting.pop_front() } else { None };
+        queue.sent.replaced += u64::from(replaced.is_some());
+        queue.waiting.push_back((header, body));
+        drop(queue);
+        // Its memory is given back without the lock, too.
+        drop(replaced);
         Ok(())
     }
 

@@ -1,4 +1,5 @@
-//! A remote edge beside bare zenoh, between the same two processes, in turns: the time of a round trip, halved.
+//! A remote edge beside bare zenoh, between the same two processes, in turns: the time of a round trip, halved. Both are
+//! given a sample that is there, and give one whose bytes lie one behind the other, as programs need it.
 
 use std::collections::VecDeque;
 use std::process::{Command, Stdio};
@@ -6,12 +7,13 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use stillpoint_remote::{Endpoints, Host, Remote};
-use stillpoint_samples::HEADER_SIZE;
+use stillpoint_samples::{AlignedBytes, Datagram, HEADER_SIZE, Header, Pieces, Sample};
 use stillpoint_transport::{LinkState, Receiver, Sender, Transport};
 use zenoh::qos::CongestionControl;
 use zenoh::{Session, Wait};
+use zerocopy::IntoBytes;
 
-use crate::common::{channel, connecting, datagram, eventually, identity, listening, settings, two_ports};
+use crate::common::{channel, connecting, eventually, identity, listening, settings, two_ports};
 
 const PORTS: &str = "STILLPOINT_TEST_SPEED_PORTS";
 /// Bytes of a body, and round trips of one turn.
@@ -57,9 +59,18 @@ impl Bare {
         self.waiting.lock().unwrap().pop_front().map(|bytes| bytes.to_bytes().into_owned())
     }
 
-    fn put(&self, bytes: Vec<u8>) {
+    fn put(&self, bytes: &[u8]) {
         self.session.put(self.to, bytes).congestion_control(CongestionControl::Drop).wait().unwrap();
     }
+}
+
+fn sample(bytes: usize) -> AlignedBytes {
+    let header = Header { stamp: 0, origin: 0, sequence: 0, incarnation: 0, count: bytes as u32 };
+    AlignedBytes::joined(header.as_bytes(), &vec![1; bytes])
+}
+
+fn send(sender: &mut dyn Sender, sample: &[u8]) {
+    sender.send(Pieces::split(Datagram::KIND, sample).unwrap()).unwrap();
 }
 
 fn ends(host: &Arc<Host>, sends: &str, takes: &str, longest: usize) -> (Box<dyn Sender>, Box<dyn Receiver>) {
@@ -81,12 +92,12 @@ fn echo_process() {
         let mut worked = false;
         for (_, (sender, receiver)) in &mut edges {
             while receiver.receive(&mut body).unwrap().is_some() {
-                datagram(&mut **sender, 1, body.len() - HEADER_SIZE);
+                send(&mut **sender, &body);
                 worked = true;
             }
         }
         while let Some(bytes) = bare.take() {
-            bare.put(vec![1; bytes.len()]);
+            bare.put(&bytes);
             worked = true;
         }
         if !worked {
@@ -131,24 +142,25 @@ fn an_edge_beside_bare_zenoh() {
             sender.state() == LinkState::Open && receiver.state() == LinkState::Open
         });
         eventually("zenoh is connected", || {
-            bare.put(vec![0; 8]);
+            bare.put(&[0; 8]);
             std::thread::park_timeout(Duration::from_millis(50));
             bare.take().is_some()
         });
         while until(|| bare.take().is_some()) {}
         let (mut edge, mut alone) = (Vec::new(), Vec::new());
         let mut body = Vec::new();
+        let sample = sample(bytes);
         for _ in 0..TURNS {
-            for number in 0..trips {
+            for _ in 0..trips {
                 let begun = Instant::now();
-                datagram(&mut *sender, number as u64, bytes);
+                send(&mut *sender, &sample);
                 if until(|| receiver.receive(&mut body).unwrap().is_some()) {
                     edge.push(begun.elapsed());
                 }
             }
             for _ in 0..trips {
                 let begun = Instant::now();
-                bare.put(vec![0; bytes]);
+                bare.put(&sample[HEADER_SIZE..]);
                 if until(|| bare.take().is_some()) {
                     alone.push(begun.elapsed());
                 }
