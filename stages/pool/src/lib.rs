@@ -45,7 +45,7 @@ pub use compute::Ready;
 pub use courier::{Arrival, Courier, To};
 pub use doses::PoolDoses;
 pub use hash::Hash;
-pub use message::{Hello, Message};
+pub use message::{Hello, INLINE, Message, PART};
 pub use pool::{Home, Pool};
 pub use roster::WorkerState;
 pub use solver::{PoolGround, PoolSolver};
