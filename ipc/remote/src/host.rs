@@ -1,34 +1,23 @@
-//! One end of the network: its two sessions, its ends, and the thread that beats.
+//! One end of the network: its two sessions, its ends, and its threads.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Condvar, Mutex, Weak};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
 
 use stillpoint_transport::Channel;
-use zenoh::key_expr::KeyExpr;
-use zenoh::pubsub::{Publisher, Subscriber};
-use zenoh::qos::{CongestionControl, Priority};
-use zenoh::{Session, Wait};
+use zenoh::Wait;
+use zenoh::pubsub::Subscriber;
+use zenoh::qos::Priority;
 
-use crate::beat::{LONGEST_NAME, PROTOCOL, Sends, Takes};
+use crate::beat::LONGEST_NAME;
+use crate::declare::{publisher, subscriber};
 use crate::lane::{Lane, LaneShared};
 use crate::peers::Peers;
 use crate::receiver::{Incoming, RemoteReceiver};
 use crate::sender::{Outgoing, RemoteSender};
-use crate::{
-    Beat, Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names, watch,
-};
-
-/// Period of the beats.
-const BEAT: Duration = Duration::from_millis(100);
-/// The least time between two beats.
-const LEAST: Duration = Duration::from_millis(5);
-/// How often silent peers are looked for.
-const LOOK: Duration = Duration::from_millis(25);
-/// How long the counts of an end that was closed are told.
-const TOLD: Duration = Duration::from_secs(1);
+use crate::shared::{Shared, lock};
+use crate::{Endpoints, HostEvent, Identity, Offset, PeerReport, RemoteError, Sent, Taken, names, watch};
 
 /// What a host is.
 pub struct HostSettings {
@@ -54,72 +43,6 @@ pub struct Host {
     threads: Vec<JoinHandle<()>>,
     _beats: Subscriber<()>,
     _acknowledgements: Subscriber<()>,
-}
-
-/// What the threads and ends of a host share.
-pub struct Shared {
-    settings: HostSettings,
-    small: Session,
-    bulk: Session,
-    beats: Publisher<'static>,
-    acknowledgements: Publisher<'static>,
-    lanes: [LaneShared; 2],
-    /// There is a newer certificate than that with which this host listens.
-    pub is_outdated: AtomicBool,
-    // Locked in this order: ends, then peers.
-    ends: Mutex<Ends>,
-    peers: Mutex<Peers>,
-    due: Mutex<Due>,
-    signal: Condvar,
-    /// Signalled at the end, with `due`.
-    closing: Condvar,
-    next_end: AtomicU64,
-}
-
-#[derive(Default)]
-struct Ends {
-    outgoing: Vec<Arc<Outgoing>>,
-    incoming: Vec<Arc<Incoming>>,
-    /// Counts of closed ends, until when they are told.
-    closed: Vec<(Instant, Sends)>,
-    /// Number of the last beat.
-    number: u64,
-}
-
-#[derive(Default)]
-struct Due {
-    /// A beat is due before its time.
-    beat: bool,
-    /// By end: the newest bulk sample that arrived.
-    acknowledge: BTreeMap<u64, u64>,
-    is_closed: bool,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn declare<T>(key: &str, made: zenoh::Result<T>) -> Result<T, RemoteError> {
-    made.map_err(|e| RemoteError::Declare { key: key.to_owned(), reason: e.to_string() })
-}
-
-fn publisher(session: &Session, key: String, priority: Priority) -> Result<Publisher<'static>, RemoteError> {
-    let expr = declare(&key, KeyExpr::try_from(key.clone()))?;
-    let builder = session
-        .declare_publisher(expr)
-        .congestion_control(CongestionControl::Drop)
-        .priority(priority)
-        .express(priority == Priority::InteractiveHigh);
-    declare(&key, builder.wait())
-}
-
-fn subscriber(
-    session: &Session,
-    key: &str,
-    take: impl Fn(zenoh::sample::Sample) + Send + Sync + 'static,
-) -> Result<Subscriber<()>, RemoteError> {
-    let expr: KeyExpr<'static> = declare(key, KeyExpr::try_from(key.to_owned()))?;
-    declare(key, session.declare_subscriber(expr).callback(take).wait())
 }
 
 impl Host {
@@ -295,178 +218,4 @@ fn first_end(host: &str, incarnation: u64) -> u64 {
         bytes.fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
     // Room for a million ends; 0 stands for none.
     (hash | 1) & !0xf_fffe
-}
-
-impl Shared {
-    fn now(&self) -> u64 {
-        (self.settings.clock)()
-    }
-
-    pub fn endpoints(&self) -> &Endpoints {
-        &self.settings.endpoints
-    }
-
-    /// Whether no other host is heard.
-    pub fn is_alone(&self) -> bool {
-        !lock(&self.peers).is_any_alive()
-    }
-
-    /// Tells a reason for which nothing can be exchanged.
-    pub fn fault(&self, text: String) {
-        lock(&self.peers).tell(text, true);
-    }
-
-    /// Tells what needs no hurry.
-    pub fn note(&self, text: String) {
-        lock(&self.peers).tell(text, false);
-    }
-
-    /// Waits. Gives whether the host goes on.
-    pub fn goes_on_after(&self, wait: Duration) -> bool {
-        let until = Instant::now() + wait;
-        let mut due = lock(&self.due);
-        loop {
-            let rest = until.saturating_duration_since(Instant::now());
-            if due.is_closed || rest.is_zero() {
-                return !due.is_closed;
-            }
-            due = self.closing.wait_timeout(due, rest).unwrap_or_else(PoisonError::into_inner).0;
-        }
-    }
-
-    pub fn lane(&self, lane: Lane) -> &LaneShared {
-        &self.lanes[lane as usize]
-    }
-
-    fn session(&self, lane: Lane) -> &Session {
-        if lane == Lane::Small { &self.small } else { &self.bulk }
-    }
-
-    fn key(&self, edge: &str, channel: &Channel) -> String {
-        names::samples(&self.settings.prefix, &self.settings.identity.pipeline, edge, channel)
-    }
-
-    pub fn remove_sender(&self, outgoing: &Arc<Outgoing>) {
-        let mut ends = lock(&self.ends);
-        ends.outgoing.retain(|o| !Arc::ptr_eq(o, outgoing));
-        ends.closed.push((Instant::now() + TOLD, sends(outgoing)));
-        drop(ends);
-        self.beat_soon();
-    }
-
-    pub fn remove_receiver(&self, incoming: &Arc<Incoming>) {
-        lock(&self.ends).incoming.retain(|i| !Arc::ptr_eq(i, incoming));
-        self.beat_soon();
-    }
-
-    fn beat_soon(&self) {
-        lock(&self.due).beat = true;
-        self.signal.notify_one();
-    }
-
-    /// A beat of another host has arrived.
-    fn hear(&self, key: &str, bytes: &[u8]) {
-        let now = self.now();
-        if lock(&self.peers).hear(key, bytes, now) {
-            self.beat_soon();
-        }
-        self.refresh();
-    }
-
-    /// Acknowledgements of another host have arrived: pairs of end and number.
-    fn acknowledged(&self, _: &str, bytes: &[u8]) {
-        let ends = lock(&self.ends);
-        for pair in bytes.chunks_exact(16) {
-            let number = |at: usize| pair[at..at + 8].try_into().map_or(0, u64::from_le_bytes);
-            if let Some(outgoing) = ends.outgoing.iter().find(|o| o.end == number(0)) {
-                outgoing.acknowledge(number(8));
-                self.lane(outgoing.lane).wake();
-            }
-        }
-    }
-
-    /// Tells every end how it stands.
-    fn refresh(&self) {
-        let ends = lock(&self.ends);
-        let peers = lock(&self.peers);
-        for outgoing in &ends.outgoing {
-            outgoing.set_state(peers.of_sender(&outgoing.edge, &outgoing.channel, outgoing.announced));
-            peers.confirmed(&outgoing.edge, outgoing.end).into_iter().for_each(|c| outgoing.confirm(c));
-        }
-        for incoming in &ends.incoming {
-            let (state, senders) = peers.of_receiver(&incoming.edge, &incoming.channel);
-            incoming.set_senders(state, senders);
-        }
-    }
-
-    /// The body of the thread that beats, acknowledges, and looks for silent peers.
-    fn beat(&self) {
-        let mut next = Instant::now();
-        loop {
-            let due = lock(&self.due);
-            let wait = next.saturating_duration_since(Instant::now()).min(LOOK);
-            let is_idle = !due.beat && !due.is_closed && due.acknowledge.is_empty() && !wait.is_zero();
-            let mut due = match is_idle {
-                true => self.signal.wait_timeout(due, wait).unwrap_or_else(PoisonError::into_inner).0,
-                false => due,
-            };
-            let acknowledge = std::mem::take(&mut due.acknowledge);
-            let (is_closed, is_early) = (due.is_closed, std::mem::take(&mut due.beat));
-            drop(due);
-            if !acknowledge.is_empty() {
-                let pairs =
-                    acknowledge.iter().flat_map(|(end, number)| [end.to_le_bytes(), number.to_le_bytes()]);
-                let bytes: Vec<u8> = pairs.flatten().collect();
-                let _ = self.acknowledgements.put(bytes).wait();
-            }
-            if is_closed {
-                // The last counts.
-                self.put_beat();
-                return;
-            }
-            if lock(&self.peers).look() {
-                self.refresh();
-            }
-            let now = Instant::now();
-            if now >= next {
-                self.put_beat();
-                next = now + BEAT;
-            } else if is_early {
-                next = next.min(now + LEAST);
-            }
-        }
-    }
-
-    fn put_beat(&self) {
-        let bytes = {
-            let mut ends = lock(&self.ends);
-            ends.number += 1;
-            let now = Instant::now();
-            ends.closed.retain(|(until, _)| *until > now);
-            let open = ends.outgoing.iter().map(|o| sends(o));
-            let takes = ends.incoming.iter().map(|i| {
-                let (from, received, refused) = i.from();
-                Takes { edge: i.edge.clone(), channel: i.channel.clone(), from, received, refused }
-            });
-            let at = self.now();
-            Beat {
-                protocol: PROTOCOL,
-                host: self.settings.name.clone(),
-                incarnation: self.settings.incarnation,
-                number: ends.number,
-                identity: self.settings.identity.clone(),
-                at,
-                heard: lock(&self.peers).heard(at),
-                sends: open.chain(ends.closed.iter().map(|(_, s)| s.clone())).collect(),
-                takes: takes.collect(),
-            }
-            .to_bytes()
-        };
-        let _ = self.beats.put(bytes).wait();
-    }
-}
-
-fn sends(outgoing: &Outgoing) -> Sends {
-    let put = outgoing.sent().put;
-    Sends { edge: outgoing.edge.clone(), channel: outgoing.channel.clone(), end: outgoing.end, put }
 }

@@ -19,7 +19,8 @@
 //! - `names`: keys of publications
 //! - `clocks`: the offset between the clocks of two hosts
 //! - `peers`: what a host knows of the others
-//! - `host`: the sessions, and the thread that beats
+//! - `host`: the sessions and the ends; `shared`: what its threads share; `beating`: the thread that beats
+//! - `declare`: publishers and subscribers
 //! - `sender`, `receiver`: the two ends of an edge
 //! - `lane`: the thread that puts
 //! - `mailbox`: messages between named programs, for the planning pool
@@ -28,7 +29,9 @@
 mod access;
 mod attachment;
 mod beat;
+mod beating;
 mod clocks;
+mod declare;
 mod endpoints;
 mod error;
 mod host;
@@ -43,6 +46,7 @@ mod receiver;
 mod remote;
 mod router;
 mod sender;
+mod shared;
 mod tls;
 mod watch;
 

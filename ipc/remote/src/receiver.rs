@@ -10,8 +10,8 @@ use zerocopy::IntoBytes;
 
 use crate::Attachment;
 use crate::beat::Sends;
-use crate::host::Shared;
 use crate::lane::Lane;
+use crate::shared::Shared;
 
 /// Small samples that wait at this end; one on top costs the oldest.
 const MOST_SMALL: usize = 64;

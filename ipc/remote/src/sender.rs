@@ -10,8 +10,8 @@ use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 
 use crate::Attachment;
-use crate::host::Shared;
 use crate::lane::Lane;
+use crate::shared::Shared;
 
 /// Small samples that wait to be put; one on top costs the oldest.
 const MOST_SMALL: usize = 64;

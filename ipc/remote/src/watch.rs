@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use crate::host::Shared;
+use crate::shared::Shared;
 
 /// How long nobody is heard before the other ends are asked.
 const ALONE: Duration = Duration::from_millis(300);

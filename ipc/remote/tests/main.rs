@@ -6,6 +6,7 @@
 mod common;
 mod foreign;
 mod liveness;
+mod python;
 mod relay;
 mod slow;
 mod speed;

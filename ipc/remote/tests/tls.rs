@@ -4,28 +4,30 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::sync::Arc;
 
+use rcgen::{CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, Issuer, KeyPair};
 use stillpoint_remote::{
     Authority, Endpoints, Host, Issued, Remote, RemoteError, Role, Router, Tls, TlsError, TlsFiles,
 };
 use stillpoint_transport::{LinkState, Transport};
+use time::{Duration, OffsetDateTime};
 use zenoh::Wait;
 
 use crate::common::{channel, datagram, eventually, host, identity, send, settings, two_ports};
 
 /// An authority in a folder of its own.
-struct Pki {
+pub struct Pki {
     folder: tempfile::TempDir,
     authority: Authority,
 }
 
 impl Pki {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let authority = Authority::create(&folder.path().join("pki"), 30).unwrap();
         Self { folder, authority }
     }
 
-    fn issue(&self, role: Role, name: &str) -> Issued {
+    pub fn issue(&self, role: Role, name: &str) -> Issued {
         self.authority.issue(role, name, &["127.0.0.1".to_owned()], 20, false).unwrap()
     }
 
@@ -33,7 +35,7 @@ impl Pki {
         files(&self.issue(role, name))
     }
 
-    fn tls(&self, role: Role, name: &str) -> Option<Arc<Tls>> {
+    pub fn tls(&self, role: Role, name: &str) -> Option<Arc<Tls>> {
         Some(Arc::new(Tls::load(&self.files(role, name)).unwrap()))
     }
 }
@@ -294,6 +296,49 @@ fn a_listening_host_notices_a_new_certificate_and_passes_samples_with_it() {
     let mut sent = Remote::new(&bedside, "pose").open_sender(&channel(64)).unwrap();
     let mut next = 0;
     eventually("samples pass again", || {
+        send(&mut *sent, &mut next);
+        taken.receive(&mut Vec::new()).unwrap().is_some()
+    });
+}
+
+/// Writes a certificate that ends soon in the place of one that was issued.
+fn shorten(issued: &Issued, role: Role, seconds: i64) {
+    let read = |file: &Path| std::fs::read_to_string(file).unwrap();
+    let pair = KeyPair::from_pem(&read(&issued.authority.with_extension("key"))).unwrap();
+    let issuer = Issuer::from_ca_cert_pem(&read(&issued.authority), pair).unwrap();
+    let mut params = CertificateParams::new(vec!["127.0.0.1".to_owned()]).unwrap();
+    params.distinguished_name = DistinguishedName::new();
+    params.distinguished_name.push(DnType::CommonName, role.name());
+    params.extended_key_usages =
+        vec![ExtendedKeyUsagePurpose::ClientAuth, ExtendedKeyUsagePurpose::ServerAuth];
+    params.use_authority_key_identifier_extension = true;
+    let now = OffsetDateTime::now_utc();
+    (params.not_before, params.not_after) = (now - Duration::hours(1), now + Duration::seconds(seconds));
+    let key = KeyPair::from_pem(&read(&issued.key)).unwrap();
+    std::fs::write(&issued.certificate, params.signed_by(&key, &issuer).unwrap().pem()).unwrap();
+}
+
+#[test]
+fn a_certificate_that_ends_during_a_run_closes_the_link_until_there_is_a_new_one() {
+    let pki = Pki::new();
+    let port = two_ports();
+    let bedside = host("bedside", listening(port, pki.tls(Role::Bedside, "bedside")), identity());
+    let issued = pki.issue(Role::Cluster, "cluster");
+    // Long enough for two hosts to meet on a busy machine.
+    shorten(&issued, Role::Cluster, 15);
+    let tls = Some(Arc::new(Tls::load(&files(&issued)).unwrap()));
+    let cluster = host("cluster", connecting(port, tls), identity());
+    let mut taken = Remote::new(&cluster, "pose").open_receiver(&channel(64)).unwrap();
+    let mut sent = Remote::new(&bedside, "pose").open_sender(&channel(64)).unwrap();
+    let mut next = 0;
+    eventually("samples pass", || {
+        send(&mut *sent, &mut next);
+        taken.receive(&mut Vec::new()).unwrap().is_some()
+    });
+    eventually("the link closes with the certificate", || sent.state() != LinkState::Open);
+    pki.authority.issue(Role::Cluster, "cluster", &["127.0.0.1".to_owned()], 20, true).unwrap();
+    while taken.receive(&mut Vec::new()).unwrap().is_some() {}
+    eventually("samples pass with the new certificate", || {
         send(&mut *sent, &mut next);
         taken.receive(&mut Vec::new()).unwrap().is_some()
     });

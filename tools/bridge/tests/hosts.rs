@@ -91,6 +91,21 @@ fn samples_of_several_types_go_there_and_back_and_both_sessions_replay_without_a
     // Both hosts have the clock of one machine.
     assert!(metric("clock_offset_s").abs() <= metric("clock_uncertainty_s"), "{metrics:?}");
     assert!(metric("clock_uncertainty_s") < 1.0);
+    // The two sessions become one, in which nothing arrives before it was sent, beyond what the clocks leave open.
+    let joined = bench.path("joined").to_str().unwrap().to_owned();
+    let said = bench
+        .call(&["merge", session, cluster["session"].as_str().unwrap(), "--out", &joined, "--json"])
+        .good();
+    let (offset, uncertainty) = (
+        said["hosts"][1]["offset_ns"].as_i64().unwrap(),
+        said["hosts"][1]["uncertainty_ns"].as_i64().unwrap(),
+    );
+    assert!(offset.abs() <= uncertainty && uncertainty < 1_000_000_000, "{said}");
+    let sent = bench.samples(&joined, "cluster.far.counts");
+    let arrived = bench.samples(&joined, "bedside.far_counts_bedside.sample");
+    let stamp = |sample: &Value| sample["stamp"].as_i64().unwrap();
+    assert!(sent.len() > 20 && arrived.len() > 20);
+    assert!(stamp(&arrived[0]) + uncertainty >= stamp(&sent[0]), "{} {}", arrived[0], sent[0]);
 }
 
 #[test]

@@ -8,6 +8,7 @@
 mod bench;
 mod cut;
 mod hosts;
+mod overhead;
 mod pool;
 // The patient and the search of the tests of the pool itself.
 #[path = "../../../stages/pool/tests/water.rs"]

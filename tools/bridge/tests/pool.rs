@@ -12,7 +12,7 @@ use stillpoint_remote::{Authority, Role};
 use crate::water::{Water, alone, angles, pooled};
 
 /// A process that ends with the test.
-struct Ends(Child);
+pub struct Ends(pub Child);
 
 impl Drop for Ends {
     fn drop(&mut self) {
@@ -21,7 +21,7 @@ impl Drop for Ends {
     }
 }
 
-fn program(arguments: &[&str]) -> Command {
+pub fn program(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint-bridge"));
     command.args(arguments);
     command
@@ -45,7 +45,7 @@ fn certificate(folder: &Path, role: Role, name: &str) -> Vec<String> {
 }
 
 /// A port that is free together with the next one, below those that the system gives away.
-fn two_ports() -> u16 {
+pub fn two_ports() -> u16 {
     let is_free =
         |port: &u16| [0, 1].iter().all(|more| TcpListener::bind(("127.0.0.1", port + more)).is_ok());
     let first = 31_000 + (std::process::id() % 700) as u16 * 2;
