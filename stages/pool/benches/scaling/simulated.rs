@@ -57,6 +57,9 @@ struct Fetched {
     bytes: Vec<u8>,
 }
 
+/// A message: to which worker (none: to the client), the worker at the other end, bytes.
+type Posted = (Option<usize>, usize, Vec<u8>);
+
 pub struct Simulated {
     now: u64,
     /// CPU time when this thread last went back to the client.
@@ -68,8 +71,8 @@ pub struct Simulated {
     line: Line,
     models: Vec<Model>,
     number: u64,
-    /// By time of arrival and number: to which worker (none: to the client), from which, bytes.
-    posted: BTreeMap<(u64, u64), (Option<usize>, usize, Vec<u8>)>,
+    /// By time of arrival and number.
+    posted: BTreeMap<(u64, u64), Posted>,
 }
 
 impl Simulated {
