@@ -128,65 +128,84 @@ impl<'a> OnGrid<'a> {
         &self.grid
     }
 
-    /// The histogram of each structure that has voxels, in the order of the case; volumes in cm3.
-    pub fn histograms(&self, gray: &[f32]) -> Vec<(&'a Structure, Dvh)> {
-        let structures = self.case.structures().iter().zip(&self.parts);
-        structures.filter_map(|(s, parts)| Some((s, self.histogram(gray, parts)?))).collect()
-    }
-
-    /// How the dose falls off; nothing where the case has no target or no prescription.
-    pub fn fall_off(&self, gray: &[f32]) -> Option<FallOff> {
-        let highest = self.case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
-        let external = self.case.structures().iter().position(|s| s.role == Role::External)?;
-        let (body, targets) =
-            (self.histogram(gray, &self.parts[external])?, self.histogram(gray, &self.targets)?);
-        let largest = |parts: &Occupancy| Some(self.histogram(gray, parts)?.dose_at_volume(SMALL_CM3));
-        (highest > 0.0).then(|| FallOff {
-            r50: body.volume_at(0.5 * highest) * body.volume() / targets.volume(),
-            d2cm_gy: largest(&self.far),
-            first_cm_gy: largest(&self.entry),
-        })
-    }
-
-    /// Figures of every structure that has voxels, with its volumes at these doses (gray).
-    pub fn figures(&self, gray: &[f32], volumes_at_gy: &[f64]) -> Vec<StructureDose> {
-        let structures = || self.case.structures().iter();
-        let histograms: Vec<Option<Dvh>> =
-            self.parts.iter().map(|parts| self.histogram(gray, parts)).collect();
-        let external = structures().position(|s| s.role == Role::External);
-        let body = external.and_then(|place| histograms[place].as_ref());
-        let of = |(place, structure): (usize, &Structure)| {
-            let dvh = histograms[place].as_ref()?;
-            let prescribed_gy = prescribed(self.case, structure);
-            let conformity = || {
-                let treated = self.histogram(gray, self.treated[place].as_ref()?)?;
-                Some(paddick_conformity(&treated, body?, COVERED * prescribed_gy?))
-            };
-            let volume = |dose_gy: &f64| VolumeAt { dose_gy: *dose_gy, fraction: dvh.volume_at(*dose_gy) };
-            Some(StructureDose {
-                name: structure.name.clone(),
-                role: structure.role,
-                volume_cm3: self.case.volume_cm3(structure),
-                voxels: self.parts[place].voxels().len(),
-                prescribed_gy,
-                d98_gy: dvh.dose_at(98.0),
-                d95_gy: dvh.dose_at(95.0),
-                d50_gy: dvh.dose_at(50.0),
-                d10_gy: dvh.dose_at(10.0),
-                d2_gy: dvh.dose_at(2.0),
-                mean_gy: dvh.mean(),
-                d003cc_gy: dvh.dose_at_volume(SMALL_CM3),
-                volumes: volumes_at_gy.iter().map(volume).collect(),
-                covered: prescribed_gy.map(|dose| dvh.volume_at(COVERED * dose)),
-                homogeneity: prescribed_gy.map(|_| dvh.homogeneity()).filter(|h| h.is_finite()),
-                conformity: conformity(),
+    /// What a dose (gray) gives the structures. The histogram of a whole patient takes a tenth of a second or more, so each
+    /// is made once.
+    pub fn evaluate(&self, gray: &[f32]) -> Evaluation<'a> {
+        let histogram = |parts: &Occupancy| parts.histogram(&self.grid, gray).ok();
+        let structures = self.case.structures();
+        let all: Vec<Option<Dvh>> = self.parts.iter().map(histogram).collect();
+        let external = structures.iter().position(|s| s.role == Role::External);
+        let body = external.and_then(|place| all[place].as_ref());
+        let fall_off = || {
+            let highest = self.case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+            let (body, targets) = (body?, histogram(&self.targets)?);
+            let largest = |parts: &Occupancy| Some(histogram(parts)?.dose_at_volume(SMALL_CM3));
+            (highest > 0.0).then(|| FallOff {
+                r50: body.volume_at(0.5 * highest) * body.volume() / targets.volume(),
+                d2cm_gy: largest(&self.far),
+                first_cm_gy: largest(&self.entry),
             })
         };
-        structures().enumerate().filter_map(of).collect()
+        let fall_off = fall_off();
+        let conformity = |(structure, treated): (&Structure, &Option<Occupancy>)| {
+            let least_gy = COVERED * prescribed(self.case, structure)?;
+            Some(paddick_conformity(&histogram(treated.as_ref()?)?, body?, least_gy))
+        };
+        let conformities: Vec<Option<f64>> = structures.iter().zip(&self.treated).map(conformity).collect();
+        let voxels = self.parts.iter().map(|parts| parts.voxels().len());
+        let (mut histograms, mut told) = (Vec::new(), Vec::new());
+        for (((structure, dvh), conformity), voxels) in
+            structures.iter().zip(all).zip(conformities).zip(voxels)
+        {
+            if let Some(dvh) = dvh {
+                histograms.push((structure, dvh));
+                told.push((conformity, voxels));
+            }
+        }
+        Evaluation { case: self.case, histograms, told, fall_off }
     }
+}
 
-    fn histogram(&self, gray: &[f32], parts: &Occupancy) -> Option<Dvh> {
-        parts.histogram(&self.grid, gray).ok()
+/// What a dose gives the structures of a case.
+#[derive(Clone, Debug)]
+pub struct Evaluation<'a> {
+    case: &'a Case,
+    /// The histogram of each structure that has voxels, in the order of the case; volumes in cm3.
+    pub histograms: Vec<(&'a Structure, Dvh)>,
+    /// Paddick's index and the number of voxels of each of them.
+    told: Vec<(Option<f64>, usize)>,
+    /// How the dose falls off; nothing where the case has no target or no prescription.
+    pub fall_off: Option<FallOff>,
+}
+
+impl<'a> Evaluation<'a> {
+    /// Figures of every structure that has voxels, with its volumes at these doses (gray).
+    pub fn figures(&self, volumes_at_gy: &[f64]) -> Vec<StructureDose> {
+        let of =
+            |((structure, dvh), (conformity, voxels)): (&(&'a Structure, Dvh), &(Option<f64>, usize))| {
+                let prescribed_gy = prescribed(self.case, structure);
+                let volume =
+                    |dose_gy: &f64| VolumeAt { dose_gy: *dose_gy, fraction: dvh.volume_at(*dose_gy) };
+                StructureDose {
+                    name: structure.name.clone(),
+                    role: structure.role,
+                    volume_cm3: self.case.volume_cm3(structure),
+                    voxels: *voxels,
+                    prescribed_gy,
+                    d98_gy: dvh.dose_at(98.0),
+                    d95_gy: dvh.dose_at(95.0),
+                    d50_gy: dvh.dose_at(50.0),
+                    d10_gy: dvh.dose_at(10.0),
+                    d2_gy: dvh.dose_at(2.0),
+                    mean_gy: dvh.mean(),
+                    d003cc_gy: dvh.dose_at_volume(SMALL_CM3),
+                    volumes: volumes_at_gy.iter().map(volume).collect(),
+                    covered: prescribed_gy.map(|dose| dvh.volume_at(COVERED * dose)),
+                    homogeneity: prescribed_gy.map(|_| dvh.homogeneity()).filter(|h| h.is_finite()),
+                    conformity: *conformity,
+                }
+            };
+        self.histograms.iter().zip(&self.told).map(of).collect()
     }
 }
 
@@ -242,7 +261,8 @@ mod tests {
         let ptv = Occupancy::of(&grid, image, &case.structure("PTV").unwrap().mask);
         assert!(ptv.border.is_empty());
         ptv.whole.iter().for_each(|v| gray[*v as usize] = 78.0);
-        let figures = on_grid.figures(&gray, &[20.0, 78.0]);
+        let evaluation = on_grid.evaluate(&gray);
+        let figures = evaluation.figures(&[20.0, 78.0]);
         assert_eq!(figures.len(), 7);
         let ptv = &figures[1];
         assert_eq!((ptv.d98_gy, ptv.d003cc_gy, ptv.covered), (78.0, 78.0, Some(1.0)));
@@ -253,7 +273,7 @@ mod tests {
         );
         let head = figures.iter().find(|f| f.name == "FemoralHeadL").unwrap();
         assert_eq!((head.d003cc_gy, head.conformity, head.prescribed_gy), (0.0, None, None));
-        let fall_off = on_grid.fall_off(&gray).unwrap();
+        let fall_off = evaluation.fall_off.unwrap();
         assert!((fall_off.r50 - 1.0).abs() < 1e-9, "{fall_off:?}");
         assert_eq!((fall_off.d2cm_gy, fall_off.first_cm_gy), (Some(0.0), Some(0.0)));
     }
@@ -276,7 +296,7 @@ mod tests {
             });
             let grid = Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm };
             let gray: Vec<f32> = (0..grid.len()).map(|i| dose(grid.centre_mm(grid.voxel(i)))).collect();
-            OnGrid::new(&case, &grid).figures(&gray, &[40.0])
+            OnGrid::new(&case, &grid).evaluate(&gray).figures(&[40.0])
         };
         for (coarse, fine) in figures(2.0).iter().zip(figures(1.0)).filter(|(f, _)| f.role != Role::External)
         {

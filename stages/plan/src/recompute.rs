@@ -38,6 +38,28 @@ pub struct WeightedBeam<'a> {
     pub bixels_mm: Option<&'a [[f64; 2]]>,
 }
 
+/// The fluence of a beam on bixels of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BeamFluence {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Centres of the bixels, mm.
+    pub bixels_mm: Vec<[f64; 2]>,
+    /// Their weights, of all fractions.
+    pub weights: Vec<f64>,
+}
+
+impl BeamFluence {
+    /// Beams as the engine takes them.
+    pub fn weighted(beams: &[Self]) -> Vec<WeightedBeam<'_>> {
+        let mut weighted = Vec::with_capacity(beams.len());
+        for Self { gantry_deg, bixels_mm, weights } in beams {
+            weighted.push(WeightedBeam { gantry_deg: *gantry_deg, weights, bixels_mm: Some(bixels_mm) });
+        }
+        weighted
+    }
+}
+
 impl Recompute {
     /// For a plan whose points are `optimised_mm` apart at the closest: 2 mm, or four fifths of that where it is finer. Above
     /// 12 million voxels the grid is coarser.

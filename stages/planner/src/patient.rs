@@ -89,7 +89,7 @@ impl Patient {
     fn check_limits(&self) -> Result<(), SetupError> {
         let even = vec![self.prescribed_gy as f32; self.grid.len()];
         let on_grid = OnGrid::new(&self.case, &self.grid);
-        let judged = self.limits.judge(&self.case, &on_grid, &even);
+        let judged = self.limits.judge(&self.case, &on_grid.evaluate(&even));
         match judged.iter().find(|judged| judged.value.is_none()) {
             Some(judged) => Err(SetupError(format!(
                 "case {}: the limit `{}` of `limits` has no value for {}: a limit is on a structure of the case, on \
@@ -149,7 +149,8 @@ impl Patient {
             }
         }
         let gray: Vec<f32> = gray.into_iter().map(|gray| gray as f32).collect();
-        let judged = self.limits.judge(&self.case, &OnGrid::new(&self.case, &self.grid), &gray);
+        let evaluation = OnGrid::new(&self.case, &self.grid).evaluate(&gray);
+        let judged = self.limits.judge(&self.case, &evaluation);
         Some(judged.iter().all(|judged| judged.passed == Some(true)))
     }
 }

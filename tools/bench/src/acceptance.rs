@@ -293,7 +293,8 @@ impl Planned {
         let beams: Vec<WeightedBeam<'_>> = self.best.beams.beams().iter().map(weighted).collect();
         let gray = recompute.dose(&beams, [0.0; 3], threads).map_err(fault)?;
         let on_grid = OnGrid::new(case, recompute.grid());
-        Ok((on_grid.figures(&gray, &[VOLUME_AT_GY]), on_grid.fall_off(&gray)))
+        let evaluation = on_grid.evaluate(&gray);
+        Ok((evaluation.figures(&[VOLUME_AT_GY]), evaluation.fall_off))
     }
 }
 

@@ -45,6 +45,7 @@ mod tests {
     use super::*;
     use crate::case::{Case, phantom};
     use crate::dose::{BixelSpec, DoseEngine, DoseParams, Machine};
+    use crate::recompute::BeamFluence;
 
     const STILL: Bin = Bin { share: 1.0, shift_mm: [0.0; 3], turn_rad: [0.0; 3] };
 
@@ -63,27 +64,16 @@ mod tests {
     }
 
     /// An uneven fluence: no turn or mirror of it is itself.
-    fn fluence(ready: &Ready, gantry_deg: f64) -> (Vec<[f64; 2]>, Vec<f64>) {
+    fn fluence(ready: &Ready, gantry_deg: f64) -> BeamFluence {
         let bixels_mm = ready.engine.beam(gantry_deg).unwrap().bixels_mm;
         let weight = |[x, z]: &[f64; 2]| 3.0 + 0.03 * x + 0.02 * z;
         let weights = bixels_mm.iter().map(weight).collect();
-        (bixels_mm, weights)
+        BeamFluence { gantry_deg, bixels_mm, weights }
     }
 
-    /// Gantry angle, centres of bixels, and their weights.
-    type Fluence = (f64, Vec<[f64; 2]>, Vec<f64>);
-
-    fn delivered(ready: &Ready, beams: &[Fluence], bins: &[Bin]) -> Vec<f32> {
-        let beams: Vec<WeightedBeam<'_>> = beams
-            .iter()
-            .map(|(gantry_deg, bixels_mm, weights)| WeightedBeam {
-                gantry_deg: *gantry_deg,
-                weights,
-                bixels_mm: Some(bixels_mm),
-            })
-            .collect();
-        mean_dose(&ready.recompute, &beams, ready.case.isocentre_mm(), bins, NonZeroUsize::MIN, || ())
-            .unwrap()
+    fn delivered(ready: &Ready, beams: &[BeamFluence], bins: &[Bin]) -> Vec<f32> {
+        let (beams, isocentre_mm) = (BeamFluence::weighted(beams), ready.case.isocentre_mm());
+        mean_dose(&ready.recompute, &beams, isocentre_mm, bins, NonZeroUsize::MIN, || ()).unwrap()
     }
 
     /// Largest difference as a part of the largest dose, and the root mean square of it where there is dose.
@@ -100,11 +90,11 @@ mod tests {
     #[test]
     fn a_patient_who_lies_still_gets_the_planned_dose_and_a_shifted_one_that_of_the_shifted_set_up() {
         let ready = ready();
-        let (bixels_mm, weights) = fluence(&ready, 40.0);
-        let beam =
-            WeightedBeam { gantry_deg: 40.0, weights: &weights, bixels_mm: Some(bixels_mm.as_slice()) };
-        let planned = |shift| ready.recompute.dose(&[beam], shift, NonZeroUsize::MIN).unwrap();
-        let beams = [(40.0, bixels_mm.clone(), weights.clone())];
+        let beams = [fluence(&ready, 40.0)];
+        let planned = |shift| {
+            let beams = BeamFluence::weighted(&beams);
+            ready.recompute.dose(&beams, shift, NonZeroUsize::MIN).unwrap()
+        };
         let [worst, _] = difference(&delivered(&ready, &beams, &[STILL]), &planned([0.0; 3]));
         assert!(worst < 1e-4, "{worst}");
 
@@ -133,10 +123,9 @@ mod tests {
         // Points p of a patient who turned by a are seen by the gantry angle g as those of one who lies still are by g - a:
         // R(-g) R(a) = R(-(g - a)).
         let ready = ready();
-        let (bixels_mm, weights) = fluence(&ready, 50.0);
+        let beam = fluence(&ready, 50.0);
         let turned = Bin { turn_rad: [0.0, 0.0, 30.0_f64.to_radians()], ..STILL };
-        let dose =
-            |gantry_deg, bin| delivered(&ready, &[(gantry_deg, bixels_mm.clone(), weights.clone())], &[bin]);
+        let dose = |gantry_deg, bin| delivered(&ready, &[BeamFluence { gantry_deg, ..beam.clone() }], &[bin]);
         let found = dose(50.0, turned);
         let [worst, rms] = difference(&found, &dose(20.0, STILL));
         let [_, other_way] = difference(&found, &dose(80.0, STILL));
@@ -148,16 +137,15 @@ mod tests {
         // The beam of gantry angle 0 runs along y. A turn by 90 degrees takes (x, z) to (z, -x), so the fluence that a voxel
         // meets is that of a still patient whose bixels were turned back: (x, z) to (-z, x).
         let ready = ready();
-        let (bixels_mm, weights) = fluence(&ready, 0.0);
+        let beam = fluence(&ready, 0.0);
         let turned = |degrees: f64| Bin { turn_rad: [0.0, degrees.to_radians(), 0.0], ..STILL };
-        let dose =
-            |bixels_mm: Vec<[f64; 2]>, bin| delivered(&ready, &[(0.0, bixels_mm, weights.clone())], &[bin]);
+        let dose = |bixels_mm, bin| delivered(&ready, &[BeamFluence { bixels_mm, ..beam.clone() }], &[bin]);
         let back = |quarters: usize| -> Vec<[f64; 2]> {
             let turn = |place: &[f64; 2]| (0..quarters).fold(*place, |[x, z], _| [-z, x]);
-            bixels_mm.iter().map(turn).collect()
+            beam.bixels_mm.iter().map(turn).collect()
         };
         for (degrees, quarters) in [(90.0, 1), (180.0, 2)] {
-            let found = dose(bixels_mm.clone(), turned(degrees));
+            let found = dose(beam.bixels_mm.clone(), turned(degrees));
             let [worst, rms] = difference(&found, &dose(back(quarters), STILL));
             let [_, other_way] = difference(&found, &dose(back(quarters + 2), STILL));
             assert!(rms < 2e-3 && worst < 0.02 && other_way > 0.05, "{degrees}: {rms} {worst} {other_way}");
@@ -167,11 +155,10 @@ mod tests {
     #[test]
     fn a_patient_behind_the_source_is_refused() {
         let ready = ready();
-        let (bixels_mm, weights) = fluence(&ready, 0.0);
-        let beam = WeightedBeam { gantry_deg: 0.0, weights: &weights, bixels_mm: Some(&bixels_mm) };
+        let beams = [fluence(&ready, 0.0)];
         let far = Bin { shift_mm: [0.0, -900.0, 0.0], ..STILL };
-        let dose =
-            mean_dose(&ready.recompute, &[beam], ready.case.isocentre_mm(), &[far], NonZeroUsize::MIN, || ());
+        let (beams, isocentre_mm) = (BeamFluence::weighted(&beams), ready.case.isocentre_mm());
+        let dose = mean_dose(&ready.recompute, &beams, isocentre_mm, &[far], NonZeroUsize::MIN, || ());
         assert!(matches!(dose, Err(DoseError::Far { .. })), "{dose:?}");
     }
 }

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::metric::{Metric, MetricError, Subject};
 use crate::case::{Case, Role, Structure, name_fits};
-use crate::evaluation::OnGrid;
+use crate::evaluation::Evaluation;
 use crate::metrics::Dvh;
 
 /// The limits of a kind of treatment.
@@ -153,11 +153,9 @@ impl Of {
 }
 
 impl Protocol {
-    /// Every limit beside the dose of a plan (gray, on the grid of `on_grid`), in the order of the protocol.
-    pub fn judge(&self, case: &Case, on_grid: &OnGrid<'_>, gray: &[f32]) -> Vec<Judged> {
-        let histograms = on_grid.histograms(gray);
-        let figures = on_grid.figures(gray, &[]);
-        let fall_off = on_grid.fall_off(gray);
+    /// Every limit beside what the dose of a plan gives, in the order of the protocol.
+    pub fn judge(&self, case: &Case, dose: &Evaluation<'_>) -> Vec<Judged> {
+        let figures = dose.figures(&[]);
         let highest_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
         let mut judged = Vec::new();
         for limit in &self.limits {
@@ -167,7 +165,7 @@ impl Protocol {
                     dvh: None,
                     prescribed_gy: highest_gy,
                     conformity: None,
-                    fall_off: fall_off.as_ref(),
+                    fall_off: dose.fall_off.as_ref(),
                 };
                 judged.push(limit.judged("plan", limit.metric.value(subject)));
             }
@@ -181,7 +179,8 @@ impl Protocol {
                 let subject = Subject { dvh: Some(dvh), prescribed_gy, conformity, fall_off: None };
                 limit.judged(&structure.name, limit.metric.value(subject))
             };
-            judged.extend(histograms.iter().filter(|(s, _)| limit.of.takes(case, s, highest_gy)).map(of));
+            judged
+                .extend(dose.histograms.iter().filter(|(s, _)| limit.of.takes(case, s, highest_gy)).map(of));
             if judged.len() == before {
                 judged.push(limit.judged(limit.of.name(), None));
             }
@@ -198,6 +197,7 @@ fn prescribed_gy(case: &Case, structure: &Structure) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::case::phantom;
+    use crate::evaluation::OnGrid;
 
     fn limit(of: Of, text: &str) -> Limit {
         Limit::new(of, text, "a test").unwrap()
@@ -224,7 +224,7 @@ mod tests {
                 limit(Of::Plan, "D2cm[%] <= 50"),
             ],
         };
-        let judged = protocol.judge(&case, &on_grid, &gray);
+        let judged = protocol.judge(&case, &on_grid.evaluate(&gray));
         let told: Vec<(&str, Option<bool>)> =
             judged.iter().map(|j| (j.structure.as_str(), j.passed)).collect();
         assert_eq!(

@@ -69,7 +69,8 @@ impl<'a> Planned<'a> {
         let on_grid = OnGrid::new(self.case, recompute.grid());
         let reference = self.case.reference_dose_gy();
         let reference = reference.map(|gray| brought_to(recompute.grid(), self.case.grid(), gray));
-        (on_grid.figures(&gray, &[10.0]), reference.map(|gray| on_grid.figures(&gray, &[10.0])))
+        let figures = |gray: &[f32]| on_grid.evaluate(gray).figures(&[10.0]);
+        (figures(&gray), reference.as_deref().map(figures))
     }
 }
 
@@ -96,8 +97,7 @@ fn with_shipped(own: &str) -> ObjectiveTable {
     ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap())
 }
 
-/// What is told of a plan and what a grid of 1.5 mm says: doses within 0.5 Gy, volumes within 0.5 % of a target and 1 % of
-/// an organ, whose histogram may fall by 10 % in 1 Gy.
+/// What is told of a plan and what a grid of 1.5 mm says: doses within 0.5 Gy, volumes within 0.5 %.
 #[allow(clippy::print_stdout)]
 fn is_true(planned: &Planned<'_>, told: &[StructureDose]) {
     let (finer, _) = planned.figures(Some(1.5));
@@ -107,7 +107,7 @@ fn is_true(planned: &Planned<'_>, told: &[StructureDose]) {
         let gets_ten = (told.volumes[0].fraction - finer.volumes[0].fraction).abs();
         let covered = (told.covered.unwrap_or(0.0) - finer.covered.unwrap_or(0.0)).abs();
         println!("{}: {gray:.2} Gy, V10 {gets_ten:.4}, V95% {covered:.4}", told.name);
-        assert!(gray <= 0.5 && gets_ten <= 0.01 && covered <= 0.005, "{told:?} {finer:?}");
+        assert!(gray <= 0.5 && gets_ten <= 0.005 && covered <= 0.005, "{told:?} {finer:?}");
     }
 }
 

@@ -69,7 +69,7 @@ fn a_plan_for_all_set_ups_covers_the_target_better_in_the_worst_of_them() {
     let on_grid = OnGrid::new(&case, &params.grid);
     let worst = |plan: &Evaluated| {
         let d98 = |setup: usize| {
-            let figures = on_grid.figures(&doses.dose(plan, setup), &[]);
+            let figures = on_grid.evaluate(&doses.dose(plan, setup)).figures(&[]);
             figures.iter().find(|f| f.name == "PTV").unwrap().d98_gy
         };
         (0..engines.len()).map(d98).fold(f64::INFINITY, f64::min)

@@ -3,11 +3,12 @@
 use std::num::NonZeroUsize;
 
 use serde_json::{Value, json};
+use stillpoint_plan::Grid;
 use stillpoint_plan::case::{Case, Structure};
 use stillpoint_plan::delivery::{BeamTime, Bin, BinWidth, MotionAt, bins, mean_dose, shifted_cloud};
-use stillpoint_plan::evaluation::{OnGrid, StructureDose};
+use stillpoint_plan::evaluation::{Evaluation, OnGrid, StructureDose};
 use stillpoint_plan::metrics::Dvh;
-use stillpoint_plan::recompute::WeightedBeam;
+use stillpoint_plan::recompute::BeamFluence;
 
 use super::plan_file::PlanFile;
 use super::recorded::Recorded;
@@ -25,11 +26,11 @@ pub const INTERPLAY: &str = "the planned meterset is spread evenly over beam-on 
 session does not say which beam or segment meets which motion, and the interplay of both is not in these doses";
 
 /// A dose to the patient.
-pub struct Dose {
+pub struct Dose<'a> {
     /// Its name in tables.
     pub name: &'static str,
-    /// Gray, of all fractions.
-    pub gray: Vec<f32>,
+    /// What it gives the structures.
+    given: Evaluation<'a>,
     /// By structure.
     pub figures: Vec<StructureDose>,
 }
@@ -52,14 +53,13 @@ pub struct MotionTime {
 pub struct Outcome<'a> {
     /// The case.
     pub case: &'a Case,
-    /// The structures on the grid of the doses.
-    pub on_grid: OnGrid<'a>,
+    grid: Grid,
     /// With the beam on.
     pub on: MotionTime,
     /// All time after arming.
     pub armed: MotionTime,
     /// Planned, delivered, without gating, and the planned dose shifted as a cloud over the delivered motion.
-    pub doses: [Dose; 4],
+    pub doses: [Dose<'a>; 4],
     /// Difference of the delivered dose from that cloud, where it counts: root mean square and the largest, Gy.
     pub from_cloud_gy: [f64; 2],
     /// Width of the bins.
@@ -84,7 +84,7 @@ impl<'a> Outcome<'a> {
                 "the motion is in {all} bins, more than {MOST_BINS}; choose wider ones with --bin and --bin-angle"
             )));
         }
-        let beams: Vec<WeightedBeam<'_>> = plan.beams.iter().map(|beam| beam.weighted()).collect();
+        let beams = BeamFluence::weighted(&plan.beams);
         let bar = bar(all as u64, "dose of bins", quiet);
         let over = |bins: &[Bin]| {
             mean_dose(&plan.recompute, &beams, case.isocentre_mm(), bins, threads, || bar.inc(1))
@@ -97,25 +97,28 @@ impl<'a> Outcome<'a> {
         let on_grid = OnGrid::new(case, plan.recompute.grid());
         let prescribed = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
         let from_cloud_gy = difference(&delivered, &cloud, &planned, COMPARED * prescribed);
-        let dose = |name, gray: Vec<f32>| Dose { name, figures: on_grid.figures(&gray, &[]), gray };
+        let dose = |name, gray: Vec<f32>| {
+            let given = on_grid.evaluate(&gray);
+            Dose { name, figures: given.figures(&[]), given }
+        };
         let doses = [
             dose("planned", planned),
             dose("delivered", delivered),
             dose("without gating", ungated),
             dose("shifted cloud", cloud),
         ];
-        Ok(Self { case, doses, on_grid, on, armed, from_cloud_gy, width })
+        Ok(Self { case, doses, grid: *on_grid.grid(), on, armed, from_cloud_gy, width })
     }
 
     /// Histograms of the first three doses.
-    pub fn histograms(&self) -> [Vec<(&'a Structure, Dvh)>; 3] {
-        [0, 1, 2].map(|i| self.on_grid.histograms(&self.doses[i].gray))
+    pub fn histograms(&self) -> [&[(&'a Structure, Dvh)]; 3] {
+        [0, 1, 2].map(|i| &self.doses[i].given.histograms[..])
     }
 
     /// Everything, as it is written to delivered.json; nothing in it depends on a clock.
     pub fn told(&self, plan: &PlanFile, reference: &Reference, recorded: &Recorded) -> Value {
-        let grid = self.on_grid.grid();
-        let dose = |dose: &Dose| json!({ "name": dose.name, "structures": dose.figures });
+        let grid = &self.grid;
+        let dose = |dose: &Dose<'_>| json!({ "name": dose.name, "structures": dose.figures });
         json!({
             "stillpoint": env!("CARGO_PKG_VERSION"),
             "warning": "Research only. No dose computed by stillpoint may be used to treat a patient.",

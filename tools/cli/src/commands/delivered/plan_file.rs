@@ -6,7 +6,7 @@ use serde::Deserialize;
 use stillpoint_plan::case::{Case, content_hash};
 use stillpoint_plan::dose::{BixelSpec, Collimator, DoseParams};
 use stillpoint_plan::leaves::{LeafBeam, Segment};
-use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 use crate::commands::plan::machine_of;
 use crate::exit::Failure;
@@ -17,30 +17,13 @@ const MOST_MM: f64 = 500.0;
 /// A plan, ready for its dose.
 pub struct PlanFile {
     /// The beams.
-    pub beams: Vec<PlannedBeam>,
+    pub beams: Vec<BeamFluence>,
     /// Fractions of the plan.
     pub fractions: u32,
     /// Monitor units of one fraction; `None` for a plan without segments.
     pub monitor_units: Option<f64>,
     /// The engine of its dose.
     pub recompute: Recompute,
-}
-
-/// The fluence of a beam.
-pub struct PlannedBeam {
-    /// IEC 61217, degrees.
-    pub gantry_deg: f64,
-    /// Centres of the bixels, mm.
-    bixels_mm: Vec<[f64; 2]>,
-    /// Their weights, of all fractions.
-    weights: Vec<f64>,
-}
-
-impl PlannedBeam {
-    /// As the engine takes it.
-    pub fn weighted(&self) -> WeightedBeam<'_> {
-        WeightedBeam { gantry_deg: self.gantry_deg, weights: &self.weights, bixels_mm: Some(&self.bixels_mm) }
-    }
 }
 
 /// What is read of plan.json.
@@ -153,7 +136,7 @@ impl PlanFile {
             None => told.beams.iter().map(ToldBeam::fluence).collect(),
         };
         let is_near = |bixel: &[f64; 2]| bixel.iter().all(|mm| mm.abs() <= MOST_MM);
-        let is_sound = |beam: &PlannedBeam| {
+        let is_sound = |beam: &BeamFluence| {
             beam.weights.iter().all(|w| w.is_finite() && *w >= 0.0) && beam.bixels_mm.iter().all(is_near)
         };
         if beams.is_empty() || !beams.iter().all(is_sound) {
@@ -171,15 +154,15 @@ impl PlanFile {
 }
 
 impl ToldBeam {
-    fn fluence(&self) -> PlannedBeam {
+    fn fluence(&self) -> BeamFluence {
         let (bixels_mm, weights) = self.bixels_x_z_mm_weight.iter().map(|[x, z, w]| ([*x, *z], *w)).unzip();
-        PlannedBeam { gantry_deg: self.gantry_deg, bixels_mm, weights }
+        BeamFluence { gantry_deg: self.gantry_deg, bixels_mm, weights }
     }
 }
 
 impl ToldLeaves {
     /// What passes the leaves, in weights of all fractions.
-    fn fluences(&self, bixel_mm: f64, fractions: u32) -> Result<Vec<PlannedBeam>, String> {
+    fn fluences(&self, bixel_mm: f64, fractions: u32) -> Result<Vec<BeamFluence>, String> {
         let weight_of_unit = f64::from(fractions) / self.collimator.mu_per_weight;
         let pairs = self.collimator.leaf_edges_mm.len().saturating_sub(1);
         let segment = |beam: &ToldLeafBeam, told: &ToldSegment| {
@@ -199,7 +182,7 @@ impl ToldLeaves {
                 beam.segments.iter().map(|told| segment(beam, told)).collect();
             let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
             let (bixels_mm, weights) = shaped.fluence(&self.collimator, bixel_mm);
-            Ok(PlannedBeam { gantry_deg: beam.gantry_deg, bixels_mm, weights })
+            Ok(BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights })
         };
         self.beams.iter().map(fluence).collect()
     }

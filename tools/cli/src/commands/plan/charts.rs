@@ -14,27 +14,31 @@ const STEPS: usize = 300;
 
 /// Dose-volume histograms of the structures: lines as planned, dashes as it came with the case or in the other set-ups.
 pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, String> {
-    let planned = outcome.on_grid.histograms(&outcome.gray[0]);
-    let reference = outcome.reference_gray.as_deref().map(|gray| outcome.on_grid.histograms(gray));
-    let up_to = up_to_gy(planned.iter().chain(reference.iter().flatten()).map(|(_, dvh)| dvh));
+    let planned = &outcome.given[0].histograms;
+    let reference = outcome.reference_given.as_ref().map(|given| &given.histograms);
+    let up_to = up_to_gy(planned.iter().chain(reference.into_iter().flatten()).map(|(_, dvh)| dvh));
     let percent = |dvh: &Dvh| percent_curve(dvh, up_to);
     let (mut series, mut colours) = (Vec::new(), Vec::new());
     for (place, (structure, dvh)) in planned.iter().enumerate() {
         series.push(Series { name: structure.name.clone(), points: percent(dvh), style: Style::Line });
         colours.push(place);
-        if let Some((_, dvh)) = reference.iter().flatten().find(|(s, _)| s.name == structure.name) {
+        if let Some((_, dvh)) = reference.into_iter().flatten().find(|(s, _)| s.name == structure.name) {
             series.push(Series { name: String::new(), points: percent(dvh), style: Style::Dashed });
             colours.push(place);
         }
     }
     // The least and the most that each structure gets over the set-ups.
-    let moved: Vec<_> = outcome.gray[1..].iter().map(|gray| outcome.on_grid.histograms(gray)).collect();
+    let moved = &outcome.given[1..];
     for (place, (structure, dvh)) in planned.iter().enumerate() {
         if moved.is_empty() || !follows(structure.role) {
             continue;
         }
         let all = || {
-            let others = moved.iter().flatten().filter(|(s, _)| s.name == structure.name).map(|(_, dvh)| dvh);
+            let others = moved
+                .iter()
+                .flat_map(|given| &given.histograms)
+                .filter(|(s, _)| s.name == structure.name)
+                .map(|(_, dvh)| dvh);
             std::iter::once(dvh).chain(others)
         };
         for extreme in [f64::min as fn(f64, f64) -> f64, f64::max] {

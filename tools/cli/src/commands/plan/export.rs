@@ -60,7 +60,7 @@ pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resul
     Ok(Files { plan, dose, structures })
 }
 
-fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves) -> Vec<Beam> {
+fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<Beam> {
     let (_, all) = leaves.totals();
     let beam = |(number, beam): (&u16, &LeafBeam)| {
         let angle = request.ring.angle_deg(*number);

@@ -3,10 +3,10 @@
 use serde_json::{Value, json};
 use stillpoint_plan::beams::Influence;
 use stillpoint_plan::dose::Collimator;
-use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose};
+use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose};
 use stillpoint_plan::leaves::{FluenceBeam, LeafBeam, LeafOptions, Sequenced, sequence};
 use stillpoint_plan::protocol::Judged;
-use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 use super::ground::Ground;
 use super::outcome::histograms;
@@ -15,11 +15,13 @@ use super::search::Run;
 use crate::exit::Failure;
 
 /// A plan in segments, in the planned set-up.
-pub struct Leaves {
+pub struct Leaves<'a> {
     /// The segments.
     pub sequenced: Sequenced,
     /// Their dose, gray.
     pub gray: Vec<f32>,
+    /// What it gives the structures.
+    pub given: Evaluation<'a>,
     /// Figures of it.
     pub figures: Vec<StructureDose>,
     /// How it falls off.
@@ -30,14 +32,14 @@ pub struct Leaves {
     mu_per_weight: f64,
 }
 
-impl Leaves {
+impl<'a> Leaves<'a> {
     /// Of this run, where the machine has leaves and the request wants them used; or why not.
     pub fn new(
         request: &Request,
         ground: &Ground,
         run: &Run,
         recompute: &Recompute,
-        on_grid: &OnGrid<'_>,
+        on_grid: &OnGrid<'a>,
     ) -> Result<Option<Self>, Failure> {
         let Some(collimator) = request.collimator() else { return Ok(None) };
         let best = &run.choice.best;
@@ -58,10 +60,12 @@ impl Leaves {
             Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
         })?;
         let gray = dose(request, run, &sequenced, collimator, recompute)?;
+        let given = on_grid.evaluate(&gray);
         Ok(Some(Self {
-            figures: on_grid.figures(&gray, &ground.volumes_at_gy),
-            fall_off: on_grid.fall_off(&gray),
-            limits: request.protocol.iter().flat_map(|p| p.judge(&request.case, on_grid, &gray)).collect(),
+            figures: given.figures(&ground.volumes_at_gy),
+            fall_off: given.fall_off,
+            limits: request.protocol.iter().flat_map(|p| p.judge(&request.case, &given)).collect(),
+            given,
             sequenced,
             gray,
             mu_per_weight,
@@ -91,7 +95,7 @@ impl Leaves {
     }
 
     /// All of it, for `plan.json`.
-    pub fn told(&self, request: &Request, run: &Run, on_grid: &OnGrid<'_>) -> Value {
+    pub fn told(&self, request: &Request, run: &Run) -> Value {
         let [opaque, loss] = self.losses(run.choice.best.cost);
         let (segments, monitor_units) = self.totals();
         let beam = |(number, beam): (&u16, &LeafBeam)| {
@@ -121,14 +125,14 @@ impl Leaves {
             "monitor_units": monitor_units,
             "beams": self.beams(run).map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
-            "histograms": histograms(on_grid, &self.gray),
+            "histograms": histograms(&self.given),
             "fall_off": self.fall_off,
             "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
         })
     }
 
     /// The beams that have segments, with their numbers on the ring.
-    pub fn beams<'a>(&'a self, run: &'a Run) -> impl Iterator<Item = (&'a u16, &'a LeafBeam)> {
+    pub fn beams<'b>(&'b self, run: &'b Run) -> impl Iterator<Item = (&'b u16, &'b LeafBeam)> {
         let numbers = run.choice.best.beams.beams().iter();
         numbers.zip(&self.sequenced.beams).filter_map(|(number, beam)| Some((number, beam.as_ref()?)))
     }
@@ -145,17 +149,9 @@ fn dose(
     let numbers = run.choice.best.beams.beams().iter();
     let fluence = |(number, beam): (&u16, &Option<LeafBeam>)| {
         let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.bixel_mm);
-        Some((request.ring.angle_deg(*number), bixels_mm, weights))
+        Some(BeamFluence { gantry_deg: request.ring.angle_deg(*number), bixels_mm, weights })
     };
-    let fluences: Vec<(f64, Vec<[f64; 2]>, Vec<f64>)> =
-        numbers.zip(&sequenced.beams).filter_map(fluence).collect();
-    let beams: Vec<WeightedBeam<'_>> = fluences
-        .iter()
-        .map(|(gantry_deg, bixels_mm, weights)| WeightedBeam {
-            gantry_deg: *gantry_deg,
-            weights,
-            bixels_mm: Some(bixels_mm),
-        })
-        .collect();
+    let fluences: Vec<BeamFluence> = numbers.zip(&sequenced.beams).filter_map(fluence).collect();
+    let beams = BeamFluence::weighted(&fluences);
     recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)
 }

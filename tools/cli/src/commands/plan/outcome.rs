@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use stillpoint_plan::Grid;
 use stillpoint_plan::beams::Progress;
 use stillpoint_plan::case::Structure;
-use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose, brought_to};
+use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::follows;
@@ -25,10 +25,11 @@ pub struct Outcome<'a> {
     pub run: &'a Run,
     /// Gantry angles, rising, degrees.
     pub angles_deg: Vec<f64>,
-    /// The structures on the grid of the dose.
-    pub on_grid: OnGrid<'a>,
+    grid: Grid,
     /// Dose in each set-up, gray, the planned one first.
     pub gray: Vec<Vec<f32>>,
+    /// What each of these doses gives the structures.
+    pub given: Vec<Evaluation<'a>>,
     /// Figures of the planned set-up.
     pub figures: Vec<StructureDose>,
     /// How the dose falls off in the planned set-up.
@@ -36,11 +37,11 @@ pub struct Outcome<'a> {
     /// The limits of the protocol, in the planned set-up.
     pub limits: Vec<Judged>,
     /// The segments, with their dose; nothing where the fluence is not sequenced.
-    pub leaves: Option<Leaves>,
+    pub leaves: Option<Leaves<'a>>,
     /// Figures of the other set-ups; of structures that are followed through them.
     pub moved: Vec<Vec<StructureDose>>,
-    /// The dose that came with the case, on the same grid, gray.
-    pub reference_gray: Option<Vec<f32>>,
+    /// What the dose that came with the case gives, on the same grid.
+    pub reference_given: Option<Evaluation<'a>>,
     /// Figures of that dose.
     pub reference: Option<Vec<StructureDose>>,
 }
@@ -69,32 +70,35 @@ impl<'a> Outcome<'a> {
         bar.finish_and_clear();
         let gray = gray.map_err(Failure::failed)?;
         let on_grid = OnGrid::new(case, recompute.grid());
-        let figures = |gray: &[f32]| on_grid.figures(gray, &ground.volumes_at_gy);
-        let of_moving = |gray: &Vec<f32>| {
-            let mut figures = figures(gray);
+        let given: Vec<Evaluation<'a>> = gray.iter().map(|gray| on_grid.evaluate(gray)).collect();
+        let figures = |given: &Evaluation<'_>| given.figures(&ground.volumes_at_gy);
+        let of_moving = |given: &Evaluation<'_>| {
+            let mut figures = figures(given);
             figures.retain(|f| follows(f.role));
             figures
         };
-        let reference_gray =
-            case.reference_dose_gy().map(|gray| brought_to(recompute.grid(), case.grid(), gray));
+        let reference = case.reference_dose_gy();
+        let reference_given =
+            reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
         Ok(Self {
             leaves: Leaves::new(request, ground, run, &recompute, &on_grid)?,
             run,
             angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
-            figures: figures(&gray[0]),
-            fall_off: on_grid.fall_off(&gray[0]),
-            limits: request.protocol.iter().flat_map(|p| p.judge(case, &on_grid, &gray[0])).collect(),
-            moved: gray[1..].iter().map(of_moving).collect(),
-            reference: reference_gray.as_deref().map(figures),
-            reference_gray,
+            figures: figures(&given[0]),
+            fall_off: given[0].fall_off,
+            limits: request.protocol.iter().flat_map(|p| p.judge(case, &given[0])).collect(),
+            moved: given[1..].iter().map(of_moving).collect(),
+            reference: reference_given.as_ref().map(figures),
+            reference_given,
             gray,
-            on_grid,
+            given,
+            grid: *on_grid.grid(),
         })
     }
 
     /// The grid of the dose.
     pub fn grid(&self) -> &Grid {
-        self.on_grid.grid()
+        &self.grid
     }
 
     /// Everything, as it is written to `plan.json`; nothing in it depends on a clock.
@@ -136,10 +140,10 @@ impl<'a> Outcome<'a> {
             "newton_steps": best.plan.steps,
             "beams": best.beams.beams().iter().map(beam).collect::<Vec<_>>(),
             "structures": self.figures,
-            "histograms": histograms(&self.on_grid, &self.gray[0]),
+            "histograms": histograms(&self.given[0]),
             "fall_off": self.fall_off,
             "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
-            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run, &self.on_grid)),
+            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run)),
             "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
             "reference": self.reference,
             "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),
@@ -148,11 +152,10 @@ impl<'a> Outcome<'a> {
 }
 
 /// The histogram of each structure in percent of its volume.
-pub fn histograms(on_grid: &OnGrid<'_>, gray: &[f32]) -> Vec<Histogram> {
-    let histograms = on_grid.histograms(gray);
-    let up_to = up_to_gy(histograms.iter().map(|(_, dvh)| dvh));
+pub fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
+    let up_to = up_to_gy(given.histograms.iter().map(|(_, dvh)| dvh));
     let told = |(structure, dvh): &(&Structure, Dvh)| Histogram::new(&structure.name, dvh, up_to);
-    histograms.iter().map(told).collect()
+    given.histograms.iter().map(told).collect()
 }
 
 fn grid(grid: &Grid) -> Value {

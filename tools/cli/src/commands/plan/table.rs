@@ -52,7 +52,7 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
 }
 
 /// What the leaves give.
-fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Leaves) {
+fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Leaves<'_>) {
     let (segments, monitor_units) = leaves.totals();
     let [opaque, loss] = leaves.losses(outcome.run.choice.best.cost).map(|part| 100.0 * part);
     let transmission = request.collimator().map_or(0.0, |c| 100.0 * c.transmission);

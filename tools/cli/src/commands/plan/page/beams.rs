@@ -67,7 +67,7 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
 }
 
 fn shaped<'a>(
-    leaves: &'a Leaves,
+    leaves: &'a Leaves<'a>,
     outcome: &'a Outcome<'_>,
     beam: u16,
 ) -> Option<&'a stillpoint_plan::leaves::LeafBeam> {

@@ -29,13 +29,12 @@ pub struct Histograms<'a> {
 }
 
 pub fn blocks(request: &Request, outcome: &Outcome<'_>) -> Result<Vec<Block>, Failure> {
-    let planned = outcome.on_grid.histograms(&outcome.gray[0]);
-    let shaped = outcome.leaves.as_ref().map(|leaves| outcome.on_grid.histograms(&leaves.gray));
-    let shaped = shaped.as_deref().unwrap_or_default();
+    let planned = &outcome.given[0].histograms;
+    let shaped = outcome.leaves.as_ref().map_or(&[][..], |leaves| &leaves.given.histograms[..]);
     let up_to = up_to_gy(planned.iter().chain(shaped).map(|(_, dvh)| dvh));
     let (_, _, limits) = shown(outcome);
     let histograms = Histograms {
-        lines: curves(&planned, up_to),
+        lines: curves(planned, up_to),
         dashes: curves(shaped, up_to),
         prescription: request.case.prescription(),
         limits,

@@ -125,7 +125,7 @@ fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
         y
     };
     let mut bottom = 14.0;
-    for (number, (structure, _)) in outcome.on_grid.histograms(&outcome.gray[0]).iter().enumerate() {
+    for (number, (structure, _)) in outcome.given[0].histograms.iter().enumerate() {
         let colour = slices::on_dark(number).replace("#ffffff", "var(--ink)");
         bottom = entry(&colour, "none", &structure.name, &mut svg);
     }
