@@ -29,9 +29,9 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     };
     session("head-from-ct.yaml", "9s");
     session("head-tracking.yaml", "1s");
-    let coarse = ["--angles", "0,120,240", "--grid", "12mm", "--bixel", "20mm", "--fluence-only"];
+    let coarse = ["--angles", "0,120,240", "--grid", "12mm", "--bixel", "20mm"];
     run(folder, &[&["plan", &case, "--out", "plan", "--doses", "doses"], &coarse[..]].concat());
-    run(folder, &[&["plan", "--out", "pelvis", "--doses", "doses"], &coarse[..]].concat());
+    run(folder, &[&["plan", "--out", "pelvis", "--doses", "doses", "--fluence-only"], &coarse[..]].concat());
 
     let asked = |session, plan| -> [&str; 9] {
         ["delivered", session, "--plan", plan, "--case", &case, "--grid", "8mm", "--json"]
@@ -56,6 +56,24 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
     let largest = |motion: &str, i: usize| told[motion]["largest_mm_deg"][i].as_f64().unwrap();
     assert!((0..3).all(|i| largest("beam_on", i) < 1.5 && largest("beam_on", i + 3) < 0.8), "{told}");
     assert!(largest("after_arming", 0) > 3.0 * largest("beam_on", 0), "{told}");
+    // The planned dose is that of the segments of plan.json, on the grid of the plan where no other is asked for.
+    let own_grid: Vec<&str> =
+        asked(held, "plan").into_iter().filter(|a| !["--grid", "8mm"].contains(a)).collect();
+    let on_grid: Value = serde_json::from_str(&run(
+        folder,
+        &[&own_grid[..], &["--bin", "20mm", "--bin-angle", "20deg"]].concat(),
+    ))
+    .unwrap();
+    let plan: Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("plan/plan.json")).unwrap()).unwrap();
+    let (planned, told) = (&on_grid["doses"][0]["structures"], &plan["leaves"]["structures"]);
+    for (planned, told) in planned.as_array().unwrap().iter().zip(told.as_array().unwrap()) {
+        assert_eq!(planned["name"], told["name"]);
+        for figure in ["d98_gy", "d50_gy", "d2_gy", "d0_03cc_gy"] {
+            let [planned, told] = [planned, told].map(|f| f[figure].as_f64().unwrap());
+            assert!((planned - told).abs() < 1e-3, "{figure}: {planned}, {told}");
+        }
+    }
     assert!((d98(1) - d98(0)).abs() < 0.03 * d98(0), "planned {}, delivered {}", d98(0), d98(1));
     let svg = std::fs::read_to_string(folder.join("delivered/head-from-ct-0001/delivered.svg")).unwrap();
     assert!(svg.contains("without gating") && svg.contains("CTV"));
