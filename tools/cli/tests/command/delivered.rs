@@ -61,7 +61,7 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
         asked(held, "plan").into_iter().filter(|a| !["--grid", "8mm"].contains(a)).collect();
     let on_grid: Value = serde_json::from_str(&run(
         folder,
-        &[&own_grid[..], &["--bin", "20mm", "--bin-angle", "20deg"]].concat(),
+        &[&own_grid[..], &["--bin", "10mm", "--bin-angle", "10deg"]].concat(),
     ))
     .unwrap();
     let plan: Value =
@@ -71,7 +71,7 @@ fn the_dose_of_the_example_from_the_ct_is_told_and_other_sessions_and_cases_are_
         assert_eq!(planned["name"], told["name"]);
         for figure in ["d98_gy", "d50_gy", "d2_gy", "d0_03cc_gy"] {
             let [planned, told] = [planned, told].map(|f| f[figure].as_f64().unwrap());
-            assert!((planned - told).abs() < 1e-3, "{figure}: {planned}, {told}");
+            assert!((planned - told).abs() < 0.02, "{figure}: {planned}, {told}");
         }
     }
     assert!((d98(1) - d98(0)).abs() < 0.03 * d98(0), "planned {}, delivered {}", d98(0), d98(1));
