@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
+use crate::observability::Observability;
 use crate::planned::{Foreign, Planned};
 use crate::surface::SurfaceError;
 use crate::tracker::HeadTracker;
@@ -21,6 +22,9 @@ pub enum CaptureError {
     /// It makes no surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// Its surface does not hold every direction of a movement.
+    #[error("the face holds {} of 6 directions of a movement: too little of the head is seen, or it is round like a ball", .0.constrained)]
+    Loose(Box<Observability>),
     /// It is not the patient of the known surface.
     #[error(transparent)]
     Foreign(#[from] Foreign),
@@ -51,7 +55,10 @@ enum State {
 pub struct Capture {
     frames: u32,
     most: usize,
+    needs_all: bool,
     state: State,
+    /// Frames behind the surface; 0 where it is known without one.
+    behind: u32,
     number: u32,
     cloud: Vec<Vector3<f64>>,
     centroid: Vector3<f64>,
@@ -59,14 +66,17 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// References of `frames` frames and at most `most` points.
+    /// References of `frames` frames and at most `most` points. If it `needs_all` directions, a face whose surface does not
+    /// hold each of the six directions of a movement is refused.
     #[must_use]
-    pub fn new(frames: u32, most: usize) -> Self {
+    pub fn new(frames: u32, most: usize, needs_all: bool) -> Self {
         let nowhere = Vector3::zeros();
         Self {
             frames: frames.max(1),
             most,
+            needs_all,
             state: State::Idle,
+            behind: 0,
             number: 0,
             cloud: Vec::new(),
             centroid: nowhere,
@@ -93,6 +103,7 @@ impl Capture {
         tracker.capture(&self.cloud, 0)?;
         tracker.lose();
         self.settle(tracker);
+        self.behind = 1;
         self.state = State::Complete;
         Ok(())
     }
@@ -114,8 +125,14 @@ impl Capture {
         if cloud.len() < needed {
             return Err(CaptureError::TooFewPoints { found: cloud.len(), needed });
         }
-        tracker.capture(cloud, time)?;
+        let surface = tracker.surface_of(cloud)?;
+        let observability = tracker.observability(&surface, cloud);
+        if self.needs_all && !tracker.is_held(&observability) {
+            return Err(CaptureError::Loose(Box::new(observability)));
+        }
+        tracker.capture_surface(surface, cloud, time);
         self.settle(tracker);
+        self.behind = 1;
         self.cloud.clear();
         self.cloud.extend_from_slice(cloud);
         thin(&mut self.cloud, self.most / self.frames as usize);
@@ -145,6 +162,7 @@ impl Capture {
         let found = known.register(cloud)?;
         tracker.capture(&found.seen, time)?;
         self.settle(tracker);
+        self.behind = 0;
         self.cloud = found.seen;
         thin(&mut self.cloud, self.most);
         self.state = State::Complete;
@@ -170,7 +188,9 @@ impl Capture {
         self.state = State::Gathering(left - 1);
         if left == 1 {
             // A surface of more points can fail only where that of the first frame fails; then that one stays.
-            let _ = tracker.refine(&self.cloud);
+            if tracker.refine(&self.cloud).is_ok() {
+                self.behind = self.frames;
+            }
             self.state = State::Complete;
         }
         left == 1
@@ -189,6 +209,13 @@ impl Capture {
     #[must_use]
     pub fn number(&self) -> u32 {
         self.number
+    }
+
+    /// Variance of the reference's error over that of a frame: the surface of so many frames errs by the noise of their
+    /// mean. A surface of the planning CT has none of this noise.
+    #[must_use]
+    pub fn variance(&self) -> f64 {
+        if self.behind == 0 { 0.0 } else { 1.0 / f64::from(self.behind) }
     }
 
     /// Mean of the points of the reference's first frame, m.

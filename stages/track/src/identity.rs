@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Vector3};
 use stillpoint_samples::{IdentityPart, Proof};
 
-use crate::align::{Agreement, Alignment, PartAxes, agreement};
+use crate::align::{Agreement, Alignment, PartAxes, Pieces, agreement};
 use crate::surface::Surface;
 
 /// A part of the confidence at its limit. Below it the frame has no pose.
@@ -83,6 +83,7 @@ impl Judged {
 #[derive(Debug, Clone)]
 pub struct Identity {
     axes: PartAxes,
+    pieces: Pieces,
     /// When the head was first found after the capture, ns.
     since: Option<u64>,
     proof: Proof,
@@ -103,6 +104,7 @@ impl Identity {
     pub fn new(surface: &Surface) -> Self {
         Self {
             axes: PartAxes::of(surface),
+            pieces: Pieces::of(surface),
             since: None,
             proof: Proof::Waiting,
             moved: 0.0,
@@ -119,8 +121,10 @@ impl Identity {
         let Frame { cloud, alignment, motion, .. } = *frame;
         let tolerance = needed.tolerance;
         let middle = surface.centroid();
-        let seen = agreement(surface, &self.axes, cloud, &alignment.surface_from_cloud, tolerance, POINTS);
         let noise = surface.noise_sd();
+        let pieces = Some((&mut self.pieces, noise.max(alignment.sd)));
+        let pose = &alignment.surface_from_cloud;
+        let seen = agreement(surface, &self.axes, pieces, cloud, pose, tolerance, POINTS);
         let shift = (motion * nalgebra::Point3::from(middle)).coords - middle;
         let mut certainty = [0.0; 5];
         // A size that the surface does not tell is no reason to doubt.
@@ -134,7 +138,7 @@ impl Identity {
             below(shift.norm(), REGION).min(below(motion.rotation.angle(), REGION_TURN));
         let apart = below(seen.apart, (APART * noise).max(APART_LEAST));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
-        certainty[IdentityPart::Agreement as usize] = apart.min(quarter);
+        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moved, 1.0));
         let judged = Judged { certainty, agreement: seen };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
@@ -144,10 +148,12 @@ impl Identity {
         judged
     }
 
-    /// Notes that the surface has been fitted to more frames. Its patches are others, so their density is measured anew.
-    pub fn refine(&mut self) {
+    /// Notes that the surface has been fitted to more frames. Its patches are others, so their density is measured
+    /// anew, and movements of its pieces count from now on.
+    pub fn refine(&mut self, surface: &Surface) {
         self.density = 0.0;
         self.dense_frames = 0;
+        self.pieces = Pieces::of(surface);
     }
 
     /// The certainty that no part of the captured surface is gone.

@@ -63,6 +63,8 @@ pub struct Partner {
     pub sight: Sight,
     /// Whether the surface ends there.
     pub place: Place,
+    /// Number of the patch.
+    pub patch: usize,
     /// Number of the group of patches whose residuals are taken as one.
     pub group: usize,
     /// The point lies over the patch, not beside it.
@@ -173,7 +175,8 @@ impl Surface {
         let patch = self.patches.get(number)?;
         let sight = patch.sight(point);
         let group = self.groups[number] as usize;
-        Some(Partner { sight, place: patch.place, group, over: sight.aside <= self.reach })
+        let over = sight.aside <= self.reach;
+        Some(Partner { sight, place: patch.place, patch: number, group, over })
     }
 
     /// The patches, about the centre.

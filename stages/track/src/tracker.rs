@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use crate::align::{AlignParams, Aligner, Alignment, Effort, Robust, misfit};
+use crate::observability::Observability;
 use crate::quaternion::{PairedPose, pose_of_pairs};
 use crate::search::{best_start, onto_centroid, search};
 use crate::surface::{Surface, SurfaceError, SurfaceParams};
@@ -134,7 +135,36 @@ impl HeadTracker {
     /// # Errors
     /// A cloud that makes no reference; the one before stays.
     pub fn capture(&mut self, cloud: &[Vector3<f64>], time: u64) -> Result<(), SurfaceError> {
-        let surface = Surface::new(cloud, &self.params.surface)?;
+        let surface = self.surface_of(cloud)?;
+        self.capture_surface(surface, cloud, time);
+        Ok(())
+    }
+
+    /// The surface of a cloud (m, finite, seen from the origin), as a capture makes it.
+    ///
+    /// # Errors
+    /// A cloud that makes no reference.
+    pub fn surface_of(&self, cloud: &[Vector3<f64>]) -> Result<Surface, SurfaceError> {
+        Surface::new(cloud, &self.params.surface)
+    }
+
+    /// The directions that a surface holds, as the cloud (m) from which it was made shows it.
+    pub fn observability(&mut self, surface: &Surface, cloud: &[Vector3<f64>]) -> Observability {
+        let start = Isometry3::from(-surface.centre());
+        let effort = Effort { points: self.params.points, iterations: 1, ..ROUGH };
+        self.aligner.align(surface, cloud, &start, &self.params.align, &effort).observability
+    }
+
+    /// Whether a head that is captured with this observability is held: none of the six directions is as free as a
+    /// turn of a ball, and noise hides at most one of them.
+    #[must_use]
+    pub fn is_held(&self, observability: &Observability) -> bool {
+        let least = self.params.align.least_sensitivity;
+        observability.constrained >= 5 && observability.sensitivity.iter().all(|s| *s >= least)
+    }
+
+    /// Makes a surface the reference, and the cloud (m) from which it was made. `time` is its acquisition, ns.
+    pub fn capture_surface(&mut self, surface: Surface, cloud: &[Vector3<f64>], time: u64) {
         let identity = Isometry3::from(-surface.centre());
         self.reference = Some(Reference {
             three: three_points(cloud),
@@ -144,7 +174,6 @@ impl HeadTracker {
             lost: false,
             fit: None,
         });
-        Ok(())
     }
 
     /// Puts the surface of a larger cloud, in the frame of the capture, in the reference's place; the pose stays.

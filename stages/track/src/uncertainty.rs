@@ -23,18 +23,20 @@ pub struct Uncertainty {
 
 impl Uncertainty {
     /// Of an alignment with a surface of this `length`, m, where `couch_from_surface` brings the surface's axes and
-    /// centre to where the head is now, and the head's origin is at `origin`, m, in the couch's frame.
+    /// centre to where the head is now, and the head's origin is at `origin`, m, in the couch's frame. `reference` is the
+    /// variance of the surface's own error over that of the alignment: every pose has the same error of the surface.
     #[must_use]
     pub fn new(
         alignment: &Alignment,
         length: f64,
         couch_from_surface: &Isometry3<f64>,
         origin: &Vector3<f64>,
+        reference: f64,
     ) -> Self {
         let rotation = couch_from_surface.rotation.to_rotation_matrix().into_inner();
         let turn = blocks(&rotation, &Matrix3::zeros(), &rotation);
         let directions = turn * alignment.observability.directions;
-        let spread = turn * alignment.covariance * turn.transpose();
+        let spread = turn * alignment.covariance * turn.transpose() * (1.0 + reference);
         let centre = couch_from_surface.translation.vector;
         // From (translation of the centre, rotation times length) to (translation of the origin, rotation).
         let lever = (origin - centre).cross_matrix();

@@ -15,7 +15,7 @@ pub(super) struct Equations {
 }
 
 /// Sums of the normal equations; the symmetric matrix is kept by its lower half.
-#[derive(Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Sums {
     lower: [f64; 21],
     pub right: Vector6<f64>,

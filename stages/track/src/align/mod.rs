@@ -8,15 +8,18 @@
 //! - `robust`: how distances are weighted.
 //! - `equations`: the normal equations.
 //! - `parts`: how parts of the surface agree.
+//! - `pieces`: whether each piece of the surface moves with the rest.
 //! - `misfit`: how far a cloud is from the surface.
 
 mod aligner;
 mod equations;
 mod misfit;
 mod parts;
+mod pieces;
 mod robust;
 
 pub use aligner::{AlignParams, Aligner, Alignment, Approach, Effort};
 pub use misfit::misfit;
 pub use parts::{Agreement, PartAxes, agreement};
+pub use pieces::Pieces;
 pub use robust::Robust;

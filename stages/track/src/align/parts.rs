@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
 use super::equations::Sums;
 use super::misfit::spread;
+use super::pieces::Pieces;
 use crate::patch::{Patch, Place};
 use crate::surface::Surface;
 
@@ -66,6 +67,9 @@ pub struct Agreement {
     /// Number of points on the surface for the solid angle under which its patches are seen. One camera keeps it for one
     /// surface at any distance, unless a part of the surface is gone. Infinite or not a number where no patch is seen.
     pub density: f64,
+    /// Largest movement of a piece of the surface against the rest since the first frames, over its limit; zero without
+    /// pieces.
+    pub moved: f64,
 }
 
 /// The sums of one quarter.
@@ -77,11 +81,13 @@ struct Quarter {
 }
 
 /// The agreement of the parts of a `surface` on a cloud (m, finite, seen from the origin) at `surface_from_cloud`. A point
-/// within `tolerance` lies on the surface; at most `points` are used.
+/// within `tolerance` lies on the surface; at most `points` are used. `pieces` are those of the surface, with the
+/// standard deviation of the points along the normals, m.
 #[must_use]
 pub fn agreement(
     surface: &Surface,
     axes: &PartAxes,
+    mut pieces: Option<(&mut Pieces, f64)>,
     cloud: &[Vector3<f64>],
     surface_from_cloud: &Isometry3<f64>,
     tolerance: f64,
@@ -89,6 +95,9 @@ pub fn agreement(
 ) -> Agreement {
     let rotation = surface_from_cloud.rotation.to_rotation_matrix().into_inner();
     let inverse_length = 1.0 / surface.length();
+    if let Some((pieces, _)) = &mut pieces {
+        pieces.begin();
+    }
     let mut quarters: [Quarter; 4] = Default::default();
     // Of the size: its own information, what it shares with the pose, and how the distances pull.
     let (mut own, mut shared, mut pull) = (0.0, Vector6::zeros(), 0.0);
@@ -109,6 +118,9 @@ pub fn agreement(
         let turn = at.cross(&sight.normal) * inverse_length;
         let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
         quarter.sums.add(&row, sight.distance, 1.0);
+        if let Some((pieces, _)) = &mut pieces {
+            pieces.add(partner.patch, &row, sight.distance);
+        }
         let along = sight.normal.dot(&at);
         own += along * along;
         shared += row * along;
@@ -140,9 +152,10 @@ pub fn agreement(
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
         / solid_angle(surface, surface_from_cloud);
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
+    let moved = pieces.map_or(0.0, |(pieces, noise)| pieces.end(noise));
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
-    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density }
+    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moved }
 }
 
 /// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2.

@@ -9,7 +9,7 @@ use stillpoint_samples::{
     PoseStatus, Proof, Rejection, Sample, Verb,
 };
 
-use super::params::{CaptureBy, Confirm, HeadParams, Method, Origin, Reference, ReferenceParams};
+use super::params::{CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams};
 use super::report;
 use crate::capture::{Capture, CaptureError, Offer};
 use crate::identity::{ENOUGH, Frame, Identity, Needed};
@@ -168,7 +168,11 @@ impl Operator for TrackHead {
             None => None,
         };
         let mut tracker = HeadTracker::new(params.tracking());
-        let mut capture = Capture::new(params.capture_frames, params.max_points as usize);
+        let mut capture = Capture::new(
+            params.capture_frames,
+            params.max_points as usize,
+            params.directions == Directions::All,
+        );
         match start {
             Some(name) => {
                 let cloud = reference_file(name, setup)?;
@@ -254,6 +258,7 @@ impl Operator for TrackHead {
         };
         let report = match &captured {
             Err(CaptureError::Foreign(why)) => report::of_foreign(report, why),
+            Err(CaptureError::Loose(held)) => report::of_loose(report, held),
             _ => report,
         };
         let report = match found.doubted {
@@ -265,8 +270,10 @@ impl Operator for TrackHead {
         let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
             self.capture.add(&mut self.tracker, &self.cloud, &tracked.current_from_reference)
         });
-        if let Some((_, identity)) = self.identity.as_mut().filter(|_| is_refined) {
-            identity.refine();
+        if is_refined
+            && let (Some((_, identity)), Some(surface)) = (&mut self.identity, self.tracker.surface())
+        {
+            identity.refine(surface);
         }
         self.found = Some(found).filter(|_| !is_refined);
         if let Some(cloud) = self.capture.completed() {
@@ -370,7 +377,8 @@ impl TrackHead {
         let pose = self.output_from_head(&tracked.current_from_reference);
         let now = self.output_from_face * tracked.alignment.surface_from_cloud.inverse();
         let length = self.tracker.surface().map_or(f64::NAN, |s| s.length());
-        let known = Uncertainty::new(&tracked.alignment, length, &now, &pose.translation.vector);
+        let at = &pose.translation.vector;
+        let known = Uncertainty::new(&tracked.alignment, length, &now, at, self.capture.variance());
         report::of_alignment(report, &tracked.alignment);
         report::of_uncertainty(report, &known, length);
         element(&pose, &known.covariance)

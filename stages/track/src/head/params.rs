@@ -35,6 +35,15 @@ pub enum Confirm {
     Waived,
 }
 
+/// Whether a reference has to hold each of the six directions of a movement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Directions {
+    /// All of them. A face that does not is refused.
+    All,
+    /// Any number. The others have infinite variance. For round phantoms.
+    Any,
+}
+
 /// Which point of the head is its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Origin {
@@ -111,6 +120,10 @@ pub struct HeadParams {
     pub confirm: Confirm,
     /// A reference that is known before a face is captured: a PCD file with a face, or the surface of the planning CT.
     pub reference: Option<Reference>,
+    /// Directions of a movement that a captured face has to hold. A ball holds three, and a face of which too little is seen
+    /// may hold five: neither is captured.
+    #[param(default = "all")]
+    pub directions: Directions,
     /// Number of frames of a reference. The head may move: each frame is aligned with the first.
     #[param(default = 1, min = 1, max = 16)]
     pub capture_frames: u32,

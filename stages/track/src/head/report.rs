@@ -5,6 +5,7 @@ use stillpoint_samples::{PoseReportElement, PoseStatus};
 use crate::align::Alignment;
 use crate::capture::{CaptureError, Offer};
 use crate::identity::Judged;
+use crate::observability::Observability;
 use crate::planned::Foreign;
 use crate::tracker::{Loss, TrackedPose, Way};
 use crate::uncertainty::Uncertainty;
@@ -53,6 +54,12 @@ pub fn of_foreign(said: PoseReportElement, why: &Foreign) -> PoseReportElement {
         }
         None => said,
     }
+}
+
+/// Says which directions a face does not hold that was refused for it.
+pub fn of_loose(said: PoseReportElement, held: &Observability) -> PoseReportElement {
+    let refused = (held.constrained..6).fold(0, |bits, i| bits | 1 << i);
+    PoseReportElement { sensitivity: held.sensitivity, refused, ..said }
 }
 
 /// What became of a frame.

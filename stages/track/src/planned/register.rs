@@ -321,7 +321,7 @@ impl Planned {
             weight += 1.0;
         }
         let axes = PartAxes::of(surface);
-        let scale = agreement(surface, &axes, cloud, pose, tolerance, JUDGED).scale;
+        let scale = agreement(surface, &axes, None, cloud, pose, tolerance, JUDGED).scale;
         Fit {
             near: near / f64::max(used, 1.0),
             rms: (all[1] / f64::max(all[0], 1.0)).sqrt(),

@@ -225,6 +225,18 @@ fn a_face_that_is_unfit_is_refused_and_the_next_one_captured() {
 }
 
 #[test]
+fn a_ball_is_not_captured_and_the_head_after_it_is() {
+    let mut bench = bench(str::to_owned);
+    let said = feed(&mut bench, &sphere(&camera_from_body(), 0.09));
+    assert_eq!((said.status(), said.report.reference), (PoseStatus::CaptureRefused, 0));
+    assert!(said.pose.is_none());
+    assert_eq!(said.report.refused, 0b11_1000);
+    assert!(said.report.sensitivity[3..].iter().all(|s| *s < 0.005), "{:?}", said.report.sensitivity);
+    let head = feed(&mut bench, &head(&camera_from_body()));
+    assert_eq!((head.status(), head.report.reference), (PoseStatus::Captured, 1));
+}
+
+#[test]
 fn points_that_are_not_finite_are_left_out_and_counted() {
     let cloud = head(&camera_from_body());
     let clean = feed(&mut bench(str::to_owned), &cloud);
@@ -319,7 +331,9 @@ fn the_same_face_again_is_captured_where_that_is_asked_for() {
 #[test]
 fn a_sphere_has_infinite_variance_where_it_is_refused() {
     for origin in ["centroid", "centre"] {
-        let mut bench = bench(|t| t.replace("capture: first", &format!("capture: first, origin: {origin}")));
+        let mut bench = bench(|t| {
+            t.replace("capture: first", &format!("capture: first, directions: any, origin: {origin}"))
+        });
         feed(&mut bench, &sphere(&camera_from_body(), 0.09));
         let said = feed(&mut bench, &sphere(&moved([0.002, 0.0, 0.001], [0.0; 3]), 0.09));
         assert_eq!(said.report.refused, 0b11_1000);

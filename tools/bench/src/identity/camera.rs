@@ -20,7 +20,7 @@ const DEPTH: usize = 0;
 const TRUE_POSE: usize = 1;
 
 /// Latest time of the event after the first tick, s.
-const LATEST: f64 = 9.0;
+pub const LATEST: f64 = 9.0;
 /// The same in a scene without a head, s.
 const LATEST_EMPTY: f64 = 2.0;
 /// Number of pixels of the largest image.

@@ -28,7 +28,7 @@ use stillpoint_rig::scene::{Label, Scene};
 use super::crew;
 use super::figures::median;
 use scene::{Case, Event};
-use watch::{Seen, Watch};
+use watch::{Consistency, Seen, Watch};
 
 const PIPELINE: &str = include_str!("pipeline.yaml");
 /// Maximum length of a run, s. After a capture the gate stays shut for up to 10 s, until the parts of the head were
@@ -91,6 +91,8 @@ impl Rate {
 struct Row {
     number: u64,
     about: String,
+    /// The kind of the camera.
+    sensor: &'static str,
     event: Event,
     /// Whether a capture is due.
     due: bool,
@@ -160,6 +162,7 @@ fn run(number: u64, rate: Rate, registry: &Registry) -> Result<Row, Failure> {
     Ok(Row {
         number,
         about: format!("{}, {:.0} % shown{worn}{mask}", case.patient.about.trim(), 100.0 * shown),
+        sensor: case.patient.kind.name,
         event: case.event,
         due: case.is_due(shown),
         // A purity of NaN counts as wrong.
@@ -229,6 +232,7 @@ fn print(rows: &[Row], rate: Rate) {
             reasons.join(", ")
         );
     }
+    print_consistency(rows);
     for row in rows {
         let purity = row.seen.purity.map_or("nothing captured".into(), |p| format!("purity {p:.2}"));
         if row.wrong {
@@ -243,6 +247,40 @@ fn print(rows: &[Row], rate: Rate) {
         if row.due && row.seen.purity.is_some() && row.seen.beam_at.is_none() {
             outln!("no beam {}: {:?}, {} doubted", row.about, row.seen.against, row.seen.doubted);
         }
+    }
+}
+
+/// Prints for each kind of camera how the errors of the poses that the gate uses, before the event, agree with their
+/// covariance. Captures of anything else than the head are left out.
+fn print_consistency(rows: &[Row]) {
+    outln!(
+        "{:<14} {:>8} {:>6} {:>6} {:>9} {:>11}  NEES (6 is right)",
+        "camera",
+        "captures",
+        "poses",
+        "NEES",
+        "in 95 %",
+        "worst scene"
+    );
+    let mut sensors: Vec<&str> = rows.iter().map(|r| r.sensor).collect();
+    sensors.sort_unstable();
+    sensors.dedup();
+    for sensor in sensors {
+        let of: Vec<&Consistency> = rows
+            .iter()
+            .filter(|r| r.sensor == sensor && !r.wrong && r.seen.filtered.poses > 0)
+            .map(|r| &r.seen.filtered)
+            .collect();
+        let mut all = Consistency::default();
+        of.iter().for_each(|one| all.join(one));
+        let worst = of.iter().map(|one| one.mean()).fold(f64::NAN, f64::max);
+        outln!(
+            "{sensor:<14} {:>8} {:>6} {:>6.1} {:>7.0} % {worst:>11.1}",
+            of.len(),
+            all.poses,
+            all.mean(),
+            100.0 * all.share()
+        );
     }
 }
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Matrix6, Point3, Vector6};
 use serde::Serialize;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::sample_store::OwnedSample;
@@ -12,9 +12,10 @@ use stillpoint_pose::PoseNumbers;
 use stillpoint_rig::shape::Ellipsoid;
 use stillpoint_samples::{
     Entry, FarEnd, Gate, GateReason, Outcome, PointCloud, Pose, PoseReport, PoseStatus, Rejection, Target,
-    TargetElement,
+    TargetElement, Track,
 };
 
+use super::camera::LATEST;
 use super::scene::Case;
 use crate::observed::{first, isometry, output};
 
@@ -28,6 +29,9 @@ const REMEMBERED: usize = 200;
 const AFTER: u64 = 1_500_000_000;
 /// A run without a capture ends at this time, ns. In a scene without a head, the objects of the event appear earlier.
 const CAPTURED_BY: u64 = 4_000_000_000;
+
+/// 95 % quantile of chi squared with six degrees of freedom.
+pub const REGION_95: f64 = 12.592;
 
 /// Figures of a run.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -52,6 +56,52 @@ pub struct Seen {
     pub against: Vec<&'static str>,
     /// Operators with a failed activation.
     pub failed: Vec<String>,
+    /// Errors of the measured poses, before the event.
+    pub measured: Consistency,
+    /// The same of the filtered poses, which the gate uses.
+    pub filtered: Consistency,
+}
+
+/// The errors of poses in units of their covariance.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Consistency {
+    /// Poses with a finite covariance.
+    pub poses: u32,
+    /// Sum of their normalised estimation errors squared (NEES). 6 for each pose is right.
+    pub nees: f64,
+    /// Number of poses whose error lies inside the region that should hold 95 % of them.
+    pub inside: u32,
+}
+
+impl Consistency {
+    fn add(&mut self, estimate: &Isometry3<f64>, truth: &Isometry3<f64>, covariance: &Matrix6<f64>) {
+        let turn = (estimate.rotation * truth.rotation.inverse()).scaled_axis();
+        let shift = estimate.translation.vector - truth.translation.vector;
+        let error = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
+        let nees = covariance.cholesky().map(|c| error.dot(&c.solve(&error))).filter(|nees| nees.is_finite());
+        if let Some(nees) = nees {
+            self.poses += 1;
+            self.nees += nees;
+            self.inside += u32::from(nees <= REGION_95);
+        }
+    }
+
+    /// Adds the poses of another run.
+    pub fn join(&mut self, other: &Self) {
+        self.poses += other.poses;
+        self.nees += other.nees;
+        self.inside += other.inside;
+    }
+
+    /// Mean NEES; NaN without a pose.
+    pub fn mean(&self) -> f64 {
+        self.nees / f64::from(self.poses)
+    }
+
+    /// Fraction of the poses inside the 95 % region; NaN without a pose.
+    pub fn share(&self) -> f64 {
+        f64::from(self.inside) / f64::from(self.poses)
+    }
 }
 
 /// The observer of one run.
@@ -80,6 +130,9 @@ pub struct Watch {
     /// Time at which the beam was first on, ns.
     first_on: Option<u64>,
     gate_was_on: bool,
+    /// Time from beam on to the event, ns, and the latest time of the event, ns.
+    wait: u64,
+    latest: u64,
 }
 
 impl Watch {
@@ -101,6 +154,8 @@ impl Watch {
             beam: None,
             first_on: None,
             gate_was_on: false,
+            wait: (case.wait * 1e9) as u64,
+            latest: (LATEST * 1e9) as u64,
         }
     }
 
@@ -152,6 +207,30 @@ impl Watch {
             self.reference = report.reference;
             self.seen.purity = Some(self.purity(origin));
             (self.captured, self.point) = (self.truth_at(origin), None);
+        }
+    }
+
+    /// The true pose of the tracked point at a time before the event, ns.
+    fn due(&self, time: u64) -> Option<Isometry3<f64>> {
+        let is_before = self.first_on.is_none_or(|on| time < on + self.wait);
+        let truth = self.truth_at(time).filter(|_| is_before && time < self.latest)?;
+        Some(truth * self.captured?.inverse() * self.point?)
+    }
+
+    fn measured(&mut self, owned: &OwnedSample) {
+        let (Some(pose), Some(due)) = (first::<Pose>(owned), self.due(owned.header().origin)) else { return };
+        let covariance = Matrix6::from_row_slice(&pose.covariance);
+        self.seen.measured.add(&isometry(&pose), &due, &covariance);
+    }
+
+    fn filtered(&mut self, owned: &OwnedSample) {
+        let (Some(track), Some(due)) = (first::<Track>(owned), self.due(owned.header().origin)) else {
+            return;
+        };
+        let covariance = Matrix6::from_fn(|i, j| track.covariance[12 * i + j]);
+        let estimate = stillpoint_pose::isometry(track.position, track.orientation);
+        if track.run > 0 {
+            self.seen.filtered.add(&estimate, &due, &covariance);
         }
     }
 
@@ -234,6 +313,13 @@ impl Observer for Watch {
                 {
                     let pose = first::<Pose>(owned).map(|p| isometry(&p));
                     self.point = pose.map(|pose| start * truth.inverse() * pose);
+                } else if let Some(owned) = sent("pose") {
+                    self.measured(owned);
+                }
+            }
+            "filter" => {
+                if let Some(owned) = sent("state") {
+                    self.filtered(owned);
                 }
             }
             "target" => self.target = sent("reference").and_then(first::<Target>).or(self.target),

@@ -1,0 +1,178 @@
+//! Whether each piece of a surface still moves with the rest of it. A hand or a tube in the reference that does not
+//! move with the head is a piece that does not.
+//!
+//! A piece and the rest of the surface are fitted apart. How far the piece lies off in the first frames is an error of
+//! the reference. A later change is a movement against the rest.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use super::equations::Sums;
+use crate::buckets::Buckets;
+use crate::surface::Surface;
+
+/// Width of the cells of which pieces are made, and radius of a piece, m. A piece is about as large as a fist.
+const CELL: f64 = 0.02;
+const RADIUS: f64 = 0.035;
+/// Part of the mean information that holds the directions which the piece, or the rest, does not constrain.
+const HOLD: f64 = 1e-2;
+const HOLD_REST: f64 = 1e-3;
+/// Points that a piece needs at least. The rest needs three times as many.
+const POINTS_LEAST: u32 = 60;
+/// Number of frames whose mean is the place from which movements count, and weight of a new frame in the mean of the
+/// later ones.
+const FIRST: u32 = 4;
+const NEW: f64 = 0.25;
+/// Limits of the movement in one frame and of the mean movement: in multiples of the movement that independent noise of
+/// the points feigns in one frame, and at least, m.
+const ONCE: [f64; 2] = [10.0, 0.6e-3];
+const LASTING: [f64; 2] = [5.0, 0.3e-3];
+
+/// Sums over the points of a frame that lie in a cell, or in several.
+#[derive(Debug, Clone)]
+struct Part {
+    information: Matrix6<f64>,
+    right: Vector6<f64>,
+    points: u32,
+}
+
+impl Part {
+    fn empty() -> Self {
+        Self { information: Matrix6::zeros(), right: Vector6::zeros(), points: 0 }
+    }
+
+    fn sum<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
+        parts.fold(Self::empty(), |sum, part| Self {
+            information: sum.information + part.information,
+            right: sum.right + part.right,
+            points: sum.points + part.points,
+        })
+    }
+
+    fn without(&self, other: &Self) -> Self {
+        Self {
+            information: self.information - other.information,
+            right: self.right - other.right,
+            points: self.points - other.points,
+        }
+    }
+
+    /// The information on translations alone.
+    fn along(&self) -> Matrix3<f64> {
+        self.information.fixed_view::<3, 3>(0, 0).into_owned()
+    }
+
+    /// The translation (m) that brings this part onto the surface where the `rest` fits best.
+    fn off(&self, rest: &Self) -> Option<Vector3<f64>> {
+        let hold = HOLD_REST * rest.information.trace() / 6.0;
+        let held = rest.information + Matrix6::from_diagonal_element(hold.max(f64::MIN_POSITIVE));
+        let left = self.right - self.information * held.cholesky()?.solve(&rest.right);
+        let along = self.along();
+        let hold = HOLD * along.trace() / 3.0;
+        let held = (along + Matrix3::from_diagonal_element(hold.max(f64::MIN_POSITIVE))).cholesky()?;
+        Some(held.solve(&left.fixed_rows::<3>(0).into_owned()))
+    }
+}
+
+/// A part of the surface, in all frames so far.
+#[derive(Debug, Clone)]
+struct Piece {
+    cells: Vec<u32>,
+    /// How far it lies off in the mean of the first frames, and in that of the last ones, m.
+    start: Vector3<f64>,
+    now: Vector3<f64>,
+    frames: u32,
+}
+
+impl Piece {
+    /// Adds a frame in which the piece lies off by so much, m. Returns its movement in this frame and the mean one, m.
+    /// `None` in the first frames.
+    fn add(&mut self, off: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
+        if self.frames < FIRST {
+            self.frames += 1;
+            self.start += (off - self.start) / f64::from(self.frames);
+            self.now = self.start;
+            return None;
+        }
+        self.now += NEW * (off - self.now);
+        Some([off - self.start, self.now - self.start])
+    }
+}
+
+/// The overlapping pieces of a surface.
+#[derive(Debug, Clone)]
+pub struct Pieces {
+    cell_of_patch: Vec<u32>,
+    sums: Vec<(Sums, u32)>,
+    cells: Vec<Part>,
+    pieces: Vec<Piece>,
+}
+
+impl Pieces {
+    /// The pieces of a surface, before its first frame.
+    #[must_use]
+    pub fn of(surface: &Surface) -> Self {
+        let positions: Vec<_> = surface.patches().iter().map(|p| p.position).collect();
+        let (cell_of_patch, count) = Buckets::new(&positions, CELL).numbers();
+        let mut middles = vec![(Vector3::zeros(), 0.0); count];
+        for (position, cell) in positions.iter().zip(&cell_of_patch) {
+            let (sum, patches) = &mut middles[*cell as usize];
+            *sum += position;
+            *patches += 1.0;
+        }
+        let middles: Vec<Vector3<f64>> = middles.into_iter().map(|(sum, patches)| sum / patches).collect();
+        let about = |middle: &Vector3<f64>| {
+            let near = (0..).zip(&middles).filter(|(_, other)| (*other - middle).norm() < RADIUS);
+            let cells = near.map(|(cell, _)| cell).collect();
+            Piece { cells, start: Vector3::zeros(), now: Vector3::zeros(), frames: 0 }
+        };
+        let pieces = middles.iter().map(about).collect();
+        Self {
+            cell_of_patch,
+            sums: vec![(Sums::default(), 0); count],
+            cells: vec![Part::empty(); count],
+            pieces,
+        }
+    }
+
+    /// Begins a frame.
+    pub(super) fn begin(&mut self) {
+        self.sums.fill((Sums::default(), 0));
+    }
+
+    /// Adds a point of the frame that lies on a patch.
+    pub(super) fn add(&mut self, patch: usize, row: &Vector6<f64>, distance: f64) {
+        let cell = self.cell_of_patch.get(patch).and_then(|cell| self.sums.get_mut(*cell as usize));
+        if let Some((sums, points)) = cell {
+            sums.add(row, distance, 1.0);
+            *points += 1;
+        }
+    }
+
+    /// Ends a frame whose points have this noise (standard deviation along the normals, m). Returns the largest
+    /// movement of a piece against the rest, as root mean square along its normals, over its limit. Zero in the first
+    /// frames.
+    pub(super) fn end(&mut self, noise: f64) -> f64 {
+        let Self { sums, cells, pieces, .. } = self;
+        for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
+            *cell = Part { information: sums.information(), right: sums.right, points: *points };
+        }
+        let whole = Part::sum(cells.iter());
+        let mut most: f64 = 0.0;
+        for piece in pieces.iter_mut() {
+            let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
+            let rest = whole.without(&own);
+            if own.points < POINTS_LEAST || rest.points < 3 * POINTS_LEAST {
+                continue;
+            }
+            let Some(movements) = own.off(&rest).and_then(|off| piece.add(&off)) else { continue };
+            let (along, points) = (own.along(), f64::from(own.points));
+            // Three unknowns are fitted to the points of the piece.
+            let feigned = noise * (3.0 / points).sqrt();
+            for (movement, [times, least]) in movements.iter().zip([ONCE, LASTING]) {
+                let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
+                most = most.max(size / (times * feigned).max(least));
+            }
+        }
+        most
+    }
+}
