@@ -7,6 +7,7 @@ mod common;
 mod foreign;
 mod liveness;
 mod python;
+mod questions;
 mod relay;
 mod slow;
 mod speed;
