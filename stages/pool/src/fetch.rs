@@ -1,6 +1,6 @@
 //! Fetching a content from another process, part by part.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::Hash;
 use crate::message::{LONGEST_CONTENT, PART};
@@ -21,6 +21,8 @@ pub struct Fetch {
     length: Option<u64>,
     /// When a part was asked for, and how often.
     asked: BTreeMap<u32, (u64, u32)>,
+    /// Parts that were asked for once and are behind one that was asked for later: they are likely to be lost.
+    overtaken: BTreeSet<u32>,
 }
 
 /// Why a content cannot be had from where it is fetched.
@@ -43,7 +45,14 @@ pub enum FetchError {
 impl Fetch {
     /// Of this content.
     pub fn new(content: Hash) -> Self {
-        Self { content, bytes: Vec::new(), early: BTreeMap::new(), length: None, asked: BTreeMap::new() }
+        Self {
+            content,
+            bytes: Vec::new(),
+            early: BTreeMap::new(),
+            length: None,
+            asked: BTreeMap::new(),
+            overtaken: BTreeSet::new(),
+        }
     }
 
     /// The content.
@@ -66,7 +75,8 @@ impl Fetch {
                 continue;
             }
             let (at, tries) = self.asked.entry(part).or_insert((now, 0));
-            if *tries > 0 && now.saturating_sub(*at) < AGAIN {
+            let is_overtaken = self.overtaken.remove(&part);
+            if *tries > 0 && !is_overtaken && now.saturating_sub(*at) < AGAIN {
                 continue;
             }
             if *tries >= TRIES {
@@ -95,6 +105,11 @@ impl Fetch {
             return Ok(None);
         }
         self.early.insert(part, bytes);
+        let overtaken = self.asked.range(..part).filter(|(part, (_, tries))| {
+            // Once: messages that change their order are not asked for again and again.
+            *tries == 1 && !self.early.contains_key(part)
+        });
+        self.overtaken.extend(overtaken.map(|(part, _)| *part));
         let mut next = next;
         while let Some(bytes) = self.early.remove(&next) {
             self.bytes.extend(bytes);
@@ -175,6 +190,30 @@ mod tests {
             prop_assert!(!matches!(fetch.take(part, length, vec![1; size]), Ok(Some(_))));
             prop_assert!(fetch.bytes.len() <= size);
         }
+    }
+
+    #[test]
+    fn a_part_that_a_later_one_overtakes_is_asked_for_again_at_once_and_once() {
+        let content = vec![7; 8 * PART];
+        let mut fetch = Fetch::new(Hash::of(&content));
+        let take = |fetch: &mut Fetch, part: u32| {
+            let bytes = part_of(&content, part).unwrap().to_vec();
+            fetch.take(part, content.len() as u64, bytes).unwrap()
+        };
+        assert_eq!(fetch.wants(0).unwrap(), [0]);
+        take(&mut fetch, 0);
+        assert_eq!(fetch.wants(1).unwrap(), [1, 2, 3, 4]);
+        take(&mut fetch, 2);
+        assert_eq!(fetch.wants(2).unwrap(), [1]);
+        take(&mut fetch, 3);
+        assert!(fetch.wants(3).unwrap().is_empty());
+        take(&mut fetch, 1);
+        assert_eq!(fetch.wants(4).unwrap(), [5, 6, 7]);
+        // The last one has none behind it: it is asked for after a while.
+        [4, 5, 6].into_iter().for_each(|part| drop(take(&mut fetch, part)));
+        assert!(fetch.wants(5).unwrap().is_empty());
+        assert_eq!(fetch.wants(4 + AGAIN).unwrap(), [7]);
+        assert_eq!(take(&mut fetch, 7), Some(content.clone()));
     }
 
     #[test]
