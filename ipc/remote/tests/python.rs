@@ -1,5 +1,6 @@
-//! A foreign peer: the Python package `eclipse-zenoh`, which knows nothing of this project. `python3`, or the program that
-//! STILLPOINT_ZENOH_PYTHON names, needs it (`pip install eclipse-zenoh`); without it the tests say so and test nothing.
+//! A foreign peer: the Python package `eclipse-zenoh`, which knows nothing of this project. `python3`, or the program
+//! that STILLPOINT_ZENOH_PYTHON names, needs it (`pip install eclipse-zenoh`); without it the tests say so and test
+//! nothing.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};

@@ -1,5 +1,5 @@
-//! How long a question of the planning pool and its answer take on the way: two processes on loopback, one of which is the
-//! router, too, as a listening worker is.
+//! How long a question of the planning pool and its answer take on the way: two processes on loopback, one of which is
+//! the router, too, as a listening worker is.
 
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};

@@ -1,5 +1,5 @@
-//! A remote edge beside bare zenoh, between the same two processes, in turns: the time of a round trip, halved. Both are
-//! given a sample that is there, and give one whose bytes lie one behind the other, as programs need it.
+//! A remote edge beside bare zenoh, between the same two processes, in turns: the time of a round trip, halved. Both
+//! are given a sample that is there, and give one whose bytes lie one behind the other, as programs need it.
 
 use std::collections::VecDeque;
 use std::process::{Command, Stdio};

@@ -1,11 +1,11 @@
 //! How a search for beams on the pool scales with the number of workers, in simulated time.
 //!
-//! `cargo bench -p stillpoint-pool --bench scaling -- CASE [KEY=NUMBER]...`, with the keys of [`Asked`]. The search, the
-//! client and its messages are real. Each call is computed once, and its CPU time is the time that every simulated
+//! `cargo bench -p stillpoint-pool --bench scaling -- CASE [KEY=NUMBER]...`, with the keys of [`Asked`]. The search,
+//! the client and its messages are real. Each call is computed once, and its CPU time is the time that every simulated
 //! worker takes for it. The CPU time of the client counts, too. Workers and network are those of `simulated`.
 //!
-//! The efficiency is the CPU time of all different calls, divided by the number of workers and by the time until the plan
-//! is there.
+//! The efficiency is the CPU time of all different calls, divided by the number of workers and by the time until the
+//! plan is there.
 
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 

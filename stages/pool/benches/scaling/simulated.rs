@@ -1,8 +1,8 @@
 //! Workers and a network in simulated time.
 //!
-//! Every host has a link of the same bandwidth in each direction to a switch that never is the narrowest part. Messages above
-//! 16 KiB follow each other on a link; shorter ones travel beside them, as on the pool's two connections. A worker has one
-//! slot, an empty cache, and fetches contents from the client only, as `Worker` does.
+//! Every host has a link of the same bandwidth in each direction to a switch that never is the narrowest part. Messages
+//! above 16 KiB follow each other on a link; shorter ones travel beside them, as on the pool's two connections. A
+//! worker has one slot, an empty cache, and fetches contents from the client only, as `Worker` does.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};

@@ -149,8 +149,8 @@ impl Client {
         self.events.pop_front()
     }
 
-    /// Keys of answers that were given to the caller, came from a worker that was shut out later, and were not compared.
-    /// What was made of them must be made again.
+    /// Keys of answers that were given to the caller, came from a worker that was shut out later, and were not
+    /// compared. What was made of them must be made again.
     pub fn take_tainted(&mut self) -> BTreeSet<Hash> {
         std::mem::take(&mut self.tainted)
     }

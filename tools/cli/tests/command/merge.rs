@@ -1,5 +1,5 @@
-//! `stillpoint merge`: sessions of two hosts whose clocks are 3 s apart, on one time axis; and sessions that do not belong
-//! together.
+//! `stillpoint merge`: sessions of two hosts whose clocks are 3 s apart, on one time axis; and sessions that do not
+//! belong together.
 
 use std::collections::BTreeMap;
 use std::os::unix::fs::PermissionsExt;

@@ -8,9 +8,9 @@ use crate::exit::Failure;
 
 /// Time of each session minus time of the first one.
 ///
-/// Each pair of hosts has the measurement of the least uncertainty. Where another measurement of the pair contradicts it, as
-/// a clock that was set during the run does, the uncertainty grows until it holds that one, too. A host that exchanged
-/// no sample with the first one is placed through others.
+/// Each pair of hosts has the measurement of the least uncertainty. Where another measurement of the pair contradicts
+/// it, as a clock that was set during the run does, the uncertainty grows until it holds that one, too. A host that
+/// exchanged no sample with the first one is placed through others.
 pub fn clocks(parts: &[Part]) -> Result<Vec<ClockOffset>, Failure> {
     one_run(parts)?;
     let mut clocks: Vec<Option<ClockOffset>> = vec![None; parts.len()];

@@ -19,9 +19,9 @@ use part::Part;
 
 /// Join the sessions of the hosts of one run on the time axis of the first session.
 ///
-/// The offset of the clocks is the one that the bridges measured during the run. It and its uncertainty are printed, and kept
-/// in the metadata of the new session. Topics get the name of their host (`bedside.rig.truth`). Journals are left out:
-/// each session replays by itself.
+/// The offset of the clocks is the one that the bridges measured during the run. It and its uncertainty are printed,
+/// and kept in the metadata of the new session. Topics get the name of their host (`bedside.rig.truth`). Journals are
+/// left out: each session replays by itself.
 #[derive(Args)]
 pub struct Merge {
     /// The sessions, one for each host; the first one gives the time axis.
