@@ -10,6 +10,7 @@ use super::valve::{Orifice, Valves};
 use crate::dormand_prince;
 use crate::shell::Shell;
 use crate::shell::air::Air;
+use crate::shell::rubber::Wall;
 
 /// A valve that is less open than this counts as shut. Otherwise an opening that follows a duty of zero would decay
 /// forever, to denormal numbers.
@@ -78,6 +79,8 @@ pub struct Drive<const D: usize, const B: usize> {
     pub supply: f64,
     /// Absolute pressure behind the outlets, Pa.
     pub exhaust: f64,
+    /// The rubber of each bladder.
+    pub wall: [Wall; B],
 }
 
 /// What a plant is built of, besides bladders, air and valves: see the fields of [`Plant`].
@@ -128,6 +131,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
             leak: [0.0; B],
             supply: self.valves.supply,
             exhaust: self.valves.exhaust,
+            wall: [Wall::ELASTIC; B],
         }
     }
 
@@ -140,6 +144,12 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     pub fn bladders(&self, position: &SVector<f64, D>, air: &SVector<f64, B>) -> [Pressed; B] {
         let gaps = self.gaps(position);
         core::array::from_fn(|j| self.shell.pressed_with(air[j], &self.air, gaps[j]))
+    }
+
+    /// Each bladder of a state with walls that creep.
+    pub fn creeping(&self, state: &State<D, B>, wall: &[Wall; B]) -> [Pressed; B] {
+        let gaps = self.gaps(&state.position);
+        core::array::from_fn(|j| self.shell.creeping_with(state.air[j], &self.air, gaps[j], &wall[j]))
     }
 
     /// Air that flows into a bladder through its inlet at full opening, at a gauge pressure (Pa) inside, kg/s.
@@ -162,7 +172,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         let mut push = SVector::<f64, B>::zeros();
         let mut air_rate = SVector::<f64, B>::zeros();
         for j in 0..B {
-            let pressed = self.shell.pressed_with(state.air[j], &self.air, gaps[j]);
+            let pressed = self.shell.creeping_with(state.air[j], &self.air, gaps[j], &drive.wall[j]);
             push[j] = pressed.force() + self.stop.map_or(0.0, |stop| stop.force(gaps[j], gap_rates[j]));
             let inside = self.air.atmosphere + pressed.pressure;
             let [inlet, outlet] = state.opening[j].map(|opening| self.valves.effective_area(opening));

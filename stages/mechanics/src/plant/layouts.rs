@@ -6,6 +6,7 @@
 use nalgebra::{Matrix1, Matrix3, Matrix6, SMatrix, SVector, Vector1, Vector3, Vector6, vector};
 
 use super::body::{Frame, Plant, Stop};
+use super::sticking::{Tangents, along};
 use super::valve::Valves;
 use crate::shell::Shell;
 use crate::shell::air::Air;
@@ -114,6 +115,33 @@ pub fn around(j: usize) -> (Vector3<f64>, Vector3<f64>) {
     (radial * RADIUS + Vector3::y() * (y * ALONG), push.normalize())
 }
 
+/// Where the base and the side bladders of the rig with three touch the head, m, and which way they push. The
+/// directions and two of the coordinates follow from its Jacobian (SCIENCE C6); that the sides touch 90 mm from the
+/// long axis is ours.
+fn three() -> [(Vector3<f64>, Vector3<f64>); 3] {
+    const LIFT: f64 = 0.30;
+    let across = libm::sqrt(1.0 - LIFT * LIFT);
+    let (y, z) = (-0.03 / LIFT, (0.07 - RADIUS * LIFT) / across);
+    [
+        (Vector3::new(0.0, 0.05, -RADIUS), Vector3::z()),
+        (Vector3::new(-RADIUS, y, z), Vector3::new(across, 0.0, LIFT)),
+        (Vector3::new(RADIUS, y, z), Vector3::new(-across, 0.0, LIFT)),
+    ]
+}
+
+/// How the contacts of a plant move along the bladders, by its coordinates `channels`: nothing for the rig with one.
+pub fn tangents<const D: usize, const B: usize>(channels: &[usize; D]) -> Tangents<D, B> {
+    core::array::from_fn(|j| {
+        let (arm, normal) = match B {
+            1 => return SMatrix::zeros(),
+            3 => three()[j % 3],
+            _ => around(j),
+        };
+        let all = along(&arm, &normal);
+        SMatrix::from_fn(|row, column| all[(row, channels[column])])
+    })
+}
+
 impl SixDof {
     /// A head of `mass` kg, held by the neck, between eight of the rig's bladders.
     pub fn rig(mass: f64) -> Self {
@@ -189,6 +217,18 @@ mod tests {
                 assert!((plant.jacobian[(j, 3 + axis)] - opens).abs() < 1e-9, "{j} about {axis}");
                 assert!((plant.jacobian[(j, axis)] - push[axis]).abs() < 1e-15, "{j} along {axis}");
             }
+        }
+    }
+
+    #[test]
+    fn the_places_of_the_three_contacts_make_the_jacobian_of_their_rig() {
+        let plant = ThreeDof::rig(5.0);
+        for (j, (arm, push)) in three().into_iter().enumerate() {
+            let turn = arm.cross(&push);
+            for (column, part) in [push.z, turn.x, turn.y].into_iter().enumerate() {
+                assert!((plant.jacobian[(j, column)] - part).abs() < 1e-12, "{j} {column}: {part}");
+            }
+            assert!((push.norm() - 1.0).abs() < 1e-12);
         }
     }
 

@@ -7,6 +7,7 @@
 //! - [`rigs`]: the table of rigs, by name
 //! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
 //! - [`reach`]: which poses bladders can hold
+//! - [`sticking`]: friction of the bladders on the head
 
 mod body;
 pub mod equilibrium;
@@ -14,6 +15,7 @@ pub mod layouts;
 mod plate;
 pub mod reach;
 pub mod rigs;
+pub mod sticking;
 pub mod valve;
 
 pub use body::{Drive, Plant, State, Stop};

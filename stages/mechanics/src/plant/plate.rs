@@ -9,6 +9,7 @@ use crate::root;
 use crate::shell::Shell;
 use crate::shell::air::Air;
 use crate::shell::pressure::{GREATEST_STRETCH, LEAST_STRETCH};
+use crate::shell::rubber::Wall;
 
 /// Gaps below this are taken as this one: the model's pressure has no bound as the gap closes.
 const LEAST_GAP: f64 = 2e-3;
@@ -63,12 +64,17 @@ impl Shell {
     /// Total over the numbers: a mass beyond the stretches from 0.001 to 60 is replaced by the nearest mass inside, and
     /// a NaN gives NaN. `Pressed::is_modelled` says whether the result is inside the model.
     pub fn pressed_with(&self, mass: f64, air: &Air, gap: f64) -> Pressed {
+        self.creeping_with(mass, air, gap, &Wall::ELASTIC)
+    }
+
+    /// [`pressed_with`](Self::pressed_with) with a wall that creeps.
+    pub fn creeping_with(&self, mass: f64, air: &Air, gap: f64, wall: &Wall) -> Pressed {
         if mass.is_nan() || gap.is_nan() {
             return self.pressed(f64::NAN, f64::NAN);
         }
         let target = mass * air.specific_energy();
         let excess = |stretch: f64| {
-            let (p, slopes) = self.pressed_with_slopes(stretch, gap);
+            let (p, slopes) = self.creeping_with_slopes(stretch, gap, wall);
             let absolute = air.atmosphere + p.pressure;
             if absolute <= 0.0 || p.volume <= 0.0 {
                 // Without either there is no air; both grow with the stretch.
@@ -77,7 +83,8 @@ impl Shell {
             let slope = slopes.pressure_by_stretch * p.volume + absolute * slopes.volume_by_stretch;
             (absolute * p.volume - target, slope)
         };
-        self.pressed(root::newton(excess, LEAST_STRETCH, GREATEST_STRETCH, 1.1), gap)
+        let stretch = root::newton(excess, LEAST_STRETCH, GREATEST_STRETCH, 1.1);
+        self.creeping_with_slopes(stretch, gap, wall).0
     }
 
     /// The bladder that pushes its plates, `gap` m apart, with a force of at least 0 N; `None` where no stretch up to 60
@@ -131,8 +138,13 @@ impl Shell {
     }
 
     fn pressed_with_slopes(&self, inner_stretch: f64, gap: f64) -> (Pressed, Slopes) {
+        self.creeping_with_slopes(inner_stretch, gap, &Wall::ELASTIC)
+    }
+
+    fn creeping_with_slopes(&self, inner_stretch: f64, gap: f64, wall: &Wall) -> (Pressed, Slopes) {
         let half = 0.5 * gap.max(LEAST_GAP);
-        let (free, free_slope) = self.pressure_with_slope(inner_stretch);
+        let (elastic, elastic_slope) = self.pressure_with_slope(inner_stretch);
+        let (free, free_slope) = (wall.gain * elastic - wall.relaxed, wall.gain * elastic_slope);
         let radius = self.surface_radius(inner_stretch);
         let cavity = self.cavity_radius(inner_stretch);
         // The wall keeps its volume: r_o^2 dr_o = r_i^2 dr_i.

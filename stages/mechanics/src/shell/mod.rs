@@ -7,6 +7,7 @@
 //! - [`air`]: the stretch that an amount of air gives
 //! - `stress`: Cauchy stress through the wall
 //! - [`inertia`]: what the wall's mass adds while it moves
+//! - [`rubber`]: creep and hysteresis of the wall
 //!
 //! A state of a shell is its inner stretch, `lambda_i = r_i / R_i`: 1 at rest, above 1 inflated.
 
@@ -16,6 +17,7 @@ pub mod inverse;
 mod kinematics;
 mod material;
 pub mod pressure;
+pub mod rubber;
 mod stress;
 
 pub use material::{Shell, ShellError};

@@ -4,6 +4,7 @@ use stillpoint_operator::SetupError;
 use stillpoint_operator::{Choice, Params};
 
 use super::fault::{Fault, Scheduled};
+use super::hardware::Imperfections;
 use super::rigs;
 use super::safety;
 use super::simulation::{Push, Surroundings};
@@ -143,6 +144,18 @@ pub struct BladderParams {
     /// Duty up to which a valve stays shut; above it the opening grows in proportion, to full opening at full duty.
     #[param(default = 0, min = 0, max = 0.5)]
     pub dead_band: f64,
+    /// Time after which a valve begins to follow its duty, in the mean of the valves. Its lag of 20 ms comes on top.
+    #[param(unit = "ns", default = "0 ms", min = "0 ms", max = "50 ms")]
+    pub valve_delay: u64,
+    /// Greatest deviation of a valve's delay from the mean, as a part of it. Which valve has which delay follows from `seed`.
+    #[param(default = 0.5, min = 0, max = 1)]
+    pub valve_spread: f64,
+    /// Creep of the rubber: the part by which the pressure of a bladder falls in each tenfold of time after a stretch.
+    #[param(default = 0, min = 0, max = 0.2)]
+    pub creep: f64,
+    /// Coefficient of friction between bladders and head: small for bladders that roll. 0 is no friction.
+    #[param(default = 0, min = 0, max = 2)]
+    pub friction: f64,
     /// Longest step of the plant.
     #[param(unit = "ns", default = "1 ms", min = "10 us", max = "1 ms")]
     pub plant_step: u64,
@@ -202,7 +215,14 @@ impl BladderParams {
                 involuntary,
                 pushes,
                 faults,
-                dead_band: self.dead_band,
+                imperfections: Imperfections {
+                    dead_band: self.dead_band,
+                    delay: self.valve_delay,
+                    spread: self.valve_spread,
+                    creep: self.creep,
+                    friction: self.friction,
+                    seed: self.seed,
+                },
                 step: self.plant_step,
             },
         })

@@ -6,6 +6,7 @@ use stillpoint_mechanics::plant::{Drive, Plant, State};
 use stillpoint_samples::{DutiesElement, RigMode, RigStateElement};
 
 use super::fault::{Fault, Scheduled};
+use super::hardware::{Hardware, Imperfections};
 use super::safety::Safety;
 use crate::involuntary::Involuntary;
 
@@ -58,15 +59,10 @@ pub struct Surroundings {
     pub pushes: Vec<Push>,
     /// The faults.
     pub faults: Vec<Scheduled>,
-    /// Duty up to which a valve stays shut, 0 to 1; above it the opening grows in proportion, to full opening at full duty.
-    pub dead_band: f64,
+    /// What valves, rubber and contacts do.
+    pub imperfections: Imperfections,
     /// Longest step of the plant, ns.
     pub step: u64,
-}
-
-/// Opening of a valve with a dead band at this duty.
-fn opening(duty: f64, dead_band: f64) -> f64 {
-    if duty <= dead_band { 0.0 } else { (duty - dead_band) / (1.0 - dead_band) }
 }
 
 /// A rig through time. Times are ns after its start.
@@ -77,6 +73,7 @@ pub struct Simulation<const D: usize, const B: usize, const N: usize> {
     channels: [usize; D],
     surroundings: Surroundings,
     safety: Safety<B>,
+    hardware: Hardware<D, B>,
     state: State<D, B>,
     /// Coordinates at the start: poses are told from there.
     start: SVector<f64, D>,
@@ -111,10 +108,12 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
         }
         let start = plant.equilibrium(&air, guess)?;
         let (_, slope) = plant.static_force(&start, &air);
+        let state = State::at_rest(start, air);
         Ok(Self {
             channels,
             safety,
-            state: State::at_rest(start, air),
+            hardware: Hardware::new(surroundings.imperfections, &plant, &channels, &state),
+            state,
             start,
             hold: -slope,
             stuck: vec![None; surroundings.faults.len()],
@@ -152,9 +151,12 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
     /// What drives the plant at this moment. Valves that stick remember where.
     fn drive(&mut self) -> Drive<D, B> {
         let mut drive = self.plant.idle();
-        let dead_band = self.surroundings.dead_band;
-        drive.duty = self.safety.duty(self.now).map(|pair| pair.map(|duty| opening(duty, dead_band)));
+        drive.duty = self.hardware.openings(self.now, self.safety.duty(self.now));
+        drive.wall = self.hardware.walls();
         drive.force = self.hands();
+        if let Some(friction) = self.hardware.friction() {
+            drive.force += friction;
+        }
         let room = self.plant.air.atmosphere;
         if self.safety.mode(self.now) == RigMode::Venting {
             drive.exhaust = room;
@@ -218,7 +220,10 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
             let drive = self.drive();
             // Equal steps whose ends are whole ns.
             let next = from + (u128::from(whole) * u128::from(i) / u128::from(steps)) as u64;
-            self.state = self.plant.advance(&self.state, &drive, (next - self.now) as f64 * 1e-9);
+            let h = (next - self.now) as f64 * 1e-9;
+            let before = self.state;
+            self.state = self.plant.advance(&before, &drive, h);
+            self.hardware.advance(&self.plant, &before, &self.state, h);
             self.now = next;
         }
     }
@@ -249,7 +254,7 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
             faults: self.faults(),
             unmodelled: 0,
         };
-        for (j, pressed) in self.plant.bladders(&self.state.position, &self.state.air).iter().enumerate() {
+        for (j, pressed) in self.plant.creeping(&self.state, &self.hardware.walls()).iter().enumerate() {
             element.pressure[j] = pressed.pressure;
             element.air_mass[j] = self.state.air[j];
             element.gap[j] = gaps[j];
@@ -292,21 +297,5 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
     fn arriving(&self) -> f64 {
         let acting = self.surroundings.faults.iter().filter(|s| s.acts(self.now));
         acting.fold(1.0, |part, s| if let Fault::LostDuties { left } = s.fault { part * left } else { part })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::opening;
-
-    #[test]
-    fn a_valve_stays_shut_within_its_dead_band_and_is_fully_open_at_full_duty() {
-        for dead_band in [0.0, 0.07, 0.5] {
-            assert_eq!([0.0, dead_band, 1.0].map(|duty| opening(duty, dead_band)), [0.0, 0.0, 1.0]);
-            let middle = opening(0.5 + 0.5 * dead_band, dead_band);
-            assert!((middle - 0.5).abs() < 1e-15, "{dead_band}: {middle}");
-        }
-        // Without a dead band a duty is the opening, to the bit.
-        assert_eq!([0.1, 0.3, 0.7].map(|duty| opening(duty, 0.0)), [0.1, 0.3, 0.7]);
     }
 }
