@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic};
 use stillpoint_samples::{
-    Actuation, ActuationReason, BytesError, Diagnostics, Duties, DutiesElement, FarEnd, Gate, Health, Pieces,
-    Pose, PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
+    Actuation, ActuationReason, BytesError, Contacts, Diagnostics, Duties, DutiesElement, FarEnd, Gate,
+    Health, Pieces, Pose, PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
 };
 
 pub use super::rows::{
-    Aims, Alignments, Fit, Gates, Metrics, Order, Orders, Part, Pressures, Refusal, Signal, State, Tracking,
-    Verdict,
+    Aims, Alignments, Fit, Gates, Metrics, Order, Orders, Part, Pressures, Refusal, Signal, State, Touch,
+    Touches, Tracking, Verdict,
 };
 use super::thinned::Thinned;
 use super::wiring::Wiring;
@@ -48,6 +48,8 @@ pub struct Recording<'s> {
     pub far_ends: Vec<FarEnds>,
     /// Pressures, true ones of a rig or estimates of actuation.
     pub pressures: Vec<Pressures>,
+    /// Contacts of bladders.
+    pub contacts: Vec<Touches>,
     /// States of actuation and of rigs, at each change.
     pub states: Vec<Verdict>,
     /// Frames without a result.
@@ -78,6 +80,7 @@ impl<'s> Recording<'s> {
             gates: Vec::new(),
             far_ends: Vec::new(),
             pressures: Vec::new(),
+            contacts: Vec::new(),
             states: Vec::new(),
             refusals: Thinned::default(),
             unreadable: (Vec::new(), 0),
@@ -152,6 +155,10 @@ impl<'s> Recording<'s> {
             let reasons = self.session.topics().iter().find(is_reasons).map(|t| t.name.clone());
             self.far_ends.push(FarEnds::new(&topic.name, reasons));
             return Some(self.far_ends.len() - 1);
+        }
+        if is_any_of(topic, &[Contacts::KIND]) {
+            self.contacts.push(Touches { topic: topic.name.clone(), ..Touches::default() });
+            return Some(self.contacts.len() - 1);
         }
         if is_any_of(topic, &[Actuation::KIND, RigState::KIND]) {
             self.pressures.push(Pressures { topic: topic.name.clone(), ..Pressures::default() });
@@ -235,6 +242,15 @@ impl<'s> Recording<'s> {
             let gates = place.and_then(|p| self.gates.get_mut(p));
             if let (Some(gates), Some(gate)) = (gates, pieces.view::<Gate>()?.first()) {
                 gates.take(head.stamp, gate);
+            }
+        } else if *kind == *Contacts::KIND {
+            let touches = place.and_then(|p| self.contacts.get_mut(p));
+            if let (Some(touches), Some(c)) = (touches, pieces.view::<Contacts>()?.first())
+                && c.bladders > 0
+            {
+                touches.bladders = touches.bladders.max((c.bladders as usize).min(c.force.len()));
+                let (force, margin) = (c.force.map(|f| f as f32), c.margin.map(|m| m as f32));
+                touches.values.push(Touch { stamp: head.stamp, force, margin, low: c.low, slides: c.slides });
             }
         } else if *kind == *Actuation::KIND {
             if let (Some(place), Some(a)) = (place, pieces.view::<Actuation>()?.first()) {
@@ -324,6 +340,7 @@ const READ: &[&SampleKind] = &[
     Gate::KIND,
     Actuation::KIND,
     RigState::KIND,
+    Contacts::KIND,
     Rejection::KIND,
 ];
 

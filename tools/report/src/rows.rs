@@ -227,6 +227,32 @@ pub struct Pressures {
     pub values: Thinned<(u64, [f32; 8])>,
 }
 
+/// Contacts of bladders over time.
+#[derive(Clone, Debug, Default)]
+pub struct Touches {
+    /// Topic of the samples.
+    pub topic: String,
+    /// How many bladders there are.
+    pub bladders: usize,
+    /// The samples with known forces.
+    pub values: Thinned<Touch>,
+}
+
+/// The contacts of all bladders at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Touch {
+    /// ns.
+    pub stamp: u64,
+    /// N.
+    pub force: [f32; 8],
+    /// Of the friction cone, N; NaN where it is not known.
+    pub margin: [f32; 8],
+    /// Bit i: bladder i pushes with less than the least force.
+    pub low: u32,
+    /// Bit i: contact i slides.
+    pub slides: u32,
+}
+
 /// A frame that gave no result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refusal {

@@ -5,6 +5,7 @@ mod actuation;
 mod alignment;
 mod confidence;
 mod consistency;
+mod contacts;
 mod controllers;
 mod diagnostics;
 mod duties;
@@ -42,6 +43,7 @@ pub const ALL: &[Make] = &[
     controllers::section,
     duties::section,
     actuation::section,
+    contacts::section,
     gate::section,
     segmentation::section,
     alignment::section,
