@@ -31,6 +31,22 @@ impl Case {
         Self { changes, ..Self::new(name) }
     }
 
+    /// The same without the camera of the rig: lost frames are lost poses, and their delay is that of the tracker and more.
+    pub fn without_camera(mut self) -> Self {
+        for (_, to) in &mut self.changes {
+            *to = to.replace("delay: 100 ms,", "delay: 118 ms,");
+        }
+        for (from, _) in &mut self.changes {
+            if from == "from: head.pose," {
+                *from = "from: head.pose, delay: 18 ms,".to_owned();
+            }
+        }
+        for set in &mut self.sets {
+            *set = set.replace("rig.camera.lost", "head.lost");
+        }
+        self
+    }
+
     /// All cases.
     pub fn all() -> Vec<Self> {
         let mut all = vec![Self::new("nothing")];

@@ -9,6 +9,7 @@ use super::course::{Course, Point, STEP, worst};
 use super::crew;
 use super::laws::{self, Law};
 use super::step::{MOVES, WITHIN};
+use super::trials::without_camera;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Maximum pressure of a bladder of the rig, Pa: the limit of `actuate.valves`.
@@ -52,6 +53,9 @@ pub struct Robust {
     /// A short measurement: one seed and 30 s unless they are given, a quarter of the pixels.
     #[arg(long)]
     quick: bool,
+    /// Leave out camera and tracker: the poses are the truth every 100 ms, with the noise and the latency of the tracker.
+    #[arg(long)]
+    no_camera: bool,
     /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
@@ -134,7 +138,12 @@ impl Robust {
         let found = crew::each(&jobs, crew::threads(self.threads), |(case, seed)| {
             let mut case = (*case).clone();
             case.sets.extend(self.sets.iter().cloned());
-            run(&case, *seed, self.law, seconds, self.quick, registry)
+            let seen = match (self.no_camera, self.quick) {
+                (true, _) => Seen::Truth,
+                (false, true) => Seen::Small,
+                (false, false) => Seen::Full,
+            };
+            run(&case, *seed, self.law, seconds, seen, registry)
         })?;
         let rows: Vec<Row> = cases
             .iter()
@@ -155,20 +164,37 @@ impl Robust {
     }
 }
 
+/// What the poses come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seen {
+    /// The camera of the pipeline.
+    Full,
+    /// The same with a quarter of the pixels.
+    Small,
+    /// The truth.
+    Truth,
+}
+
 fn run(
     case: &Case,
     seed: u64,
     law: Option<Law>,
     seconds: f64,
-    small: bool,
+    seen: Seen,
     registry: &Registry,
 ) -> Result<Found, Failure> {
     let mut plan = laws::plan(law, "5 s", seed);
+    let mut case = case.clone();
+    match seen {
+        Seen::Full => {}
+        Seen::Small => plan.sets.extend(laws::small()),
+        Seen::Truth => {
+            plan = without_camera(plan);
+            case = case.without_camera();
+        }
+    }
     plan.changes.extend(case.changes.iter().cloned());
     plan.sets.extend(case.sets.iter().cloned());
-    if small {
-        plan.sets.extend(laws::small());
-    }
     plan.sets.push(MOVES.to_owned());
     if let Some(fault) = &case.fault {
         // The time of the fault depends on the seed, so that the valves have other openings when it happens.
@@ -295,7 +321,7 @@ mod tests {
     /// A short run of one case with a quarter of the pixels. It ends 2 s after the head must be at the target.
     fn look(name: &str) -> Found {
         let case = Case::all().into_iter().find(|c| c.name == name).unwrap();
-        run(&case, 1, None, FROM + 2.0, true, &crate::registry()).unwrap()
+        run(&case, 1, None, FROM + 2.0, Seen::Small, &crate::registry()).unwrap()
     }
 
     #[test]
@@ -319,6 +345,17 @@ mod tests {
         // At least one fault prevents tracking. A head whose mass differs from that of the law's model is tracked.
         assert!(found.iter().any(|f| f.verdict != Verdict::Tracked));
         assert_eq!([found[0].verdict, found[1].verdict], [Verdict::Tracked; 2], "{:?}", &found[..2]);
+    }
+
+    #[test]
+    fn every_case_runs_without_the_camera_and_late_and_lost_poses_stay_what_they_are() {
+        for case in Case::all() {
+            let found = run(&case, 1, None, 0.5, Seen::Truth, &crate::registry());
+            assert!(found.is_ok(), "{}: {:?}", case.name, found.err().map(|e| e.to_string()));
+        }
+        let all: Vec<Case> = Case::all().into_iter().map(Case::without_camera).collect();
+        assert!(all.iter().any(|c| c.sets == ["head.lost=0.1"]));
+        assert!(all.iter().any(|c| c.changes.iter().any(|(_, to)| to.contains("delay: 118 ms"))));
     }
 
     #[test]

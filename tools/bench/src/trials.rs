@@ -126,28 +126,10 @@ const fn trials(sets: [&'static [&'static str]; COUNT]) -> [Trial; COUNT] {
 impl Trial {
     /// The plan of this trial with a law, a seed, and gains as `operator.param=value`.
     pub fn plan(&self, law: Law, seed: u64, gains: &[String]) -> Plan {
-        let mut plan = laws::plan(Some(law), &format!("{} s", self.pace.rise), seed);
-        // The run fails with an error if the pipeline lacks these texts.
-        let between = |from: &str, to: &str| {
-            let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
-            EMBEDDED.get(from..to).map(str::to_owned)
-        };
-        let camera = between("  cloud:", "  filter:").unwrap_or_default();
-        let own = [
-            (camera.as_str(), NOISE),
-            ("      reference: head.report\n", ""),
-            ("[cloud, face, head, filter]", "[head, filter]"),
-            ("head.report, ", ""),
-            (", report: head.report", ""),
-            SEEING,
-        ];
-        let changes = own.iter().chain(self.changes);
-        plan.changes.extend(changes.map(|(from, to)| ((*from).to_owned(), (*to).to_owned())));
-        plan.sets.retain(|set| !set.contains(".latency="));
-        let sets = ["rig.camera.width=16 px", "rig.camera.height=16 px", "rig.camera.focal_length=14 px"];
-        let sets =
-            sets.iter().chain(&["valves.reference=waived", "gate.tracker=waived", MOVES]).chain(self.sets);
-        plan.sets.extend(sets.map(|s| (*s).to_owned()).chain(gains.iter().cloned()));
+        let mut plan = without_camera(laws::plan(Some(law), &format!("{} s", self.pace.rise), seed));
+        plan.changes.extend(self.changes.iter().map(|(from, to)| ((*from).to_owned(), (*to).to_owned())));
+        let sets = [MOVES].into_iter().chain(self.sets.iter().copied());
+        plan.sets.extend(sets.map(str::to_owned).chain(gains.iter().cloned()));
         Plan { seconds: LEAD + self.pace.seconds, ..plan }
     }
 
@@ -155,6 +137,31 @@ impl Trial {
     pub fn cost(&self, course: &Course) -> f64 {
         cost(course, &self.pace)
     }
+}
+
+/// A plan of the default pipeline whose poses are the truth at the point that the tracker follows, every 100 ms, with the
+/// noise and the latency of the tracker.
+pub fn without_camera(mut plan: Plan) -> Plan {
+    // The run fails with an error if the pipeline lacks these texts.
+    let between = |from: &str, to: &str| {
+        let (from, to) = (EMBEDDED.find(from)?, EMBEDDED.find(to)?);
+        EMBEDDED.get(from..to).map(str::to_owned)
+    };
+    let camera = between("  cloud:", "  filter:").unwrap_or_default();
+    let changes = [
+        (camera.as_str(), NOISE),
+        ("      reference: head.report\n", ""),
+        ("[cloud, face, head, filter]", "[head, filter]"),
+        ("head.report, ", ""),
+        (", report: head.report", ""),
+        SEEING,
+    ];
+    plan.changes.extend(changes.map(|(from, to)| (from.to_owned(), to.to_owned())));
+    plan.sets.retain(|set| !set.contains(".latency="));
+    let sets = ["rig.camera.width=16 px", "rig.camera.height=16 px", "rig.camera.focal_length=14 px"];
+    let sets = sets.iter().chain(&["valves.reference=waived", "gate.tracker=waived"]);
+    plan.sets.extend(sets.map(|s| (*s).to_owned()));
+    plan
 }
 
 /// Root mean square of truth minus reference model, in units of the tolerance, plus a small cost of open valves. A head
