@@ -162,21 +162,25 @@ fn further_cameras_see_the_same_head_from_their_own_places() {
     assert!(rise > 8e-3 && (nearer - rise).abs() < 2e-3, "{nearer} {rise}");
 }
 
-/// Height at the end of a fill of 2 s and 10 s later, from the start, m.
+/// Height 0.8 s after a fill of 2 s and 9 s later, from the start, m.
 fn filled(kind: &str, imperfect: &str) -> [f64; 2] {
     let valves = if kind == "one_bladder" { 2 } else { 6 };
     let params = format!("motion: still, {imperfect}");
     let heights = heights(&simulate(&text(kind, &params, &format!("valves: {valves}, duty: 0.25")), 12_600));
-    [heights[260] - heights[0], heights[1259] - heights[0]]
+    [heights[330] - heights[0], heights[1259] - heights[0]]
 }
 
 #[test]
 fn rubber_creeps_after_a_fill_and_friction_holds_a_head_back() {
     let [ideal, ideal_later] = filled("one_bladder", "creep: 0");
     let [stiff, crept] = filled("one_bladder", "creep: 0.05");
-    // The air stays; the wall that relaxes lets the bladder grow.
+    // The air stays. A wall that was just stretched pushes harder than the elastic one, and lets the head sink to where
+    // that would hold it.
     assert!((ideal_later - ideal).abs() < 2e-5, "{ideal} {ideal_later}");
-    assert!(stiff < ideal && crept > stiff + 2e-5 && crept < ideal_later + 1e-6, "{stiff} {crept} {ideal}");
+    assert!(
+        stiff > ideal + 5e-5 && crept < stiff - 5e-5 && crept > ideal_later - 1e-6,
+        "{stiff} {crept} {ideal}"
+    );
     // The side bladders of the rig with three hold the head that the base lifts; a bladder by itself is not rubbed.
     let [free, _] = filled("three_bladders", "friction: 0");
     let [rolling, _] = filled("three_bladders", "friction: 0.03");
@@ -189,7 +193,7 @@ fn rubber_creeps_after_a_fill_and_friction_holds_a_head_back() {
 fn valves_that_wait_move_the_head_later_and_as_far() {
     let [ideal, later] = filled("one_bladder", "creep: 0");
     let [delayed, end] = filled("one_bladder", "valve_delay: 40 ms, valve_spread: 0");
-    // At 2.6 s all valves are shut again. A fill of the same length moves the head as far.
+    // A fill of the same length moves the head as far.
     assert!(
         (delayed - ideal).abs() < 0.02 * ideal && (end - later).abs() < 1e-5,
         "{delayed} {ideal} {end} {later}"
