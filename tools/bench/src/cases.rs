@@ -31,7 +31,8 @@ impl Case {
         Self { changes, ..Self::new(name) }
     }
 
-    /// The same without the camera of the rig: lost frames are lost poses, and their delay is that of the tracker and more.
+    /// The same without the camera of the rig: lost frames are lost poses, and their delay is that of the tracker and
+    /// more.
     pub fn without_camera(mut self) -> Self {
         for (_, to) in &mut self.changes {
             *to = to.replace("delay: 100 ms,", "delay: 118 ms,");

@@ -1,8 +1,8 @@
 //! Friction of the bladders on the head: each contact sticks by the shear of the bladder's wall, and slides where the
 //! shear reaches the friction cone (3.4), SCIENCE B3.
 //!
-//! The head drags the outer side of a bladder along. A wall of thickness `t` and radius `R` between plates a gap `d` apart
-//! is sheared like a tube, with the stiffness `pi G t R / d`. A bladder that rolls instead of sliding has a small
+//! The head drags the outer side of a bladder along. A wall of thickness `t` and radius `R` between plates a gap `d`
+//! apart is sheared like a tube, with the stiffness `pi G t R / d`. A bladder that rolls instead of sliding has a small
 //! coefficient, that of its rolling resistance.
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};

@@ -15,7 +15,8 @@ const DELAYS: u64 = 0x76_61_6c_76_65;
 /// How far valves, rubber and contacts are from ideal ones. All zero: ideal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Imperfections {
-    /// Duty up to which a valve stays shut, 0 to 1; above it the opening grows in proportion, to full opening at full duty.
+    /// Duty up to which a valve stays shut, 0 to 1; above it the opening grows in proportion, to full opening at full
+    /// duty.
     pub dead_band: f64,
     /// Time after which a valve begins to follow its duty, in the mean of the valves, ns.
     pub delay: u64,
@@ -50,7 +51,8 @@ pub struct Hardware<const D: usize, const B: usize> {
 }
 
 impl<const D: usize, const B: usize> Hardware<D, B> {
-    /// Of a plant that has been at rest for long. `channels` says which of x, y, z, pitch, roll, yaw its coordinates are.
+    /// Of a plant that has been at rest for long. `channels` says which of x, y, z, pitch, roll, yaw its coordinates
+    /// are.
     pub fn new<const N: usize>(
         imperfections: Imperfections,
         plant: &Plant<D, B, N>,

@@ -147,7 +147,8 @@ pub struct BladderParams {
     /// Time after which a valve begins to follow its duty, in the mean of the valves. Its lag of 20 ms comes on top.
     #[param(unit = "ns", default = "0 ms", min = "0 ms", max = "50 ms")]
     pub valve_delay: u64,
-    /// Greatest deviation of a valve's delay from the mean, as a part of it. Which valve has which delay follows from `seed`.
+    /// Greatest deviation of a valve's delay from the mean, as a part of it. Which valve has which delay follows from
+    /// `seed`.
     #[param(default = 0.5, min = 0, max = 1)]
     pub valve_spread: f64,
     /// Creep of the rubber: the part by which the pressure of a bladder falls in each tenfold of time after a stretch.
