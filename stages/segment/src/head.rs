@@ -62,6 +62,8 @@ const SHOWN: f64 = 0.35;
 /// In radii of its ball, how high over the plane a head's middle is: of a pillow or a shoulder, less than half would be
 /// seen.
 const LYING: f64 = 0.9;
+/// The same where the checks of identity tell it from these: thick hair may lie on the couch.
+const LYING_CHECKED: f64 = 0.75;
 // Lengths from here on are in radii of the adult head: that of the ball depends on which side is seen.
 
 /// Balls nearer to each other are of one head.
@@ -132,7 +134,8 @@ impl HeadFinder {
         let height = |ball: &Ball| plane.normal.dot(&ball.centre);
         // Where several things are round, such as pads and shoulders, the head lies on or over them.
         let balls = self.search.find(self.surface.patches(), radii).iter();
-        let lies_on = |ball: &Ball| height(ball) + plane.offset > LYING * ball.radius;
+        let lying = if params.identity.is_some() { LYING_CHECKED } else { LYING };
+        let lies_on = |ball: &Ball| height(ball) + plane.offset > lying * ball.radius;
         let shown = || balls.clone().filter(|ball| lies_on(ball) && params.is_shown(ball));
         let patches = self.surface.patches();
         // Balls of one thing, and with the checks of identity that of the head alone.
@@ -168,7 +171,13 @@ impl HeadFinder {
         self.build(&ball, plane, params);
         self.graph.cut();
         self.keep_what_hangs_together(&ball, plane, params.identity.as_ref());
-        Ok(())
+        match params.identity.as_ref().map(|identity| self.stray(identity)) {
+            Some(stray) if !self.identity.cut_out(stray) => {
+                self.head.clear();
+                Err(NoHead::Uncertain)
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The things of a head's size of the last search, the likeliest head first; empty without checks of identity.
@@ -269,6 +278,19 @@ impl HeadFinder {
                 capacity as u32 + 1
             });
         }
+    }
+
+    /// Part of the voxels that were cut out that are farther from the head's ball than the surface of a head.
+    fn stray(&self, identity: &IdentityParams) -> f64 {
+        let Some(candidate) = self.identity.candidates().first() else { return 0.0 };
+        let patches = self.surface.patches();
+        let all = self.surface.patch_of_voxel().iter().zip(&self.head).filter(|(_, is_head)| **is_head);
+        let (mut count, mut stray) = (0.0, 0.0);
+        for (&patch, _) in all {
+            count += 1.0;
+            stray += f64::from(u8::from(identity.is_stray(candidate, &patches[patch as usize].place)));
+        }
+        if count > 0.0 { stray / count } else { 0.0 }
     }
 
     /// Keeps what is joined to the cap, or to the neck, by patches on the head's side of the cut, and does not lie beyond the

@@ -62,13 +62,15 @@ pub struct Candidate {
     pub in_region: f64,
     /// Certainty that it has the shape of a head with a body.
     pub shape: f64,
+    /// Certainty that nothing else, an arm or a pad, was cut out with it; 1 before it is cut out.
+    pub alone: f64,
 }
 
 impl Candidate {
     /// Certainty that it is the head, from 0 to 1; it takes 0.5.
     #[must_use]
     pub fn certainty(&self) -> f64 {
-        self.in_region.min(self.shape)
+        self.in_region.min(self.shape).min(self.alone)
     }
 }
 
@@ -82,6 +84,15 @@ impl IdentityParams {
             -offset.y < candidate.end && offset.x.abs() < HALF_WIDTH * radius && offset.z < TOP * radius;
         !self.needs_body || is_within
     }
+
+    /// Whether a place (m, in the cloud's frame) that was cut out with this candidate is farther from it than the surface
+    /// of a head, its neck aside.
+    #[must_use]
+    pub fn is_stray(&self, candidate: &Candidate, place: &Vector3<f64>) -> bool {
+        let offset = self.couch_from_cloud.rotation * (place - candidate.ball.centre);
+        let radius = candidate.ball.radius;
+        self.needs_body && offset.norm() > FAR * radius && offset.y > -NECKWARDS * radius
+    }
 }
 
 /// Certainty from which a candidate is taken for the head.
@@ -93,6 +104,10 @@ const NECK_KEPT: f64 = 0.5;
 const HALF_WIDTH: f64 = 1.6;
 /// The same above its centre.
 const TOP: f64 = 2.2;
+/// In radii of the ball: the surface of a head is hardly farther from the centre than this, except its neck, which is
+/// farther footwards than the other.
+const FAR: f64 = 1.5;
+const NECKWARDS: f64 = 0.8;
 /// Balls are of one thing if they are no farther apart than this across the couch and along it, in radii of the larger.
 const BESIDE: f64 = 0.7;
 const LENGTH: f64 = 2.2;
@@ -106,6 +121,10 @@ const NECK: [f64; 2] = [1.35, 0.25];
 const AREA: [f64; 2] = [0.030, 0.030];
 const WIDTH: [f64; 2] = [1.75, 0.6];
 const MIDLINE: [f64; 2] = [0.35, 0.2];
+/// The same of the part of what was cut out that is stray, for its complement.
+const ALONE: [f64; 2] = [0.75, 0.1];
+/// A ball that this many times more patches support is a cranium, and the one footwards is its jaw, neck or hand.
+const MORE: f64 = 1.2;
 /// Part of the region's half width over which the certainty goes from 0.5 to 0 or 1.
 const REGION_WAY: f64 = 0.2;
 /// Width of a slice across the couch, m.
@@ -197,6 +216,14 @@ impl Identity {
         &self.candidates
     }
 
+    /// Notes which part of what was cut out as the best candidate is stray. Says whether the candidate is certain enough
+    /// still.
+    pub fn cut_out(&mut self, stray: f64) -> bool {
+        let Some(best) = self.candidates.first_mut() else { return true };
+        best.alone = at_limit(1.0 - stray, ALONE);
+        best.alone >= ENOUGH
+    }
+
     /// Forgets them.
     pub fn clear(&mut self) {
         self.candidates.clear();
@@ -255,6 +282,7 @@ impl Identity {
             end: f64::INFINITY,
             in_region: params.region.map_or(1.0, |region| region.certainty(&place, height)),
             shape: 1.0,
+            alone: 1.0,
         };
         if params.needs_body {
             self.measure(&mut candidate, patches, plane, params, side);
@@ -358,10 +386,12 @@ fn is_one_thing(a: &Candidate, b: &Candidate, radius: f64) -> bool {
     offset.norm() < ONE_THING * radius || (across < BESIDE * radii && along < LENGTH * radii)
 }
 
-/// Whether `a` rather than `b` stands for the one thing that both are of: the headward one, unless it is the less certain.
+/// Whether `a` rather than `b` stands for the one thing that both are of: the headward one, unless it is the less certain
+/// and no more of it is seen.
 fn is_better(a: &Candidate, b: &Candidate, margin: f64) -> bool {
     let (headward, other) = if a.place.y >= b.place.y { (a, b) } else { (b, a) };
-    let is_sure = headward.certainty() >= ENOUGH.max(other.certainty() - margin);
+    let is_more = headward.ball.voters as f64 > MORE * other.ball.voters as f64;
+    let is_sure = headward.certainty() >= ENOUGH.max(other.certainty() - margin) || is_more;
     let better = if is_sure || headward.certainty() >= other.certainty() { headward } else { other };
     core::ptr::eq(better, a)
 }

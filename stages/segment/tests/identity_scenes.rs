@@ -5,6 +5,7 @@
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::SeedableRng;
 use stillpoint_rig::patient::drawn::{EXTRAS, Extra, patient};
+use stillpoint_rig::patient::worn::Worn;
 use stillpoint_rig::scene::Scene;
 use stillpoint_segment::identity::{Candidate, IdentityParams, Region};
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, Rejection};
@@ -75,6 +76,59 @@ fn nothing_but_the_head_is_taken_for_it() {
     assert!(taken as f64 >= 0.93 * due as f64, "{taken} of {due}: {missed:#?}");
 }
 
+/// Part of the face of a patient (m) that lies on the head with what is worn on it, and part of the head in the face; or
+/// why there is no face.
+fn shares(number: u64, worn: Worn, seed: u64) -> Result<[f64; 2], String> {
+    let p = patient(number).unwrap();
+    let head = worn.on_head(p.scale).unwrap();
+    let frame = Frame::of_head(&p.kind, &p.couch_from_camera, &p.scene, head, &p.couch_from_head, seed);
+    let identity = IdentityParams {
+        couch_from_cloud: p.couch_from_camera,
+        region: Some(Region::DEFAULT),
+        needs_body: true,
+        margin: 0.2,
+    };
+    let params = FaceParams { identity: Some(identity), ..FaceParams::default() };
+    let mut segmenter = FaceSegmenter::new(params).unwrap();
+    let cloud = Cloud { points: &frame.cloud, width: frame.width };
+    let seen = segmenter.segment(cloud, &mut ChaCha8Rng::seed_from_u64(seed));
+    let face = seen.face.map_err(|why| why.to_string())?;
+    let inside = face.iter().filter(|i| frame.head[**i as usize]).count() as f64;
+    let measured = (0..frame.cloud.len()).filter(|i| frame.head[*i] && frame.cloud[*i][2].is_finite());
+    Ok([inside / face.len().max(1) as f64, inside / measured.count().max(1) as f64])
+}
+
+#[test]
+fn a_jaw_or_a_neck_below_thick_hair_is_not_taken_for_the_head() {
+    for number in [10_201, 10_202, 10_231, 10_352] {
+        for seed in 0..2 {
+            let [pure, whole] = shares(number, Worn::Hair, seed).unwrap();
+            assert!(pure > 0.8 && whole > 0.7, "{number}: purity {pure:.2}, {whole:.2} of the head");
+        }
+    }
+}
+
+#[test]
+fn a_fist_on_the_chin_is_not_taken_for_the_head() {
+    for (number, worn) in [(10_122, Worn::Nothing), (10_273, Worn::Nothing), (10_064, Worn::Beard)] {
+        for seed in 0..2 {
+            if let Ok([pure, _]) = shares(number, worn, seed) {
+                assert!(pure > 0.5, "{number}: purity {pure:.2}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_head_that_cannot_be_cut_from_an_arm_or_a_pad_is_refused() {
+    for (number, worn) in [(10_267, Worn::Nothing), (14_190, Worn::Nothing)] {
+        for seed in 0..2 {
+            let why = shares(number, worn, seed).unwrap_err();
+            assert!(why.contains("cannot be cut from an arm or a pad"), "{number}: {why}");
+        }
+    }
+}
+
 /// Whether wrong and missed scenes are told with their candidates.
 fn tells() -> bool {
     std::env::var_os("STILLPOINT_TELL").is_some()
@@ -84,7 +138,7 @@ fn tell(what: &str, about: &str, candidates: &[Candidate]) {
     eprintln!("{what} {about}");
     for c in candidates {
         eprintln!(
-            "    {:.2?} r {:.3} size {:.2} valley {:.2} neck {:.2} area {:.3} width {:.2} midline {:.2} region {:.2} shape {:.2}",
+            "    {:.2?} r {:.3} size {:.2} valley {:.2} neck {:.2} area {:.3} width {:.2} midline {:.2} region {:.2} shape {:.2} alone {:.2}",
             c.place.as_slice(),
             c.ball.radius,
             c.size,
@@ -94,7 +148,8 @@ fn tell(what: &str, about: &str, candidates: &[Candidate]) {
             c.body_width,
             c.midline,
             c.in_region,
-            c.shape
+            c.shape,
+            c.alone
         );
     }
 }

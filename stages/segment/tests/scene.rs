@@ -30,10 +30,21 @@ impl Frame {
         couch_from_head: &Isometry3<f64>,
         seed: u64,
     ) -> Self {
+        Self::of_head(kind, couch_from_camera, scene, Head::new(scale).unwrap(), couch_from_head, seed)
+    }
+
+    /// The same of a head of one's own.
+    pub fn of_head(
+        kind: &Kind,
+        couch_from_camera: &Isometry3<f64>,
+        scene: &Scene,
+        head: Head,
+        couch_from_head: &Isometry3<f64>,
+        seed: u64,
+    ) -> Self {
         let [width, height] = kind.size;
         let (cx, cy) = ((width as f64 - 1.0) / 2.0, (height as f64 - 1.0) / 2.0);
         let pinhole = kind.pinhole().unwrap();
-        let head = Head::new(scale).unwrap();
         let mut renderer = Renderer::new(pinhole, couch_from_camera, scene, head).unwrap();
         let view = renderer.render(couch_from_head).unwrap();
         let mut depth = vec![0; pinhole.pixels()];

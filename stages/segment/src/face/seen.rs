@@ -101,8 +101,13 @@ fn placed(place: nalgebra::Vector3<f64>) -> String {
 }
 
 fn said_of(candidate: &Candidate, what: &str) -> String {
-    let lacks =
-        if candidate.in_region < candidate.shape { "is out of the region" } else { "has no neck or body" };
+    let lacks = if candidate.alone <= candidate.certainty() && candidate.alone < 1.0 {
+        "cannot be cut from an arm or a pad beside it"
+    } else if candidate.in_region < candidate.shape {
+        "is out of the region"
+    } else {
+        "has no neck or body"
+    };
     format!("{what} at {} {lacks}: certainty {:.2}", placed(candidate.place), candidate.certainty())
 }
 
