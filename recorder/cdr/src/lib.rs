@@ -16,6 +16,7 @@
 //! ```
 
 mod reader;
+pub mod schema;
 mod writer;
 
 use thiserror::Error;
