@@ -162,6 +162,7 @@ const fn stage(
         cut_files: |_, _| Ok(std::collections::BTreeMap::new()),
         // A graph lays the sample out as its producer does.
         capacities: |_| vec![1, METRICS],
+        subscriptions: |_| Vec::new(),
         build: |_, setup| Ok::<_, SetupError>(Box::new(FarEnd::new(setup))),
     }
 }

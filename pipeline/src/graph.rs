@@ -5,7 +5,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use stillpoint_recorder::RosMessage;
+
 use crate::frames::Frames;
+use crate::operator::ros2::Subscription;
 use crate::operator::{Policy, Stage, TIMING};
 use crate::params::CheckedParams;
 
@@ -26,6 +29,8 @@ pub struct Graph {
     pub record: Record,
     /// The hosts that exchange samples over the network.
     pub hosts: Vec<HostNode>,
+    /// How the pipeline takes part in ROS 2, if it does.
+    pub ros2: Option<Ros2Node>,
     /// Which part of a pipeline this is; `None`: all of it.
     pub part: Option<Part>,
 }
@@ -64,6 +69,8 @@ pub struct OperatorNode {
     pub process: usize,
     /// What it is the far end of in a live run, if it is that of a link.
     pub far_end: Option<Wire>,
+    /// The topics of ROS 2 that it takes in a live run.
+    pub subscriptions: Vec<Subscription>,
     /// Files and folders that its params name, relative to the pipeline's file.
     pub files: Vec<String>,
 }
@@ -114,6 +121,39 @@ pub enum Wire {
     Tcp(SocketAddr),
     /// An edge between hosts, carried by the bridge of each: the number of the host that takes the samples.
     Host(usize),
+    /// Messages of ROS 2, carried by the bridge.
+    Ros2,
+}
+
+impl Wire {
+    /// Whether the bridge carries it.
+    pub fn is_bridged(&self) -> bool {
+        matches!(self, Self::Host(_) | Self::Ros2)
+    }
+}
+
+/// How a pipeline takes part in ROS 2.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ros2Node {
+    /// Endpoint of the router.
+    pub connect: String,
+    /// The domain.
+    pub domain: u32,
+    /// What is published, by all hosts.
+    pub publications: Vec<Publication>,
+}
+
+/// Messages of ROS 2 of a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Publication {
+    /// The topic of the pipeline.
+    pub of: String,
+    /// The topic of ROS 2.
+    pub topic: String,
+    /// What is sent of each sample.
+    pub message: RosMessage,
+    /// The frame that a pose places, where it places one.
+    pub child: String,
 }
 
 /// A host that others reach over the network.
@@ -200,6 +240,8 @@ impl Graph {
     /// instead. An edge between hosts stays an edge where both of its ends are in this graph.
     pub fn live(mut self) -> Self {
         self.cut(|_, far| !matches!(far.far_end, Some(Wire::Host(_))));
+        self.open_to_ros2();
+        self.add_bridge();
         self
     }
 

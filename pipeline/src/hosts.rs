@@ -44,26 +44,33 @@ impl Graph {
                 |topic: &String| self.operators.iter().flat_map(|o| &o.outputs).any(|o| o.topic == *topic);
             topics.retain(here);
         }
-        if self.has_bridge() {
-            self.processes.push(ProcessNode {
-                name: BRIDGE.to_owned(),
-                operators: Vec::new(),
-                restart: BRIDGE_RESTART,
-                core: None,
-                priority: Priority::Normal,
-                outlives: 0,
-                host: host.to_owned(),
-            });
-        }
+        self.add_bridge();
         if host != MAIN {
             self.name = format!("{}-{host}", self.name);
         }
         self
     }
 
-    /// Whether samples go to other hosts or come from them over the network.
+    /// Whether samples go to other hosts or to ROS 2, or come from there.
     pub fn has_bridge(&self) -> bool {
-        self.leaves().next().is_some() || self.arrives().next().is_some()
+        let between_hosts = self.leaves().next().is_some() || self.arrives().next().is_some();
+        between_hosts || self.publishes().next().is_some() || self.subscribes().next().is_some()
+    }
+
+    /// Adds the process of the bridge behind all others, where one is needed and not there.
+    pub(crate) fn add_bridge(&mut self) {
+        if !self.has_bridge() || self.processes.iter().any(|p| p.operators.is_empty()) {
+            return;
+        }
+        self.processes.push(ProcessNode {
+            name: BRIDGE.to_owned(),
+            operators: Vec::new(),
+            restart: BRIDGE_RESTART,
+            core: None,
+            priority: Priority::Normal,
+            outlives: 0,
+            host: self.part.as_ref().map_or_else(|| MAIN.to_owned(), |part| part.host.clone()),
+        });
     }
 
     /// The outputs that leave for other hosts, with the name of the edge.

@@ -5,7 +5,7 @@
 //!
 //! A pipeline:
 //! - `spec`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
-//! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host
+//! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host; `ros2`: what it exchanges with ROS 2
 //! - `console`, `link`, `far_end`: the kinds of operators that come with every pipeline
 //!
 //! An activation:
@@ -40,6 +40,7 @@ pub mod placement;
 pub mod record;
 pub mod replay;
 mod restarts;
+mod ros2;
 pub mod run_source;
 pub mod sample_store;
 pub mod schedule;

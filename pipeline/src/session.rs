@@ -141,22 +141,23 @@ pub fn opening(
         (HASHES.to_string(), hashes),
         (EXTRINSICS.to_string(), extrinsics(graph)),
     ]);
-    let frames = graph
-        .frames
-        .placed
-        .iter()
-        .map(|(name, frame)| StaticTransform {
-            parent: frame.parent.clone(),
-            child: name.clone(),
-            translation: frame.parent_from_frame.translation,
-            rotation: frame.parent_from_frame.quaternion(),
-        })
-        .collect();
+    let frames = static_transforms(graph);
     // A simulated session knows no realtime: two equal runs give equal files.
     let started = clock.started();
     let clock =
         Some(ClockSample { logical_ns: started, realtime_ns: if started == 0 { 0 } else { realtime() } });
     Ok(Opening { attachments, metadata, frames, clock })
+}
+
+/// The frames that are placed in another.
+pub fn static_transforms(graph: &Graph) -> Vec<StaticTransform> {
+    let transform = |(name, frame): (&String, &crate::frames::Frame)| StaticTransform {
+        parent: frame.parent.clone(),
+        child: name.clone(),
+        translation: frame.parent_from_frame.translation,
+        rotation: frame.parent_from_frame.quaternion(),
+    };
+    graph.frames.placed.iter().map(transform).collect()
 }
 
 /// When and how well each frame was measured, as far as the pipeline says.

@@ -51,9 +51,10 @@ impl Encoded {
         form.encode(sample, frame, &mut bytes);
         let message = bytes.len();
         let beside = Beside::of(form, frame);
+        let child = if beside.is_empty() { String::new() } else { info.name.replace('.', "/") };
         let mut ends = [message; MOST_BESIDE];
         for (end, beside) in ends.iter_mut().zip(beside) {
-            beside.encode(sample, &info.name, frame, &mut bytes);
+            beside.encode(sample, &child, frame, &mut bytes);
             *end = bytes.len();
         }
         Self { kind: info.kind, form, shared, header: sample.header(), bytes, message, beside, ends }

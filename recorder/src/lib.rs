@@ -81,7 +81,7 @@ pub use error::SessionError;
 pub use fetch::Recorded;
 pub use file::Source;
 pub use folder::{create_part, create_private, create_session, session_parts};
-pub use form::StaticTransform;
+pub use form::{RosMessage, StaticTransform, static_frames};
 pub use journal::times;
 pub use layout::TopicKind;
 pub use mapping::Mapping;

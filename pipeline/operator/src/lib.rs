@@ -11,6 +11,7 @@
 //! - `error`: why an operator cannot be made, and why a step failed
 //! - `config`: the text of a config, from which parameters are read
 //! - `pattern`: paths with a star
+//! - `ros2`: messages of ROS 2 for a source
 
 // The derives name this crate by its path, here too.
 extern crate self as stillpoint_operator;
@@ -26,6 +27,7 @@ pub mod outputs;
 pub mod outside;
 pub mod params;
 pub mod pattern;
+pub mod ros2;
 mod setup;
 mod stage;
 

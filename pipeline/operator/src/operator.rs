@@ -8,6 +8,7 @@ use crate::files::Files;
 use crate::kind::Kind;
 use crate::outputs::Outputs;
 use crate::params::Params;
+use crate::ros2::Subscription;
 use crate::setup::Setup;
 
 /// A deterministic step machine.
@@ -56,6 +57,12 @@ pub trait Operator: Sized + Send + 'static {
     /// by it. Fixed samples have one.
     fn capacities(_params: &Self::Params) -> Vec<usize> {
         vec![1; Self::KIND.outputs.len()]
+    }
+
+    /// The topics of ROS 2 whose messages reach the operator in a live run, where it is a source of them. They come as
+    /// [`Delivery`](crate::ros2::Delivery) through [`Outside::arrivals`](crate::outside::Outside::arrivals).
+    fn subscriptions(_params: &Self::Params) -> Vec<Subscription> {
+        Vec::new()
     }
 
     /// Does one activation.

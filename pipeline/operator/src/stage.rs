@@ -9,6 +9,7 @@ use crate::files::Files;
 use crate::kind::{Kind, check_names};
 use crate::operator::{ErasedOperator, Operator};
 use crate::params::{CheckedParams, ParamField, ParamReader, Params};
+use crate::ros2::Subscription;
 use crate::setup::Setup;
 
 /// Makes an operator from its checked parameters.
@@ -38,6 +39,8 @@ pub struct Stage {
     pub cut_files: CutFiles,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
+    /// The topics of ROS 2 that a source takes.
+    pub subscriptions: fn(&CheckedParams) -> Vec<Subscription>,
     /// Makes the operator.
     pub build: Build,
 }
@@ -66,6 +69,9 @@ impl Stage {
                 T::cut_files(&params.iter().collect::<Vec<_>>(), files)
             },
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
+            subscriptions: |checked| {
+                typed::<T>(&checked.value).map(|p| T::subscriptions(&p)).unwrap_or_default()
+            },
             build: |checked, setup| {
                 let params = typed::<T>(&checked.value).ok_or_else(|| {
                     SetupError(format!(

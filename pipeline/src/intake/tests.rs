@@ -36,6 +36,7 @@ fn node(inputs: &[(Policy, Option<usize>, u64)], every: Option<u64>) -> Operator
         stage: Stage::of::<Nothing>(),
         params: CheckedParams { value: std::sync::Arc::new(()), resolved: serde_json::Value::Null },
         far_end: None,
+        subscriptions: Vec::new(),
         files: Vec::new(),
         every,
         latency: 0,

@@ -9,6 +9,7 @@ use super::landing;
 use crate::far_end;
 use crate::graph::{Graph, Wire};
 pub use crate::graph::{journal_topic, timing_topic};
+use crate::operator::ros2;
 use crate::schedule::depth_of;
 
 /// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
@@ -44,8 +45,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let output = &node.outputs[port];
     let kind = node.stage.kind.outputs[port].sample;
     let consumers: Vec<_> = graph.consumers(operator, port).collect();
-    // The bridge takes samples once for all hosts to which they go.
-    let leaves = output.links.iter().any(|wire| matches!(wire, Wire::Host(_)));
+    // The bridge takes samples once, wherever they go.
+    let leaves = output.links.iter().any(Wire::is_bridged);
     let bridged = if leaves { bridge_depth(kind, output.capacity) } else { 1 };
     let takers = consumers.len() + usize::from(leaves);
     let deepest =
@@ -124,17 +125,26 @@ pub fn inbox(graph: &Graph, operator: usize) -> Contract {
 /// Samples of an edge between hosts that wait in shared memory, for a bridge or for the operator behind it: 64 small ones,
 /// and fewer that take 4 MiB.
 pub fn bridge_depth(kind: &SampleKind, capacity: usize) -> usize {
-    let bytes = kind.meta_size() + capacity * kind.element_size;
+    waiting(kind.meta_size() + capacity * kind.element_size)
+}
+
+/// Samples that wait, of so many bytes each.
+fn waiting(bytes: usize) -> usize {
     ((4 << 20) / bytes.max(1)).clamp(3, 64)
 }
 
-/// The contract of what the bridge hands to an operator whose samples come from another host.
+/// The contract of what the bridge hands to an operator whose samples come from another host or from ROS 2.
 pub fn landing(graph: &Graph, operator: usize) -> Contract {
     let node = &graph.operators[operator];
-    let output = &node.outputs[far_end::SAMPLE];
-    let kind = node.stage.kind.outputs[far_end::SAMPLE].sample;
-    let depth = bridge_depth(kind, output.capacity);
-    let bytes = kind.meta_size() + output.capacity * kind.element_size + landing::CLOCK_SIZE;
+    let longest = match node.subscriptions.iter().map(|s| s.longest).max() {
+        Some(longest) => longest + ros2::MOST_BESIDE,
+        None => {
+            let kind = node.stage.kind.outputs[far_end::SAMPLE].sample;
+            kind.meta_size() + node.outputs[far_end::SAMPLE].capacity * kind.element_size
+        }
+    };
+    let depth = waiting(longest);
+    let bytes = longest + landing::CLOCK_SIZE;
     Contract {
         buffer: depth,
         borrowed: BORROWED,
@@ -183,7 +193,7 @@ fn listed(graph: &Graph) -> Vec<(Contract, Option<usize>)> {
         if node.stage.kind.name == crate::console::KIND_NAME {
             contracts.push((inbox(graph, operator), None));
         }
-        if graph.arrives().any(|arrives| arrives == operator) {
+        if graph.arrives().any(|arrives| arrives == operator) || node.far_end == Some(Wire::Ros2) {
             contracts.push((landing(graph, operator), None));
         }
     }

@@ -11,7 +11,7 @@ use super::stopwatch::Stopwatch;
 use super::wire::{LinkReceiver, LinkSender, TransportOf};
 use crate::clock::SessionClock;
 use crate::drafts::{Buffer, Lender};
-use crate::graph::{Graph, Wire};
+use crate::graph::Graph;
 use crate::instance::OperatorInstance;
 use crate::intake::Intake;
 use crate::operator::Files;
@@ -128,7 +128,7 @@ impl OperatorRunner {
         }
         let mut sending = Vec::new();
         for (port, outlet) in ports.outlets.iter().enumerate() {
-            let leaves = node.outputs[port].links.iter().any(|wire| matches!(wire, Wire::Host(_)));
+            let leaves = node.outputs[port].links.iter().any(|wire| wire.is_bridged());
             let outside = leaves
                 || graph.consumers(operator, port).any(|(c, _)| graph.operators[c].process != node.process);
             let notifier = if outside { Some(outlet.topic.notifier()?) } else { None };

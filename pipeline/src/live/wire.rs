@@ -26,14 +26,14 @@ pub struct LinkError {
 /// The transport of a link.
 pub type TransportOf = fn(Wire) -> Option<Box<dyn Transport>>;
 
-/// The transports of links; `None` for edges between hosts, which the bridge carries. A program that brings another
+/// The transports of links; `None` for what the bridge carries. A program that brings another
 /// transport gives its own function to
 /// [`worker_main_over`](super::worker_main_over), and leaves all other links to this one.
 pub fn transport_of(wire: Wire) -> Option<Box<dyn Transport>> {
     match wire {
         Wire::Udp(address) => Some(Box::new(Datagrams::to(address))),
         Wire::Tcp(address) => Some(Box::new(Streams::at(address))),
-        Wire::Host(_) => None,
+        Wire::Host(_) | Wire::Ros2 => None,
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::document::Document;
 use super::faults::{Code, Findings};
+use super::inputs::Topic;
 use super::near::{shown, suggestion};
 use super::port_frames::PortFrames;
 use super::processes::RESTART;
@@ -12,7 +13,9 @@ use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
 use crate::far_end;
-use crate::graph::{Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Wire};
+use crate::graph::{
+    Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Ros2Node, Wire,
+};
 use crate::hosts::{BRIDGE, MAIN};
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
@@ -67,7 +70,8 @@ pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings
     let alone =
         document.operators.iter().enumerate().filter(|(n, _)| !home.contains_key(n)).map(|(_, o)| &o.name);
     for name in document.processes.iter().map(|p| &p.name).chain(alone) {
-        let is_bridge = !document.hosts.is_empty() && name.value == BRIDGE;
+        let has_bridge = !document.hosts.is_empty() || document.ros2.is_some();
+        let is_bridge = has_bridge && name.value == BRIDGE;
         if is_bridge || RESERVED.contains(&name.value.as_str()) {
             findings.say(
                 name.span,
@@ -135,32 +139,14 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
         Parsed::All => return Record::All,
         Parsed::Topics(topics) => topics,
     };
-    let numbers = document.numbers();
     let mut kept = BTreeSet::new();
     let mut list = Vec::new();
     for topic in topics {
-        let (operator, port) = (&topic.value.operator, &topic.value.port);
-        let Some(&number) = numbers.get(operator.value.as_str()) else {
-            unknown_operator(document, operator, findings);
+        if output(document, wired, topic, findings).is_none() {
             continue;
-        };
-        let Some(stage) = &wired[number].stage else { continue };
-        let name = format!("{}.{}", operator.value, port.value);
-        if port.value == TIMING && !stage.laps.is_empty() {
-            findings.say(
-                topic.span,
-                Code::Measured,
-                format!("{} is measured, and every live session keeps it", shown(&name)),
-                "remove it from the list",
-            );
-        } else if !stage.kind.outputs.iter().any(|o| o.name == port.value) {
-            findings.say(
-                port.span,
-                Code::UnknownTopic,
-                format!("there is no topic {}: `{}` has no such output", shown(&name), operator.value),
-                suggestion(&port.value, stage.kind.outputs.iter().map(|o| o.name), "outputs", findings),
-            );
-        } else if !kept.insert(name.clone()) {
+        }
+        let name = format!("{}.{}", topic.value.operator.value, topic.value.port.value);
+        if !kept.insert(name.clone()) {
             findings.say(
                 topic.span,
                 Code::DuplicateName,
@@ -174,6 +160,39 @@ pub fn record(document: &Document<'_>, wired: &[Wired], findings: &Findings) -> 
     Record::Topics(list)
 }
 
+/// Operator and output of a topic that a section names.
+pub fn output(
+    document: &Document<'_>,
+    wired: &[Wired],
+    topic: &Marked<Topic>,
+    findings: &Findings,
+) -> Option<(usize, usize)> {
+    let (operator, port) = (&topic.value.operator, &topic.value.port);
+    let Some(&number) = document.numbers().get(operator.value.as_str()) else {
+        unknown_operator(document, operator, findings);
+        return None;
+    };
+    let stage = wired[number].stage.as_ref()?;
+    let name = format!("{}.{}", operator.value, port.value);
+    let found = stage.kind.outputs.iter().position(|o| o.name == port.value);
+    if port.value == TIMING && !stage.laps.is_empty() {
+        findings.say(
+            topic.span,
+            Code::Measured,
+            format!("{} is measured, and every live session keeps it", shown(&name)),
+            "remove it from the list",
+        );
+    } else if found.is_none() {
+        findings.say(
+            port.span,
+            Code::UnknownTopic,
+            format!("there is no topic {}: `{}` has no such output", shown(&name), operator.value),
+            suggestion(&port.value, stage.kind.outputs.iter().map(|o| o.name), "outputs", findings),
+        );
+    }
+    Some((number, found?))
+}
+
 /// The checked pipeline. `None` only where a fault was found and something is therefore missing.
 #[allow(clippy::too_many_arguments)] // One argument per part of the check, each used once.
 pub fn graph(
@@ -185,6 +204,7 @@ pub fn graph(
     order: Vec<usize>,
     mut processes: Vec<ProcessNode>,
     record: Record,
+    ros2: Option<Ros2Node>,
 ) -> Option<Graph> {
     let mut place = vec![0; order.len()];
     for (new, old) in order.iter().enumerate() {
@@ -206,6 +226,7 @@ pub fn graph(
         let (params, files) = checked.get_mut(*old)?.take()?;
         let params = params?;
         let capacities = (stage.capacities)(&params);
+        let subscriptions = (stage.subscriptions)(&params);
         let inputs =
             wired[*old].inputs.iter().zip(&policies[*old]).map(|(input, (policy, leader))| InputNode {
                 edge: input.edge.map(|e| Edge { operator: place[e.operator], ..e }),
@@ -231,6 +252,7 @@ pub fn graph(
             outputs: outputs.collect(),
             process: process_of[new],
             far_end: parsed.link,
+            subscriptions,
         });
     }
     lay_out_far_ends(&mut operators);
@@ -242,6 +264,7 @@ pub fn graph(
         processes,
         record,
         hosts: document.hosts.into_iter().map(|h| h.node).collect(),
+        ros2,
         part: None,
     })
 }

@@ -9,14 +9,14 @@ use super::operators::{self, ParsedOperator};
 use super::processes::{self, ParsedProcess};
 use super::source::Span;
 use super::tree::{Keys, Node};
-use super::{frames, host_section, links, quantity, record};
+use super::{frames, host_section, links, quantity, record, ros2_section};
 use crate::frames::Frames;
 
 /// The version of the format.
 pub const VERSION: i128 = 1;
 /// Keys of the file.
 pub const KEYS: &[&str] =
-    &["stillpoint", "name", "seed", "frames", "operators", "links", "hosts", "processes", "record"];
+    &["stillpoint", "name", "seed", "frames", "operators", "links", "hosts", "ros2", "processes", "record"];
 
 /// A parsed pipeline. What had a fault is left out.
 pub struct Document<'t> {
@@ -32,6 +32,8 @@ pub struct Document<'t> {
     pub links: Option<Span>,
     /// The hosts that exchange samples over the network, in the order of the file.
     pub hosts: Vec<host_section::ParsedHost>,
+    /// How the pipeline takes part in ROS 2.
+    pub ros2: Option<ros2_section::ParsedRos2>,
     /// The processes, in the order of the file.
     pub processes: Vec<ParsedProcess>,
     /// What is recorded.
@@ -69,8 +71,9 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
         keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
     let hosts = keys.get("hosts").map(|e| host_section::read(&e.value, findings)).unwrap_or_default();
     host_section::connect(&hosts, &mut operators, &mut processes, findings);
+    let ros2 = keys.get("ros2").and_then(|e| ros2_section::read(e, findings));
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
-    Some(Document { name, seed, frames, operators, links, hosts, processes, record })
+    Some(Document { name, seed, frames, operators, links, hosts, ros2, processes, record })
 }
 
 fn version(keys: &Keys<'_>, top: Span, findings: &Findings) {

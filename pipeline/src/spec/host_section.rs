@@ -119,14 +119,8 @@ fn tls(entry: &Entry, findings: &Findings) -> Option<HostTls> {
 
 fn endpoint(node: &Node, what: &str, has_tls: bool, findings: &Findings) -> Option<String> {
     let text = node.scalar(what, "an endpoint", findings)?;
-    let (scheme, rest) = text.split_once('/').unwrap_or_default();
-    let address = rest.rsplit_once(':').filter(|_| matches!(scheme, "tcp" | "tls"));
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
-    let stands = address.is_some_and(|(host, port)| {
-        !host.is_empty()
-            && host.chars().all(is_plain)
-            && port.parse::<u16>().is_ok_and(|port| port != 0 && port != u16::MAX)
-    });
+    let (scheme, address) = text.split_once('/').unwrap_or_default();
+    let stands = matches!(scheme, "tcp" | "tls") && is_address(address);
     if !stands {
         findings.say(
             node.span,
@@ -148,6 +142,16 @@ fn endpoint(node: &Node, what: &str, has_tls: bool, findings: &Findings) -> Opti
         findings.say(node.span, Code::WrongShape, format!("{} {message}", shown(text)), help);
     }
     stands.then(|| text.to_owned())
+}
+
+/// Whether a text is `ADDRESS:PORT`, with a port that has a next one.
+pub fn is_address(text: &str) -> bool {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
+    text.rsplit_once(':').is_some_and(|(host, port)| {
+        !host.is_empty()
+            && host.chars().all(is_plain)
+            && port.parse::<u16>().is_ok_and(|port| port != 0 && port != u16::MAX)
+    })
 }
 
 /// The host of each operator, and the process that names it.

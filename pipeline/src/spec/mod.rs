@@ -16,11 +16,11 @@
 //! Text to tree: `config` of the crate `stillpoint_operator`; `sets`: `--set operator.param=value`, applied to the tree
 //!
 //! Tree to parsed pipeline:
-//! - `fields`: values that several sections have; `document`: the file; `operators`, `inputs`, `frames`, `processes`, `host_section`, `record`: its sections
+//! - `fields`: values that several sections have; `document`: the file; `operators`, `inputs`, `frames`, `processes`, `host_section`, `ros2_section`, `record`: its sections
 //!
 //! Parsed to checked pipeline:
 //! - `machine`: what the file asks of the machine; `check`: the pass over all; `wiring`: kinds, ports and types; `sync`: inputs in step; `port_frames`: the frame of
-//!   each port; `hosts`: what crosses from one host to another; `confirm`: references that nobody looks at; `identity`: heads that nobody tells from other things; `order`: upstream before downstream, cycles; `assemble`: the graph
+//!   each port; `hosts`: what crosses from one host to another; `ros2`: what goes to ROS 2 and comes from it; `confirm`: references that nobody looks at; `identity`: heads that nobody tells from other things; `order`: upstream before downstream, cycles; `assemble`: the graph
 //!
 //! What is said about it:
 //! - `schema`, `reference`: JSON Schema for editors, the reference page
@@ -43,6 +43,8 @@ mod port_frames;
 mod processes;
 mod record;
 pub mod reference;
+mod ros2;
+mod ros2_section;
 pub mod schema;
 mod sets;
 mod sync;

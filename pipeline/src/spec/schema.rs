@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::quantity::or;
 use super::units::find;
-use super::{document, frames, host_section, inputs, links, operators, processes, record};
+use super::{document, frames, host_section, inputs, links, operators, processes, record, ros2_section};
 use crate::hosts::MAIN;
 use crate::operator::{FrameRule, Kind, Policy, Registry, Stage, Timer};
 use crate::params::{ParamField, ParamType, Presence};
@@ -42,6 +42,7 @@ pub fn schema(registry: &Registry) -> Value {
         "operators" => named("Operators by their names.", json!({ "$ref": "#/$defs/operator" })),
         "links" => links(),
         "hosts" => hosts(),
+        "ros2" => ros2(),
         "processes" => named("Which operators share a process; each of the rest has its own.", process()),
         _ => recorded(),
     });
@@ -172,6 +173,36 @@ fn hosts() -> Value {
         }),
     });
     named("The hosts that exchange samples over the network.", host)
+}
+
+fn ros2() -> Value {
+    let publication = closed(ros2_section::PUBLICATION_KEYS, &[], |key| match key {
+        "topic" => json!({
+            "type": "string", "pattern": "^(/[A-Za-z_][A-Za-z0-9_]*)+$",
+            "description": "Topic of ROS 2. Beside that of a depth image, `camera_info` is published.",
+        }),
+        "type" => json!({
+            "enum": ["PoseStamped", "PoseWithCovarianceStamped", "PointCloud2", "Image"],
+            "description": "Type of the message, where there are several that say the sample.",
+        }),
+        _ => json!({ "type": "string", "description": "Frame that the pose places, on `/tf`." }),
+    });
+    let mut section = closed(ros2_section::KEYS, &["connect"], |key| match key {
+        "connect" => json!({
+            "type": "string", "pattern": r"^tcp/[A-Za-z0-9.\-_:\[\]]+:\d+$",
+            "description": "Endpoint of the router of ROS 2 (`rmw_zenohd`).",
+        }),
+        "domain" => json!({
+            "type": "integer", "minimum": 0, "maximum": stillpoint_ros2::LARGEST_DOMAIN, "default": 0,
+            "description": "`ROS_DOMAIN_ID`.",
+        }),
+        _ => json!({
+            "type": "object", "description": "What is published of which topic.",
+            "propertyNames": { "pattern": TOPIC }, "additionalProperties": publication,
+        }),
+    });
+    set(&mut section, "description", json!("How the pipeline takes part in ROS 2."));
+    section
 }
 
 fn process() -> Value {

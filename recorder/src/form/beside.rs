@@ -47,8 +47,8 @@ impl Beside {
         }
     }
 
-    /// Appends the message beside a sample of the topic.
-    pub fn encode(self, sample: &Pieces<'_>, topic: &str, frame: &str, out: &mut Vec<u8>) {
+    /// Appends the message beside a sample whose coordinates are in `frame`. `child` is the frame that a pose places.
+    pub fn encode(self, sample: &Pieces<'_>, child: &str, frame: &str, out: &mut Vec<u8>) {
         let time = sample.header().origin;
         let pose = || PoseElement::read_from_bytes(sample.payload).ok();
         let mut w = Writer::new(out);
@@ -64,7 +64,7 @@ impl Beside {
             Self::Transform => {
                 w.u32(1);
                 w.header(time, frame);
-                w.text(&topic.replace('.', "/"));
+                w.text(child);
                 pose().iter().for_each(|pose| place(pose, &mut w));
             }
         }

@@ -18,6 +18,7 @@
 //! - `beside`: what viewers want beside a message: `CameraInfo`, `PoseStamped`, `/tf`
 //! - `grey`: `GreyImage` as `sensor_msgs/msg/Image`
 //! - `image`: the message of both
+//! - `ros`: the messages as which a sample can be sent
 //! - `transforms`: the static frames as `tf2_msgs/msg/TFMessage`
 //! - `schema`: the `ros2msg` texts
 
@@ -29,6 +30,7 @@ mod grey;
 mod image;
 mod own;
 mod pose;
+mod ros;
 pub(crate) mod schema;
 mod transforms;
 
@@ -38,6 +40,7 @@ use stillpoint_samples::{Header, Pieces, SampleKind};
 
 pub(crate) use beside::Beside;
 pub(crate) use decoded::Decoded;
+pub use ros::{RosMessage, static_frames};
 pub use transforms::StaticTransform;
 pub(crate) use transforms::{transforms_from, transforms_message};
 

@@ -1,11 +1,12 @@
 //! The counts of the bridge, and the lines of the ledger that follow from them.
 //!
-//! A topic that leaves has a line from its operator to the bridge, and one per edge for the network. An edge that arrives
-//! has a line from the network to the operator that takes its samples.
+//! A topic that leaves has a line from its operator to the bridge, and one per edge or topic of ROS 2 for the network. An
+//! edge that arrives, or what arrives from ROS 2, has a line from the network to the operator that takes it.
 
 use serde::{Deserialize, Serialize};
 
 use super::network::{SentCounts, TakenCounts};
+use super::ros2::PublicationDef;
 use crate::far_end;
 use crate::graph::Graph;
 use crate::hosts::BRIDGE;
@@ -95,6 +96,8 @@ impl BridgeAccounts {
         let mut lines = Vec::new();
         let mut left: Vec<(usize, usize)> =
             graph.leaves().map(|(operator, port, _)| (operator, port)).collect();
+        left.extend(graph.publishes().map(|(operator, port, _)| (operator, port)));
+        left.sort_unstable();
         left.dedup();
         for (operator, port) in left {
             let lives = self.lives.iter().map(|life| {
@@ -103,17 +106,38 @@ impl BridgeAccounts {
             });
             lines.push(ledger.line_of_bridge(graph, (operator, port), BRIDGE, lives));
         }
-        lines.extend(
-            graph.leaves().map(|(operator, port, edge)| self.leaving(graph, (operator, port), &edge)),
-        );
-        lines.extend(graph.arrives().map(|operator| self.arriving(graph, operator, ledger)));
+        lines.extend(graph.leaves().map(|(operator, port, edge)| {
+            self.leaving(graph, (operator, port), &edge, &format!("{BRIDGE}.{edge}"))
+        }));
+        lines.extend(graph.publishes().map(|(operator, port, publication)| {
+            let PublicationDef { name, .. } = PublicationDef::of(publication);
+            self.leaving(graph, (operator, port), &name, &name)
+        }));
+        lines.extend(graph.arrives().map(|operator| {
+            let node = &graph.operators[operator];
+            let (from, to) = (format!("{BRIDGE}.{}", node.name), format!("{}.{}", node.name, far_end::PORT));
+            self.arriving(LedgerLine::of(&from, &to), operator, ledger.total_sent(operator, far_end::SAMPLE))
+        }));
+        lines.extend(graph.subscribes().map(|operator| {
+            let node = &graph.operators[operator];
+            let from = node.subscriptions.first().map_or_else(String::new, |s| format!("ros2:{}", s.topic));
+            // Each message becomes one sample, of whichever output.
+            let taken = (0..node.outputs.len()).map(|output| ledger.total_sent(operator, output)).sum();
+            self.arriving(LedgerLine::of(&from, &node.name), operator, taken)
+        }));
         lines
     }
 
     /// From the bridge over the network: samples count as received when the other host says so.
-    fn leaving(&self, graph: &Graph, (operator, port): (usize, usize), edge: &str) -> LedgerLine {
+    fn leaving(
+        &self,
+        graph: &Graph,
+        (operator, port): (usize, usize),
+        edge: &str,
+        consumer: &str,
+    ) -> LedgerLine {
         let topic = &graph.operators[operator].outputs[port].topic;
-        let mut line = LedgerLine::of(topic, &format!("{BRIDGE}.{edge}"));
+        let mut line = LedgerLine::of(topic, consumer);
         for counts in
             self.lives.iter().flat_map(|l| &l.leaves).filter(|l| (l.operator, l.port) == (operator, port))
         {
@@ -133,10 +157,7 @@ impl BridgeAccounts {
     }
 
     /// From the network to the operator: what left the other host since the bridge here was opened.
-    fn arriving(&self, graph: &Graph, operator: usize, ledger: &Ledger) -> LedgerLine {
-        let node = &graph.operators[operator];
-        let mut line =
-            LedgerLine::of(&format!("{BRIDGE}.{}", node.name), &format!("{}.{}", node.name, far_end::PORT));
+    fn arriving(&self, mut line: LedgerLine, operator: usize, taken: u64) -> LedgerLine {
         let mut arrived = 0;
         for counts in self.lives.iter().flat_map(|l| &l.arrives).filter(|a| a.operator == operator) {
             arrived += counts.network.received;
@@ -144,7 +165,7 @@ impl BridgeAccounts {
             line.lost += counts.network.lost;
             line.pool_exhausted += counts.homeless;
         }
-        line.received = ledger.total_sent(operator, far_end::SAMPLE);
+        line.received = taken;
         // What a bridge handed over after its last counts has arrived, too.
         let is_told = self.lives.iter().all(|life| life.is_last);
         let arrived = if is_told { arrived } else { arrived.max(line.received + line.pool_exhausted) };

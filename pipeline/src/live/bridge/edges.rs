@@ -1,14 +1,16 @@
-//! The samples of one edge, from shared memory to the network or back.
+//! The samples of one edge, and the messages of ROS 2, from shared memory to the network or back.
 
 use std::collections::BTreeMap;
 
+use stillpoint_operator::outside::ClockOffset;
 use stillpoint_samples::SampleKind;
 use stillpoint_shm::{Domain, Listener, Publisher, ShmError, Subscriber, Topic};
 use stillpoint_transport::{LinkState, Receiver, Refusal, Sender};
 
 use super::accounts::{ArrivedCounts, LeftCounts, ShmAccount};
-use super::hello::{Arriving, Leaving};
+use super::hello::{ArrivesFrom, Arriving, Leaving};
 use super::network::Network;
+use super::ros2::{Publishing, SubscriptionDef};
 use crate::live::error::WorkerError;
 use crate::live::landing;
 use crate::live::wire::LinkError;
@@ -37,17 +39,24 @@ impl Outgoing {
         let topic = Topic::open(domain, &leaving.contract)?;
         listeners.push(topic.listener()?);
         let channel = leaving.channel.channel();
-        let sender = |edge: &String| {
-            let sender = network.transport(edge).open_sender(&channel);
-            Ok((edge.clone(), sender.map_err(|reason| LinkError { place: edge.clone(), reason })?))
-        };
+        let failed = |place: &str, reason| LinkError { place: place.to_owned(), reason };
+        let mut senders: Vec<(String, Box<dyn Sender>)> = Vec::new();
+        for edge in &leaving.edges {
+            let sender = network.transport(edge).open_sender(&channel).map_err(|e| failed(edge, e))?;
+            senders.push((edge.clone(), sender));
+        }
+        for publication in &leaving.publications {
+            let opened = Publishing::open(publication, &channel, network);
+            let sender = opened.map_err(|e| failed(&publication.topic, e))?;
+            senders.push((publication.name.clone(), Box::new(sender)));
+        }
         Ok(Self {
             operator: leaving.operator,
             port: leaving.port,
             depth: leaving.depth,
             kind: channel.kind,
             subscriber: topic.subscriber(leaving.depth)?,
-            senders: leaving.edges.iter().map(sender).collect::<Result<_, LinkError>>()?,
+            senders,
             taken: BTreeMap::new(),
             refusal: None,
             _topic: topic,
@@ -101,11 +110,13 @@ impl Outgoing {
     }
 }
 
-/// An edge that arrives.
+/// An edge that arrives, or what arrives from ROS 2.
 pub struct Incoming {
     operator: usize,
     edge: String,
     depth: usize,
+    /// The clock of what arrives, where it is not that of a host.
+    clock: Option<ClockOffset>,
     receiver: Box<dyn Receiver>,
     publisher: Publisher,
     buffer: Vec<u8>,
@@ -120,11 +131,22 @@ pub struct Incoming {
 impl Incoming {
     pub fn open(arriving: &Arriving, domain: &Domain, network: &dyn Network) -> Result<Self, WorkerError> {
         let topic = Topic::open(domain, &arriving.landing)?;
-        let receiver = network.transport(&arriving.edge).open_receiver(&arriving.channel.channel());
+        let (receiver, clock) = match &arriving.from {
+            ArrivesFrom::Host(channel) => {
+                (network.transport(&arriving.edge).open_receiver(&channel.channel()), None)
+            }
+            ArrivesFrom::Ros2(taken) => {
+                let taken: Vec<_> = taken.iter().map(SubscriptionDef::subscription).collect();
+                // The source reads the clock of a message in the message.
+                let here = ClockOffset { offset: 0, uncertainty: 0 };
+                (network.subscriber(&arriving.edge, &taken), Some(here))
+            }
+        };
         Ok(Self {
             operator: arriving.operator,
             edge: arriving.edge.clone(),
             depth: arriving.landing.buffer,
+            clock,
             receiver: receiver.map_err(|reason| LinkError { place: arriving.edge.clone(), reason })?,
             publisher: topic.publisher()?,
             buffer: Vec::new(),
@@ -142,7 +164,7 @@ impl Incoming {
     /// Hands over what has arrived, at most what the buffer holds. Gives whether there was anything.
     pub fn hand_over(&mut self, network: &dyn Network) -> Result<bool, WorkerError> {
         // Without its clock, the time of acquisition of a sample is not known here.
-        let Some(clock) = network.clock(&self.edge) else { return Ok(false) };
+        let Some(clock) = self.clock.or_else(|| network.clock(&self.edge)) else { return Ok(false) };
         let failed = |edge: &str, reason| LinkError { place: edge.to_owned(), reason };
         for number in 0..self.depth {
             let taken = self.receiver.receive(&mut self.buffer).map_err(|e| failed(&self.edge, e))?;

@@ -11,6 +11,7 @@ use stillpoint_samples::{SampleKind, Shape};
 use stillpoint_shm::Contract;
 use stillpoint_transport::Channel;
 
+use super::ros2::{PublicationDef, Ros2Def, SubscriptionDef};
 use crate::clock::SessionClock;
 use crate::far_end;
 use crate::graph::{Graph, HostNode, HostTls, Priority};
@@ -40,8 +41,10 @@ pub struct HelloBridge {
     pub prefix: String,
     /// The session's clock.
     pub clock: SessionClock,
-    /// This host.
-    pub host: HostNode,
+    /// This host, where the pipeline runs on several.
+    pub host: Option<HostNode>,
+    /// How the run takes part in ROS 2, where it does.
+    pub ros2: Option<Ros2Def>,
     /// What it runs.
     pub identity: BridgeIdentity,
     /// Cores of real-time processes: the bridge keeps away from them.
@@ -52,7 +55,7 @@ pub struct HelloBridge {
     pub arrives: Vec<Arriving>,
 }
 
-/// A topic that leaves for other hosts.
+/// A topic that leaves for other hosts or for ROS 2.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Leaving {
     /// Number of the operator that sends it.
@@ -61,6 +64,8 @@ pub struct Leaving {
     pub port: usize,
     /// The edges over which it leaves: one for each host.
     pub edges: Vec<String>,
+    /// What is published of it.
+    pub publications: Vec<PublicationDef>,
     /// Its topic.
     #[serde(with = "ContractDef")]
     pub contract: Contract,
@@ -70,18 +75,27 @@ pub struct Leaving {
     pub depth: usize,
 }
 
-/// An edge that arrives from another host.
+/// An edge that arrives from another host, or what arrives from ROS 2.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Arriving {
     /// Number of the operator that takes its samples.
     pub operator: usize,
-    /// The edge.
+    /// The edge; of what comes from ROS 2, name of the operator.
     pub edge: String,
     /// Where the bridge hands over its samples.
     #[serde(with = "ContractDef")]
     pub landing: Contract,
-    /// Its samples.
-    pub channel: ChannelDef,
+    /// Where it comes from.
+    pub from: ArrivesFrom,
+}
+
+/// Where something arrives from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum ArrivesFrom {
+    /// Another host: samples.
+    Host(ChannelDef),
+    /// ROS 2: messages of these topics.
+    Ros2(Vec<SubscriptionDef>),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -160,7 +174,7 @@ impl ChannelDef {
 }
 
 impl HelloBridge {
-    /// What the bridge of a part needs to know; `None` where the graph is no part, or its host is not in `hosts`.
+    /// What the bridge needs to know; `None` where there is nothing for it to carry.
     pub fn of(
         graph: &Graph,
         identity: BridgeIdentity,
@@ -168,32 +182,33 @@ impl HelloBridge {
         prefix: String,
         clock: SessionClock,
     ) -> Option<Self> {
-        let part = graph.part.as_ref()?;
-        let host = graph.hosts.iter().find(|h| h.name == part.host)?.clone();
+        let host = graph.part.as_ref().and_then(|part| graph.hosts.iter().find(|h| h.name == part.host));
+        let (host, ros2) = (host.cloned(), Ros2Def::of(graph));
+        if host.is_none() && ros2.is_none() {
+            return None;
+        }
         let mut leaves: Vec<Leaving> = Vec::new();
         for (operator, port, edge) in graph.leaves() {
-            match leaves.iter_mut().find(|l| (l.operator, l.port) == (operator, port)) {
-                Some(leaving) => leaving.edges.push(edge),
-                None => {
-                    let contract = contracts::output(graph, operator, port);
-                    let kind = graph.operators[operator].stage.kind.outputs[port].sample;
-                    leaves.push(Leaving {
-                        operator,
-                        port,
-                        edges: vec![edge],
-                        depth: contracts::bridge_depth(kind, contract.capacity),
-                        contract,
-                        channel: ChannelDef::of(graph, operator, port),
-                    });
-                }
-            }
+            leaving(&mut leaves, graph, operator, port).edges.push(edge);
         }
-        let arrives = graph.arrives().map(|operator| Arriving {
+        for (operator, port, publication) in graph.publishes() {
+            let publications = &mut leaving(&mut leaves, graph, operator, port).publications;
+            publications.push(PublicationDef::of(publication));
+        }
+        let arriving = |operator: usize, from: ArrivesFrom| Arriving {
             operator,
             edge: graph.operators[operator].name.clone(),
             landing: contracts::landing(graph, operator),
-            channel: ChannelDef::of(graph, operator, far_end::SAMPLE),
+            from,
+        };
+        let from_hosts = graph
+            .arrives()
+            .map(|o| arriving(o, ArrivesFrom::Host(ChannelDef::of(graph, o, far_end::SAMPLE))));
+        let from_ros2 = graph.subscribes().map(|o| {
+            let taken = graph.operators[o].subscriptions.iter().map(SubscriptionDef::of);
+            arriving(o, ArrivesFrom::Ros2(taken.collect()))
         });
+        let arrives = from_hosts.chain(from_ros2);
         let fifo = graph.processes.iter().filter(|p| matches!(p.priority, Priority::Fifo(_)));
         let real_time_cores: BTreeSet<usize> = fifo.filter_map(|p| p.core).collect();
         Some(Self {
@@ -203,17 +218,39 @@ impl HelloBridge {
             prefix,
             clock,
             host,
+            ros2,
             identity,
             real_time_cores: real_time_cores.into_iter().collect(),
         })
     }
 }
 
+/// The entry of an output among those that leave.
+fn leaving<'l>(leaves: &'l mut Vec<Leaving>, graph: &Graph, operator: usize, port: usize) -> &'l mut Leaving {
+    let known = leaves.iter().position(|l| (l.operator, l.port) == (operator, port));
+    let place = known.unwrap_or_else(|| {
+        let contract = contracts::output(graph, operator, port);
+        let kind = graph.operators[operator].stage.kind.outputs[port].sample;
+        leaves.push(Leaving {
+            operator,
+            port,
+            edges: Vec::new(),
+            publications: Vec::new(),
+            depth: contracts::bridge_depth(kind, contract.capacity),
+            contract,
+            channel: ChannelDef::of(graph, operator, port),
+        });
+        leaves.len() - 1
+    });
+    &mut leaves[place]
+}
+
 impl HelloBridge {
     /// The same with the files of the certificate where they are on disk: beside the pipeline.
     #[must_use]
     pub fn with_files_of(mut self, files: &DiskFiles) -> Self {
-        if let Some(HostTls { certificate, key, authority }) = &mut self.host.tls {
+        let tls = self.host.as_mut().and_then(|host| host.tls.as_mut());
+        if let Some(HostTls { certificate, key, authority }) = tls {
             for file in [certificate, key, authority] {
                 if let FilePlace::Disk(place) = files.place(&file.to_string_lossy()) {
                     *file = place;

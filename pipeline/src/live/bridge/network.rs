@@ -5,16 +5,20 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use stillpoint_operator::outside::ClockOffset;
-use stillpoint_transport::Transport;
+use stillpoint_operator::ros2::Subscription;
+use stillpoint_transport::{LinkState, Receiver, Transport, TransportError};
 
 use super::hello::BridgeIdentity;
+use super::ros2::Ros2Def;
 use crate::clock::SessionClock;
 use crate::graph::HostNode;
 
 /// All that a network needs to know of a run.
 pub struct BridgeSettings {
-    /// This host.
-    pub host: HostNode,
+    /// This host, where the pipeline runs on several.
+    pub host: Option<HostNode>,
+    /// How the run takes part in ROS 2, where it does.
+    pub ros2: Option<Ros2Def>,
     /// What it runs: hosts that do not run the same exchange nothing.
     pub identity: BridgeIdentity,
     /// Number of this life of the bridge: a later life has a higher number.
@@ -65,10 +69,41 @@ pub struct TakenCounts {
     pub lost: u64,
 }
 
-/// A network between hosts.
+/// Sends messages to a topic of ROS 2. It never waits: newer messages replace older ones that were not sent yet.
+pub trait MessageSender: Send {
+    /// Sends a message in CDR. `None`: a sample that no message can say, which counts as refused.
+    fn send(&mut self, message: Option<Vec<u8>>);
+
+    /// How the topic stands: `Open` where somebody takes its messages.
+    fn state(&self) -> LinkState;
+}
+
+/// A network between hosts, and to ROS 2.
 pub trait Network {
     /// The transport of an edge.
     fn transport(&self, edge: &str) -> Box<dyn Transport>;
+
+    /// The sending end of a topic of ROS 2, of this type: its name and its description. `name` is that of its counts.
+    ///
+    /// # Errors
+    /// The network has no ROS 2, or does not take the topic.
+    fn publisher(
+        &self,
+        name: &str,
+        topic: &str,
+        schema: (&str, &str),
+    ) -> Result<Box<dyn MessageSender>, TransportError>;
+
+    /// The taking end of topics of ROS 2, whose messages come as
+    /// [`Delivery`](stillpoint_operator::ros2::Delivery). `name` is that of its counts.
+    ///
+    /// # Errors
+    /// The network has no ROS 2, or does not take a topic.
+    fn subscriber(
+        &self,
+        name: &str,
+        subscriptions: &[Subscription],
+    ) -> Result<Box<dyn Receiver>, TransportError>;
 
     /// The clock of the host from which the samples of an edge come, where it is measured.
     fn clock(&self, edge: &str) -> Option<ClockOffset>;

@@ -59,6 +59,7 @@ fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) 
     let ring = bell.clone();
     let network = open(BridgeSettings {
         host: hello.host.clone(),
+        ros2: hello.ros2.clone(),
         identity: hello.identity.clone(),
         incarnation: realtime(),
         clock: hello.clock,
