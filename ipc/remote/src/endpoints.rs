@@ -149,6 +149,17 @@ impl Endpoints {
     }
 }
 
+/// Checks an endpoint of another program, which takes no certificate.
+///
+/// # Errors
+/// It is not written as one.
+pub(crate) fn check_plain(endpoint: &str) -> Result<(), RemoteError> {
+    match parts(endpoint, Lane::Small)? {
+        (Scheme::Tcp, _) => Ok(()),
+        (Scheme::Tls, _) => Err(RemoteError::NoCertificate(endpoint.to_owned())),
+    }
+}
+
 /// What an endpoint speaks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Scheme {

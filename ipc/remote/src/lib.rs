@@ -24,6 +24,7 @@
 //! - `sender`, `receiver`: the two ends of an edge
 //! - `lane`: the thread that puts
 //! - `mailbox`: messages between named programs, for the planning pool
+//! - `ros2`: one node of ROS 2
 //! - `router`: a router between hosts that cannot reach each other
 
 mod access;
@@ -44,6 +45,7 @@ mod pki;
 mod probe;
 mod receiver;
 mod remote;
+mod ros2;
 mod router;
 mod sender;
 mod shared;
@@ -64,6 +66,7 @@ pub use pki::{Authority, Issued, PkiError};
 pub use probe::{Answer, probe};
 pub use receiver::Taken;
 pub use remote::Remote;
+pub use ros2::{Ros2, Ros2Message, Ros2Publisher, Ros2Settings, TakeMessage};
 pub use router::Router;
 pub use sender::Sent;
 pub use tls::{Tls, TlsError, TlsFiles};

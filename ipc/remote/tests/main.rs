@@ -9,6 +9,7 @@ mod liveness;
 mod python;
 mod questions;
 mod relay;
+mod ros2;
 mod slow;
 mod speed;
 mod tls;

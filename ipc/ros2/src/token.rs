@@ -51,21 +51,26 @@ impl EndKind {
 pub struct Qos {
     /// Every message is to arrive; else messages may be lost.
     pub reliable: bool,
+    /// Those who come later get the last messages, too.
+    pub is_latched: bool,
     /// The most messages that wait.
     pub depth: u32,
 }
 
 impl Qos {
     /// What subscriptions of sensor data ask for.
-    pub const SENSOR: Self = Self { reliable: false, depth: 5 };
+    pub const SENSOR: Self = Self { reliable: false, is_latched: false, depth: 5 };
     /// What publishers offer if they are not told otherwise.
-    pub const USUAL: Self = Self { reliable: true, depth: 10 };
+    pub const USUAL: Self = Self { reliable: true, is_latched: false, depth: 10 };
+    /// What publishers of static frames offer.
+    pub const LATCHED: Self = Self { reliable: true, is_latched: true, depth: 1 };
 
     fn text(self) -> String {
         let reliability = if self.reliable { "" } else { "2" };
         let depth = if self.depth == USUAL_DEPTH { String::new() } else { self.depth.to_string() };
-        // Durability, deadline, lifespan and liveliness are the usual ones: volatile, none, none, automatic.
-        format!("{reliability}::,{depth}:,:,:,,")
+        let durability = if self.is_latched { "1" } else { "" };
+        // Deadline, lifespan and liveliness are the usual ones: none, none, automatic.
+        format!("{reliability}:{durability}:,{depth}:,:,:,,")
     }
 }
 
@@ -153,7 +158,7 @@ mod tests {
         let end = end_token(&place(), 2, EndKind::Publisher, &topic, of, Qos::USUAL);
         let rest = "%a%pose/geometry_msgs::msg::dds_::PoseStamped_/RIHS01_00/::,10:,:,:,,";
         assert_eq!(end, format!("@ros2_lv/3/a1b2/0/2/MP/%/%/head/{rest}"));
-        assert_eq!(Qos::SENSOR.text(), "2::,5:,:,:,,");
+        assert_eq!([Qos::SENSOR.text(), Qos::LATCHED.text()], ["2::,5:,:,:,,", ":1:,1:,:,:,,"]);
         assert_eq!(tokens(3), "@ros2_lv/3/**");
         let read = who(&end).unwrap();
         assert_eq!(

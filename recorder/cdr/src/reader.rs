@@ -127,11 +127,19 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// The message ends before, its frame is not UTF-8, or its stamp is no time.
     pub fn header(&mut self) -> Result<u64, CdrError> {
+        self.header_and_frame().map(|(stamp, _)| stamp)
+    }
+
+    /// Stamp in ns, and frame, of a `std_msgs/Header`.
+    ///
+    /// # Errors
+    /// As of [`header`](Self::header).
+    pub fn header_and_frame(&mut self) -> Result<(u64, &'a str), CdrError> {
         let (seconds, nanoseconds) = (self.u32()?, self.u32()?);
-        self.text()?;
+        let frame = self.text()?;
         if seconds > i32::MAX as u32 || u64::from(nanoseconds) >= NANOSECONDS {
             return Err(CdrError::Stamp { seconds, nanoseconds });
         }
-        Ok(u64::from(seconds) * NANOSECONDS + u64::from(nanoseconds))
+        Ok((u64::from(seconds) * NANOSECONDS + u64::from(nanoseconds), frame))
     }
 }

@@ -9,8 +9,8 @@
 //! - [`ply`]: the vertices of PLY files.
 //! - [`point_cloud2`], [`depth_message`], [`camera_info`]: clouds, depth images and cameras as ROS 2 records them.
 //! - [`bag`]: recordings of ROS 2, and which of their messages are read.
-//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey` and `ingest.mcap`. The other modules know
-//!   nothing of pipelines.
+//! - [`wire`]: messages of ROS 2 as they arrive: which are taken, and why the others are refused.
+//! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap` and `ingest.ros2`.
 
 pub mod bag;
 pub mod camera_info;
@@ -21,6 +21,7 @@ pub mod operators;
 pub mod pcd;
 pub mod ply;
 pub mod point_cloud2;
+pub mod wire;
 
 use stillpoint_operator::Stage;
 
@@ -34,4 +35,5 @@ pub const STAGES: &[Stage] = &[
     Stage::of::<operators::IngestPly>(),
     Stage::of::<operators::IngestGrey>(),
     Stage::of::<operators::IngestMcap>(),
+    Stage::of::<operators::IngestRos2>(),
 ];

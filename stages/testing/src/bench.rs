@@ -44,12 +44,25 @@ impl Bench {
     /// # Errors
     /// The faults of the text, or why the operator cannot be made.
     pub fn new(text: &str, name: &str, stages: &[Stage], files: &dyn Files) -> Result<Self, String> {
+        Self::with_outside(text, name, stages, files, Outside::default())
+    }
+
+    /// As [`new`](Self::new), for a source that takes messages from outside the pipeline.
+    ///
+    /// # Errors
+    /// As of [`new`](Self::new).
+    pub fn with_outside(
+        text: &str,
+        name: &str,
+        stages: &[Stage],
+        files: &dyn Files,
+        outside: Outside,
+    ) -> Result<Self, String> {
         let registry = Registry::new(&[feed::STAGES, stages]);
         let graph: Graph = check(text, "bench.yaml", &[], &registry, files).map_err(|f| f.to_string())?;
         let graph = Arc::new(graph);
         let operator = graph.operator(name).ok_or_else(|| format!("there is no operator {name}"))?;
-        let instance =
-            OperatorInstance::build(&graph, operator, 0, files, Outside::default()).map_err(|e| e.0)?;
+        let instance = OperatorInstance::build(&graph, operator, 0, files, outside).map_err(|e| e.0)?;
         let kinds = graph.operators[operator].stage.kind.outputs.iter().map(|o| o.sample).collect();
         Ok(Self { instance, kinds, time: START, next: None, sequence: 0, padding: 0 })
     }

@@ -2,8 +2,10 @@
 //! takes more processor time to build than all the rest.
 //!
 //! - `commands`: a file per subcommand
+//! - `network`: zenoh as the network of a run
 
 mod commands;
+mod network;
 
 use std::process::ExitCode;
 

@@ -19,6 +19,8 @@ pub struct Ros2Def {
     pub domain: u32,
     /// Name of the node.
     pub node: String,
+    /// Bytes of the longest message that is taken.
+    pub longest: usize,
     /// The message for `/tf_static`; empty where the run publishes nothing, or has no frames.
     pub frames: Vec<u8>,
 }
@@ -30,7 +32,9 @@ impl Ros2Def {
         let is_part = graph.publishes().next().is_some() || graph.subscribes().next().is_some();
         let frames = session::static_transforms(graph);
         let tells_frames = !frames.is_empty() && graph.publishes().next().is_some();
+        let longest = graph.subscribes().flat_map(|o| &graph.operators[o].subscriptions).map(|s| s.longest);
         is_part.then(|| Self {
+            longest: longest.max().unwrap_or(0),
             connect: node.connect.clone(),
             domain: node.domain,
             node: stillpoint_ros2::node_name(&graph.name),

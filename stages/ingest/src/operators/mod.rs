@@ -5,6 +5,9 @@
 //! - `grey`: `ingest.grey`, image files to grey images
 //! - `ply`: `ingest.ply`, the vertices of PLY files to clouds
 //! - `mcap`: `ingest.mcap`, the clouds or depth images of an MCAP recording
+//! - `ros2`: `ingest.ros2`, the clouds or depth images of a topic of ROS 2
+//! - `recording`: the messages of a recording, played as clouds
+//! - `messages`: clouds out of messages of ROS 2
 //! - `files`: the files of a recording, named by a parameter
 //! - `turn`: which of a recording's frames is next
 //! - `playback`: when a message of a recording is sent
@@ -15,18 +18,23 @@ mod depth;
 mod files;
 mod grey;
 mod mcap;
+mod messages;
 mod pcd;
 mod playback;
 mod ply;
 mod points;
+mod recording;
+mod ros2;
 mod turn;
 mod unit;
 
 pub use depth::{CameraParams, DepthParams, IngestDepth};
 pub use grey::{GreyParams, IngestGrey};
 pub use mcap::{IngestMcap, McapParams};
+pub use messages::{Camera, Cameras, CamerasError, MessageError};
 pub use pcd::{IngestPcd, PcdParams};
 pub use playback::Pace;
 pub use ply::{IngestPly, PlyParams};
+pub use ros2::{IngestRos2, MessageType, Ros2Params, Stamps};
 pub use turn::AtEnd;
 pub use unit::Unit;

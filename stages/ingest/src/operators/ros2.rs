@@ -1,0 +1,292 @@
+//! `ingest.ros2`: the clouds or depth images of a topic of ROS 2.
+
+use std::collections::BTreeMap;
+
+use stillpoint_operator::outside::Arrivals;
+use stillpoint_operator::ros2::Subscription;
+use stillpoint_operator::{Activation, Choice, Files, Operator, Outputs, ParamConflict, Params, Setup};
+use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
+use stillpoint_ros2::TopicName;
+use stillpoint_samples::{Diagnostics, PointCloud, Sample};
+
+use super::messages::{Cameras, send_message};
+use super::playback::Pace;
+use super::recording::{self, Recording};
+use super::turn::AtEnd;
+use crate::bag::{Bag, Reading, Wanted};
+use crate::wire::{Accepted, Clock, Counts, Intake, Refusal};
+
+const CLOUD: usize = 0;
+const DIAGNOSTICS: usize = 1;
+/// Bytes that a message may have beside its points or pixels.
+const HEADROOM: usize = 4096;
+/// The most bytes of a point: x, y, z, and colour or the like.
+const POINT_BYTES: usize = 32;
+/// The most bytes of a pixel.
+const PIXEL_BYTES: usize = 4;
+
+/// The type of the messages of a topic.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum MessageType {
+    /// `sensor_msgs/msg/Image` with depth: 16UC1 in mm, or 32FC1 in m.
+    Image,
+    /// `sensor_msgs/msg/CompressedImage` with depth as PNG.
+    Compressed,
+    /// `sensor_msgs/msg/PointCloud2`.
+    Cloud,
+}
+
+/// Which time is that of the acquisition of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Stamps {
+    /// The stamp in its header. The clocks of both machines must agree.
+    Header,
+    /// The time of its arrival, for senders whose stamps are of another clock.
+    Arrival,
+}
+
+/// Parameters of `ingest.ros2`.
+#[derive(Clone, Debug, Params)]
+pub struct Ros2Params {
+    /// Name of the topic of ROS 2, such as `/camera/depth/image_rect_raw`.
+    pub topic: String,
+    /// Type of its messages: `image` is depth as `sensor_msgs/msg/Image` (16UC1 in mm, 32FC1 in m), `compressed` depth as PNG in
+    /// `sensor_msgs/msg/CompressedImage`, `cloud` `sensor_msgs/msg/PointCloud2`.
+    pub messages: MessageType,
+    /// Topic of the `sensor_msgs/msg/CameraInfo` of images. Without it: `camera_info` in the namespace of the image. The
+    /// distortion `plumb_bob` or `rational_polynomial` is undone; an image whose name has `rect` is rectified already.
+    pub camera_info: Option<String>,
+    /// Frame of the messages as ROS 2 names it: those of another frame are refused. Without it, all are taken.
+    pub frame_id: Option<String>,
+    /// Which time is that of the acquisition.
+    #[param(default = "header")]
+    pub stamps: Stamps,
+    /// How far a stamp may be ahead of the clock of this machine: those farther ahead are refused.
+    #[param(unit = "ns", default = "5 ms", max = "1 s")]
+    pub clock_ahead: u64,
+    /// An MCAP recording of the same topics, which a run that is not live plays in place of ROS 2, at its own pace.
+    #[param(files = "*")]
+    pub recording: Option<String>,
+    /// What follows the last message of the recording.
+    #[param(default = "stop")]
+    pub at_end: AtEnd,
+    /// Largest number of points of a cloud, or of pixels of an image: sets the size of shared memory.
+    #[param(default = 307200, min = 1, max = 16777216)]
+    pub max_points: u32,
+    /// Largest size of a message in bytes: sets the size of shared memory. Without it: 4 bytes per pixel, 32 per point, and
+    /// 4096.
+    #[param(min = 64, max = 1073741824)]
+    pub max_bytes: Option<u32>,
+}
+
+impl Ros2Params {
+    fn type_name(&self) -> &'static str {
+        match self.messages {
+            MessageType::Image => "sensor_msgs/msg/Image",
+            MessageType::Compressed => "sensor_msgs/msg/CompressedImage",
+            MessageType::Cloud => "sensor_msgs/msg/PointCloud2",
+        }
+    }
+
+    fn reading(&self) -> Reading {
+        match self.messages {
+            MessageType::Image => Reading::Image,
+            MessageType::Compressed => Reading::Compressed,
+            MessageType::Cloud => Reading::Cloud,
+        }
+    }
+
+    /// The topic of the camera of images.
+    fn camera_topic(&self) -> Option<String> {
+        if self.messages == MessageType::Cloud {
+            return None;
+        }
+        let beside = || {
+            // A transport stands behind the name of the image.
+            let image = match self.topic.rsplit_once('/') {
+                Some((image, "compressedDepth" | "compressed")) => image,
+                _ => &self.topic,
+            };
+            Some(TopicName::parse(image).ok()?.beside("camera_info").ok()?.as_str().to_owned())
+        };
+        self.camera_info.clone().or_else(beside)
+    }
+
+    fn longest(&self) -> usize {
+        let each = if self.messages == MessageType::Cloud { POINT_BYTES } else { PIXEL_BYTES };
+        self.max_bytes.map_or(self.max_points as usize * each + HEADROOM, |bytes| bytes as usize)
+    }
+
+    fn wanted(&self) -> Wanted<'_> {
+        Wanted {
+            topic: &self.topic,
+            // As it is recorded, it may stand beside the image in two ways.
+            camera_info: self.camera_info.as_deref(),
+            skip: 0,
+            frames: None,
+        }
+    }
+
+    fn intake(&self) -> Intake {
+        let clock = match self.stamps {
+            Stamps::Header => Clock::Stamp { ahead: self.clock_ahead },
+            Stamps::Arrival => Clock::Arrival,
+        };
+        let cameras = Cameras::of_topic(&self.topic, self.max_points as usize);
+        Intake::new(self.messages != MessageType::Cloud, clock, self.frame_id.clone(), cameras)
+    }
+}
+
+/// Sends the messages of a topic of ROS 2 as clouds.
+pub struct IngestRos2 {
+    reading: Reading,
+    from: From,
+}
+
+/// Where the messages come from.
+enum From {
+    /// ROS 2.
+    Wire { arrivals: Arrivals, intake: Box<Intake> },
+    /// A recording, where the run is not live.
+    Recording(Box<Recording>),
+}
+
+impl Operator for IngestRos2 {
+    type Params = Ros2Params;
+    const KIND: Kind = Kind {
+        name: "ingest.ros2",
+        about: "Takes the clouds or depth images of a topic of ROS 2. The section `ros2` names the router.",
+        role: Role::Source,
+        inputs: &[],
+        outputs: &[
+            Output {
+                name: "cloud",
+                sample: PointCloud::KIND,
+                frame: FrameRule::Key,
+                about: "The cloud of the message, organised if the message is; of an image, a point per pixel in the camera's frame: x right, y down, z forward.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "After each message: how many became clouds, were refused, by reason, or are missing.",
+            },
+        ],
+        timer: Timer::Required,
+    };
+
+    fn validate(params: &Ros2Params) -> Result<(), ParamConflict> {
+        let is_name = |text: &str| TopicName::parse(text).map_err(|reason| format!("{text}: {reason}"));
+        let named = is_name(&params.topic)
+            .and_then(|_| params.camera_info.as_deref().map_or(Ok(()), |t| is_name(t).map(drop)));
+        named.map_err(|reason| ParamConflict {
+            params: &["topic", "camera_info"],
+            reason: format!("a topic of ROS 2 has another name: {reason}"),
+            help: "write the name as `ros2 topic list` has it",
+        })?;
+        if params.messages == MessageType::Cloud && params.camera_info.is_some() {
+            return Err(ParamConflict {
+                params: &["camera_info"],
+                reason: "clouds need no `camera_info`".to_string(),
+                help: "remove it",
+            });
+        }
+        if params.camera_topic().as_deref() == Some(&params.topic) {
+            return Err(ParamConflict {
+                params: &["topic", "camera_info"],
+                reason: format!("{} is the topic of the images and of their camera", params.topic),
+                help: "name the topic of the images",
+            });
+        }
+        Ok(())
+    }
+
+    fn check_files(params: &Ros2Params, files: &dyn Files) -> Result<(), ParamConflict> {
+        let Some(file) = &params.recording else { return Ok(()) };
+        let refused = |reason: String| ParamConflict {
+            params: &["recording", "topic", "messages", "camera_info"],
+            reason: format!("{file}: {reason}"),
+            help: "name a recording in MCAP with the same topics, as `ros2 bag info` lists them",
+        };
+        match recording::check(files, file, &params.topic, params.camera_info.as_deref()) {
+            Ok(Some(reading)) if reading != params.reading() => {
+                Err(refused(format!("its messages on {} are no {}", params.topic, params.type_name())))
+            }
+            Ok(_) => Ok(()),
+            Err(reason) => Err(refused(reason)),
+        }
+    }
+
+    fn cut_files(params: &[&Ros2Params], files: &dyn Files) -> Result<BTreeMap<String, Vec<u8>>, SetupError> {
+        let wanted = params.iter().filter_map(|params| Some((params.recording.as_deref()?, params.wanted())));
+        recording::cut(&wanted.collect::<Vec<_>>(), files)
+    }
+
+    fn subscriptions(params: &Ros2Params) -> Vec<Subscription> {
+        let longest = params.longest();
+        let of =
+            |topic: String, type_name: &str| Subscription { topic, type_name: type_name.to_owned(), longest };
+        let mut all = vec![of(params.topic.clone(), params.type_name())];
+        all.extend(params.camera_topic().map(|topic| of(topic, "sensor_msgs/msg/CameraInfo")));
+        all
+    }
+
+    fn new(params: Ros2Params, setup: &Setup<'_>) -> Result<Self, SetupError> {
+        let reading = params.reading();
+        if let Some(arrivals) = setup.outside.arrivals.clone() {
+            return Ok(Self { reading, from: From::Wire { arrivals, intake: Box::new(params.intake()) } });
+        }
+        let Some(file) = &params.recording else {
+            return Err(SetupError(format!(
+                "`{}` takes {} of ROS 2, which a live run alone does: set `recording` to a recording of the topic, which any \
+                 other run plays",
+                setup.operator, params.topic
+            )));
+        };
+        let played = (Pace::Recorded, params.at_end);
+        let bag = Bag::open(setup.files, file).map_err(|e| e.to_string());
+        let max_points = params.max_points as usize;
+        let read = bag.and_then(|bag| Recording::read(&bag, &params.wanted(), played, max_points));
+        let read = read.map_err(|e| SetupError(format!("{file}: {e}")))?;
+        Ok(Self { reading, from: From::Recording(Box::new(read)) })
+    }
+
+    fn capacities(params: &Ros2Params) -> Vec<usize> {
+        vec![params.max_points as usize, Counts::METRICS]
+    }
+
+    fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        match &mut self.from {
+            From::Recording(recording) => recording.play(activation.time, CLOUD, outputs),
+            From::Wire { arrivals, intake } => {
+                // One at a time: each has its own time of acquisition.
+                let Some(bytes) = arrivals.take() else { return Ok(()) };
+                let sent = take(self.reading, intake, &bytes, activation.time, outputs);
+                arrivals.give_back(bytes);
+                sent
+            }
+        }
+    }
+}
+
+/// Makes a cloud of what the bridge handed over, and tells the counts.
+fn take(
+    reading: Reading,
+    intake: &mut Intake,
+    bytes: &[u8],
+    now: u64,
+    outputs: &mut Outputs<'_>,
+) -> Result<(), StepError> {
+    if let Ok(Some(Accepted { message, camera, acquired })) = intake.accept(bytes, now) {
+        let made = send_message(reading, message, intake.cameras().get(camera), CLOUD, outputs);
+        match made.as_ref().map_err(Refusal::of) {
+            Ok(()) => {
+                outputs.acquired_at(acquired);
+                intake.counts.clouds += 1;
+            }
+            Err(Some(refusal)) => intake.counts.refuse(refusal),
+            Err(None) => return made.map_err(|e| StepError(e.to_string())),
+        }
+    }
+    outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &intake.counts.metrics())
+}

@@ -1,0 +1,274 @@
+//! Messages of ROS 2 as the bridge hands them over: which are taken, and why the others are refused. Nothing of a message
+//! is trusted: whoever reaches the router may send any bytes.
+
+use stillpoint_cdr::Reader;
+use stillpoint_operator::ros2::{Content, Delivery};
+use stillpoint_ros2::Attachment;
+use stillpoint_samples::Metric;
+
+use crate::depth_message::DepthMessageError;
+use crate::operators::{Cameras, CamerasError, MessageError};
+use crate::point_cloud2::PointCloud2Error;
+
+/// Senders whose numbers are followed; one more takes the place of the one that was silent longest.
+const MOST_SENDERS: usize = 16;
+
+/// Why a message was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// It has more bytes than the operator takes.
+    TooLong,
+    /// It is of another type.
+    OtherType,
+    /// Number, time and sender beside it are missing or broken.
+    Attachment,
+    /// It is no message of its type.
+    Damaged,
+    /// It is whole, and has no depth or no points.
+    NoDepth,
+    /// It is in another frame than `frame_id`.
+    OtherFrame,
+    /// Its stamp is zero.
+    NoStamp,
+    /// Its stamp is ahead of the clock.
+    Ahead,
+    /// It is an image, and there is no camera yet.
+    NoCameraInfo,
+    /// It is a `CameraInfo` that describes no camera.
+    CameraInfo,
+    /// It has another size than its camera.
+    Size,
+    /// It has more points than a sample.
+    TooManyPoints,
+}
+
+impl Refusal {
+    /// All of them, in their order.
+    pub const ALL: [Self; 12] = [
+        Self::TooLong,
+        Self::OtherType,
+        Self::Attachment,
+        Self::Damaged,
+        Self::NoDepth,
+        Self::OtherFrame,
+        Self::NoStamp,
+        Self::Ahead,
+        Self::NoCameraInfo,
+        Self::CameraInfo,
+        Self::Size,
+        Self::TooManyPoints,
+    ];
+
+    /// Name of its count.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TooLong => "refused_too_long",
+            Self::OtherType => "refused_other_type",
+            Self::Attachment => "refused_attachment",
+            Self::Damaged => "refused_damaged",
+            Self::NoDepth => "refused_no_depth",
+            Self::OtherFrame => "refused_other_frame",
+            Self::NoStamp => "refused_no_stamp",
+            Self::Ahead => "refused_ahead",
+            Self::NoCameraInfo => "refused_no_camera_info",
+            Self::CameraInfo => "refused_camera_info",
+            Self::Size => "refused_size",
+            Self::TooManyPoints => "refused_too_many_points",
+        }
+    }
+
+    /// Why a message becomes no cloud; `None` where the fault is not that of the message.
+    pub fn of(error: &MessageError) -> Option<Self> {
+        use {DepthMessageError as Depth, PointCloud2Error as Cloud};
+        Some(match error {
+            MessageError::Cloud(Cloud::Cdr { .. } | Cloud::RowStep { .. } | Cloud::Data { .. })
+            | MessageError::Depth(Depth::Cdr { .. } | Depth::Data { .. } | Depth::Png(_)) => Self::Damaged,
+            MessageError::Depth(Depth::Size { .. }) => Self::Size,
+            MessageError::Cloud(_) | MessageError::Depth(_) => Self::NoDepth,
+            MessageError::TooLarge { .. } => Self::TooManyPoints,
+            MessageError::Step(_) => return None,
+        })
+    }
+}
+
+/// Which time a message was acquired at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// That of its stamp, which may be ahead of this machine's clock by so much, ns.
+    Stamp {
+        /// How far.
+        ahead: u64,
+    },
+    /// That of its arrival.
+    Arrival,
+}
+
+/// What a topic has brought, by what became of it: a message is in exactly one count.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Messages that became clouds.
+    pub clouds: u64,
+    /// Descriptions of the camera.
+    pub camera_infos: u64,
+    refused: [u64; Refusal::ALL.len()],
+    /// Messages that the numbers of their senders show to be missing.
+    pub lost: u64,
+    senders: u64,
+}
+
+impl Counts {
+    /// Entries of [`metrics`](Self::metrics).
+    pub const METRICS: usize = 4 + Refusal::ALL.len();
+
+    /// Counts a message that was refused.
+    pub fn refuse(&mut self, refusal: Refusal) {
+        self.refused[refusal as usize] += 1;
+    }
+
+    /// How many were refused for this reason.
+    pub fn refused(&self, refusal: Refusal) -> u64 {
+        self.refused[refusal as usize]
+    }
+
+    /// How many messages came.
+    pub fn total(&self) -> u64 {
+        self.clouds + self.camera_infos + self.refused.iter().sum::<u64>()
+    }
+
+    /// All counts with their names.
+    pub fn metrics(&self) -> [Metric; Self::METRICS] {
+        let first = [
+            ("clouds", self.clouds),
+            ("camera_infos", self.camera_infos),
+            ("lost", self.lost),
+            ("senders", self.senders),
+        ];
+        let refused = Refusal::ALL.map(|refusal| (refusal.name(), self.refused(refusal)));
+        let mut all = first.into_iter().chain(refused);
+        std::array::from_fn(|_| {
+            let (name, count) = all.next().unwrap_or_default();
+            Metric::new(name, count as f64)
+        })
+    }
+}
+
+/// A message that may become a cloud.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Accepted<'a> {
+    /// The message in CDR.
+    pub message: &'a [u8],
+    /// Number of the camera of an image.
+    pub camera: usize,
+    /// When it was acquired, session time, ns.
+    pub acquired: u64,
+}
+
+/// What takes the messages of a topic, and of its camera.
+pub struct Intake {
+    /// Messages are images, on rays of a camera.
+    has_camera: bool,
+    clock: Clock,
+    frame: Option<String>,
+    cameras: Cameras,
+    /// Number of the newest camera.
+    camera: Option<usize>,
+    /// The senders with the number of the last message of each, the one that sent last behind the others.
+    senders: Vec<([u8; 16], u64)>,
+    /// What came.
+    pub counts: Counts,
+}
+
+/// Number of the subscription of the camera; the topic itself has 0.
+pub const CAMERA_INFO: u32 = 1;
+
+impl Intake {
+    /// Of a topic of images on rays of `cameras`, or of clouds. Messages of another frame than `frame` are refused.
+    pub fn new(has_camera: bool, clock: Clock, frame: Option<String>, cameras: Cameras) -> Self {
+        Self {
+            has_camera,
+            clock,
+            frame,
+            cameras,
+            camera: None,
+            senders: Vec::new(),
+            counts: Counts::default(),
+        }
+    }
+
+    /// The cameras so far.
+    pub fn cameras(&self) -> &Cameras {
+        &self.cameras
+    }
+
+    /// Looks at what the bridge handed over at `now`, session time in ns. `None`: it was the description of a camera.
+    ///
+    /// # Errors
+    /// Why it was refused. [`counts`](Self::counts) has it then; what is accepted is counted by whoever makes the cloud.
+    pub fn accept<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, Refusal> {
+        let accepted = self.look(bytes, now);
+        match &accepted {
+            Ok(Some(_)) => {}
+            Ok(None) => self.counts.camera_infos += 1,
+            Err(refusal) => self.counts.refuse(*refusal),
+        }
+        accepted
+    }
+
+    fn look<'a>(&mut self, bytes: &'a [u8], now: u64) -> Result<Option<Accepted<'a>>, Refusal> {
+        let delivery = Delivery::parse(bytes).map_err(|_| Refusal::Damaged)?;
+        let (attachment, message) = match delivery.content {
+            Content::Message { attachment, message } => (attachment, message),
+            Content::TooLong => return Err(Refusal::TooLong),
+            Content::OtherType => return Err(Refusal::OtherType),
+            Content::Attachment => return Err(Refusal::Attachment),
+        };
+        let attachment = Attachment::parse(attachment).map_err(|_| Refusal::Attachment)?;
+        self.follow(&attachment);
+        if self.has_camera && delivery.subscription == CAMERA_INFO {
+            self.camera = Some(self.cameras.number(message).map_err(|error| match error {
+                CamerasError::TooLarge { .. } => Refusal::TooManyPoints,
+                CamerasError::Info(_) | CamerasError::TooMany => Refusal::CameraInfo,
+            })?);
+            return Ok(None);
+        }
+        let mut reader = Reader::in_either_order(message).map_err(|_| Refusal::Damaged)?;
+        let (stamp, frame) = reader.header_and_frame().map_err(|_| Refusal::Damaged)?;
+        if self.frame.as_deref().is_some_and(|due| due != frame) {
+            return Err(Refusal::OtherFrame);
+        }
+        let acquired = match self.clock {
+            Clock::Arrival => delivery.arrived,
+            Clock::Stamp { .. } if stamp == 0 => return Err(Refusal::NoStamp),
+            Clock::Stamp { ahead } if stamp > now.saturating_add(ahead) => return Err(Refusal::Ahead),
+            Clock::Stamp { .. } => stamp,
+        };
+        let camera = match (self.has_camera, self.camera) {
+            (true, None) => return Err(Refusal::NoCameraInfo),
+            (true, Some(camera)) => camera,
+            (false, _) => 0,
+        };
+        // A clock that is a little ahead acquires nothing in the future.
+        Ok(Some(Accepted { message, camera, acquired: acquired.min(now) }))
+    }
+
+    /// Counts what is missing before a message of its sender.
+    fn follow(&mut self, attachment: &Attachment) {
+        let Attachment { sequence, gid, .. } = *attachment;
+        let last = match self.senders.iter().position(|(known, _)| *known == gid) {
+            Some(place) => {
+                let (_, last) = self.senders.remove(place);
+                let missing = sequence.saturating_sub(last.saturating_add(1));
+                self.counts.lost = self.counts.lost.saturating_add(missing);
+                last.max(sequence)
+            }
+            None => {
+                self.counts.senders += 1;
+                if self.senders.len() == MOST_SENDERS {
+                    self.senders.remove(0);
+                }
+                sequence
+            }
+        };
+        self.senders.push((gid, last));
+    }
+}
