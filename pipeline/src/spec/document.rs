@@ -71,7 +71,7 @@ pub fn read<'t>(root: &'t Node, findings: &Findings) -> Option<Document<'t>> {
         keys.get("processes").map(|e| processes::read(&e.value, findings)).unwrap_or_default();
     let hosts = keys.get("hosts").map(|e| host_section::read(&e.value, findings)).unwrap_or_default();
     host_section::connect(&hosts, &mut operators, &mut processes, findings);
-    let ros2 = keys.get("ros2").and_then(|e| ros2_section::read(e, findings));
+    let ros2 = keys.get("ros2").map(|e| ros2_section::read(e, findings));
     let record = keys.get("record").and_then(|e| record::read(&e.value, findings)).unwrap_or_default();
     Some(Document { name, seed, frames, operators, links, hosts, ros2, processes, record })
 }

@@ -44,9 +44,13 @@ pub struct ParsedPublication {
 }
 
 /// Reads the section.
-pub fn read(entry: &Entry, findings: &Findings) -> Option<ParsedRos2> {
+pub fn read(entry: &Entry, findings: &Findings) -> ParsedRos2 {
     let span = entry.key.span;
-    let entries = entry.value.map("`ros2`", "{ connect: tcp/127.0.0.1:7447 }", findings)?;
+    let due = "a mapping with `connect: tcp/127.0.0.1:7447`";
+    let Some(entries) = entry.value.map("`ros2`", due, findings) else {
+        let connect = String::new();
+        return ParsedRos2 { connect, domain: 0, publish: Vec::new(), span, whole: entry.value.span };
+    };
     let keys = Keys::of(entries, KEYS, "`ros2`", findings);
     let connect = match keys.get("connect") {
         Some(entry) => endpoint(&entry.value, findings),
@@ -59,7 +63,7 @@ pub fn read(entry: &Entry, findings: &Findings) -> Option<ParsedRos2> {
     let due = "a mapping from topics to { topic: /NAME }";
     let publish = keys.get("publish").and_then(|e| e.value.map("`publish`", due, findings));
     let publish = publish.unwrap_or_default().iter().filter_map(|e| publication(e, findings)).collect();
-    Some(ParsedRos2 { connect: connect.unwrap_or_default(), domain, publish, span, whole: entry.value.span })
+    ParsedRos2 { connect: connect.unwrap_or_default(), domain, publish, span, whole: entry.value.span }
 }
 
 fn endpoint(node: &Node, findings: &Findings) -> Option<String> {
@@ -109,7 +113,7 @@ fn ros_topic(text: &Marked<String>, findings: &Findings) -> Option<Marked<TopicN
     };
     match TopicName::parse(&text.value) {
         Ok(name) if matches!(name.as_str(), "/tf" | "/tf_static") => refuse(
-            format!("{} has the places of frames, which no `topic` is", shown(&text.value)),
+            format!("{} is for the places of frames", shown(&text.value)),
             "write `tf: FRAME` with the name of the frame that the pose places".to_owned(),
         ),
         Ok(name) => Some(Marked::new(name, text.span)),

@@ -14,6 +14,7 @@ pub const FILES: &[(&str, &str)] = &[
     ("images.yaml", include_str!("../good/images.yaml")),
     ("apart.yaml", include_str!("../good/apart.yaml")),
     ("hosts.yaml", include_str!("../good/hosts.yaml")),
+    ("ros2.yaml", include_str!("../good/ros2.yaml")),
 ];
 
 /// The graph of a good file.

@@ -209,6 +209,7 @@ const ALL: &[Stage] = &[
     Stage::of::<others::Images>(),
     Stage::of::<others::Counts>(),
     Stage::of::<others::Console>(),
+    Stage::of::<others::Taker>(),
 ];
 
 /// All of them.

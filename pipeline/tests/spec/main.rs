@@ -12,6 +12,7 @@ mod kinds;
 mod machine;
 mod others;
 mod params;
+mod ros2;
 mod schema;
 mod sets;
 mod speed;

@@ -1,8 +1,11 @@
 //! The other kinds of the tests: control, fusion, images and console.
 
+use stillpoint_operator::ros2::Subscription;
 use stillpoint_operator::{Activation, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Operator, Policy, Role, SetupError, StepError, Timer};
-use stillpoint_samples::{ConsoleCommand, Datagram, DepthImage, Diagnostics, Pose, Sample, Track};
+use stillpoint_samples::{
+    ConsoleCommand, Datagram, DepthImage, Diagnostics, PointCloud, Pose, Sample, Track,
+};
 
 use crate::kinds::{kind, needs, sends, takes};
 
@@ -165,3 +168,31 @@ kind!(
         timer: Timer::No,
     }
 );
+
+/// A source of a topic of ROS 2.
+pub struct Taker;
+
+impl Operator for Taker {
+    type Params = ();
+    const KIND: Kind = Kind {
+        name: "ingest.ros2",
+        about: "Clouds of a topic of ROS 2.",
+        role: Role::Source,
+        inputs: &[],
+        outputs: &[sends("cloud", PointCloud::KIND, FrameRule::Key)],
+        timer: Timer::Required,
+    };
+
+    fn subscriptions((): &()) -> Vec<Subscription> {
+        let type_name = "sensor_msgs/msg/PointCloud2".to_owned();
+        vec![Subscription { topic: "/camera/points".to_owned(), type_name, longest: 1000 }]
+    }
+
+    fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+        Ok(Self)
+    }
+
+    fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+        Ok(())
+    }
+}
