@@ -2,15 +2,18 @@
 //!
 //! `cargo run --release -p stillpoint-testing --example make_data`
 
+use std::collections::BTreeMap;
 use std::error::Error;
+use std::io::BufWriter;
 use std::path::Path;
 
 use stillpoint_ingest::pcd::write_binary;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::MemoryFiles;
-use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, Role, TopicInfo};
-use stillpoint_samples::{DepthImage, PointCloud, Sample};
+use stillpoint_recorder::{Closing, Compression, Opening, PartWriter, Role, RosMessage, TopicInfo};
+use stillpoint_samples::{DepthImage, HEADER_SIZE, Intrinsics, Pieces, PointCloud, Sample};
 use stillpoint_testing::run;
+use zerocopy::IntoBytes;
 
 const TEXT: &str = "
 stillpoint: 1
@@ -23,6 +26,19 @@ operators:
   far: { use: rig.camera, every: 2 s, frame: camera, params: { motion: sweep, width: 192 px, height: 144 px, focal_length: 170 px } }
   coarse: { use: ingest.depth, inputs: { image: far.depth }, frame: camera }
 ";
+
+/// A camera of ROS 2: depth in whole millimetres, 16 frames at 10 Hz.
+const CAMERA: &str = "
+stillpoint: 1
+name: make-camera
+seed: 7
+frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 deg, 0 deg, 0 deg] } }
+operators:
+  rig: { use: rig.camera, every: 100 ms, frame: camera, params: { motion: sweep, noise: structured_light, width: 192 px, height: 144 px, focal_length: 170 px } }
+";
+/// Its topics.
+const IMAGES: (&str, RosMessage) = ("/camera/depth/image_raw", RosMessage::Image);
+const INFOS: (&str, RosMessage) = ("/camera/depth/camera_info", RosMessage::CameraInfo);
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/data"));
@@ -53,7 +69,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             write_binary(&points, cloud.body.width as usize),
         )?;
     }
-    record(&run, &folder.join("clouds.mcap"))
+    record(&run, &folder.join("clouds.mcap"))?;
+    let run = stillpoint_testing::run(CAMERA, &registry, &MemoryFiles::default(), 1_550)?;
+    record_camera(&run, &folder.join("camera.mcap"))
 }
 
 /// What a lamp at the camera makes of a depth image in counts of 0.1 mm: bright where the surface faces it.
@@ -86,5 +104,41 @@ fn record(run: &stillpoint_testing::Run, path: &Path) -> Result<(), Box<dyn Erro
         part.write(topic, owned.pieces(), owned.header().stamp)?;
     }
     part.finish(&Closing::default())?;
+    Ok(())
+}
+
+/// Records depth images as `ros2 bag record` does, with counts of 1 mm.
+fn record_camera(run: &stillpoint_testing::Run, path: &Path) -> Result<(), Box<dyn Error>> {
+    let options = mcap::WriteOptions::new().profile("ros2").compression(Some(mcap::Compression::Zstd));
+    let mut writer = options.create(BufWriter::new(std::fs::File::create(path)?))?;
+    for (number, owned) in run.owned_samples("rig.depth").enumerate() {
+        let image = owned.pieces().view::<DepthImage>()?;
+        let counts: Vec<u16> = image
+            .elements
+            .iter()
+            .map(|c| (f64::from(*c) * image.body.depth_unit * 1e3).round() as u16)
+            .collect();
+        let body = Intrinsics { depth_unit: 1e-3, ..*image.body };
+        let meta = [&owned.pieces().meta[..HEADER_SIZE], body.as_bytes()].concat();
+        let sample = Pieces { meta: &meta, payload: counts.as_bytes() };
+        for (topic, message) in [INFOS, IMAGES] {
+            let (name, text) = message.schema();
+            let schema = writer.add_schema(name, "ros2msg", text.as_bytes())?;
+            let channel_id = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+            let mut data = Vec::new();
+            if !message.encode(DepthImage::KIND, &sample, "camera_depth_optical_frame", "", &mut data) {
+                return Err("a frame is no message".into());
+            }
+            let time = owned.header().stamp;
+            let header = mcap::records::MessageHeader {
+                channel_id,
+                sequence: number as u32,
+                log_time: time,
+                publish_time: time,
+            };
+            writer.write_to_known_channel(&header, &data)?;
+        }
+    }
+    writer.finish()?;
     Ok(())
 }
