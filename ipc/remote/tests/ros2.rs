@@ -142,7 +142,10 @@ fn a_node_comes_before_its_router_and_exchanges_messages_also_after_its_restart(
     assert_eq!(counts.offered, counts.replaced + counts.unheard + counts.put + counts.waiting);
     assert!(counts.unheard > 0 && counts.received > 0, "{counts:?}");
     texts(&node, &mut told);
-    assert!(told.contains("the node /head is connected") && told.contains("/rviz takes /head_pose"), "{told}");
+    assert!(
+        told.contains("the node /head is connected") && told.contains("/rviz takes /head_pose"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -60,7 +60,8 @@ pub trait Operator: Sized + Send + 'static {
     }
 
     /// The topics of ROS 2 whose messages reach the operator in a live run, where it is a source of them. They come as
-    /// [`Delivery`](crate::ros2::Delivery) through [`Outside::arrivals`](crate::outside::Outside::arrivals).
+    /// [`Delivery`](crate::ros2::Delivery) through [`Outside::arrivals`](crate::outside::Outside::arrivals). For each of them,
+    /// the operator sends one sample on its last output, by which the ledger counts them.
     fn subscriptions(_params: &Self::Params) -> Vec<Subscription> {
         Vec::new()
     }

@@ -248,8 +248,7 @@ proptest! {
             w.u8(0); w.u32(12); w.u32(24); w.bytes(&[0; 24]); w.u8(0);
         });
         let whole = [delivered(1, 1, 1, &camera(3, 500.0)), delivered(0, 2, 1, &millimetres(START)), delivered(0, 3, 1, &compressed), delivered(0, 4, 1, &points)];
-        let mut given = 0;
-        for (which, at, byte, end, cuts) in changes {
+        for (given, (which, at, byte, end, cuts)) in (1_u64..).zip(changes) {
             let mut bytes = whole[which].clone();
             let place = at.index(bytes.len());
             bytes[place] = byte;
@@ -257,7 +256,6 @@ proptest! {
                 bytes.truncate(end.index(bytes.len()));
             }
             put(&arrivals, bytes);
-            given += 1;
             let left = bench.tick();
             prop_assert_eq!(left.fault.as_deref(), None);
             let told = counts(&left);

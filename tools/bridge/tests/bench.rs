@@ -174,6 +174,11 @@ impl Running {
         wait_for(words, || std::fs::read_to_string(&self.err).unwrap().contains(words).then_some(()));
     }
 
+    /// What it has printed so far on its standard output.
+    pub fn printed(&self) -> String {
+        std::fs::read_to_string(&self.out).unwrap()
+    }
+
     /// Waits until these words stand on its standard error after the first place of other ones.
     pub fn wait_for_words_after(&self, first: &str, words: &str) {
         wait_for(words, || {

@@ -1,10 +1,14 @@
 //! A sample as text or JSON, by the field table of its kind.
 
 use serde_json::{Map, Value, json};
-use stillpoint_samples::{Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, SampleKind};
+use stillpoint_samples::{
+    Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, Sample, SampleKind,
+};
 
 /// Elements that are shown; more are counted.
 const SHOWN: usize = 8;
+/// Named numbers that are shown.
+const NAMED_SHOWN: usize = 64;
 
 /// A sample as JSON: head, body, and the first elements.
 pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
@@ -16,7 +20,7 @@ pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
     let elements: Vec<Value> = cut
         .payload
         .chunks_exact(kind.element_size.max(1))
-        .take(SHOWN)
+        .take(if *kind == *Diagnostics::KIND { NAMED_SHOWN } else { SHOWN })
         .map(|bytes| match kind.bare {
             Some(primitive) => number(primitive, bytes),
             None => Value::Object(fields(kind.element, bytes)),

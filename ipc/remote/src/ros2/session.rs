@@ -1,12 +1,12 @@
 //! The thread of a node: it opens the session, declares what is there, and puts.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde_json::json;
 use stillpoint_ros2::{
-    Attachment, EndKind, NodePlace, Qos, any_type, end_token, gid, key, node_token, tokens,
+    Attachment, EndKind, NodePlace, Qos, any_type, end_token, gid, key, node_token, tokens, type_of_key,
 };
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::{Publisher, Subscriber};
@@ -226,11 +226,17 @@ impl<'s> Node<'s> {
         let takings: Vec<Arc<Taking>> =
             lock(&self.shared.takings).iter().skip(self.takes.len()).cloned().collect();
         for taking in takings {
-            let taken = taking.clone();
+            let (taken, shared) = (taking.clone(), self.shared.clone());
+            let is_told = AtomicBool::new(false);
             let take = move |sample: zenoh::sample::Sample| {
+                let key = sample.key_expr().as_str();
+                let is_of_type = taken.topic.is_of(key);
+                if !is_of_type && !is_told.swap(true, Ordering::Relaxed) {
+                    lock(&shared.graph).tell(other_type(&taken.topic, key), true);
+                }
                 let attachment = sample.attachment().map(|a| a.to_bytes());
                 (taken.take)(&Ros2Message {
-                    is_of_type: taken.topic.is_of(sample.key_expr().as_str()),
+                    is_of_type,
                     attachment: attachment.as_deref().unwrap_or_default(),
                     payload: sample.payload(),
                 });
@@ -263,6 +269,19 @@ impl Drop for Node<'_> {
     fn drop(&mut self) {
         self.gives.iter().for_each(|gives| gives.outbox.set_heard(false));
         let _ = self.session.close().wait();
+    }
+}
+
+/// What is told of the first message of another type.
+fn other_type(topic: &TypedTopic, key: &str) -> String {
+    let TypedTopic { name, type_name, .. } = topic;
+    let name = name.as_str();
+    match type_of_key(key) {
+        Some((found, _)) if found == *type_name => {
+            format!("ROS 2: messages on {name} are {type_name} of another layout, and are not taken")
+        }
+        Some((found, _)) => format!("ROS 2: messages on {name} are {found}, and {type_name} is taken"),
+        None => format!("ROS 2: messages on {name} have no type"),
     }
 }
 

@@ -121,8 +121,8 @@ impl BridgeAccounts {
         lines.extend(graph.subscribes().map(|operator| {
             let node = &graph.operators[operator];
             let from = node.subscriptions.first().map_or_else(String::new, |s| format!("ros2:{}", s.topic));
-            // Each message becomes one sample, of whichever output.
-            let taken = (0..node.outputs.len()).map(|output| ledger.total_sent(operator, output)).sum();
+            // It sends one sample there for each message.
+            let taken = ledger.total_sent(operator, node.outputs.len().saturating_sub(1));
             self.arriving(LedgerLine::of(&from, &node.name), operator, taken)
         }));
         lines
