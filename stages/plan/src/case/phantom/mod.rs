@@ -5,17 +5,21 @@
 //! have the conflicts of the real ones (rectum and bladder beside the target, hips in the lateral beams).
 //!
 //! - `head`: a head under a given skin
+//! - `neck`: a head and neck with tumours of the throat; `shapes`: of which both are made
 //! - `anatomy`: sizes drawn from the seed, and which tissue is where
 //! - `texture`: noise of tissue and scanner
 //! - `variety`: pelves that differ in what decides the beams
 
 mod anatomy;
 mod head;
+mod neck;
+mod shapes;
 mod texture;
 mod variety;
 
 use anatomy::{Anatomy, Part};
 pub use head::{HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head};
+pub use neck::neck;
 use texture::Texture;
 use variety::{Site, Variety};
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use stillpoint_plan::case::{
-    Case, HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, phantom, varied_phantom, write,
+    Case, HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, neck, phantom, varied_phantom, write,
 };
 use stillpoint_rig::head::Head;
 
@@ -14,7 +14,7 @@ use crate::quantity::quantity;
 /// Generate the case file of a synthetic patient from a seed.
 #[derive(Args)]
 pub struct Phantom {
-    /// The folder in which the case file, `pelvis-SEED.case` or `head-SEED.case`, is written.
+    /// The folder in which the case file, `pelvis-SEED.case`, `head-SEED.case` or `neck-SEED.case`, is written.
     #[arg(long)]
     out: PathBuf,
     /// The part of the body.
@@ -38,20 +38,23 @@ enum Site {
     Pelvis,
     /// The head that the rigs show, with the same axes; every seed has another target.
     Head,
+    /// A head and neck with tumours and lymph nodes of the throat; every seed is another one.
+    Neck,
 }
 
 impl Phantom {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        if self.spacing.is_some() && self.site == Site::Pelvis {
-            return Err(Failure::wrong("--spacing is for heads; leave it out for a pelvis"));
+        if self.spacing.is_some() && self.site != Site::Head {
+            return Err(Failure::wrong("--spacing is for --site head; leave it out for other sites"));
         }
         let case = match (self.site, self.varied) {
             (Site::Pelvis, false) => phantom(self.seed).map_err(Failure::failed)?,
             (Site::Pelvis, true) => varied_phantom(self.seed).map_err(Failure::failed)?,
             (Site::Head, false) => head_of_rig(self.seed, self.spacing_mm()?)?,
-            (Site::Head, true) => {
-                return Err(Failure::wrong("--varied draws pelves; leave it out for --site head"));
+            (Site::Neck, false) => neck(self.seed).map_err(Failure::failed)?,
+            (Site::Head | Site::Neck, true) => {
+                return Err(Failure::wrong("--varied draws pelves; leave it out for other sites"));
             }
         };
         let fault = |e| Failure::failed(format!("{}: {e}", self.out.display()));
