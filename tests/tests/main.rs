@@ -49,6 +49,7 @@ mod refusals;
 mod releases;
 mod replaying;
 mod seeing;
+mod selfplay;
 mod stopping;
 mod tampered;
 mod traps;

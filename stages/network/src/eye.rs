@@ -4,31 +4,30 @@
 //! mirrored or turned patient no otherwise than beams and tissue do.
 
 use stillpoint_plan::case::{Case, Mask, Role};
-use stillpoint_plan::couch::patient_from_couch;
 use stillpoint_plan::dose::Machine;
 use stillpoint_plan::fluence::{Objective, Wanted};
 use thiserror::Error;
 
+use crate::lattice::Lattice;
+use crate::view::{Aperture, View, dot};
 use crate::volume::{MOST_STRUCTURES, Volume};
 
+/// Version of the features: another one where the same numbers mean something else.
+pub const FEATURES_VERSION: u32 = 2;
 /// Features of an angle that concern the target.
-pub const TARGET: usize = 10;
+pub const TARGET: usize = 15;
 /// Features of an angle that concern one structure at risk.
-pub const STRUCTURE: usize = 14;
+pub const STRUCTURE: usize = 16;
 /// Features of a pair of angles.
 pub const PAIR: usize = 9;
 
 /// Distance of the points at which targets and organs are seen, mm; and of those of the outline.
 const POINTS_MM: f64 = 9.0;
 const OUTLINE_POINTS_MM: f64 = 18.0;
+/// Voxels of an organ that are looked up in the bixels, about.
+const MOST_VOXELS: usize = 2000;
 /// Points of a structure beyond which a coarser lattice is taken.
 const MOST_POINTS: usize = 4000;
-/// Width of the cells by which the target's aperture is drawn on the isocentre plane, mm; cells on each side of its middle.
-const CELL_MM: f64 = 9.0;
-const CELLS: i32 = 40;
-/// Attenuation of the beam in water, 1/mm: that of 6 MV photons, about.
-const ATTENUATION: f64 = 0.0045;
-
 /// The features of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Eye {
@@ -56,6 +55,9 @@ pub enum EyeError {
     /// Nothing is wanted of any structure but targets.
     #[error("no organ and no outline has an objective against overdose, so that all angles are alike")]
     NoRisk,
+    /// Bixels that cannot be.
+    #[error("bixels of {0} mm are too narrow or too wide: give 1 to 100 mm")]
+    Bixel(f64),
     /// Too few angles.
     #[error("a ring of {0} angles is too small: give at least 8")]
     Angles(usize),
@@ -78,26 +80,22 @@ struct Seen {
     fluence: Vec<Vec<f32>>,
 }
 
-/// The direction of the source, and the axes of the beam's eye, in the patient's frame.
-struct View {
-    source_mm: [f64; 3],
-    toward: [f64; 3],
-    across: [f64; 3],
-    along: [f64; 3],
-}
-
 impl Eye {
     /// Looks at a case from `angles` equal steps around it. `wanted` are the objectives, as of
     /// [`stillpoint_plan::objectives::Aims`]; of each structure but targets the overdose objective with the largest weight
-    /// below the prescription counts.
+    /// below the prescription counts. `bixel_mm` is the width of the bixels of which the beams will be made.
     pub fn of_case(
         case: &Case,
         wanted: &[Wanted],
         machine: &Machine,
         angles: usize,
+        bixel_mm: f64,
     ) -> Result<Self, EyeError> {
         if angles < 8 {
             return Err(EyeError::Angles(angles));
+        }
+        if !(1.0..=100.0).contains(&bixel_mm) {
+            return Err(EyeError::Bixel(bixel_mm));
         }
         let outline = case.external().ok_or(EyeError::NoOutline)?;
         let prescribed = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
@@ -112,7 +110,7 @@ impl Eye {
         let mut masks: Vec<&Mask> = vec![&target, &outline.mask];
         masks.extend(risks.iter().map(|risk| risk.mask));
         let volume = Volume::new(case, machine, &masks);
-        let views: Vec<View> = (0..angles).map(|a| view(case, machine, a, angles)).collect();
+        let views: Vec<View> = (0..angles).map(|a| View::new(case, machine, a, angles)).collect();
         let lattice = |bit: usize, spacing| points(case, &volume, bit, spacing);
         let on_target = lattice(0, POINTS_MM);
         let apertures: Vec<Aperture> =
@@ -142,13 +140,27 @@ impl Eye {
                 sees(lattice(place + 2, spacing), Some(&norms))
             })
             .collect();
+        let highest = Mask::from_fn(case.grid().len(), |voxel| {
+            let of_highest = |name: &str| {
+                case.prescription().iter().any(|p| p.structure == name && p.dose_gy >= prescribed)
+            };
+            case.targets().any(|t| of_highest(&t.name) && t.mask.contains(voxel))
+        });
+        let voxels = [voxels_of(case, &target, usize::MAX), voxels_of(case, &highest, usize::MAX)];
+        let of_risk = |risk: &Risk<'_>| match risk.outline {
+            true => Vec::new(),
+            false => voxels_of(case, risk.mask, MOST_VOXELS),
+        };
+        let voxels_at_risk: Vec<Vec<[f64; 3]>> = risks.iter().map(of_risk).collect();
         let mut structures = vec![Vec::with_capacity(angles); risks.len()];
         let mut of_target = Vec::with_capacity(angles);
         for (a, view) in views.iter().enumerate() {
             let passed = Front::of(&volume, view, &seen_target.points_mm, risks.len() + 2);
-            of_target.push(passed.target(&apertures[a], norms[a]));
+            let bixels = [0, 1].map(|i| view.lattice(case, machine, &voxels[i], bixel_mm));
+            of_target.push(passed.target(&apertures[a], norms[a], &bixels));
             for (place, risk) in risks.iter().enumerate() {
-                let found = passed.structure(place + 2, risk, &seen[place], a, view, case);
+                let mixed = view.mixed(machine, &voxels_at_risk[place], &bixels[0]);
+                let found = passed.structure(place + 2, risk, &seen[place], a, view, case, mixed);
                 structures[place].push(found);
             }
         }
@@ -179,18 +191,6 @@ fn risks<'a>(case: &'a Case, wanted: &[Wanted], prescribed: f64) -> Vec<Risk<'a>
         }
     }
     risks
-}
-
-fn view(case: &Case, machine: &Machine, a: usize, angles: usize) -> View {
-    let (sin, cos) = libm::sincos(core::f64::consts::TAU * a as f64 / angles as f64);
-    let m = patient_from_couch(case.position());
-    let turned = |couch: [f64; 3]| -> [f64; 3] {
-        std::array::from_fn(|row| (0..3).map(|column| m[(row, column)] * couch[column]).sum())
-    };
-    let toward = turned([sin, 0.0, cos]);
-    let sad_mm = machine.file().sad_mm;
-    let source_mm = std::array::from_fn(|axis| case.isocentre_mm()[axis] + sad_mm * toward[axis]);
-    View { source_mm, toward, across: turned([cos, 0.0, -sin]), along: turned([0.0, 1.0, 0.0]) }
 }
 
 /// Points of a lattice through the isocentre that lie in a structure. The lattice is coarser where they would be many, and
@@ -228,70 +228,11 @@ fn points(case: &Case, volume: &Volume, bit: usize, spacing_mm: f64) -> Vec<[f64
     Vec::new()
 }
 
-/// The target on the isocentre plane, with a margin of a cell.
-struct Aperture {
-    open: Vec<bool>,
-    /// Spread of the target across the couch, mm.
-    width_mm: f64,
-}
-
-const ROW: i32 = 2 * CELLS + 1;
-
-impl Aperture {
-    fn of(view: &View, machine: &Machine, target_mm: &[[f64; 3]]) -> Self {
-        let mut open = vec![false; (ROW * ROW) as usize];
-        let places: Vec<[f64; 2]> = target_mm.iter().map(|p| view.on_plane(machine, *p)).collect();
-        for place in &places {
-            let [x, z] = place.map(|mm| (mm / CELL_MM).round() as i32);
-            for (dx, dz) in (-1..=1).flat_map(|dx| (-1..=1).map(move |dz| (dx, dz))) {
-                if let Some(cell) = cell(x + dx, z + dz) {
-                    open[cell] = true;
-                }
-            }
-        }
-        let count = places.len().max(1) as f64;
-        let middle_mm: [f64; 2] =
-            std::array::from_fn(|axis| places.iter().map(|p| p[axis]).sum::<f64>() / count);
-        let square = |p: &[f64; 2]| (p[0] - middle_mm[0]) * (p[0] - middle_mm[0]);
-        let width_mm = libm::sqrt(places.iter().map(square).sum::<f64>() / count);
-        Self { open, width_mm }
-    }
-
-    /// What an open field through the aperture brings to a point: the inverse square and the attenuation of the primary.
-    fn fluence(&self, volume: &Volume, view: &View, machine: &Machine, at_mm: [f64; 3]) -> f64 {
-        let [x, z] = view.on_plane(machine, at_mm).map(|mm| (mm / CELL_MM).round() as i32);
-        if !cell(x, z).is_some_and(|cell| self.open[cell]) {
-            return 0.0;
-        }
-        let (toward, distance) = view.toward_source(at_mm);
-        let nearer = machine.file().sad_mm / distance;
-        nearer * nearer * libm::exp(-ATTENUATION * volume.water_mm(at_mm, toward))
-    }
-
-    fn area(&self) -> f64 {
-        self.open.iter().filter(|open| **open).count() as f64
-    }
-}
-
-fn cell(x: i32, z: i32) -> Option<usize> {
-    (x.abs() <= CELLS && z.abs() <= CELLS).then(|| ((z + CELLS) * ROW + x + CELLS) as usize)
-}
-
-impl View {
-    /// A point of the patient on the isocentre plane: across the couch and along it, mm.
-    fn on_plane(&self, machine: &Machine, at_mm: [f64; 3]) -> [f64; 2] {
-        let from: [f64; 3] = std::array::from_fn(|axis| at_mm[axis] - self.source_mm[axis]);
-        let depth = -dot(from, self.toward);
-        let scale = machine.file().sad_mm / depth.max(1.0);
-        [scale * dot(from, self.across), scale * dot(from, self.along)]
-    }
-
-    /// The direction from a point to the source, and the distance, mm.
-    fn toward_source(&self, at_mm: [f64; 3]) -> ([f64; 3], f64) {
-        let way: [f64; 3] = std::array::from_fn(|axis| self.source_mm[axis] - at_mm[axis]);
-        let distance = libm::sqrt(dot(way, way)).max(1.0);
-        (way.map(|w| w / distance), distance)
-    }
+/// Centres of the voxels of a mask, mm; of many one in so many that about `most` are left.
+fn voxels_of(case: &Case, mask: &Mask, most: usize) -> Vec<[f64; 3]> {
+    let step = mask.count().div_ceil(most.max(1)).max(1);
+    let grid = case.grid();
+    mask.indices().step_by(step).map(|voxel| grid.centre_mm(grid.voxel(voxel))).collect()
 }
 
 /// What the rays through the target's points pass before and behind them.
@@ -312,7 +253,8 @@ impl Front {
         }
     }
 
-    fn target(&self, aperture: &Aperture, norm: f64) -> [f32; TARGET] {
+    /// `bixels` are those of all targets, and of the targets of the highest dose.
+    fn target(&self, aperture: &Aperture, norm: f64, bixels: &[Lattice; 2]) -> [f32; TARGET] {
         let water: Vec<f64> = self.before.iter().map(|p| p.water_mm).collect();
         let count = water.len().max(1) as f64;
         let sum = |of: fn(&crate::volume::Passed) -> f64| self.before.iter().map(of).sum::<f64>() / count;
@@ -331,10 +273,16 @@ impl Front {
             sum(|p| p.length_mm) / 100.0,
             sum(|p| p.metal_mm) / 20.0,
             sum(|p| p.bone_mm) / 20.0,
+            bixels[0].misfit(),
+            bixels[0].touched(),
+            bixels[0].rounded(),
+            bixels[1].misfit(),
+            bixels[1].area() / bixels[0].area().max(1e-9),
         ]
         .map(|v| v as f32)
     }
 
+    #[allow(clippy::too_many_arguments)]
     fn structure(
         &self,
         bit: usize,
@@ -343,6 +291,7 @@ impl Front {
         a: usize,
         view: &View,
         case: &Case,
+        mixed: [f64; 2],
     ) -> [f32; STRUCTURE] {
         let share = |passed: &[crate::volume::Passed]| {
             let crossed = passed.iter().filter(|p| p.structures_mm[bit] > 0.0).count();
@@ -375,6 +324,8 @@ impl Front {
             libm::log10(risk.weight.max(1e-6)),
             if risk.outline { 1.0 } else { 0.0 },
             volume,
+            mixed[0],
+            mixed[1],
         ]
         .map(|v| v as f32)
     }
@@ -428,8 +379,4 @@ fn pairs(
 
 fn mean(values: &[f32]) -> f64 {
     values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

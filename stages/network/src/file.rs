@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use sha2::{Digest, Sha256};
 
 use crate::eye::{PAIR, STRUCTURE, TARGET};
 use crate::model::{Model, ModelError, Sizes};
@@ -11,7 +12,7 @@ use crate::model::{Model, ModelError, Sizes};
 const GREATEST_FILE: usize = 5 << 20;
 /// The entry of the metadata: version, number of features, widths.
 const ENTRY: &str = "stillpoint_planner";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 #[derive(serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -93,6 +94,14 @@ impl Model {
         };
         let numbers = due.into_iter().map(read).collect::<Result<Vec<Vec<f32>>, _>>()?;
         Ok(Self::new(meaning.sizes, numbers)?)
+    }
+
+    /// SHA-256 of the model file, in hexadecimal digits.
+    ///
+    /// # Errors
+    /// As [`to_safetensors`](Self::to_safetensors).
+    pub fn hash(&self) -> Result<String, ModelFileError> {
+        Ok(Sha256::digest(self.to_safetensors()?).iter().map(|b| format!("{b:02x}")).collect())
     }
 
     /// The bytes of the model file: the same for the same numbers.

@@ -9,20 +9,57 @@ const POLICY_WEIGHT: f64 = 0.02;
 
 /// Numbers for each angle and each pair of angles, from which the value of every set and the policy beside every set follow.
 ///
-/// The value of a set is the mean over its beams plus the mean over its pairs: it stands for `ln(cost / reference)`, with a
-/// reference that is the same for all sets of a case, so that less is better. The logit of a beam beside a set is its number
-/// plus the mean over the pairs that it makes.
+/// The value of a set is the mean over its beams plus the mean over its pairs plus what a perceptron says of the whole set: it
+/// stands for `ln(cost / reference)`, with a reference that is the same for all sets of a case, so that less is better. The
+/// logit of a beam beside a set is its number plus the mean over the pairs that it makes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
     /// For each angle: for the value, for the policy.
     single: Vec<[f32; 2]>,
     /// For each pair `a * angles + b`.
     pair: Vec<[f32; 2]>,
+    set: SetHead,
+}
+
+/// The perceptron over a set: its hidden layer is the rectified sum of a bias, the mean over beams and the mean over pairs.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SetHead {
+    /// One for each hidden unit.
+    pub bias: Vec<f32>,
+    /// Weights of the hidden units in the value.
+    pub out: Vec<f32>,
+    /// For each angle what it adds to each unit.
+    pub angles: Vec<f32>,
+    /// The same for each pair `a * angles + b`.
+    pub pairs: Vec<f32>,
+}
+
+impl SetHead {
+    fn value(&self, set: &[usize], angles: usize) -> f64 {
+        let width = self.bias.len();
+        let mut hidden = self.bias.clone();
+        let mut add = |from: &[f32], place: usize, part: f32| {
+            let of = &from[width * place..width * (place + 1)];
+            hidden.iter_mut().zip(of).for_each(|(sum, value)| *sum += part * value);
+        };
+        let (beams, pairs) = shares(set.len());
+        for (place, a) in set.iter().enumerate() {
+            add(&self.angles, *a, beams as f32);
+            set[..place].iter().for_each(|b| add(&self.pairs, a * angles + b, pairs as f32));
+        }
+        hidden.iter().zip(&self.out).map(|(h, out)| f64::from(h.max(0.0) * out)).sum()
+    }
+}
+
+/// What a beam and what a pair is of a set of so many beams.
+fn shares(beams: usize) -> (f64, f64) {
+    let count = beams as f64;
+    (1.0 / count.max(1.0), 1.0 / (0.5 * count * (count - 1.0)).max(1.0))
 }
 
 impl Judgement {
-    pub(crate) fn new(single: Vec<[f32; 2]>, pair: Vec<[f32; 2]>) -> Self {
-        Self { single, pair }
+    pub(crate) fn new(single: Vec<[f32; 2]>, pair: Vec<[f32; 2]>, set: SetHead) -> Self {
+        Self { single, pair, set }
     }
 
     /// Angles.
@@ -42,13 +79,13 @@ impl Judgement {
 
     /// The value of a set of angles: less is better.
     pub fn value(&self, set: &[usize]) -> f64 {
-        let count = set.len().max(1) as f64;
+        let (of_beam, of_pair) = shares(set.len());
         let singles: f64 = set.iter().map(|a| f64::from(self.single[*a][0])).sum();
         let mut pairs = 0.0;
         for (place, a) in set.iter().enumerate() {
             pairs += set[..place].iter().map(|b| f64::from(self.pair_of(*a, *b)[0])).sum::<f64>();
         }
-        singles / count + pairs / (0.5 * count * (count - 1.0)).max(1.0)
+        of_beam * singles + of_pair * pairs + self.set.value(set, self.angles())
     }
 
     /// The logit of the policy: of adding an angle to those that are kept. More is better.
@@ -107,6 +144,34 @@ impl Judgement {
             found.into_iter().map(|set| (self.of(ring, set.beams()), set)).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then_with(|| a.1.cmp(&b.1)));
         Ok(all.into_iter().take(most).map(|(_, set)| set).collect())
+    }
+
+    /// At most `most` sets of good value that differ: of each two, a beam of one is at least `apart` steps from all beams of
+    /// the other. The set of the best value is the first.
+    ///
+    /// # Errors
+    /// So many beams do not fit.
+    pub fn spread_sets(
+        &self,
+        ring: Ring,
+        beams: usize,
+        most: usize,
+        apart: u16,
+    ) -> Result<Vec<BeamSet>, RingError> {
+        let mut chosen: Vec<BeamSet> = Vec::new();
+        for set in self.best_sets(ring, beams, usize::MAX)? {
+            let differs = |other: &BeamSet| {
+                let far = |a: &u16| other.beams().iter().all(|b| ring.steps_between(*a, *b) >= apart);
+                set.beams().iter().any(far)
+            };
+            if chosen.iter().all(differs) {
+                chosen.push(set);
+            }
+            if chosen.len() == most {
+                break;
+            }
+        }
+        Ok(chosen)
     }
 
     fn of(&self, ring: Ring, beams: &[u16]) -> f64 {

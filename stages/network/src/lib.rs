@@ -6,20 +6,30 @@
 //! code; `stillpoint-train` trains it.
 //!
 //! - [`volume`]: density and structures of a case, and rays through them
-//! - [`eye`]: the features
+//! - [`eye`]: the features; [`view`]: what they are seen in; [`lattice`]: the bixels
 //! - [`model`]: the network's numbers and its forward pass
 //! - [`mod@file`]: the model file
+//! - [`problem`]: a case with goals and coarse doses; [`patient`]: phantoms and case files of training
+//! - [`game`]: sets that a network proposes and a search finds, solved: what self-play is made of
 //! - [`judgement`]: what the network says of the sets of a case, and the sets of the best value
 
 #![forbid(unsafe_code)]
 
 pub mod eye;
 pub mod file;
+pub mod game;
 pub mod judgement;
+pub mod lattice;
 pub mod model;
+pub mod patient;
+pub mod problem;
+pub mod view;
 pub mod volume;
 
 pub use eye::{Eye, EyeError};
 pub use file::ModelFileError;
+pub use game::{Game, GameError, Rules};
 pub use judgement::Judgement;
 pub use model::{Model, Sizes};
+pub use patient::{Patient, PatientError};
+pub use problem::{Coarseness, Problem, ProblemError};

@@ -4,12 +4,13 @@
 //! with the features of the target through two circular convolutions over the ring with symmetric taps (so that a mirrored
 //! patient gets mirrored answers), and beside the mean over the ring through a dense layer. For each pair of angles: a
 //! perceptron over the pair's features and both angles, symmetric in them. Each of the two gives two numbers, for the value
-//! and for the policy.
+//! and for the policy. What a set costs beyond the sum of its parts, a perceptron says over the means of what is known of its
+//! angles and of its pairs.
 
 use serde::{Deserialize, Serialize};
 
 use crate::eye::{Eye, PAIR, STRUCTURE, TARGET};
-use crate::judgement::Judgement;
+use crate::judgement::{Judgement, SetHead};
 
 /// Distances of the taps of the first and of the second convolution, in steps of the ring.
 pub const TAPS: [[usize; 3]; 2] = [[0, 1, 2], [0, 4, 8]];
@@ -28,11 +29,13 @@ pub struct Sizes {
     pub beside: usize,
     /// Hidden layer of the pairs' perceptron.
     pub pair: usize,
+    /// Hidden layer of the sets' perceptron.
+    pub set: usize,
 }
 
 impl Default for Sizes {
     fn default() -> Self {
-        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24 }
+        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24, set: 16 }
     }
 }
 
@@ -59,12 +62,16 @@ pub mod place {
     pub const BESIDE: usize = 22;
     pub const PAIR_1: usize = 23;
     pub const PAIR_2: usize = 25;
+    pub const SET_ANGLE: usize = 27;
+    pub const SET_PAIR: usize = 28;
+    pub const SET_BIAS: usize = 29;
+    pub const SET_OUT: usize = 30;
 }
 
 impl Sizes {
     /// Name and shape of every tensor, in order. Matrices have a row for each output.
     pub fn tensors(&self) -> Vec<(&'static str, Vec<usize>)> {
-        let Self { structure, ring, angle, beside, pair } = *self;
+        let Self { structure, ring, angle, beside, pair, set } = *self;
         let seen = TARGET + structure;
         vec![
             ("target.mean", vec![TARGET]),
@@ -94,13 +101,17 @@ impl Sizes {
             ("pair.1.bias", vec![pair]),
             ("pair.2.weight", vec![2, pair]),
             ("pair.2.bias", vec![2]),
+            ("set.1.angle", vec![set, angle]),
+            ("set.1.pair", vec![set, pair]),
+            ("set.1.bias", vec![set]),
+            ("set.2.weight", vec![1, set]),
         ]
     }
 
     /// Whether every width is from 1 to [`WIDEST`].
     pub fn are_sound(&self) -> bool {
-        let Self { structure, ring, angle, beside, pair } = *self;
-        [structure, ring, angle, beside, pair].iter().all(|width| (1..=WIDEST).contains(width))
+        let Self { structure, ring, angle, beside, pair, set } = *self;
+        [structure, ring, angle, beside, pair, set].iter().all(|width| (1..=WIDEST).contains(width))
     }
 }
 
@@ -194,7 +205,10 @@ impl Model {
             .map(|h| product(&self.numbers[place::BESIDE], h, vec![0.0; self.sizes.beside]))
             .collect();
         let single = angles.iter().map(|h| two(&self.dense(place::SINGLE, h))).collect();
-        let count = eye.angles;
+        let (count, width) = (eye.angles, self.sizes.set);
+        let in_set = |layer: usize, x: &[f32]| product(&self.numbers[layer], x, vec![0.0; width]);
+        let of_angles = angles.iter().flat_map(|h| in_set(place::SET_ANGLE, h)).collect();
+        let mut of_pairs = vec![0.0; count * count * width];
         let mut pair = vec![[0.0; 2]; count * count];
         let mut input = vec![0.0; PAIR + 2 * self.sizes.beside];
         for a in 0..count {
@@ -206,11 +220,15 @@ impl Model {
                 }
                 let hidden = rectified(self.dense(place::PAIR_1, &input));
                 let said = two(&self.dense(place::PAIR_2, &hidden));
-                pair[a * count + b] = said;
-                pair[b * count + a] = said;
+                let known = in_set(place::SET_PAIR, &hidden);
+                for place in [a * count + b, b * count + a] {
+                    pair[place] = said;
+                    of_pairs[width * place..width * (place + 1)].copy_from_slice(&known);
+                }
             }
         }
-        Judgement::new(single, pair)
+        let (bias, out) = (self.numbers[place::SET_BIAS].clone(), self.numbers[place::SET_OUT].clone());
+        Judgement::new(single, pair, SetHead { bias, out, angles: of_angles, pairs: of_pairs })
     }
 
     /// What is known of each angle.

@@ -83,7 +83,7 @@ fn wanted() -> Vec<Wanted> {
 }
 
 fn eye(case: &Case) -> Eye {
-    Eye::of_case(case, &wanted(), &Machine::shipped().unwrap(), ANGLES).unwrap()
+    Eye::of_case(case, &wanted(), &Machine::shipped().unwrap(), ANGLES, 10.0).unwrap()
 }
 
 /// Whether angle `a` of one patient sees what angle `to(a)` of the other sees.
@@ -149,6 +149,6 @@ fn an_organ_in_the_way_is_before_and_one_beyond_is_behind() {
 fn cases_that_cannot_be_seen_are_refused() {
     let case = patient([0.0; 3], |p| p);
     let machine = Machine::shipped().unwrap();
-    assert_eq!(Eye::of_case(&case, &[], &machine, ANGLES), Err(EyeError::NoRisk));
-    assert_eq!(Eye::of_case(&case, &wanted(), &machine, 4), Err(EyeError::Angles(4)));
+    assert_eq!(Eye::of_case(&case, &[], &machine, ANGLES, 10.0), Err(EyeError::NoRisk));
+    assert_eq!(Eye::of_case(&case, &wanted(), &machine, 4, 10.0), Err(EyeError::Angles(4)));
 }

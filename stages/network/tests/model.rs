@@ -8,7 +8,7 @@ use stillpoint_network::model::{ModelError, TAPS};
 use stillpoint_network::{Judgement, Model, ModelFileError, Sizes};
 use stillpoint_plan::beams::{Prior, Ring, set_of_prior};
 
-const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, beside: 2, pair: 3 };
+const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, beside: 2, pair: 3, set: 4 };
 
 /// Numbers without order: the same for the same seed.
 fn noise(seed: u64) -> impl FnMut() -> f32 {
@@ -49,8 +49,16 @@ fn eye(seed: u64, angles: usize) -> Eye {
     }
 }
 
-/// The network written a second time, number by number, in f64, from the names of the tensors.
-fn naive(model: &Model, eye: &Eye) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
+/// What the network says, written a second time.
+struct Naive {
+    single: Vec<[f64; 2]>,
+    pair: Vec<[f64; 2]>,
+    /// The value of a set.
+    value: f64,
+}
+
+/// The network number by number, in f64, from the names of the tensors.
+fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
     let named: Vec<(&str, Vec<usize>, &Vec<f32>)> =
         SIZES.tensors().into_iter().zip(model.numbers()).map(|((n, s), v)| (n, s, v)).collect();
     let get = |name: &str| named.iter().find(|(n, _, _)| *n == name).unwrap();
@@ -108,7 +116,8 @@ fn naive(model: &Model, eye: &Eye) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
     }
     let mean: Vec<f64> = (0..SIZES.ring).map(|c| x.iter().map(|x| x[c]).sum::<f64>() / n as f64).collect();
     let angles: Vec<Vec<f64>> = x.iter().map(|x| layer("angle", &[&x[..], &mean].concat(), true)).collect();
-    let single = angles.iter().map(|h| layer("single", h, false)).map(|v| [v[0], v[1]]).collect();
+    let single: Vec<[f64; 2]> =
+        angles.iter().map(|h| layer("single", h, false)).map(|v| [v[0], v[1]]).collect();
     let beside: Vec<Vec<f64>> = angles
         .iter()
         .map(|h| {
@@ -118,26 +127,50 @@ fn naive(model: &Model, eye: &Eye) -> (Vec<[f64; 2]>, Vec<[f64; 2]>) {
         })
         .collect();
     let mut pair = vec![[0.0; 2]; eye.angles * eye.angles];
+    let mut hidden_of = vec![Vec::new(); eye.angles * eye.angles];
     for a in 0..eye.angles {
         for b in 0..eye.angles {
             if a != b {
                 let mut input = scaled("pair", &eye.pairs[a * eye.angles + b]);
                 input.extend((0..SIZES.beside).map(|i| beside[a][i] + beside[b][i]));
                 input.extend((0..SIZES.beside).map(|i| (beside[a][i] - beside[b][i]).abs()));
-                let out = layer("pair.2", &layer("pair.1", &input, true), false);
+                let hidden = layer("pair.1", &input, true);
+                let out = layer("pair.2", &hidden, false);
                 pair[a * eye.angles + b] = [out[0], out[1]];
+                hidden_of[a * eye.angles + b] = hidden;
             }
         }
     }
-    (single, pair)
+    let pairs: Vec<usize> = (0..set.len())
+        .flat_map(|i| (0..i).map(move |j| (i, j)))
+        .map(|(i, j)| set[i] * eye.angles + set[j])
+        .collect();
+    let (beams, couples) = (set.len() as f64, pairs.len() as f64);
+    let mut value = set.iter().map(|a| single[*a][0]).sum::<f64>() / beams;
+    value += pairs.iter().map(|at| pair[*at][0]).sum::<f64>() / couples;
+    for unit in 0..SIZES.set {
+        let mut sum = number("set.1.bias", unit, 0);
+        for (place, tensor) in set.iter().map(|a| &angles[*a]).map(|h| (h, "set.1.angle")) {
+            sum += (0..place.len()).map(|c| number(tensor, unit, c) * place[c]).sum::<f64>() / beams;
+        }
+        for hidden in pairs.iter().map(|at| &hidden_of[*at]) {
+            sum +=
+                (0..hidden.len()).map(|c| number("set.1.pair", unit, c) * hidden[c]).sum::<f64>() / couples;
+        }
+        value += number("set.2.weight", 0, unit) * sum.max(0.0);
+    }
+    Naive { single, pair, value }
 }
 
 #[test]
 fn the_forward_pass_is_that_of_a_naive_network() {
     for seed in 1..4 {
         let (model, eye) = (model(seed), eye(seed + 10, 20));
-        let (single, pair) = naive(&model, &eye);
+        let set = [1, 6, 11, 17];
+        let Naive { single, pair, value } = naive(&model, &eye, &set);
         let judged = model.judge(&eye);
+        let found = judged.value(&set);
+        assert!((found - value).abs() < 1e-3 * (1.0 + value.abs()), "{found} {value}");
         let near = |a: &[[f32; 2]], b: &[[f64; 2]]| {
             for (a, b) in a.iter().flatten().zip(b.iter().flatten()) {
                 assert!((f64::from(*a) - b).abs() < 1e-3 * (1.0 + b.abs()), "{a} {b}");
@@ -253,7 +286,7 @@ fn files_of_other_networks_are_refused_with_the_reason() {
         Model::from_safetensors(&bytes).unwrap_err()
     };
     assert!(matches!(text("stillpoint_planner", "stillpoint_another"), ModelFileError::Meaning(_)));
-    assert!(matches!(text("version\\\":1", "version\\\":9"), ModelFileError::Meaning(_)));
+    assert!(matches!(text("version\\\":2", "version\\\":9"), ModelFileError::Meaning(_)));
     assert!(matches!(text("ring\\\":4", "ring\\\":5"), ModelFileError::Tensor { .. }));
     assert!(matches!(text("single.bias", "single.bios"), ModelFileError::Tensor { .. }));
     assert!(matches!(Model::from_safetensors(&vec![0; 6 << 20]), Err(ModelFileError::Form(_))));

@@ -4,17 +4,20 @@
 
 use candle_core::{Device, Tensor, Var};
 use serde_json::Value;
-use stillpoint_network::Eye;
-use stillpoint_network::Sizes;
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
+use stillpoint_network::patient::{Body, Table};
+use stillpoint_network::{Coarseness, Eye, Game, Model, Patient, Rules, Sizes};
 use stillpoint_plan::beams::Ring;
 use stillpoint_random::Random;
+use stillpoint_train::TrainError;
 use stillpoint_train::planner::{
-    Checkpoint, Coarseness, Epoch, Example, Fitted, Gather, Network, Options, SolvedCase, Weights, fit, loss,
+    Checkpoint, Done, Due, Example, Network, Options, Players, Ready, Schedule, Told, Training, Weights,
+    loss, scales, train,
 };
 
 const ANGLES: usize = 90;
-const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8 };
+const COARSE: Coarseness = Coarseness { grid_mm: 10.0, bixel_mm: 20.0 };
+const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6 };
 
 fn eye(random: &mut Random) -> Eye {
     let mut next = || random.normal() as f32;
@@ -46,11 +49,30 @@ fn eye(random: &mut Random) -> Eye {
     }
 }
 
-/// A case whose costs follow from its features by a rule that the network does not know.
+/// Legal sets of five beams, drawn.
+fn drawn(count: usize, random: &mut Random) -> Vec<Vec<u16>> {
+    let ring = Ring::new(90, 5).unwrap();
+    let mut sets = Vec::new();
+    while sets.len() < count {
+        let mut set: Vec<u16> = Vec::new();
+        while set.len() < 5 && !ring.legal(&set).is_empty() {
+            let beam = (random.uniform() * 90.0) as u16;
+            if ring.fits(beam, &set) {
+                set.push(beam);
+            }
+        }
+        set.sort_unstable();
+        if set.len() == 5 && !sets.contains(&set) {
+            sets.push(set);
+        }
+    }
+    sets
+}
+
+/// A patient whose costs follow from its features by a rule that the network does not know.
 fn example(seed: u64) -> Example {
     let mut random = Random::new(seed);
     let eye = eye(&mut random);
-    let ring = Ring::new(90, 5).unwrap();
     let cost = |set: &[u16]| {
         let singles: f32 = set.iter().map(|b| eye.target[usize::from(*b)][0]).sum();
         let mut pairs = 0.0;
@@ -62,58 +84,58 @@ fn example(seed: u64) -> Example {
         }
         1000.0 * f64::from(0.1 * singles + 0.03 * pairs).exp()
     };
-    let mut sets = Vec::new();
-    for _ in 0..150 {
-        let key = (random.uniform() * 1e9) as u64;
-        let mut set: Vec<u16> = Vec::new();
-        let mut draws = Random::new(key);
-        while set.len() < 5 {
-            let beam = (draws.uniform() * 90.0) as u16;
-            if ring.fits(beam, &set) && set.iter().all(|b| *b != beam) {
-                set.push(beam);
-            }
-            if ring.legal(&set).is_empty() {
-                set.clear();
-            }
-        }
-        set.sort_unstable();
-        let found = cost(&set);
-        sets.push((set, found));
-    }
-    let rotations: Vec<f64> = (0..18).map(|r| cost(&[0, 18, 36, 54, 72].map(|b| b + r))).collect();
-    let text = serde_json::json!({
-        "version": 1,
-        "by": Gather { coarse: Coarseness { grid_mm: 8.0, bixel_mm: 14.0 }, exchange: 0, annealing: 0, random: 150 },
-        "seed": seed, "class": 1000.0, "rotations": rotations, "sets": sets,
-    });
-    let solved: SolvedCase = serde_json::from_value(text).unwrap();
-    Example::new(eye.clone(), &solved).unwrap()
+    let patient = Patient { body: Body::Pelvis(seed), table: Table::Plain, coarse: COARSE };
+    let due = Due { name: String::new(), patient, seed, rules: Rules::OPENING };
+    Example::new(eye.clone(), &[&game(&due, None, 150, cost)]).unwrap()
 }
 
-fn options(epochs: usize) -> Options {
+/// A game whose costs follow this rule.
+fn game(due: &Due, network: Option<String>, sets: usize, cost: impl Fn(&[u16]) -> f64) -> Game {
+    let rotations: Vec<f64> = (0..18).map(|r| cost(&[0, 18, 36, 54, 72].map(|b| b + r))).collect();
+    let sets: Vec<(Vec<u16>, f64)> =
+        drawn(sets, &mut Random::new(due.seed)).into_iter().map(|set| (set.clone(), cost(&set))).collect();
+    let proposed: Vec<f64> = sets.iter().take(due.rules.proposed).map(|(_, cost)| *cost).collect();
+    let text = serde_json::json!({
+        "version": 1, "rules": due.rules, "patient": due.patient, "seed": due.seed, "network": network,
+        "class": null, "rotations": rotations, "proposed": proposed, "sets": sets,
+    });
+    Game::from_bytes(&serde_json::to_vec(&text).unwrap()).unwrap()
+}
+
+fn options(passes: usize) -> Options {
     Options {
         sizes: TINY,
         weights: Weights { mse: 100.0, ce: 0.3, lambda: 1e-6 },
         rate: 1e-2,
-        epochs,
+        passes,
         sets: 64,
         states: 4,
         seed: 3,
     }
 }
 
+/// Passes over examples, validated with the same.
+fn trained(examples: &[Example], passes: usize) -> Training {
+    let mut training = Training::new(String::new(), options(passes), scales(examples)).unwrap();
+    let ready: Vec<Ready> = examples.iter().map(|e| training.ready(e.clone()).unwrap()).collect();
+    for _ in 0..passes {
+        training.pass(&ready.iter().collect::<Vec<_>>(), &ready).unwrap();
+    }
+    training
+}
+
 #[test]
-fn a_tiny_network_overfits_two_cases() {
+fn a_tiny_network_overfits_two_patients() {
     let cases = [example(1), example(2)];
-    let mut seen: Vec<Epoch> = Vec::new();
-    let fitted = fit(&cases, &cases, &options(60), None, |epoch| seen.push(*epoch)).unwrap();
-    let (first, last) = (seen[0], seen[fitted.best - 1]);
-    assert!(last.validation < 0.75 * first.validation, "{first:?} {last:?}");
+    let training = trained(&cases, 60);
+    let (first, last) = (training.passes()[0], training.passes()[59]);
+    // The loss of the policy falls no lower than the entropy of what it should say.
+    assert!(last.validation < 0.85 * first.validation, "{first:?} {last:?}");
     // It ranks the sets that it has seen: the one that it takes is nearly the best.
     assert!(last.above_percent < 0.25 * first.above_percent.max(4.0), "{first:?} {last:?}");
     // And it finds a set that no random set reaches.
     let ring = Ring::new(90, 5).unwrap();
-    let judged = fitted.model.judge(&cases[0].eye);
+    let judged = training.model().unwrap().judge(&cases[0].eye);
     let best = judged.best_sets(ring, 5, 1).unwrap();
     let of = |set: &[u16]| judged.value(&set.iter().map(|b| usize::from(*b)).collect::<Vec<_>>());
     let least = cases[0].sets.iter().map(|set| of(set)).fold(f64::INFINITY, f64::min);
@@ -123,13 +145,12 @@ fn a_tiny_network_overfits_two_cases() {
 #[test]
 fn the_tensors_say_what_the_plain_network_says() {
     let case = example(4);
-    let fitted: Fitted =
-        fit(std::slice::from_ref(&case), std::slice::from_ref(&case), &options(2), None, |_| ()).unwrap();
-    let fixed: Vec<Vec<f32>> = fitted.model.numbers()[..6].to_vec();
+    let model = trained(std::slice::from_ref(&case), 2).model().unwrap();
+    let fixed: Vec<Vec<f32>> = model.numbers()[..6].to_vec();
     let network = Network::new(TINY, fixed, 1).unwrap();
-    network.set(&fitted.model.numbers()[6..]).unwrap();
+    network.set(&model.numbers()[6..]).unwrap();
     let said = network.forward(&network.load(&case).unwrap()).unwrap();
-    let judged = fitted.model.judge(&case.eye);
+    let judged = model.judge(&case.eye);
     let sets: Vec<&Vec<u16>> = case.sets.iter().take(20).collect();
     let values = said.values(&sets).unwrap().to_vec1::<f32>().unwrap();
     for (set, value) in sets.iter().zip(values) {
@@ -151,26 +172,97 @@ fn the_tensors_say_what_the_plain_network_says() {
     }
 }
 
+/// Players that make costs up, and fail at the game of this number.
+struct Faked {
+    until: usize,
+    played: usize,
+}
+
+impl Players for Faked {
+    fn play(&mut self, network: Option<&Model>, due: &[Due], done: Done<'_>) -> Result<(), TrainError> {
+        // In the opposite order: nothing may depend on when a game ends.
+        for (place, due) in due.iter().enumerate().rev() {
+            if self.played == self.until {
+                return Err(TrainError::Plan("cut off".to_owned()));
+            }
+            self.played += 1;
+            let hash = network.map(|network| network.hash().unwrap());
+            // Sets near the front are dear, and every game is a little different.
+            let cost = |set: &[u16]| {
+                let front: f64 = set.iter().map(|b| (f64::from(*b) * 0.07).cos()).sum();
+                1000.0 + 50.0 * front + (due.seed % 7) as f64
+            };
+            done(place, game(due, hash, 20, cost))?;
+        }
+        Ok(())
+    }
+}
+
+fn schedule() -> Schedule {
+    let pelvis = |seed| Patient { body: Body::Pelvis(seed), table: Table::Plain, coarse: COARSE };
+    Schedule {
+        train: vec![pelvis(1), pelvis(2)],
+        validate: vec![pelvis(3)],
+        test: vec![pelvis(3)],
+        rounds: vec![vec![pelvis(1), pelvis(2)], vec![pelvis(2), pelvis(1)]],
+        start: 2,
+        passes: 1,
+        end: 2,
+        buffer: 3,
+        opening: Rules::OPENING,
+        game: Rules::SELF_PLAY,
+        reference: Rules::REFERENCE,
+        exam: Rules::EXAM,
+        seed: 5,
+    }
+}
+
 #[test]
-fn a_training_that_was_cut_off_resumes_to_the_bit() {
-    let (train, validate) = ([example(5), example(6)], [example(7)]);
-    let whole = fit(&train, &validate, &options(6), None, |_| ()).unwrap();
+fn a_self_play_that_was_cut_off_anywhere_resumes_to_the_bit() {
+    let schedule = schedule();
+    let run = |folder: &std::path::Path, until: usize| {
+        let mut players = Faked { until, played: 0 };
+        let trained = train(&schedule, &options(1), folder, &mut players, &|_| ());
+        (trained, players.played)
+    };
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("training.safetensors");
-    // Cut off in the fourth epoch: the checkpoint is that of the third.
-    let cut = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        fit(&train, &validate, &options(6), Some(&path), |epoch| assert!(epoch.number < 4, "cut off"))
-    }));
-    assert!(cut.is_err());
-    assert_eq!(Checkpoint::read(&path).unwrap().epochs.len(), 3);
-    let mut resumed_at = Vec::new();
-    let resumed = fit(&train, &validate, &options(6), Some(&path), |e| resumed_at.push(e.number)).unwrap();
-    assert_eq!(resumed_at, [4, 5, 6]);
-    assert_eq!(resumed, whole);
-    let other = fit(&train, &validate, &options(7), Some(&path), |_| ()).unwrap_err().to_string();
-    assert!(other.contains("other options"), "{other}");
+    let (whole, played) = run(&folder.path().join("whole"), usize::MAX);
+    let whole = whole.unwrap();
+    // Openings, and those of the examined patient (twice the same); two rounds of two games and an examination; the last
+    // examinations, of which both are one.
+    assert_eq!(played, 2 + 1 + 2 * (2 + 1) + 1);
+    assert_eq!((whole.passes.len(), whole.strength.len(), whole.tested.len(), whole.games), (6, 3, 1, 6));
+    // The buffer holds three games.
+    let examples: Vec<usize> = whole.passes.iter().map(|pass| pass.examples).collect();
+    assert_eq!(examples, [2, 2, 2, 3, 3, 3]);
+    let cut = folder.path().join("cut");
+    for until in [1, 1, 2, 1, 2, 0] {
+        let (trained, played) = run(&cut, until);
+        assert_eq!(trained.unwrap_err().to_string(), "planning: cut off");
+        assert_eq!(played, until);
+    }
+    let (resumed, again) = run(&cut, usize::MAX);
+    assert_eq!(resumed.unwrap(), whole);
+    assert_eq!(again, 3, "games that were played are not played again");
+    // All of it is there: nothing is played, and nothing is trained.
+    let passes = std::sync::Mutex::new(0);
+    let count = |told| {
+        if matches!(told, Told::Pass(_)) {
+            *passes.lock().unwrap() += 1;
+        }
+    };
+    let mut players = Faked { until: 0, played: 0 };
+    assert_eq!(train(&schedule, &options(1), &cut, &mut players, &count).unwrap(), whole);
+    assert_eq!(passes.into_inner().unwrap(), 0);
+    // A game that was damaged is played again, with the weights of its round.
+    std::fs::write(cut.join("games/round-000-0001.json"), "{").unwrap();
+    let (mended, again) = run(&cut, usize::MAX);
+    assert_eq!((mended.unwrap(), again), (whole, 1));
+    let other = Schedule { buffer: 4, ..schedule };
+    let refused = train(&other, &options(1), &cut, &mut players, &|_| ()).unwrap_err().to_string();
+    assert!(refused.contains("other patients, games or options"), "{refused}");
     for end in [0, 7, 100, 2000] {
-        let bytes = std::fs::read(&path).unwrap();
+        let bytes = std::fs::read(cut.join("training.safetensors")).unwrap();
         let broken = folder.path().join("broken");
         std::fs::write(&broken, &bytes[..end.min(bytes.len() - 1)]).unwrap();
         assert!(Checkpoint::read(&broken).is_err());
@@ -180,10 +272,14 @@ fn a_training_that_was_cut_off_resumes_to_the_bit() {
 #[test]
 fn options_that_cannot_be_are_refused() {
     let case = [example(8)];
-    let refused = |options: Options| fit(&case, &case, &options, None, |_| ()).unwrap_err().to_string();
+    let refused = |options: Options| match Training::new(String::new(), options, scales(&case)) {
+        Ok(_) => panic!("not refused"),
+        Err(why) => why.to_string(),
+    };
     assert!(refused(Options { rate: 0.0, ..options(1) }).contains("learning rate"));
-    assert!(refused(options(0)).contains("epochs"));
-    assert!(fit(&[], &case, &options(1), None, |_| ()).unwrap_err().to_string().contains("train on"));
+    assert!(refused(options(0)).contains("passes"));
+    let mut training = Training::new(String::new(), options(1), scales(&case)).unwrap();
+    assert!(training.pass(&[], &[]).unwrap_err().to_string().contains("train on"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The file from which a training resumes: numbers, moments of the optimiser, epochs.
+//! The file from which a training resumes: numbers, moments of the optimiser, passes.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -7,32 +7,32 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::adam::Adam;
-use super::fit::{Epoch, Options};
+use super::training::{Options, Pass};
 use crate::TrainError;
 
 const ENTRY: &str = "stillpoint_planner_training";
 
-/// A training between two epochs.
+/// A training between two passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
+    /// What is trained on.
+    pub about: String,
     /// The options that it runs with.
     pub options: Options,
-    /// Epochs until now.
-    pub epochs: Vec<Epoch>,
+    /// Passes until now.
+    pub passes: Vec<Pass>,
     /// The numbers.
     pub numbers: Vec<Vec<f32>>,
     /// The optimiser.
     pub adam: Adam,
-    /// The numbers of the best epoch, and its number.
-    pub best: (usize, Vec<Vec<f32>>),
 }
 
 #[derive(Serialize, Deserialize)]
 struct Header {
+    about: String,
     options: Options,
-    epochs: Vec<Epoch>,
+    passes: Vec<Pass>,
     steps: u64,
-    best: usize,
     tensors: usize,
 }
 
@@ -41,19 +41,14 @@ impl Checkpoint {
     pub fn write(&self, path: &Path) -> Result<(), TrainError> {
         let fault = |why: String| TrainError::File { path: path.to_owned(), why };
         let header = Header {
+            about: self.about.clone(),
             options: self.options.clone(),
-            epochs: self.epochs.clone(),
+            passes: self.passes.clone(),
             steps: self.adam.steps,
-            best: self.best.0,
             tensors: self.numbers.len(),
         };
         let text = serde_json::to_string(&header).map_err(|e| fault(e.to_string()))?;
-        let kinds = [
-            ("numbers", &self.numbers),
-            ("first", &self.adam.first),
-            ("second", &self.adam.second),
-            ("best", &self.best.1),
-        ];
+        let kinds = [("numbers", &self.numbers), ("first", &self.adam.first), ("second", &self.adam.second)];
         let mut all: Vec<(String, usize, Vec<u8>)> = Vec::new();
         for (kind, tensors) in kinds {
             for (place, values) in tensors.iter().enumerate() {
@@ -96,7 +91,7 @@ impl Checkpoint {
         };
         let adam = Adam { first: read("first")?, second: read("second")?, steps: header.steps };
         let numbers = read("numbers")?;
-        let best = (header.best, read("best")?);
-        Ok(Self { options: header.options, epochs: header.epochs, numbers, adam, best })
+        let Header { about, options, passes, .. } = header;
+        Ok(Self { about, options, passes, numbers, adam })
     }
 }

@@ -1,27 +1,31 @@
-//! A case as the training takes it: its features, its sets with their costs, and what the policy should say.
+//! A patient as the training takes it: its features, its sets with their costs, and what the policy should say.
 
-use stillpoint_network::Eye;
+use std::collections::BTreeMap;
+
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
-use stillpoint_plan::dose::Machine;
+use stillpoint_network::game::ring;
+use stillpoint_network::{Eye, Game};
 use stillpoint_random::Random;
 
-use super::gather::SolvedCase;
-use super::problem::{Problem, plan, ring};
+use super::plan;
 use crate::TrainError;
 
 /// Temperature of the policy's target, in `ln(cost / best)`.
 const TEMPERATURE: f64 = 0.02;
 
-/// A case to train on or to validate with.
+/// The weight of a set falls by e for each so much of `ln(cost / best)`, and no lower than this.
+const NEAR: f64 = 0.1;
+const FAR_WEIGHT: f64 = 0.15;
+
+/// A patient to train on or to validate with.
 #[derive(Clone, Debug)]
 pub struct Example {
-    /// Seed of the varied pelvis.
-    pub seed: u64,
     /// Its features.
     pub eye: Eye,
-    /// Sets of beams.
+    /// Sets of beams, all of the same number.
     pub sets: Vec<Vec<u16>>,
-    /// `ln(cost / reference)` of each set; the reference is the geometric mean over the rotations of equal beams.
+    /// `ln(cost / reference)` of each set; the reference is the geometric mean over the rotations of equal beams that were
+    /// solved.
     pub logs: Vec<f64>,
     /// How good each set is: 1 for the best, falling with the temperature.
     good: Vec<f64>,
@@ -38,42 +42,34 @@ pub struct States {
     pub legal: Vec<Vec<bool>>,
 }
 
-/// The examples of solved cases.
-pub fn examples(solved: &[SolvedCase], mut done: impl FnMut()) -> Result<Vec<Example>, TrainError> {
-    let machine = Machine::shipped().map_err(plan)?;
-    let mut all = Vec::new();
-    for case in solved {
-        let problem = Problem::of_seed(case.seed, case.by.coarse)?;
-        let angles = usize::from(ring()?.count());
-        let eye = Eye::of_case(&problem.case, &problem.wanted, &machine, angles).map_err(plan)?;
-        all.push(Example::new(eye, case)?);
-        done();
-    }
-    Ok(all)
-}
-
 impl Example {
-    /// Of features and solved sets.
-    pub fn new(eye: Eye, case: &SolvedCase) -> Result<Self, TrainError> {
-        let sound = |cost: &f64| cost.is_finite() && *cost > 0.0;
-        if case.sets.is_empty() || case.rotations.is_empty() || !case.sets.iter().all(|(_, c)| sound(c)) {
+    /// Of features and the games of one patient.
+    ///
+    /// # Errors
+    /// The games have no set, no rotation of equal beams, or different numbers of beams.
+    pub fn new(eye: Eye, games: &[&Game]) -> Result<Self, TrainError> {
+        let mut all: BTreeMap<&[u16], f64> = BTreeMap::new();
+        games.iter().flat_map(|game| &game.sets).for_each(|(set, cost)| {
+            all.entry(set).or_insert(*cost);
+        });
+        let rotations: Vec<f64> = games.iter().flat_map(|game| &game.rotations).copied().collect();
+        let beams = games.first().map_or(0, |game| game.rules.beams);
+        if all.is_empty() || rotations.is_empty() || all.keys().any(|set| set.len() != beams) {
+            let patient = games.first().map_or_else(String::new, |game| game.patient.name());
             return Err(TrainError::Plan(format!(
-                "the solved sets of seed {} have costs that are not positive",
-                case.seed
+                "the games of {patient} have no rotation, or no sets to compare"
             )));
         }
-        let reference =
-            case.rotations.iter().map(|c| libm::log(*c)).sum::<f64>() / case.rotations.len() as f64;
-        let logs: Vec<f64> = case.sets.iter().map(|(_, cost)| libm::log(*cost) - reference).collect();
+        let reference = rotations.iter().map(|c| libm::log(*c)).sum::<f64>() / rotations.len() as f64;
+        let logs: Vec<f64> = all.values().map(|cost| libm::log(*cost) - reference).collect();
         let best = logs.iter().copied().fold(f64::INFINITY, f64::min);
         let good = logs.iter().map(|log| libm::exp((best - log) / TEMPERATURE)).collect();
-        let sets = case.sets.iter().map(|(set, _)| set.clone()).collect();
-        Ok(Self { seed: case.seed, eye, sets, logs, good })
+        Ok(Self { eye, sets: all.keys().map(|set| set.to_vec()).collect(), logs, good })
     }
 
     /// `count` states that keep `kept` beams of sets that are drawn by how good they are.
     pub fn states(&self, count: usize, kept: usize, random: &mut Random) -> Result<States, TrainError> {
-        let ring = ring()?;
+        let ring = ring().map_err(plan)?;
         let sum: f64 = self.good.iter().sum();
         let mut states = States::default();
         for _ in 0..count {
@@ -97,6 +93,20 @@ impl Example {
             states.kept.push(beams);
         }
         Ok(states)
+    }
+}
+
+impl Example {
+    /// Of these sets: zeta = cost / (cost + reference), the mean of the logarithms, and the root of the weight of each in the
+    /// loss of the value. Sets near the best weigh more: among them the network has to choose.
+    pub fn targets(&self, chosen: &[usize]) -> (Vec<f32>, f64, Vec<f32>) {
+        let logs: Vec<f64> = chosen.iter().map(|i| self.logs[*i]).collect();
+        let best = self.logs.iter().copied().fold(f64::INFINITY, f64::min);
+        let zeta = logs.iter().map(|log| (1.0 / (1.0 + libm::exp(-log))) as f32).collect();
+        let weight = |log: &f64| libm::sqrt(FAR_WEIGHT + libm::exp((best - log) / NEAR)) as f32;
+        let weights = logs.iter().map(weight).collect();
+        let mean = logs.iter().sum::<f64>() / logs.len().max(1) as f64;
+        (zeta, mean, weights)
     }
 }
 

@@ -37,6 +37,8 @@ pub struct Loaded {
 pub struct Said {
     single: Tensor,
     pair: Tensor,
+    /// What each angle and each pair adds to the hidden units of a set, their bias, and their weights in the value.
+    set: [Tensor; 4],
     angles: usize,
 }
 
@@ -48,7 +50,7 @@ impl Network {
         let mut vars = Vec::new();
         for (name, shape) in sizes.tensors().into_iter().skip(place::TRAINED) {
             let inputs = shape.get(1).copied().unwrap_or(0);
-            let head = name.starts_with("single") || name.starts_with("pair.2");
+            let head = name.starts_with("single") || name.starts_with("pair.2") || name.starts_with("set.2");
             let bound = match inputs {
                 0 => 0.0,
                 n => libm::sqrt(3.0 / n as f64) * if head { 0.1 } else { 1.0 },
@@ -148,8 +150,12 @@ impl Network {
         let beside = angles.matmul(&at(place::BESIDE).t()?)?;
         let (a, b) = (beside.index_select(&x.first, 0)?, beside.index_select(&x.second, 0)?);
         let input = Tensor::cat(&[&x.pairs, &(&a + &b)?, &(&a - &b)?.abs()?], 1)?;
-        let pair = dense(&dense(&input, place::PAIR_1)?.relu()?, place::PAIR_2)?;
-        Ok(Said { single, pair, angles: x.angles })
+        let hidden = dense(&input, place::PAIR_1)?.relu()?;
+        let pair = dense(&hidden, place::PAIR_2)?;
+        let of_angles = angles.matmul(&at(place::SET_ANGLE).t()?)?;
+        let of_pairs = hidden.matmul(&at(place::SET_PAIR).t()?)?;
+        let set = [of_angles, of_pairs, at(place::SET_BIAS).clone(), at(place::SET_OUT).t()?];
+        Ok(Said { single, pair, set, angles: x.angles })
     }
 }
 
@@ -170,7 +176,16 @@ impl Said {
             let taken = all.narrow(1, 0, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
             Ok(taken.reshape((sets.len(), width))?.mean(D::Minus1)?)
         };
-        Ok((mean(&self.single, singles, beams)? + mean(&self.pair, pairs, each)?)?)
+        let of_set = |all: &Tensor, places: &[u32], width: usize| -> Result<Tensor, TrainError> {
+            let index = Tensor::from_slice(places, places.len(), &Device::Cpu)?;
+            let units = all.dim(1)?;
+            Ok(all.index_select(&index, 0)?.reshape((sets.len(), width, units))?.mean(1)?)
+        };
+        let [of_angles, of_pairs, bias, out] = &self.set;
+        let hidden = (of_set(of_angles, &singles, beams)? + of_set(of_pairs, &pairs, each)?)?;
+        let of_set = hidden.broadcast_add(bias)?.relu()?.matmul(out)?.squeeze(1)?;
+        let of_parts = (mean(&self.single, singles, beams)? + mean(&self.pair, pairs, each)?)?;
+        Ok((of_parts + of_set)?)
     }
 
     /// The logits of the policy: a row for each state, a column for each angle.

@@ -19,6 +19,7 @@ pub fn judgement(
     case: &Case,
     objectives: &ObjectiveTable,
     machine: &Machine,
+    bixel_mm: f64,
     file: Option<&Path>,
 ) -> Result<Judgement, Failure> {
     let file = file.ok_or_else(|| {
@@ -31,6 +32,6 @@ pub fn judgement(
     let model = Model::from_safetensors(&bytes).map_err(|e| fault(&e))?;
     let grid = DoseParams::over(case.grid(), GRID_MM).grid;
     let aims = objectives.for_case(case, &grid).map_err(Failure::failed)?;
-    let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES).map_err(Failure::failed)?;
+    let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES, bixel_mm).map_err(Failure::failed)?;
     Ok(model.judge(&eye))
 }

@@ -81,8 +81,10 @@ impl Request {
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let (objectives, machine) =
             (objectives(given.objectives.as_deref())?, machine(given.machine.as_deref())?);
+        let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
+        let (grid_mm, bixel_mm) = (length("grid", &given.grid)?, length("bixel", &given.bixel)?);
         let network = given.network.as_deref();
-        let learned = || learned::judgement(&case, &objectives, &machine, network);
+        let learned = || learned::judgement(&case, &objectives, &machine, bixel_mm, network);
         let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
         if network.is_some() && !given.prior.contains(&Guide::Network) {
             return Err(Failure::wrong("--network is the model of --prior network; give both, or none"));
@@ -95,7 +97,6 @@ impl Request {
         if given.budget == 0 {
             return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
         }
-        let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
         Ok(Self {
             hash: content_hash(&case).map_err(Failure::failed)?,
             ring,
@@ -108,8 +109,8 @@ impl Request {
             protocol: protocol::of(&case, given.protocol.as_deref())?,
             machine,
             leaves: !given.fluence_only,
-            grid_mm: length("grid", &given.grid)?,
-            bixel_mm: length("bixel", &given.bixel)?,
+            grid_mm,
+            bixel_mm,
             out: given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name())),
             doses: given.doses.clone(),
             identity: identity(given.keep_identity.as_deref(), &case)?,

@@ -33,6 +33,8 @@ enum What {
     Controller(Controller),
     /// Train the prior of beam angles that `plan --prior network` uses.
     Planner(planner::Planner),
+    #[command(hide = true)]
+    Player(planner::Player),
 }
 
 impl Train {
@@ -41,6 +43,7 @@ impl Train {
         match &self.what {
             What::Controller(controller) => controller.execute(),
             What::Planner(planner) => planner.execute(),
+            What::Player(player) => player.execute(),
         }
     }
 }
@@ -209,10 +212,10 @@ fn publish(
     json: bool,
 ) -> Ended {
     let numbers = serde_json::to_string_pretty(card).map_err(Failure::failed)? + "\n";
-    write(out, "safetensors", &model)?;
-    write(out, "json", numbers.as_bytes())?;
-    write(out, "md", text.as_bytes())?;
-    write(out, "svg", curves.as_bytes())?;
+    write(out, ".safetensors", &model)?;
+    write(out, ".json", numbers.as_bytes())?;
+    write(out, ".md", text.as_bytes())?;
+    write(out, ".svg", curves.as_bytes())?;
     if json {
         print_json(&json!(card))?;
     } else {
@@ -224,7 +227,7 @@ fn publish(
 
 fn write(out: &Path, ending: &str, content: &[u8]) -> Result<(), Failure> {
     let mut path = out.as_os_str().to_owned();
-    path.push(format!(".{ending}"));
+    path.push(ending);
     let path = PathBuf::from(path);
     std::fs::write(&path, content).map_err(|e| Failure::failed(format!("{}: {e}", path.display())))
 }
