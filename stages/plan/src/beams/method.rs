@@ -35,6 +35,8 @@ pub enum Method {
     Game(BeamGame),
     /// The set that the prior builds by itself, and no other: one solve.
     Prior,
+    /// These sets of angles (degrees), in their order, as far as the budget goes.
+    Sets(Vec<Vec<f64>>),
 }
 
 /// What a method found.
@@ -121,6 +123,7 @@ pub fn choose<I: Influence + ?Sized>(
         Method::Search(options) => tree_search(evaluator, options, prior, seed),
         Method::Game(game) => search::play(evaluator, *game, prior),
         Method::Prior => by_prior(evaluator, prior.unwrap_or(&Uniform)),
+        Method::Sets(sets) => given(evaluator, sets),
     };
     let spent = match ended {
         Ok(()) => false,
@@ -169,6 +172,17 @@ fn class<I: Influence + ?Sized>(evaluator: &mut Evaluator<'_, I>, angles: &[f64]
     let set = nearest_set(evaluator.ring(), evaluator.beams(), angles)?;
     evaluator.evaluate(&set, None)?;
     Ok(())
+}
+
+fn given<I: Influence + ?Sized>(
+    evaluator: &mut Evaluator<'_, I>,
+    sets: &[Vec<f64>],
+) -> Result<(), ChoiceError> {
+    let (ring, beams) = (evaluator.ring(), evaluator.beams());
+    let sets: Vec<BeamSet> =
+        sets.iter().map(|angles| nearest_set(ring, beams, angles)).collect::<Result<_, _>>()?;
+    let solved = evaluator.evaluate_all(&sets, None)?;
+    if solved.len() < sets.len() { Err(Stop::Spent.into()) } else { Ok(()) }
 }
 
 fn tree_search<I: Influence + ?Sized>(

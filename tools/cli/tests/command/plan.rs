@@ -345,7 +345,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(said(&["--method", "prior", "--prior", "network"]).contains("stillpoint train planner"));
     let out = said(&["--prior", "network", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
-    assert!(said(&["--network", "file"]).contains("give both, or none"));
+    assert!(said(&["--network", "file"]).contains("give one of them, too"));
 }
 
 #[test]

@@ -69,9 +69,9 @@ pub struct Plan {
     /// Number of beams.
     #[arg(long, default_value_t = 5)]
     beams: usize,
-    /// Maximum number of sets of beams that are solved.
-    #[arg(long, default_value_t = 40)]
-    budget: usize,
+    /// Maximum number of sets of beams that are solved. Default: 40, and 5 for `--method network`.
+    #[arg(long)]
+    budget: Option<usize>,
     /// Method of choosing beams.
     #[arg(long, value_enum, default_value_t = Way::Exchange)]
     method: Way,
@@ -79,7 +79,7 @@ pub struct Plan {
     /// Several, separated by commas, are mixed in equal parts.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "price")]
     prior: Vec<Guide>,
-    /// Model file of `--prior network`, made by `stillpoint train planner`.
+    /// Model file of `--method network` and `--prior network`, made by `stillpoint train planner`.
     #[arg(long, value_name = "FILE")]
     network: Option<PathBuf>,
     /// Gantry angles in degrees, such as `0,40,80`; no search is run.

@@ -1,11 +1,15 @@
 //! The checked request for a plan.
 
+use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use stillpoint_dicom::Identity;
+use stillpoint_network::Judgement;
+use stillpoint_network::game::APART;
 use stillpoint_plan::beams::{
-    BeamGame, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions, set_of_prior,
+    BeamGame, BeamSet, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions,
+    set_of_prior,
 };
 use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::dose::{Collimator, Machine};
@@ -20,6 +24,11 @@ use crate::quantity::quantity;
 
 /// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
 const RING: (u16, u16) = (90, 5);
+
+/// Most solves of a method, if nothing else is asked for.
+const BUDGET: usize = 40;
+/// The same of the sets that a network proposes.
+const PROPOSALS: usize = 5;
 
 /// Exchanges of the game of two players.
 const EXCHANGES: usize = 2;
@@ -77,31 +86,34 @@ impl Request {
         };
         let (count, gap) = RING;
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
-        let (beams, methods) = methods(given, ring, &case)?;
-        ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let (objectives, machine) =
             (objectives(given.objectives.as_deref())?, machine(given.machine.as_deref())?);
         let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
         let (grid_mm, bixel_mm) = (length("grid", &given.grid)?, length("bixel", &given.bixel)?);
         let network = given.network.as_deref();
         let learned = || learned::judgement(&case, &objectives, &machine, bixel_mm, network);
+        let budget = given.budget.unwrap_or(if given.method == Way::Network { PROPOSALS } else { BUDGET });
+        let (beams, methods) = methods(given, ring, &case, budget, learned)?;
+        ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
-        if network.is_some() && !given.prior.contains(&Guide::Network) {
-            return Err(Failure::wrong("--network is the model of --prior network; give both, or none"));
+        if network.is_some() && !given.prior.contains(&Guide::Network) && given.method != Way::Network {
+            return Err(Failure::wrong(
+                "--network is the model of --method network and --prior network; give one of them, too",
+            ));
         }
         if given.method == Way::Prior && mixture.is_none() {
             return Err(Failure::wrong(
                 "--method prior: prices need solves; choose --prior geometry, class, uniform or network",
             ));
         }
-        if given.budget == 0 {
+        if budget == 0 {
             return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
         }
         Ok(Self {
             hash: content_hash(&case).map_err(Failure::failed)?,
             ring,
             beams,
-            budget: given.budget,
+            budget,
             methods,
             mixture,
             setups_mm: setups(given.robust.as_deref())?,
@@ -141,6 +153,11 @@ impl Request {
                 let set = self.prior().and_then(|prior| set_of_prior(prior, self.ring, self.beams).ok());
                 set.map_or_else(|| (0..self.ring.count()).collect(), |set| set.beams().to_vec())
             }
+            [(_, Method::Sets(sets))] => {
+                let beams: BTreeSet<u16> =
+                    sets.iter().flatten().map(|angle| self.ring.nearest(*angle)).collect();
+                beams.into_iter().collect()
+            }
             [(_, Method::Class(angles))] => {
                 let mut beams: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
                 beams.sort_unstable();
@@ -156,7 +173,13 @@ fn pelvis(case: &Case) -> bool {
     ["Rectum", "Bladder"].iter().any(|name| case.structure(name).is_some())
 }
 
-fn methods(given: &Plan, ring: Ring, case: &Case) -> Result<(usize, Vec<(Way, Method)>), Failure> {
+fn methods(
+    given: &Plan,
+    ring: Ring,
+    case: &Case,
+    budget: usize,
+    learned: impl Fn() -> Result<Judgement, Failure>,
+) -> Result<(usize, Vec<(Way, Method)>), Failure> {
     if let Some(text) = &given.angles {
         let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
         let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
@@ -175,7 +198,7 @@ fn methods(given: &Plan, ring: Ring, case: &Case) -> Result<(usize, Vec<(Way, Me
     }
     let method = |way: Way| match way {
         Way::Equidistant => Method::Equidistant,
-        Way::Class | Way::Given => Method::Class(class_solution(given.beams)),
+        Way::Class | Way::Given | Way::Network => Method::Class(class_solution(given.beams)),
         Way::Random => Method::Random,
         Way::Greedy => Method::Greedy,
         Way::Exchange => {
@@ -188,6 +211,12 @@ fn methods(given: &Plan, ring: Ring, case: &Case) -> Result<(usize, Vec<(Way, Me
         Way::Construction => Method::Game(BeamGame::Construction),
         Way::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
     };
+    if given.method == Way::Network && !given.compare {
+        ring.check_room(given.beams).map_err(|e| Failure::wrong(format!("{e}")))?;
+        let proposed = learned()?.spread_sets(ring, given.beams, budget, APART).map_err(Failure::failed)?;
+        let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
+        return Ok((given.beams, vec![(Way::Network, Method::Sets(proposed.iter().map(degrees).collect()))]));
+    }
     let ways = if given.compare { Way::CHOOSING.to_vec() } else { vec![given.method] };
     Ok((given.beams, ways.into_iter().map(|way| (way, method(way))).collect()))
 }

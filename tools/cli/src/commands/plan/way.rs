@@ -26,6 +26,9 @@ pub enum Way {
     Search,
     /// The set that the prior builds by itself: one solve.
     Prior,
+    /// The sets that a trained network proposes from the image alone, the best first, as many as `--budget` says; only their
+    /// beams get doses.
+    Network,
     /// Tree search of the game in which beams are added one by one.
     Construction,
     /// Tree search of the game in which two players exchange beams in turn: one for a low objective, one for a high one.
@@ -60,6 +63,7 @@ impl Way {
             Self::Columns => "columns",
             Self::Search => "search",
             Self::Prior => "prior",
+            Self::Network => "network",
             Self::Construction => "construction",
             Self::TwoPlayer => "two_player",
             Self::Given => "given",
