@@ -31,6 +31,8 @@ pub struct Graph {
     pub hosts: Vec<HostNode>,
     /// How the pipeline takes part in ROS 2, if it does.
     pub ros2: Option<Ros2Node>,
+    /// The planning pools that operators of this pipeline reach over the network.
+    pub pools: Vec<PoolNode>,
     /// Which part of a pipeline this is; `None`: all of it.
     pub part: Option<Part>,
 }
@@ -123,12 +125,14 @@ pub enum Wire {
     Host(usize),
     /// Messages of ROS 2, carried by the bridge.
     Ros2,
+    /// Messages to a planning pool and back, carried by the bridge: the number of the pool.
+    Pool(usize),
 }
 
 impl Wire {
     /// Whether the bridge carries it.
     pub fn is_bridged(&self) -> bool {
-        matches!(self, Self::Host(_) | Self::Ros2)
+        matches!(self, Self::Host(_) | Self::Ros2 | Self::Pool(_))
     }
 }
 
@@ -154,6 +158,17 @@ pub struct Publication {
     pub message: RosMessage,
     /// The frame that a pose places, where it places one.
     pub child: String,
+}
+
+/// A planning pool.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PoolNode {
+    /// Name of the operator through which it is reached.
+    pub name: String,
+    /// Endpoint of a router or of a listening worker.
+    pub connect: String,
+    /// The files of a certificate; with them, the endpoint is `tls/...`.
+    pub tls: Option<HostTls>,
 }
 
 /// A host that others reach over the network.

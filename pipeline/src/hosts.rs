@@ -1,6 +1,7 @@
 //! A pipeline in parts: the operators of one host, which run without the others.
 
 use crate::graph::{Graph, OperatorNode, Part, Priority, ProcessNode, Record, Restart, Wire};
+use crate::spec::near::shown;
 
 /// The host of processes that name none.
 pub const MAIN: &str = "main";
@@ -8,6 +9,40 @@ pub const MAIN: &str = "main";
 pub const BRIDGE: &str = "bridge";
 /// The bridge is started again after each fault, as the network's other ends may be at fault.
 const BRIDGE_RESTART: Restart = Restart::OnFault { limit: u32::MAX, backoff: 100_000_000 };
+
+/// What is wrong with an endpoint of a program with or without a certificate, and what to write instead.
+pub fn endpoint_fault(text: &str, has_tls: bool) -> Option<(String, &'static str)> {
+    let (scheme, rest) = text.split_once('/').unwrap_or_default();
+    let stands = matches!(scheme, "tcp" | "tls") && is_address(rest);
+    if !stands {
+        return Some((
+            format!("{} is no endpoint", shown(text)),
+            "write `tcp/ADDRESS:PORT` or, with a certificate, `tls/ADDRESS:PORT`, for example `tls/10.0.0.7:7447`; the \
+             next port is used, too",
+        ));
+    }
+    let (message, help) = match (scheme == "tls", has_tls) {
+        (false, true) => {
+            ("is not encrypted, although this host has a certificate", "write `tls/...`, or remove `tls`")
+        }
+        (true, false) => (
+            "is encrypted, and this host has no certificate",
+            "add `tls: { certificate: FILE, key: FILE, authority: FILE }`",
+        ),
+        _ => return None,
+    };
+    Some((format!("{} {message}", shown(text)), help))
+}
+
+/// Whether a text is `ADDRESS:PORT`, with a port that has a next one.
+pub fn is_address(text: &str) -> bool {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
+    text.rsplit_once(':').is_some_and(|(host, port)| {
+        !host.is_empty()
+            && host.chars().all(is_plain)
+            && port.parse::<u16>().is_ok_and(|port| port != 0 && port != u16::MAX)
+    })
+}
 
 /// Name of the operator that takes a topic on another host: also that of the edge.
 pub fn edge_name(operator: &str, port: &str, host: &str) -> String {
@@ -51,7 +86,7 @@ impl Graph {
         self
     }
 
-    /// Whether samples go to other hosts or to ROS 2, or come from there.
+    /// Whether samples go over the network in a live run: to other hosts, to ROS 2 or to a planning pool, or come from there.
     pub fn has_bridge(&self) -> bool {
         let between_hosts = self.leaves().next().is_some() || self.arrives().next().is_some();
         between_hosts || self.publishes().next().is_some() || self.subscribes().next().is_some()
@@ -73,24 +108,30 @@ impl Graph {
         });
     }
 
-    /// The outputs that leave for other hosts, with the name of the edge.
+    /// The outputs that leave over the network, with the name of the edge.
     pub fn leaves(&self) -> impl Iterator<Item = (usize, usize, String)> {
         self.operators.iter().enumerate().flat_map(move |(operator, node)| {
             node.outputs.iter().enumerate().flat_map(move |(port, output)| {
                 output.links.iter().filter_map(move |wire| {
-                    let Wire::Host(host) = wire else { return None };
-                    let host = &self.hosts.get(*host)?.name;
-                    let name = edge_name(&node.name, node.stage.kind.outputs[port].name, host);
+                    let name = match wire {
+                        Wire::Host(host) => {
+                            let host = &self.hosts.get(*host)?.name;
+                            edge_name(&node.name, node.stage.kind.outputs[port].name, host)
+                        }
+                        Wire::Pool(pool) => self.pools.get(*pool)?.name.clone(),
+                        Wire::Udp(_) | Wire::Tcp(_) | Wire::Ros2 => return None,
+                    };
                     Some((operator, port, name))
                 })
             })
         })
     }
 
-    /// The operators whose samples come from other hosts.
+    /// The operators whose samples come over the network.
     pub fn arrives(&self) -> impl Iterator<Item = usize> {
         let is_cut = |n: &OperatorNode| {
-            matches!(n.far_end, Some(Wire::Host(_))) && n.inputs.iter().all(|i| i.edge.is_none())
+            matches!(n.far_end, Some(Wire::Host(_) | Wire::Pool(_)))
+                && n.inputs.iter().all(|i| i.edge.is_none())
         };
         (0..self.operators.len()).filter(move |o| is_cut(&self.operators[*o]))
     }

@@ -6,7 +6,7 @@
 //! A pipeline:
 //! - `spec`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
 //! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host; `ros2`: what it exchanges with ROS 2
-//! - `console`, `link`, `far_end`: the kinds of operators that come with every pipeline
+//! - `console`, `link`, `far_end`, `pool_client`: the kinds of operators that come with every pipeline
 //!
 //! An activation:
 //! - `instance`: one incarnation of an operator; `drafts`: its outputs before the commit; `intake`: its inputs
@@ -37,6 +37,7 @@ pub mod limits;
 mod link;
 pub mod live;
 pub mod placement;
+mod pool_client;
 pub mod record;
 pub mod replay;
 mod restarts;
@@ -55,4 +56,5 @@ use stillpoint_operator as operator;
 use stillpoint_operator::{Stage, activation, frames, outputs, outside, params};
 
 /// The kinds of operators that come with every pipeline.
-pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, far_end::DEPTH, far_end::GREY];
+pub const STAGES: &[Stage] =
+    &[console::STAGE, link::STAGE, far_end::DEPTH, far_end::GREY, pool_client::STAGE];

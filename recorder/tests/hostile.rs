@@ -17,7 +17,7 @@ use stillpoint_recorder::{Compression, Session, Source, recover};
 use stillpoint_samples::{
     Actuation, AlignedBytes, ClusterTable, ConsoleCommand, Contacts, Datagram, DepthImage, Diagnostics,
     Duties, FaceBoxes, FarEnd, Gate, GreyImage, Health, Hull, Journal, Pieces, PlanRequest, PlanUpdate,
-    Plane, PointCloud, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
+    Plane, PointCloud, PoolMessage, Pose, PoseReport, Rejection, RigState, Sample, Target, Track,
 };
 
 /// Looks at the pieces as a sample of each kind.
@@ -50,6 +50,7 @@ view_as_each!(
     PlanUpdate,
     Plane,
     PointCloud,
+    PoolMessage,
     Pose,
     PoseReport,
     Rejection,

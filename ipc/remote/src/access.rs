@@ -54,7 +54,12 @@ impl Role {
         let own = [format!("beat/{name}$*"), format!("taken/{name}$*")];
         match self {
             Self::Bedside | Self::Cluster => keys.extend(["*/*/*/*/*", "pool/1/*/plan-$*"]),
-            Self::Worker => keys.extend(["pool/1/all/*", "pool/1/plan-$*/*", "pool/1/look-$*/*"]),
+            Self::Worker => keys.extend([
+                "pool/1/all/*",
+                "pool/1/plan-$*/*",
+                "pool/1/look-$*/*",
+                "pool/1/worker-$*/worker-$*",
+            ]),
             Self::Viewer => {}
             Self::Router => keys.push("**"),
         }
@@ -68,7 +73,7 @@ impl Role {
             Self::Bedside | Self::Cluster => {
                 &["*/*/*/*/*", "beat/*", "taken/*", "pool/1/all/*", "pool/1/plan-$*/*", "pool/1/look-$*/*"]
             }
-            Self::Worker => &["pool/1/*/plan-$*", "pool/1/all/*"],
+            Self::Worker => &["pool/1/*/plan-$*", "pool/1/all/*", "pool/1/worker-$*/worker-$*"],
             Self::Viewer => &["*/*/*/*/*", "beat/*", "taken/*", "pool/1/all/*", "pool/1/look-$*/*"],
             Self::Router => &["**"],
         };

@@ -38,6 +38,7 @@ mod kind;
 mod layout;
 mod plan;
 mod plane;
+mod pool;
 mod pose;
 mod pose_report;
 mod rejection;
@@ -68,6 +69,7 @@ pub use plan::{
     BixelWeight, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody,
 };
 pub use plane::{Plane, PlaneElement};
+pub use pool::{LONGEST_POOL_MESSAGE, PoolMessage, PoolMessageBody, PoolWord};
 pub use pose::{Pose, PoseElement};
 pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
 pub use rejection::{Rejection, RejectionElement};
@@ -128,6 +130,7 @@ pub fn all() -> &'static [&'static SampleKind] {
         PlanUpdate::KIND,
         Plane::KIND,
         PointCloud::KIND,
+        PoolMessage::KIND,
         Pose::KIND,
         PoseReport::KIND,
         Rejection::KIND,

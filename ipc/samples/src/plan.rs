@@ -126,6 +126,11 @@ pub enum PlanRefusal {
     Bixels = 7,
     /// No finished plan is offered for the request that a person accepted; `request` is the number that was accepted.
     Accept = 8,
+    /// No worker of the pool was there for the time of patience, and the operator keeps the plans that it has.
+    Pool = 9,
+    /// A worker that was shut out has given answers for the standing plan, which stands no longer; `request` is the number
+    /// of that plan.
+    Doubt = 10,
 }
 
 impl PlanRefusal {
@@ -141,6 +146,10 @@ impl PlanRefusal {
             Self::Shift => "the patient has moved beyond the reach of the bixels",
             Self::Bixels => "the plan can have more bixels than an update holds",
             Self::Accept => "no finished plan is offered for the accepted request",
+            Self::Pool => "no worker of the planning pool was there for the time of patience",
+            Self::Doubt => {
+                "the standing plan has answers of a worker that was shut out, and stands no longer"
+            }
         }
     }
 }
@@ -167,6 +176,8 @@ impl PlanUpdateBody {
             6 => Some(PlanRefusal::Shift),
             7 => Some(PlanRefusal::Bixels),
             8 => Some(PlanRefusal::Accept),
+            9 => Some(PlanRefusal::Pool),
+            10 => Some(PlanRefusal::Doubt),
             _ => None,
         }
     }

@@ -9,9 +9,9 @@ use stillpoint_transport::{
 use super::contracts;
 use super::error::WorkerError;
 use super::landing::{Inflow, Landing};
-use crate::far_end;
 use crate::graph::{Graph, OperatorNode, Wire};
 use crate::outside::{Arrivals, MOST_DATAGRAMS};
+use crate::{far_end, pool_client};
 
 /// An end of a link that cannot be opened or used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -33,7 +33,7 @@ pub fn transport_of(wire: Wire) -> Option<Box<dyn Transport>> {
     match wire {
         Wire::Udp(address) => Some(Box::new(Datagrams::to(address))),
         Wire::Tcp(address) => Some(Box::new(Streams::at(address))),
-        Wire::Host(_) | Wire::Ros2 => None,
+        Wire::Host(_) | Wire::Ros2 | Wire::Pool(_) => None,
     }
 }
 
@@ -58,7 +58,7 @@ pub struct LinkReceiver {
 }
 
 impl LinkReceiver {
-    /// Opens the receiver's end, if this operator is the far end of a link or its samples come from another host.
+    /// Opens the receiver's end, if this operator is the far end of a link or its samples come over the network.
     pub fn open(
         graph: &Graph,
         operator: usize,
@@ -76,7 +76,11 @@ impl LinkReceiver {
             None if node.inputs.iter().any(|i| i.edge.is_some()) => return Ok(None),
             None => Inflow::Bridge(Box::new(Landing::open(domain, &contracts::landing(graph, operator))?)),
         };
-        let most = if receiver.keeps_waiting() { ONE } else { MOST_DATAGRAMS };
+        let most = match wire {
+            Wire::Pool(_) => pool_client::MOST_WAITING,
+            _ if receiver.keeps_waiting() => ONE,
+            _ => MOST_DATAGRAMS,
+        };
         Ok(Some(Self {
             place: node.name.clone(),
             receiver,

@@ -6,19 +6,20 @@ use super::document::Document;
 use super::faults::{Code, Findings};
 use super::inputs::Topic;
 use super::near::{shown, suggestion};
+use super::operators::ParsedOperator;
 use super::port_frames::PortFrames;
 use super::processes::RESTART;
 use super::record::Parsed;
 use super::source::Marked;
 use super::sync::Consumption;
 use super::wiring::Wired;
-use crate::far_end;
 use crate::graph::{
-    Edge, Graph, InputNode, OperatorNode, OutputNode, Priority, ProcessNode, Record, Ros2Node, Wire,
+    Edge, Graph, InputNode, OperatorNode, OutputNode, PoolNode, Priority, ProcessNode, Record, Ros2Node, Wire,
 };
 use crate::hosts::{BRIDGE, MAIN};
 use crate::operator::TIMING;
 use crate::params::CheckedParams;
+use crate::{far_end, pool_client};
 
 /// Names of processes that every run has.
 const RESERVED: [&str; 2] = ["recorder", "supervisor"];
@@ -66,11 +67,13 @@ pub fn processes(document: &Document<'_>, links_stand: bool, findings: &Findings
             host: parsed.host.value.clone(),
         });
     }
+    let is_pool = |o: &ParsedOperator<'_>| o.kind.as_ref().is_some_and(|k| k.value == pool_client::KIND_NAME);
+    let has_bridge =
+        !document.hosts.is_empty() || document.ros2.is_some() || document.operators.iter().any(is_pool);
     // Every operator that no process names has one of its own.
     let alone =
         document.operators.iter().enumerate().filter(|(n, _)| !home.contains_key(n)).map(|(_, o)| &o.name);
     for name in document.processes.iter().map(|p| &p.name).chain(alone) {
-        let has_bridge = !document.hosts.is_empty() || document.ros2.is_some();
         let is_bridge = has_bridge && name.value == BRIDGE;
         if is_bridge || RESERVED.contains(&name.value.as_str()) {
             findings.say(
@@ -255,6 +258,7 @@ pub fn graph(
             subscriptions,
         });
     }
+    let pools = find_pools(&mut operators);
     lay_out_far_ends(&mut operators);
     Some(Graph {
         name: document.name,
@@ -265,8 +269,21 @@ pub fn graph(
         record,
         hosts: document.hosts.into_iter().map(|h| h.node).collect(),
         ros2,
+        pools,
         part: None,
     })
+}
+
+/// The planning pools that operators reach.
+fn find_pools(operators: &mut [OperatorNode]) -> Vec<PoolNode> {
+    let mut pools = Vec::new();
+    for node in operators.iter_mut().filter(|node| node.stage.kind.name == pool_client::KIND_NAME) {
+        if let Some(pool) = pool_client::node(&node.name, &node.params) {
+            node.far_end = Some(Wire::Pool(pools.len()));
+            pools.push(pool);
+        }
+    }
+    pools
 }
 
 /// What comes off a stream may be as large as what its producer sends.

@@ -14,7 +14,7 @@ use super::processes::{ParsedProcess, RESTART};
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node, Value};
 use crate::graph::{HostNode, HostTls, Priority, Wire};
-use crate::hosts::{MAIN, edge_name};
+use crate::hosts::{MAIN, edge_name, endpoint_fault};
 use crate::{far_end, link};
 
 /// Keys of a host.
@@ -119,39 +119,13 @@ fn tls(entry: &Entry, findings: &Findings) -> Option<HostTls> {
 
 fn endpoint(node: &Node, what: &str, has_tls: bool, findings: &Findings) -> Option<String> {
     let text = node.scalar(what, "an endpoint", findings)?;
-    let (scheme, address) = text.split_once('/').unwrap_or_default();
-    let stands = matches!(scheme, "tcp" | "tls") && is_address(address);
-    if !stands {
-        findings.say(
-            node.span,
-            Code::WrongShape,
-            format!("{} is no endpoint", shown(text)),
-            "write `tcp/ADDRESS:PORT` or, with a certificate, `tls/ADDRESS:PORT`, for example `tls/10.0.0.7:7447`; the \
-             next port is used, too",
-        );
-    } else if (scheme == "tls") != has_tls {
-        let (message, help) = match has_tls {
-            true => {
-                ("is not encrypted, although this host has a certificate", "write `tls/...`, or remove `tls`")
-            }
-            false => (
-                "is encrypted, and this host has no certificate",
-                "add `tls: { certificate: FILE, key: FILE, authority: FILE }`",
-            ),
-        };
-        findings.say(node.span, Code::WrongShape, format!("{} {message}", shown(text)), help);
+    match endpoint_fault(text, has_tls) {
+        None => Some(text.to_owned()),
+        Some((message, help)) => {
+            findings.say(node.span, Code::WrongShape, message, help);
+            None
+        }
     }
-    stands.then(|| text.to_owned())
-}
-
-/// Whether a text is `ADDRESS:PORT`, with a port that has a next one.
-pub fn is_address(text: &str) -> bool {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || ".-_:[]".contains(c);
-    text.rsplit_once(':').is_some_and(|(host, port)| {
-        !host.is_empty()
-            && host.chars().all(is_plain)
-            && port.parse::<u16>().is_ok_and(|port| port != 0 && port != u16::MAX)
-    })
 }
 
 /// The host of each operator, and the process that names it.

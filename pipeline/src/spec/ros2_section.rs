@@ -4,11 +4,11 @@ use stillpoint_ros2::{LARGEST_DOMAIN, TopicName};
 
 use super::faults::{Code, Findings};
 use super::fields::{count, missing};
-use super::host_section::is_address;
 use super::inputs::{Topic, topic_at};
 use super::near::shown;
 use super::source::{Marked, Span};
 use super::tree::{Entry, Keys, Node};
+use crate::hosts::is_address;
 
 /// Keys of the section.
 pub const KEYS: &[&str] = &["connect", "domain", "publish"];

@@ -139,7 +139,7 @@ fn the_ledger_accounts_for_every_sample_over_the_death_of_a_bridge() {
             "leaves": [{ "operator": 0, "port": depth, "taken": [[0, taken]], "edges": [["rig_depth_cluster", sent]] }],
             "is_last": landed == 3,
             "arrives": [{
-                "operator": 1, "edge": "face_face_bedside", "landed": landed, "homeless": 0,
+                "operator": 1, "edge": "face_face_bedside", "landed": landed, "pool_exhausted": 0,
                 "network": { "received": arrived, "refused": 1, "lost": 2 },
             }],
         }))

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use stillpoint_operator::StepError;
-use stillpoint_plan::Rows;
-use stillpoint_plan::beams::{Budget, ChoiceError, Evaluated, Evaluator, Memo, Method, Stop, choose};
-use stillpoint_plan::dose::DoseEngine;
+use stillpoint_plan::RowsRef;
+use stillpoint_plan::beams::{Budget, ChoiceError, Evaluated, Evaluator, Memo, Method, Solver, Stop, choose};
+use stillpoint_plan::dose::{BeamFile, DoseEngine};
 
 use super::patient::Patient;
+use super::remote::Remote;
 
 /// How much work one part does.
 #[derive(Clone, Copy, Debug)]
@@ -35,18 +36,32 @@ pub struct Asked {
 pub struct Job {
     /// What it asks for.
     pub asked: Asked,
-    engine: DoseEngine,
-    bixels_mm: Vec<Vec<[f64; 2]>>,
-    doses: Vec<Rows>,
+    pub(super) engine: DoseEngine,
+    /// Doses of the first angles of the ring.
+    pub(super) doses: Vec<BeamFile>,
+    /// Doses of the parts so far.
+    shown: usize,
     /// Solves that the parts so far were allowed.
     allowed: usize,
-    memo: Memo,
+    /// Solves after which the work ends, whatever the request allows.
+    limit: usize,
+    pub(super) memo: Memo,
+    /// What a pool computes of it.
+    pub(super) remote: Remote,
     /// The best plan so far.
     pub best: Option<Arc<Evaluated>>,
     /// Solves so far.
     pub solves: usize,
     /// Whether the search has ended.
     pub ended: bool,
+}
+
+/// What a search has found before it paused.
+pub(super) struct Found {
+    best: Option<Arc<Evaluated>>,
+    solves: usize,
+    /// There is nothing left to try.
+    exhausted: bool,
 }
 
 impl Job {
@@ -56,79 +71,148 @@ impl Job {
         Ok(Self {
             asked,
             engine,
-            bixels_mm: Vec::new(),
             doses: Vec::new(),
+            shown: 0,
             allowed: 0,
+            limit: asked.budget,
             memo: Memo::default(),
+            remote: Remote::default(),
             best: None,
             solves: 0,
             ended: false,
         })
     }
 
-    /// Whether the doses of all angles are computed.
+    /// Whether the parts so far hold the doses of all angles.
     pub fn has_doses(&self, patient: &Patient) -> bool {
-        self.doses.len() == usize::from(patient.ring.count())
+        self.shown == usize::from(patient.ring.count())
     }
 
-    /// Computes the next doses; where all are there, makes the next solves.
+    /// Does the next part: computes the next doses; where all are there, makes the next solves.
     pub fn work(&mut self, patient: &Patient, part: Part, seed: u64) -> Result<(), StepError> {
-        if self.has_doses(patient) {
-            self.search(patient, part.solves, seed)
-        } else {
-            self.compute(patient, part.doses)
+        if !self.has_doses(patient) {
+            let shown = self.shown_next(patient, part);
+            self.take_early_doses();
+            while self.doses.len() < shown {
+                let beam = self.doses.len() as u16;
+                let dose = self.compute_dose(patient.ring.angle_deg(beam))?;
+                self.doses.push(dose);
+                self.take_early_doses();
+            }
+            self.shown = shown;
+            return Ok(());
         }
-    }
-
-    fn compute(&mut self, patient: &Patient, doses: usize) -> Result<(), StepError> {
-        let missing = self.doses.len() as u16..patient.ring.count();
-        for beam in missing.take(doses) {
-            let dose = self.engine.beam(patient.ring.angle_deg(beam)).map_err(|e| fault(&e))?;
-            self.doses.push(Rows::from_columns(dose.dose.view()).map_err(|e| fault(&e))?);
-            self.bixels_mm.push(dose.bixels_mm);
-        }
-        Ok(())
-    }
-
-    fn search(&mut self, patient: &Patient, solves: usize, seed: u64) -> Result<(), StepError> {
-        let Asked { beams, budget, .. } = self.asked;
-        self.allowed = (self.allowed + solves).min(budget);
+        let allowed = self.allowed_next(part);
         let memo = std::mem::take(&mut self.memo);
-        let whole = Budget { solves: budget };
-        let evaluator = Evaluator::new(&self.doses[..], &patient.goals, patient.ring, beams, whole);
-        let mut evaluator = evaluator.with_memo(memo).with_pause(self.allowed);
-        // The search begins again in each part and takes the way of the whole: what earlier parts solved is known.
-        let chosen = choose(&Method::Exchange(Vec::new()), &mut evaluator, None, seed);
-        self.best = evaluator.best().cloned();
-        self.solves = evaluator.solves();
-        self.memo = evaluator.into_memo();
-        let exhausted = match chosen {
-            Ok(choice) => !choice.spent,
-            Err(ChoiceError::TooFew { .. } | ChoiceError::Stop(Stop::Spent)) => false,
-            Err(other) => return Err(fault(&other)),
-        };
-        self.ended = exhausted || self.allowed >= budget;
+        let (memo, found) = search(&self.doses, patient, self.asked, memo, (allowed, seed), None);
+        self.memo = memo;
+        if let Some(found) = found? {
+            self.take(found, allowed);
+        }
         Ok(())
     }
 
-    /// The matrix of a beam, once it is computed.
-    pub fn dose(&self, beam: u16) -> Option<&Rows> {
-        self.doses.get(usize::from(beam))
+    /// The next part without any computation, of what is there already. Gives whether that suffices.
+    pub fn work_from_answers(&mut self, patient: &Patient, part: Part, seed: u64) -> Result<bool, StepError> {
+        if self.ended || !self.remote.has_news() {
+            return Ok(false);
+        }
+        if !self.has_doses(patient) {
+            let shown = self.shown_next(patient, part);
+            let is_there = self.doses.len() >= shown;
+            self.shown = if is_there { shown } else { self.shown };
+            self.remote.note(is_there);
+            return Ok(is_there);
+        }
+        let allowed = self.allowed_next(part);
+        let found = self.search_by_answers(patient, (allowed, seed))?.ok();
+        let is_there = found.is_some();
+        self.remote.note(is_there);
+        found.into_iter().for_each(|found| self.take(found, allowed));
+        Ok(is_there)
+    }
+
+    /// Ends the work after so many solves, or after those that were made already.
+    pub fn cut_short(&mut self, solves: usize) {
+        self.limit = solves.clamp(self.allowed, self.limit.max(self.allowed));
+        self.ended = self.allowed > 0 && self.allowed >= self.limit;
+    }
+
+    /// Makes all solves anew, with what is in `doses`.
+    pub(super) fn search_anew(&mut self) {
+        (self.allowed, self.solves, self.ended) = (0, 0, false);
+        self.shown = self.shown.min(self.doses.len());
+        self.memo = Memo::default();
+        self.best = None;
+    }
+
+    fn shown_next(&self, patient: &Patient, part: Part) -> usize {
+        (self.shown + part.doses).min(usize::from(patient.ring.count()))
+    }
+
+    fn allowed_next(&self, part: Part) -> usize {
+        (self.allowed + part.solves).min(self.limit)
+    }
+
+    fn take(&mut self, found: Found, allowed: usize) {
+        (self.best, self.solves, self.allowed) = (found.best, found.solves, allowed);
+        self.ended = found.exhausted || allowed >= self.limit;
+    }
+
+    pub(super) fn compute_dose(&self, gantry_deg: f64) -> Result<BeamFile, StepError> {
+        let bytes = self.engine.beam_file(gantry_deg).map_err(|e| fault(&e))?;
+        self.engine.beam_of(gantry_deg, &bytes).map_err(|e| fault(&e))
+    }
+
+    /// The matrix of a beam, once a part has it.
+    pub fn dose(&self, beam: u16) -> Option<RowsRef<'_>> {
+        self.doses[..self.shown].get(usize::from(beam)).map(BeamFile::dose)
     }
 
     /// Centres of the bixels of a beam, mm.
     pub fn bixels_mm(&self, beam: u16) -> &[[f64; 2]] {
-        self.bixels_mm.get(usize::from(beam)).map_or(&[], Vec::as_slice)
+        self.doses.get(usize::from(beam)).map_or(&[], BeamFile::bixels_mm)
     }
 
     /// Bixels that a plan has at most.
     pub fn most_bixels(&self) -> usize {
-        let mut counts: Vec<usize> = self.bixels_mm.iter().map(Vec::len).collect();
+        let mut counts: Vec<usize> = self.doses.iter().map(|dose| dose.bixels_mm().len()).collect();
         counts.sort_unstable_by(|a, b| b.cmp(a));
         counts.iter().take(self.asked.beams).sum()
     }
 }
 
-fn fault(why: &dyn std::fmt::Display) -> StepError {
+/// Searches until so many solves are made, by this solver or on this thread: the memo, and what was found; nothing where the
+/// solver waits for answers.
+///
+/// The search begins from the start in each part and takes the way of the whole: what earlier parts solved is known.
+pub(super) fn search(
+    doses: &[BeamFile],
+    patient: &Patient,
+    Asked { beams, budget, .. }: Asked,
+    memo: Memo,
+    (allowed, seed): (usize, u64),
+    solver: Option<&mut dyn Solver>,
+) -> (Memo, Result<Option<Found>, StepError>) {
+    let whole = Budget { solves: budget };
+    let evaluator = Evaluator::new(doses, &patient.goals, patient.ring, beams, whole);
+    let evaluator = evaluator.with_memo(memo).with_pause(allowed);
+    let mut evaluator = match solver {
+        Some(solver) => evaluator.with_solver(solver),
+        None => evaluator,
+    };
+    let chosen = choose(&Method::Exchange(Vec::new()), &mut evaluator, None, seed);
+    let (best, solves) = (evaluator.best().cloned(), evaluator.solves());
+    let found = |exhausted| Ok(Some(Found { best, solves, exhausted }));
+    let result = match chosen {
+        Ok(choice) => found(!choice.spent),
+        Err(ChoiceError::TooFew { .. } | ChoiceError::Stop(Stop::Spent)) => found(false),
+        Err(ChoiceError::Stop(Stop::Waiting)) => Ok(None),
+        Err(other) => Err(fault(&other)),
+    };
+    (evaluator.into_memo(), result)
+}
+
+pub(super) fn fault(why: &dyn std::fmt::Display) -> StepError {
     StepError(why.to_string())
 }

@@ -3,7 +3,8 @@
 //! - [`optimizer`]: `plan.optimizer`, which answers requests
 //! - [`watch`]: `plan.watch`, which makes requests from poses
 //! - `params`: the parameters of `plan.optimizer`
-//! - `job`: the work on one request, in parts
+//! - `job`: the work on one request, in parts; `remote`: what a planning pool computes of it
+//! - `pooled`: the client of the pool in an operator
 //! - `patient`: a case, ready for plans in any set-up
 
 #![forbid(unsafe_code)]
@@ -12,6 +13,8 @@ mod job;
 pub mod optimizer;
 mod params;
 mod patient;
+mod pooled;
+mod remote;
 pub mod watch;
 
 use stillpoint_operator::Stage;

@@ -2,24 +2,31 @@
 //!
 //! The standing plan is the plan of the patient: the first for the planned set-up, or the one that a person accepted.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_plan::beams::{Evaluated, Ring};
+use stillpoint_pool::{Build, Hash, MOST_BYTES};
 use stillpoint_pose::checked_isometry;
 use stillpoint_samples::{
-    BixelWeight, Cause, Command, ConsoleCommand, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding,
-    PlanUpdate, PlanUpdateBody, Sample, Verb,
+    BixelWeight, Cause, Command, ConsoleCommand, Diagnostics, LONGEST_POOL_MESSAGE, PlanRefusal, PlanRequest,
+    PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody, PoolMessage, Sample, Verb,
 };
 
 use crate::job::{Asked, Job, Part};
-use crate::params::{OptimizerParams, Standing, limits};
+use crate::params::{Degraded, OptimizerParams, Standing, limits};
 use crate::patient::{Patient, Sizes, TargetDose, case_of};
+use crate::pooled::{METRICS, Pooled, Way};
+use crate::remote::Served;
 
 const REQUEST: usize = 0;
 const ACCEPT: usize = 1;
+const ANSWERS: usize = 2;
 const PLAN: usize = 0;
+const CALLS: usize = 1;
+const DIAGNOSTICS: usize = 2;
 /// Beams of a plan at most: the angles of an update.
 const MOST_BEAMS: usize = 12;
 /// Solves of a request at most: each keeps a fluence in memory until the next request.
@@ -39,13 +46,31 @@ const PLANNED_WITHIN_MM: f64 = 1e-3;
 /// `least` and `most`, and the `limits`. These doses are on the grid of the optimisation, not recomputed on a finer grid. An
 /// update is an offer: a person takes it with `console.accept` and the number of its request, when the work on that has
 /// ended. Then it is the standing plan, and an update tells whether it holds.
+///
+/// Where `answers` is connected, workers of a pool compute doses, solves and prices: the updates are the same to the byte, and
+/// each is sent as soon as its answers are there. When no worker has been there for the `patience` of `pool`, the `degraded`
+/// mode of `pool` begins for the request in work.
 pub struct PlanOptimizer {
     params: OptimizerParams,
     patient: Patient,
     job: Option<Job>,
-    standing: Option<Arc<Evaluated>>,
+    /// The build, until the pool is there.
+    build: Option<Build>,
+    pool: Option<Pooled>,
+    /// The job is done by this operator.
+    is_here: bool,
+    standing: Option<StandingPlan>,
     /// Whether the standing plan keeps the limits in the set-up of the job; `None` as long as that was not judged.
     keeps_limits: Option<bool>,
+}
+
+/// The plan whose dose is judged in each set-up.
+struct StandingPlan {
+    plan: Arc<Evaluated>,
+    /// Number of its request.
+    request: u64,
+    /// Calls to a pool whose answers it stands on.
+    answers: BTreeSet<Hash>,
 }
 
 impl Operator for PlanOptimizer {
@@ -70,13 +95,34 @@ impl Operator for PlanOptimizer {
                 required: false,
                 about: "`accept` with the number of a request: the plan that is offered for it becomes the standing plan. A person has looked at it.",
             },
+            Input {
+                name: "answers",
+                sample: PoolMessage::KIND,
+                policy: Policy::Queue(256),
+                required: false,
+                about: "Messages of the workers of a planning pool, from `pool.client`. Where they are connected, workers compute.",
+            },
         ],
-        outputs: &[Output {
-            name: "plan",
-            sample: PlanUpdate::KIND,
-            frame: FrameRule::None,
-            about: "The best plan so far, and whether the standing plan holds in this set-up.",
-        }],
+        outputs: &[
+            Output {
+                name: "plan",
+                sample: PlanUpdate::KIND,
+                frame: FrameRule::None,
+                about: "The best plan so far, and whether the standing plan holds in this set-up.",
+            },
+            Output {
+                name: "calls",
+                sample: PoolMessage::KIND,
+                frame: FrameRule::None,
+                about: "Messages to the workers of a planning pool, for `pool.client`.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "With a pool: workers, calls, and whether the degraded mode has begun, when one of them is new.",
+            },
+        ],
         timer: Timer::Required,
     };
 
@@ -88,14 +134,30 @@ impl Operator for PlanOptimizer {
         let sizes =
             Sizes { grid_mm: params.grid * 1e3, bixel_mm: params.bixel * 1e3, reach_mm: params.reach * 1e3 };
         let patient = Patient::new(case, sizes, ring, limits(&params.limits)?)?;
-        Ok(Self { params, patient, job: None, standing: None, keeps_limits: None })
+        let build = setup.is_connected(ANSWERS).then(Build::here).transpose().map_err(SetupError)?;
+        Ok(Self {
+            params,
+            patient,
+            job: None,
+            build,
+            pool: None,
+            is_here: true,
+            standing: None,
+            keeps_limits: None,
+        })
     }
 
     fn capacities(params: &OptimizerParams) -> Vec<usize> {
-        vec![params.max_bixels as usize]
+        // The longest call names beams and has a weight for each bixel.
+        let bixels = params.max_bixels as usize;
+        vec![bixels, LONGEST_POOL_MESSAGE + (8 * bixels).min(MOST_BYTES), METRICS]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let (now, seed) = (activation.time, activation.key.seed);
+        if let Some(build) = self.build.take() {
+            self.pool = Some(Pooled::new(now, build, &self.params.pool));
+        }
         if let Some(request) = activation.fresh::<PlanRequest>(REQUEST)
             && let (Some(element), Some(header)) = (request.elements.first(), activation.header(REQUEST))
         {
@@ -109,21 +171,18 @@ impl Operator for PlanOptimizer {
         {
             self.accept(command, outputs)?;
         }
-        if activation.cause != Cause::Timer {
-            return Ok(());
+        let is_tick = activation.cause == Cause::Timer;
+        let Some(mut pool) = self.pool.take() else {
+            return if is_tick { self.work_here(seed, outputs) } else { Ok(()) };
+        };
+        if let Some(message) = activation.fresh::<PoolMessage>(ANSWERS) {
+            pool.hear(now, &message, &Served { patient: &self.patient, job: self.job.as_ref() });
         }
-        let Some(job) = self.job.as_mut().filter(|job| !job.ended) else { return Ok(()) };
-        let part = Part { doses: self.params.doses as usize, solves: self.params.solves as usize };
-        job.work(&self.patient, part, activation.key.seed)?;
-        if job.has_doses(&self.patient) && job.most_bixels() > self.params.max_bixels as usize {
-            let request = job.asked.request;
-            self.job = None;
-            return self.refuse(request, PlanRefusal::Bixels, outputs);
-        }
-        if job.ended {
-            self.keep_standing();
-        }
-        self.send_update(outputs)
+        let worked = self.work_with(&mut pool, (now, is_tick), seed, outputs);
+        let sent = pool.send(CALLS, outputs);
+        let told = if is_tick { pool.tell(now, DIAGNOSTICS, outputs) } else { Ok(()) };
+        self.pool = Some(pool);
+        worked.and(sent).and(told)
     }
 }
 
@@ -158,14 +217,107 @@ impl PlanOptimizer {
         self.keep_standing();
         self.job = Some(Job::new(&self.patient, asked)?);
         self.keeps_limits = None;
+        if let Some(pool) = &mut self.pool {
+            pool.leave();
+            self.is_here = false;
+        }
         Ok(())
+    }
+
+    fn part(&self) -> Part {
+        Part { doses: self.params.doses as usize, solves: self.params.solves as usize }
+    }
+
+    /// Does the next part on this thread.
+    fn work_here(&mut self, seed: u64, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let part = self.part();
+        let Some(job) = self.job.as_mut().filter(|job| !job.ended) else { return Ok(()) };
+        job.work(&self.patient, part, seed)?;
+        self.tell_part(outputs)
+    }
+
+    /// Tells what a part has brought.
+    fn tell_part(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let Some(job) = &self.job else { return Ok(()) };
+        if job.has_doses(&self.patient) && job.most_bixels() > self.params.max_bixels as usize {
+            let request = job.asked.request;
+            self.job = None;
+            return self.refuse(request, PlanRefusal::Bixels, outputs);
+        }
+        if job.ended {
+            self.keep_standing();
+        }
+        self.send_update(outputs)
+    }
+
+    /// Goes on with a pool, as far as its answers go.
+    fn work_with(
+        &mut self,
+        pool: &mut Pooled,
+        (now, is_tick): (u64, bool),
+        seed: u64,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        let job = self.job.as_mut().filter(|_| !self.is_here);
+        let turn = pool.go_on(now, is_tick, &self.patient, job, seed)?;
+        if !turn.tainted.is_empty() {
+            return self.doubt(pool, &turn.tainted, outputs);
+        }
+        if self.is_here {
+            return if is_tick { self.work_here(seed, outputs) } else { Ok(()) };
+        }
+        let part = self.part();
+        while let Some(job) = &mut self.job
+            && job.work_from_answers(&self.patient, part, seed)?
+        {
+            self.tell_part(outputs)?;
+        }
+        let Some(job) = self.job.as_mut().filter(|job| !job.ended && turn.way != Way::Pool) else {
+            return Ok(());
+        };
+        pool.leave();
+        job.leave_pool();
+        self.is_here = true;
+        match (turn.way, self.params.pool.degraded) {
+            (Way::Degraded, Degraded::Keep) => {
+                let request = job.asked.request;
+                self.keep_standing();
+                self.job = None;
+                self.refuse(request, PlanRefusal::Pool, outputs)
+            }
+            (Way::Degraded, Degraded::Local) => {
+                job.cut_short(self.params.pool.solves as usize);
+                if job.ended { self.tell_part(outputs) } else { Ok(()) }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Makes anew what was made of these answers of workers that were shut out.
+    fn doubt(
+        &mut self,
+        pool: &mut Pooled,
+        answers: &BTreeSet<Hash>,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), StepError> {
+        if self.job.as_mut().is_some_and(|job| job.forget(answers)) {
+            pool.leave();
+        }
+        let is_doubtful = |standing: &mut StandingPlan| !standing.answers.is_disjoint(answers);
+        match self.standing.take_if(is_doubtful) {
+            Some(standing) => {
+                self.keeps_limits = None;
+                self.refuse(standing.request, PlanRefusal::Doubt, outputs)
+            }
+            None => Ok(()),
+        }
     }
 
     /// Takes the plan that is offered for the request of a command as the standing plan.
     fn accept(&mut self, command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let given = (command.given >= 1).then_some(command.values[0]);
         let offered = self.job.as_ref().filter(|job| job.ended && given == Some(job.asked.request as f64));
-        let Some(plan) = offered.and_then(|job| job.best.clone()) else {
+        let Some(plan) = offered.and_then(standing_of) else {
             let number = given.filter(|n| *n >= 0.0).map_or(u64::MAX, |n| n as u64);
             return self.refuse(number, PlanRefusal::Accept, outputs);
         };
@@ -173,8 +325,8 @@ impl PlanOptimizer {
         self.send_update(outputs)
     }
 
-    fn stand(&mut self, plan: Arc<Evaluated>) {
-        self.standing = Some(plan);
+    fn stand(&mut self, standing: StandingPlan) {
+        self.standing = Some(standing);
         self.keeps_limits = None;
     }
 
@@ -186,8 +338,8 @@ impl PlanOptimizer {
 
     /// Judges the limits once for each standing plan and set-up.
     fn judge_limits(&mut self) {
-        if let (None, Some(plan), Some(job)) = (self.keeps_limits, &self.standing, &self.job) {
-            self.keeps_limits = self.patient.keeps_limits(plan, |beam| job.dose(beam));
+        if let (None, Some(standing), Some(job)) = (self.keeps_limits, &self.standing, &self.job) {
+            self.keeps_limits = self.patient.keeps_limits(&standing.plan, |beam| job.dose(beam));
         }
     }
 
@@ -196,9 +348,9 @@ impl PlanOptimizer {
         let planned = |job: &&Job| job.asked.shift_mm.iter().all(|mm| mm.abs() <= PLANNED_WITHIN_MM);
         if self.standing.is_none()
             && self.params.standing == Standing::First
-            && let Some(plan) = self.job.as_ref().filter(planned).and_then(|job| job.best.clone())
+            && let Some(standing) = self.job.as_ref().filter(planned).and_then(standing_of)
         {
-            self.stand(plan);
+            self.stand(standing);
         }
     }
 
@@ -228,7 +380,7 @@ impl PlanOptimizer {
         body.solves = job.solves as u32;
         body.ended = u32::from(job.ended);
         let dose = |plan: &Evaluated| self.patient.target_dose(plan, |beam| job.dose(beam));
-        if let Some(of_standing) = self.standing.as_deref().and_then(dose) {
+        if let Some(of_standing) = self.standing.as_ref().and_then(|standing| dose(&standing.plan)) {
             (body.standing_d98, body.standing_d2) = (of_standing.d98, of_standing.d2);
             body.standing = self.judge(of_standing) as u32;
         }
@@ -260,4 +412,10 @@ impl PlanOptimizer {
         let keeps_limits = self.keeps_limits == Some(true);
         if enough && not_too_much && keeps_limits { PlanStanding::Holds } else { PlanStanding::Fails }
     }
+}
+
+/// The best plan of a job, as one that stands.
+fn standing_of(job: &Job) -> Option<StandingPlan> {
+    let plan = job.best.clone()?;
+    Some(StandingPlan { plan, request: job.asked.request, answers: job.asked_calls().clone() })
 }

@@ -21,6 +21,33 @@ pub struct LimitParams {
     pub limit: String,
 }
 
+/// What happens to a request when no worker of the pool has been there for the time of patience.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum Degraded {
+    /// This operator goes on by itself, up to `solves` solves.
+    Local,
+    /// The work on the request ends, and the request is answered with refusal 9. The plans before it are kept.
+    Keep,
+}
+
+/// A pool of workers that compute doses, solves and prices. It is used where the input `answers` is connected.
+#[derive(Clone, Debug, Params)]
+pub struct PoolParams {
+    /// Session time without any worker after which the degraded mode begins. A call for which no worker shows a sign of work
+    /// for so long is computed by this operator.
+    #[param(unit = "ns", default = "60 s", min = "1 s", max = "1 h")]
+    pub patience: u64,
+    /// The degraded mode.
+    #[param(default = "local")]
+    pub degraded: Degraded,
+    /// Solves of a request after which the degraded mode `local` ends the work. What workers solved before counts.
+    #[param(default = 8, min = 1, max = 1000)]
+    pub solves: u64,
+    /// Share of the answers of workers that are compared with those of another worker or of this operator.
+    #[param(default = 0.03125, min = 0, max = 1)]
+    pub checked: f64,
+}
+
 /// Parameters of `plan.optimizer`.
 #[derive(Clone, Debug, Params)]
 pub struct OptimizerParams {
@@ -66,6 +93,8 @@ pub struct OptimizerParams {
     /// Bixels of an update at most. A request whose plan can have more is refused.
     #[param(default = 16384, min = 1, max = 1000000)]
     pub max_bixels: u64,
+    /// The pool of workers behind the input `answers`.
+    pub pool: PoolParams,
 }
 
 /// The limits as a protocol.

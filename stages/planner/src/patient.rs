@@ -11,7 +11,7 @@ use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Protocol;
-use stillpoint_plan::{Grid, Rows};
+use stillpoint_plan::{Grid, RowsRef};
 
 /// Lengths of the plans of a patient, mm.
 #[derive(Clone, Copy, Debug)]
@@ -111,13 +111,13 @@ impl Patient {
     pub fn target_dose<'a>(
         &self,
         plan: &Evaluated,
-        matrix: impl Fn(u16) -> Option<&'a Rows>,
+        matrix: impl Fn(u16) -> Option<RowsRef<'a>>,
     ) -> Option<TargetDose> {
         let mut dose = vec![0.0; self.target.len()];
         for beam in plan.beams.beams() {
             let (rows, weights) = (matrix(*beam)?, plan.weights_of(*beam)?);
             for (sum, row) in dose.iter_mut().zip(&self.target) {
-                let (columns, values) = rows.view().row(*row);
+                let (columns, values) = rows.row(*row);
                 *sum += columns
                     .iter()
                     .zip(values)
@@ -133,7 +133,7 @@ impl Patient {
     pub fn keeps_limits<'a>(
         &self,
         plan: &Evaluated,
-        matrix: impl Fn(u16) -> Option<&'a Rows>,
+        matrix: impl Fn(u16) -> Option<RowsRef<'a>>,
     ) -> Option<bool> {
         if self.limits.limits.is_empty() {
             return Some(true);
@@ -143,7 +143,7 @@ impl Patient {
         let mut gray = vec![0.0; self.grid.len()];
         for (rows, weights) in parts {
             for (row, sum) in gray.iter_mut().enumerate() {
-                let (columns, values) = rows.view().row(row);
+                let (columns, values) = rows.row(row);
                 let doses = columns.iter().zip(values).map(|(c, v)| f64::from(*v) * weights[usize::from(*c)]);
                 *sum += doses.sum::<f64>();
             }

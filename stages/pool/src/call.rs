@@ -160,7 +160,7 @@ impl Call {
                 goals: from.hash("goals")?,
                 beams: read_beams(&mut from)?,
                 start: {
-                    let is_some = flag(&mut from)?;
+                    let is_some = from.flag("a flag")?;
                     let weights = from.reals("weights")?;
                     if !is_some && !weights.is_empty() {
                         return Err(WireError::Unknown("a list of weights that is not there"));
@@ -171,21 +171,13 @@ impl Call {
             },
             2 => Self::Price {
                 goals: from.hash("goals")?,
-                beside: if flag(&mut from)? { Some(from.hash("a plan")?) } else { None },
+                beside: if from.flag("a flag")? { Some(from.hash("a plan")?) } else { None },
                 candidates: read_beams(&mut from)?,
             },
             _ => return Err(WireError::Unknown("the kind of a call")),
         };
         from.end()?;
         Ok(call)
-    }
-}
-
-fn flag(from: &mut Reader<'_>) -> Result<bool, WireError> {
-    match from.byte("a flag")? {
-        0 => Ok(false),
-        1 => Ok(true),
-        _ => Err(WireError::Unknown("a flag")),
     }
 }
 

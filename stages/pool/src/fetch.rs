@@ -15,6 +15,8 @@ const TRIES: u32 = 15;
 /// A content on its way.
 pub struct Fetch {
     content: Hash,
+    /// Times that a part is asked for.
+    tries: u32,
     /// Bytes of all parts so far without a gap: memory grows only with what arrives.
     bytes: Vec<u8>,
     early: BTreeMap<u32, Vec<u8>>,
@@ -38,8 +40,8 @@ pub enum FetchError {
     #[error("what arrived as {0:.16} has the SHA-256 {1:.16}")]
     Other(Hash, Hash),
     /// Parts do not come.
-    #[error("a part of {0:.16} did not arrive after {TRIES} requests")]
-    Silent(Hash),
+    #[error("a part of {0:.16} did not arrive after {1} requests")]
+    Silent(Hash, u32),
 }
 
 impl Fetch {
@@ -47,12 +49,19 @@ impl Fetch {
     pub fn new(content: Hash) -> Self {
         Self {
             content,
+            tries: TRIES,
             bytes: Vec::new(),
             early: BTreeMap::new(),
             length: None,
             asked: BTreeMap::new(),
             overtaken: BTreeSet::new(),
         }
+    }
+
+    /// Asks for each part at most so often.
+    pub fn with_tries(mut self, tries: u32) -> Self {
+        self.tries = tries;
+        self
     }
 
     /// The content.
@@ -79,8 +88,8 @@ impl Fetch {
             if *tries > 0 && !is_overtaken && now.saturating_sub(*at) < AGAIN {
                 continue;
             }
-            if *tries >= TRIES {
-                return Err(FetchError::Silent(self.content));
+            if *tries >= self.tries {
+                return Err(FetchError::Silent(self.content, self.tries));
             }
             (*at, *tries) = (now, *tries + 1);
             wants.push(part);

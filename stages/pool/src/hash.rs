@@ -37,6 +37,11 @@ impl Hash {
         Some(Self(hash))
     }
 
+    /// Its bytes as four little-endian words.
+    pub fn words(&self) -> [u64; 4] {
+        std::array::from_fn(|word| u64::from_le_bytes(std::array::from_fn(|i| self.0[8 * word + i])))
+    }
+
     /// Its first eight bytes as a number.
     pub fn number(&self) -> u64 {
         u64::from_le_bytes(std::array::from_fn(|i| self.0[i]))

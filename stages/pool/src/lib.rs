@@ -12,9 +12,11 @@
 //! - `message`: what clients and workers say; `fetch`: contents, part by part
 //! - `store`: contents on disk; `opened`: contents in memory
 //! - `worker`, `client`: the two sides as state machines; `roster`: the workers that a client knows
-//! - `courier`: who carries messages; `pipe`: messages over the pipes of a child process
+//! - `courier`: who carries messages; [`topic`]: messages as samples; [`pipe`]: messages over the pipes of a child process
 //! - `pool`: a client behind a courier
-//! - `solver`: the solver of a search over the pool; `doses`: the doses of beams over the pool
+//! - `ground`: what a search stands on, with the names of its contents
+//! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
+//! - `doses`: the doses of beams over the pool
 
 #![forbid(unsafe_code)]
 
@@ -27,7 +29,9 @@ mod courier;
 mod doses;
 mod fetch;
 pub mod goals;
+mod ground;
 mod hash;
+mod later;
 mod message;
 mod opened;
 pub mod pipe;
@@ -35,20 +39,23 @@ mod pool;
 mod roster;
 mod solver;
 mod store;
+pub mod topic;
 mod wire;
 mod worker;
 
 pub use build::Build;
-pub use call::{BeamDoses, Call, Kind};
+pub use call::{BeamDoses, Call, Kind, MOST_BYTES};
 pub use client::{Client, ClientSettings, Event, Inside, Tally};
 pub use compute::Ready;
 pub use courier::{Arrival, Courier, To};
 pub use doses::PoolDoses;
+pub use ground::{DoseFiles, Names, PoolGround};
 pub use hash::Hash;
+pub use later::{LaterSolver, Wanted};
 pub use message::{Hello, INLINE, Message, PART};
 pub use pool::{Home, Pool};
 pub use roster::WorkerState;
-pub use solver::{PoolGround, PoolSolver};
+pub use solver::PoolSolver;
 pub use store::Store;
 pub use wire::WireError;
 pub use worker::{Job, Worker, WorkerSettings};

@@ -1,9 +1,11 @@
 //! The messages between those who ask and workers.
 
+use stillpoint_samples::PoolWord;
+
 use crate::wire::{Reader, WireError, Writer};
 use crate::{Hash, build, call};
 
-const MAGIC: &[u8; 4] = b"SPM1";
+const MAGIC: &[u8; 4] = b"SPM2";
 /// Bytes of a part of a content.
 pub const PART: usize = 128 << 10;
 /// The longest answer that is sent as one message, bytes. A longer one is fetched in parts.
@@ -11,6 +13,10 @@ pub const INLINE: usize = 64 << 10;
 /// The longest content that is fetched, bytes.
 pub const LONGEST_CONTENT: u64 = 4 << 30;
 const LONGEST_REASON: usize = 4096;
+/// The longest name of a worker, bytes.
+const LONGEST_NAME: usize = 64;
+/// The most contents of a message.
+pub const MOST_HELD: usize = 1024;
 
 /// A message.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +72,8 @@ pub enum Message {
         content: Hash,
         /// Number of the part.
         part: u32,
+        /// Nobody else is to give it: another worker did not.
+        only: bool,
     },
     /// A part of a content.
     Part {
@@ -82,6 +90,25 @@ pub enum Message {
     Absent {
         /// The content.
         content: Hash,
+    },
+    /// The content can be fetched from another worker.
+    Elsewhere {
+        /// The content.
+        content: Hash,
+        /// Name of the worker.
+        peer: String,
+    },
+    /// These contents are here: others may fetch them.
+    Holds {
+        /// The contents.
+        contents: Vec<Hash>,
+    },
+    /// Another worker gave something else as this content.
+    Wrong {
+        /// The content.
+        content: Hash,
+        /// Name of the worker.
+        peer: String,
     },
 }
 
@@ -136,7 +163,11 @@ impl Message {
                 keyed(&mut out, 6, key).bytes(&reason.as_bytes()[..end]);
             }
             Self::Cancel { key } => drop(keyed(&mut out, 7, key)),
-            Self::Want { content, part } => keyed(&mut out, 8, content).number(u64::from(*part)),
+            Self::Want { content, part, only } => {
+                let out = keyed(&mut out, 8, content);
+                out.number(u64::from(*part));
+                out.byte(u8::from(*only));
+            }
             Self::Part { content, part, length, bytes } => {
                 let out = keyed(&mut out, 9, content);
                 out.number(u64::from(*part));
@@ -145,8 +176,35 @@ impl Message {
                 out.bytes(bytes);
             }
             Self::Absent { content } => drop(keyed(&mut out, 10, content)),
+            Self::Elsewhere { content, peer } => keyed(&mut out, 11, content).bytes(peer.as_bytes()),
+            Self::Holds { contents } => {
+                out.byte(12);
+                out.number(contents.len() as u64);
+                contents.iter().for_each(|content| out.hash(content));
+            }
+            Self::Wrong { content, peer } => keyed(&mut out, 13, content).bytes(peer.as_bytes()),
         }
         out.0
+    }
+
+    /// What it says, and the call or content that it is about.
+    pub fn summary(&self) -> (PoolWord, Option<Hash>) {
+        match self {
+            Self::Hello(_) => (PoolWord::Hello, None),
+            Self::Ask { key, .. } => (PoolWord::Ask, Some(*key)),
+            Self::Working { key } => (PoolWord::Working, Some(*key)),
+            Self::Busy { key } => (PoolWord::Busy, Some(*key)),
+            Self::Answer { key, .. } => (PoolWord::Answer, Some(*key)),
+            Self::Done { key, .. } => (PoolWord::Done, Some(*key)),
+            Self::Failed { key, .. } => (PoolWord::Failed, Some(*key)),
+            Self::Cancel { key } => (PoolWord::Cancel, Some(*key)),
+            Self::Want { content, .. } => (PoolWord::Want, Some(*content)),
+            Self::Part { content, .. } => (PoolWord::Part, Some(*content)),
+            Self::Absent { content } => (PoolWord::Absent, Some(*content)),
+            Self::Elsewhere { content, .. } => (PoolWord::Elsewhere, Some(*content)),
+            Self::Holds { contents } => (PoolWord::Holds, contents.first().copied()),
+            Self::Wrong { content, .. } => (PoolWord::Wrong, Some(*content)),
+        }
     }
 
     /// Reads a message from bytes that anybody may have sent.
@@ -164,6 +222,11 @@ impl Message {
             from.end()?;
             return Ok(Self::Hello(hello));
         }
+        if kind == 12 {
+            let contents = from.list(MOST_HELD, "the number of contents", |from| from.hash("a content"))?;
+            from.end()?;
+            return Ok(Self::Holds { contents });
+        }
         let key = from.hash("a key")?;
         let message = match kind {
             1 => Self::Ask { key, call: from.bytes(call::MOST_BYTES, "a call")?.to_vec() },
@@ -173,7 +236,11 @@ impl Message {
             5 => Self::Done { key, answer: from.hash("an answer")? },
             6 => Self::Failed { key, reason: from.text(LONGEST_REASON, "a reason")? },
             7 => Self::Cancel { key },
-            8 => Self::Want { content: key, part: from.count(u32::MAX as usize, "a part")? as u32 },
+            8 => Self::Want {
+                content: key,
+                part: from.count(u32::MAX as usize, "a part")? as u32,
+                only: from.flag("whether nobody else is to give it")?,
+            },
             9 => Self::Part {
                 content: key,
                 part: from.count(u32::MAX as usize, "a part")? as u32,
@@ -181,6 +248,8 @@ impl Message {
                 bytes: checked(&mut from, PART)?,
             },
             10 => Self::Absent { content: key },
+            11 => Self::Elsewhere { content: key, peer: from.text(LONGEST_NAME, "a name")? },
+            13 => Self::Wrong { content: key, peer: from.text(LONGEST_NAME, "a name")? },
             _ => return Err(WireError::Unknown("the kind of a message")),
         };
         from.end()?;

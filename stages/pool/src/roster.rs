@@ -47,8 +47,14 @@ impl Roster {
                 (worker.heard, worker.hello) = (now, hello);
                 (None, false)
             }
-            // A greeting of an earlier life that was late.
-            Some(worker) if worker.hello.incarnation > hello.incarnation => (None, false),
+            // A greeting of an earlier life that was late; or, of a worker that is gone, of a new life after its clock was
+            // set back.
+            Some(worker)
+                if worker.hello.incarnation > hello.incarnation
+                    && now.saturating_sub(worker.heard) < SILENCE =>
+            {
+                (None, false)
+            }
             known => {
                 if known.is_none() && self.workers.len() >= MOST {
                     return (None, false);
@@ -88,19 +94,34 @@ impl Roster {
         self.workers.get(name).is_some_and(|worker| is_usable(worker, now))
     }
 
+    /// Whether a worker has more calls than slots.
+    pub fn is_ahead(&self, name: &str) -> bool {
+        self.workers.get(name).is_some_and(|w| w.outstanding.len() > w.hello.slots as usize)
+    }
+
     /// Names of workers that can be asked at all.
     pub fn usable(&self, now: u64) -> impl Iterator<Item = &str> {
         self.workers.iter().filter(move |(_, w)| is_usable(w, now)).map(|(name, _)| name.as_str())
     }
 
-    /// The worker with the most room that is none of these: by outstanding calls for its slots, then by name.
-    pub fn pick(&self, now: u64, except: impl Fn(&str) -> bool) -> Option<String> {
+    /// The worker with the most room that is none of these: by whether it is a second choice, by outstanding calls for its
+    /// slots, then by name. It has at most `ahead` calls beyond its slots afterwards.
+    pub fn pick(
+        &self,
+        now: u64,
+        ahead: usize,
+        except: impl Fn(&str) -> bool,
+        is_second: impl Fn(&WorkerState) -> bool,
+    ) -> Option<String> {
         let room = |w: &WorkerState| {
-            is_usable(w, now) && now >= w.full_until && w.outstanding.len() < w.hello.slots as usize
+            is_usable(w, now) && now >= w.full_until && w.outstanding.len() < w.hello.slots as usize + ahead
         };
         let load = |w: &WorkerState| w.outstanding.len() as f64 / f64::from(w.hello.slots.max(1));
         let free = self.workers.iter().filter(|(name, w)| room(w) && !except(name));
-        free.min_by(|(_, a), (_, b)| load(a).total_cmp(&load(b))).map(|(name, _)| name.clone())
+        let by = |a: &WorkerState, b: &WorkerState| {
+            is_second(a).cmp(&is_second(b)).then_with(|| load(a).total_cmp(&load(b)))
+        };
+        free.min_by(|(_, a), (_, b)| by(a, b)).map(|(name, _)| name.clone())
     }
 
     /// A worker said that it has no room.
@@ -113,4 +134,33 @@ impl Roster {
 
 fn is_usable(worker: &WorkerState, now: u64) -> bool {
     worker.shut_out.is_none() && now.saturating_sub(worker.heard) < SILENCE && worker.hello.slots > 0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hello(incarnation: u64) -> Hello {
+        Hello {
+            build: "b".to_owned(),
+            incarnation,
+            slots: 1,
+            running: 0,
+            waiting: 0,
+            answered: 0,
+            known: 0,
+            cache: 0,
+            cache_most: 0,
+        }
+    }
+
+    #[test]
+    fn a_worker_that_is_gone_comes_back_although_its_clock_was_set_back_and_a_late_greeting_does_not() {
+        let (mut roster, build) = (Roster::default(), Build::of("b"));
+        roster.greet(0, "w", hello(1000), &build);
+        assert_eq!(roster.greet(SILENCE - 1, "w", hello(997), &build), (None, false));
+        assert!(!roster.is_usable(SILENCE, "w"));
+        let (event, is_new_life) = roster.greet(SILENCE, "w", hello(997), &build);
+        assert!(event.is_some() && is_new_life && roster.is_usable(SILENCE, "w"));
+    }
 }

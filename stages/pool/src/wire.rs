@@ -104,6 +104,15 @@ impl<'a> Reader<'a> {
         Ok(self.fixed::<1>(what)?[0])
     }
 
+    /// Whether something holds.
+    pub fn flag(&mut self, what: &'static str) -> Result<bool, WireError> {
+        match self.byte(what)? {
+            0 => Ok(false),
+            1 => Ok(true),
+            _ => Err(WireError::Unknown(what)),
+        }
+    }
+
     /// A number.
     pub fn number(&mut self, what: &'static str) -> Result<u64, WireError> {
         Ok(u64::from_le_bytes(self.fixed(what)?))

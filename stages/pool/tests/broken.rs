@@ -39,9 +39,12 @@ fn messages() -> Vec<Vec<u8>> {
         Message::Done { key, answer: key },
         Message::Failed { key, reason: "a reason".into() },
         Message::Cancel { key },
-        Message::Want { content: key, part: 3 },
+        Message::Want { content: key, part: 3, only: true },
         Message::Part { content: Hash::of(b"goals"), part: 0, length: 100, bytes: vec![1; 100] },
         Message::Absent { content: key },
+        Message::Elsewhere { content: key, peer: "w1".into() },
+        Message::Holds { contents: vec![key, Hash::of(b"goals")] },
+        Message::Wrong { content: key, peer: "w1".into() },
     ];
     all.iter().map(Message::to_bytes).collect()
 }
@@ -117,10 +120,10 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..12_u8) {
+    fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..15_u8) {
         let mut bytes = bytes;
         let _ = Message::from_bytes(&bytes);
-        let magics: [&[u8]; 5] = [b"SPM1", b"SPCALL01", b"SPGOAL01", b"SPPLAN01", b"SPPRIC01"];
+        let magics: [&[u8]; 5] = [b"SPM2", b"SPCALL01", b"SPGOAL01", b"SPPLAN01", b"SPPRIC01"];
         for magic in magics {
             let mut named = magic.to_vec();
             named.push(kind);

@@ -87,6 +87,33 @@ fn a_worker_whose_answers_are_wrong_is_named_and_shut_out() {
 }
 
 #[test]
+fn workers_give_each_other_what_they_hold_and_one_that_gives_something_else_is_no_source_any_more() {
+    let water = Water::new();
+    let expected = alone(&water);
+    let mut pool = pool(9, CALM, &vec![Part::default(); 6]);
+    assert!(pooled(&water, &mut pool) == expected);
+    assert!(pool.courier().given > 0);
+
+    let parts: Vec<Part> = (0..6).map(|place| Part { gives_wrong: place == 2, ..Part::default() }).collect();
+    let mut pool = self::pool(9, CALM, &parts);
+    assert!(pooled(&water, &mut pool) == expected);
+    let news = pool.take_news();
+    let told = news.iter().filter(|text| text.starts_with("worker `w2` is no source of contents any more: "));
+    assert!(told.count() > 0, "{news:?}");
+    // Its answers are right, so it is asked all the same.
+    assert!(pool.workers().values().all(|worker| worker.shut_out.is_none()));
+}
+
+#[test]
+fn a_worker_whose_clock_is_set_back_between_its_lives_is_asked_again() {
+    let water = Water::new();
+    let dying = Part { dies_after: 2, clock_goes_back: true, ..Part::default() };
+    let mut pool = pool(5, CALM, &[dying]);
+    assert!(pooled(&water, &mut pool) == alone(&water));
+    assert!(pool.courier().deaths >= 10, "{} deaths", pool.courier().deaths);
+}
+
+#[test]
 fn a_worker_of_another_build_is_never_asked() {
     let water = Water::new();
     let expected = alone(&water);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use stillpoint_pool::{Arrival, Build, Courier, Hash, Store, To, Worker, WorkerSettings};
+use stillpoint_pool::{Arrival, Build, Courier, Hash, Message, Store, To, Worker, WorkerSettings};
 
 pub const MS: u64 = 1_000_000;
 const TICK: u64 = 50 * MS;
@@ -36,6 +36,10 @@ pub struct Part {
     pub cache: u64,
     /// It greets and takes calls, and answers none.
     pub mute: bool,
+    /// What it gives to other workers is something else.
+    pub gives_wrong: bool,
+    /// Each life has a lower number than the one before: its clock is set back.
+    pub clock_goes_back: bool,
 }
 
 impl Default for Part {
@@ -47,6 +51,8 @@ impl Default for Part {
             build: build(),
             cache: 1 << 30,
             mute: false,
+            gives_wrong: false,
+            clock_goes_back: false,
         }
     }
 }
@@ -77,6 +83,8 @@ pub struct Simulated {
     actors: Vec<Actor>,
     pub deaths: usize,
     pub bytes: u64,
+    /// Parts of contents that workers gave to each other.
+    pub given: usize,
 }
 
 impl Simulated {
@@ -94,7 +102,17 @@ impl Simulated {
             reborn: 0,
         });
         let actors = actors.collect();
-        Self { now: 0, seed, number: 0, weather, posted: BTreeMap::new(), actors, deaths: 0, bytes: 0 }
+        Self {
+            now: 0,
+            seed,
+            number: 0,
+            weather,
+            posted: BTreeMap::new(),
+            actors,
+            deaths: 0,
+            bytes: 0,
+            given: 0,
+        }
     }
 
     pub fn jobs(&self) -> Vec<usize> {
@@ -142,7 +160,7 @@ impl Simulated {
             actor.jobs_of_life = 0;
             let settings = WorkerSettings {
                 build: actor.part.build.clone(),
-                incarnation: actor.lives,
+                incarnation: if actor.part.clock_goes_back { 1000 - actor.lives } else { actor.lives },
                 slots: 1,
                 most_open: 8 << 20,
             };
@@ -187,10 +205,16 @@ impl Simulated {
             actor.running.push((now + actor.part.job, job.key, result));
         }
         let messages = worker.take_messages();
-        let name = actor.name.clone();
-        for (to, message) in messages {
+        let (name, gives_wrong) = (actor.name.clone(), actor.part.gives_wrong);
+        for (to, mut message) in messages {
             if to == To::All || to == To::one("client") {
                 self.post(None, &name, message.to_bytes());
+            } else if let Some(peer) = self.actors.iter().position(|other| to == To::one(&other.name)) {
+                if let Message::Part { bytes, .. } = &mut message {
+                    self.given += 1;
+                    bytes.iter_mut().filter(|_| gives_wrong).for_each(|byte| *byte ^= 1);
+                }
+                self.post(Some(peer), &name, message.to_bytes());
             }
         }
     }

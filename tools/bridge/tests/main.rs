@@ -10,6 +10,7 @@ mod cut;
 mod hosts;
 mod overhead;
 mod pool;
+mod pool_pipeline;
 mod ros2;
 // The patient and the search of the tests of the pool itself.
 #[path = "../../../stages/pool/tests/water.rs"]

@@ -91,7 +91,7 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     let mut caught = false;
     for _ in 0..50 {
         assert!(pooled(&water, &mut pool) == expected);
-        caught = pool.workers().get("liar").is_some_and(|worker| worker.shut_out.is_some());
+        caught = pool.workers().get("worker-liar").is_some_and(|worker| worker.shut_out.is_some());
         if caught {
             break;
         }
@@ -104,13 +104,15 @@ fn a_plan_with_one_worker_killed_and_one_that_lies_is_that_of_one_process() {
     }
     assert!(caught);
     assert!(
-        pool.workers().get("good").is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0)
+        pool.workers()
+            .get("worker-good")
+            .is_some_and(|worker| worker.shut_out.is_none() && worker.answered > 0)
     );
     let mut list = program(&["pool", &endpoint]);
     let listed = list.args(certificate(folder.path(), Role::Viewer, "viewer")).output().unwrap();
     let text = String::from_utf8_lossy(&listed.stdout);
     assert!(
-        text.contains("good: ") && text.contains("liar: ") && text.contains("build: as here"),
+        text.contains("worker-good: ") && text.contains("worker-liar: ") && text.contains("build: as here"),
         "{listed:?}"
     );
 }

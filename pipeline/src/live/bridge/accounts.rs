@@ -58,7 +58,7 @@ pub struct ArrivedCounts {
     /// Samples handed over in shared memory.
     pub landed: u64,
     /// Samples for which shared memory had no room.
-    pub homeless: u64,
+    pub pool_exhausted: u64,
 }
 
 /// The counts of one life of the bridge.
@@ -115,8 +115,8 @@ impl BridgeAccounts {
         }));
         lines.extend(graph.arrives().map(|operator| {
             let node = &graph.operators[operator];
-            let (from, to) = (format!("{BRIDGE}.{}", node.name), format!("{}.{}", node.name, far_end::PORT));
-            self.arriving(LedgerLine::of(&from, &to), operator, ledger.total_sent(operator, far_end::SAMPLE))
+            let (from, to) = (format!("{BRIDGE}.{}", node.name), &node.outputs[far_end::SAMPLE].topic);
+            self.arriving(LedgerLine::of(&from, to), operator, ledger.total_sent(operator, far_end::SAMPLE))
         }));
         lines.extend(graph.subscribes().map(|operator| {
             let node = &graph.operators[operator];
@@ -163,7 +163,7 @@ impl BridgeAccounts {
             arrived += counts.network.received;
             line.refused += counts.network.refused;
             line.lost += counts.network.lost;
-            line.pool_exhausted += counts.homeless;
+            line.pool_exhausted += counts.pool_exhausted;
         }
         line.received = taken;
         // What a bridge handed over after its last counts has arrived, too.

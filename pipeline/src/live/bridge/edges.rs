@@ -42,7 +42,8 @@ impl Outgoing {
         let failed = |place: &str, reason| LinkError { place: place.to_owned(), reason };
         let mut senders: Vec<(String, Box<dyn Sender>)> = Vec::new();
         for edge in &leaving.edges {
-            let sender = network.transport(edge).open_sender(&channel).map_err(|e| failed(edge, e))?;
+            let sender =
+                network.transport(edge).and_then(|t| t.open_sender(&channel)).map_err(|e| failed(edge, e))?;
             senders.push((edge.clone(), sender));
         }
         for publication in &leaving.publications {
@@ -123,7 +124,7 @@ pub struct Incoming {
     /// Samples handed over.
     landed: u64,
     /// Samples for which there was no room.
-    homeless: u64,
+    pool_exhausted: u64,
     refusal: Option<Refusal>,
     _topic: Topic,
 }
@@ -133,7 +134,8 @@ impl Incoming {
         let topic = Topic::open(domain, &arriving.landing)?;
         let (receiver, clock) = match &arriving.from {
             ArrivesFrom::Host(channel) => {
-                (network.transport(&arriving.edge).open_receiver(&channel.channel()), None)
+                let transport = network.transport(&arriving.edge);
+                (transport.and_then(|t| t.open_receiver(&channel.channel())), None)
             }
             ArrivesFrom::Ros2(taken) => {
                 let taken: Vec<_> = taken.iter().map(SubscriptionDef::subscription).collect();
@@ -151,7 +153,7 @@ impl Incoming {
             publisher: topic.publisher()?,
             buffer: Vec::new(),
             landed: 0,
-            homeless: 0,
+            pool_exhausted: 0,
             refusal: None,
             _topic: topic,
         })
@@ -173,7 +175,7 @@ impl Incoming {
             }
             match landing::put(&self.publisher, self.landed, clock, &self.buffer)? {
                 true => self.landed += 1,
-                false => self.homeless += 1,
+                false => self.pool_exhausted += 1,
             }
         }
         Ok(true)
@@ -190,7 +192,7 @@ impl Incoming {
             edge: self.edge.clone(),
             network: network.taken().get(&self.edge).copied().unwrap_or_default(),
             landed: self.landed,
-            homeless: self.homeless,
+            pool_exhausted: self.pool_exhausted,
         }
     }
 }

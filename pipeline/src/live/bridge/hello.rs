@@ -14,7 +14,7 @@ use stillpoint_transport::Channel;
 use super::ros2::{PublicationDef, Ros2Def, SubscriptionDef};
 use crate::clock::SessionClock;
 use crate::far_end;
-use crate::graph::{Graph, HostNode, HostTls, Priority};
+use crate::graph::{Graph, HostNode, HostTls, PoolNode, Priority};
 use crate::live::contracts;
 use crate::run_source::RunSource;
 use crate::session::hex;
@@ -43,6 +43,8 @@ pub struct HelloBridge {
     pub clock: SessionClock,
     /// This host, where the pipeline runs on several.
     pub host: Option<HostNode>,
+    /// The planning pools that operators reach.
+    pub pools: Vec<PoolNode>,
     /// How the run takes part in ROS 2, where it does.
     pub ros2: Option<Ros2Def>,
     /// What it runs.
@@ -62,7 +64,7 @@ pub struct Leaving {
     pub operator: usize,
     /// Number of the output.
     pub port: usize,
-    /// The edges over which it leaves: one for each host.
+    /// The edges over which it leaves: one for each host or pool.
     pub edges: Vec<String>,
     /// What is published of it.
     pub publications: Vec<PublicationDef>,
@@ -75,7 +77,7 @@ pub struct Leaving {
     pub depth: usize,
 }
 
-/// An edge that arrives from another host, or what arrives from ROS 2.
+/// An edge that arrives over the network, or what arrives from ROS 2.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Arriving {
     /// Number of the operator that takes its samples.
@@ -182,9 +184,12 @@ impl HelloBridge {
         prefix: String,
         clock: SessionClock,
     ) -> Option<Self> {
-        let host = graph.part.as_ref().and_then(|part| graph.hosts.iter().find(|h| h.name == part.host));
-        let (host, ros2) = (host.cloned(), Ros2Def::of(graph));
-        if host.is_none() && ros2.is_none() {
+        let part = graph.part.as_ref();
+        let host = part.and_then(|part| graph.hosts.iter().find(|h| h.name == part.host)).cloned();
+        let is_here = |pool: &&PoolNode| graph.operator(&pool.name).is_some();
+        let pools: Vec<PoolNode> = graph.pools.iter().filter(is_here).cloned().collect();
+        let ros2 = Ros2Def::of(graph);
+        if host.is_none() && pools.is_empty() && ros2.is_none() {
             return None;
         }
         let mut leaves: Vec<Leaving> = Vec::new();
@@ -218,6 +223,7 @@ impl HelloBridge {
             prefix,
             clock,
             host,
+            pools,
             ros2,
             identity,
             real_time_cores: real_time_cores.into_iter().collect(),
@@ -249,8 +255,9 @@ impl HelloBridge {
     /// The same with the files of the certificate where they are on disk: beside the pipeline.
     #[must_use]
     pub fn with_files_of(mut self, files: &DiskFiles) -> Self {
-        let tls = self.host.as_mut().and_then(|host| host.tls.as_mut());
-        if let Some(HostTls { certificate, key, authority }) = tls {
+        let of_host = self.host.iter_mut().filter_map(|host| host.tls.as_mut());
+        let of_pools = self.pools.iter_mut().filter_map(|pool| pool.tls.as_mut());
+        for HostTls { certificate, key, authority } in of_host.chain(of_pools) {
             for file in [certificate, key, authority] {
                 if let FilePlace::Disk(place) = files.place(&file.to_string_lossy()) {
                     *file = place;

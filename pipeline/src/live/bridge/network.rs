@@ -11,12 +11,14 @@ use stillpoint_transport::{LinkState, Receiver, Transport, TransportError};
 use super::hello::BridgeIdentity;
 use super::ros2::Ros2Def;
 use crate::clock::SessionClock;
-use crate::graph::HostNode;
+use crate::graph::{HostNode, PoolNode};
 
 /// All that a network needs to know of a run.
 pub struct BridgeSettings {
     /// This host, where the pipeline runs on several.
     pub host: Option<HostNode>,
+    /// The planning pools that operators reach; each is an edge of this name.
+    pub pools: Vec<PoolNode>,
     /// How the run takes part in ROS 2, where it does.
     pub ros2: Option<Ros2Def>,
     /// What it runs: hosts that do not run the same exchange nothing.
@@ -81,7 +83,10 @@ pub trait MessageSender: Send {
 /// A network between hosts, and to ROS 2.
 pub trait Network {
     /// The transport of an edge.
-    fn transport(&self, edge: &str) -> Box<dyn Transport>;
+    ///
+    /// # Errors
+    /// The network has no such edge.
+    fn transport(&self, edge: &str) -> Result<Box<dyn Transport>, TransportError>;
 
     /// The sending end of a topic of ROS 2, of this type: its name and its description. `name` is that of its counts.
     ///

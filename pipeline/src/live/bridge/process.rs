@@ -60,6 +60,7 @@ fn serve(open: impl FnOnce(BridgeSettings) -> Result<Box<dyn Network>, String>) 
     let network = open(BridgeSettings {
         host: hello.host.clone(),
         ros2: hello.ros2.clone(),
+        pools: hello.pools.clone(),
         identity: hello.identity.clone(),
         incarnation: realtime(),
         clock: hello.clock,

@@ -14,7 +14,7 @@ const ROLE: &str = "bridge";
 /// The program of the bridge is not there.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "this pipeline exchanges samples with other hosts or with ROS 2, and the program for that is not at {}: build it with `{}` in the \
+    "this pipeline exchanges samples with other hosts, with a planning pool or with ROS 2, and the program for that is not at {}: build it with `{}` in the \
      source folder, or name it in {BRIDGE_VARIABLE}", place.display(), build()
 )]
 pub struct BridgeMissing {

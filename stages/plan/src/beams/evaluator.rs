@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use super::ring::{BeamSet, Ring};
 use super::solver::{Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
-use crate::dose::CachedBeam;
+use crate::dose::{BeamFile, CachedBeam};
 use crate::fluence::{Goals, GoalsError, Plan};
 use crate::{Rows, Setups};
 
@@ -21,6 +21,12 @@ pub trait Influence: Sync {
 impl Influence for [Rows] {
     fn beam(&self, beam: u16) -> Setups<'_> {
         self[usize::from(beam)].view().into()
+    }
+}
+
+impl Influence for [BeamFile] {
+    fn beam(&self, beam: u16) -> Setups<'_> {
+        self[usize::from(beam)].dose().into()
     }
 }
 
@@ -56,6 +62,10 @@ pub enum Stop {
     /// The budget is spent.
     #[error("the budget of solves is spent")]
     Spent,
+    /// The solver does not have the answers yet. A search that begins again with them, and with the memo of this one, takes
+    /// the same way.
+    #[error("the answers are not there yet")]
+    Waiting,
     /// The goals and matrices make no problem.
     #[error(transparent)]
     Goals(#[from] GoalsError),
@@ -257,7 +267,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         Ok(sets[..within].iter().filter_map(|set| self.cache.get(set).cloned()).collect())
     }
 
-    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, GoalsError> {
+    fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, Stop> {
         match &mut self.elsewhere {
             Some(solver) => solver.solve(sets, near, self.tolerance),
             None => self.local().solve(sets, near, self.tolerance),

@@ -4,7 +4,7 @@ use std::num::NonZeroUsize;
 
 use thiserror::Error;
 
-use super::evaluator::{Evaluated, Influence};
+use super::evaluator::{Evaluated, Influence, Stop};
 use super::price::{Slopes, promise};
 use super::ring::BeamSet;
 use crate::Setups;
@@ -44,19 +44,19 @@ pub trait Solver {
     /// set where one is given.
     ///
     /// # Errors
-    /// The goals and matrices make no problem.
+    /// The goals and matrices make no problem, or the answers are not there yet: [`Stop::Waiting`].
     fn solve(
         &mut self,
         sets: &[&BeamSet],
         near: Option<&Evaluated>,
         tolerance: f64,
-    ) -> Result<Vec<Evaluated>, GoalsError>;
+    ) -> Result<Vec<Evaluated>, Stop>;
 
     /// The price of each candidate beside a solved set, or beside no beam.
     ///
     /// # Errors
-    /// The goals and matrices make no problem.
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError>;
+    /// As for [`Solver::solve`].
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop>;
 }
 
 /// The threads of this process.
@@ -76,7 +76,7 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         sets: &[&BeamSet],
         near: Option<&Evaluated>,
         tolerance: f64,
-    ) -> Result<Vec<Evaluated>, GoalsError> {
+    ) -> Result<Vec<Evaluated>, Stop> {
         let (influence, goals) = (self.influence, self.goals);
         on_threads(sets, self.threads, |set| {
             let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
@@ -87,11 +87,11 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         })
     }
 
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError> {
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         let influence = self.influence;
         let slopes = slopes_beside(self.goals, beside.map(|beside| &beside.plan))?;
         on_threads(candidates, self.threads, |candidate| {
-            price_beam(self.goals, &slopes, &influence.beam(*candidate))
+            Ok(price_beam(self.goals, &slopes, &influence.beam(*candidate))?)
         })
     }
 }

@@ -171,6 +171,15 @@ impl DoseEngine {
             Rows::from_columns(beam.dose.view()).map_err(|fault| DoseError::Rows { gantry_deg, fault })?;
         Ok(file::bytes(&beam_key(&engine_key(self), gantry_deg), &beam, &rows))
     }
+
+    /// The dose of one beam in such a file that was computed here or elsewhere. The bytes are checked and copied.
+    ///
+    /// # Errors
+    /// The bytes are not the dose of this engine and angle.
+    pub fn beam_of(&self, gantry_deg: f64, bytes: &[u8]) -> Result<BeamFile, BeamFileError> {
+        let beam = BeamFile::of_bytes(bytes, &beam_key(&engine_key(self), gantry_deg))?;
+        if beam.gantry_deg().to_bits() == gantry_deg.to_bits() { Ok(beam) } else { Err(BeamFileError::Place) }
+    }
 }
 
 /// Raised with every change that gives other doses for the same inputs.

@@ -1,4 +1,4 @@
-//! The file of one beam's dose, read where it lies.
+//! The file of one beam's dose, read where it lies: on disk, or in memory.
 //!
 //! | bytes | what, all little endian |
 //! | --- | --- |
@@ -69,17 +69,48 @@ pub enum BeamFileError {
     Matrix(#[from] RowsError),
 }
 
-/// A beam's dose in a mapped file.
+/// A beam's dose in a mapped file, or in memory as such a file.
 #[derive(Debug)]
 pub struct BeamFile {
-    file: MappedFile,
+    file: Held,
     layout: Layout,
+}
+
+/// Where the bytes of a file are. They are aligned for every number.
+#[derive(Debug)]
+enum Held {
+    Mapped(MappedFile),
+    /// Words of the file and its length, bytes.
+    Memory(Vec<u64>, usize),
+}
+
+impl Held {
+    fn in_memory(bytes: &[u8]) -> Self {
+        let mut words = vec![0_u64; bytes.len().div_ceil(size_of::<u64>())];
+        words.as_mut_bytes()[..bytes.len()].copy_from_slice(bytes);
+        Self::Memory(words, bytes.len())
+    }
+
+    fn bytes(&self) -> &[u8] {
+        match self {
+            Self::Mapped(file) => file.bytes(),
+            Self::Memory(words, length) => &words.as_bytes()[..*length],
+        }
+    }
 }
 
 impl BeamFile {
     /// Maps and checks the file of this key.
     pub(super) fn open(path: &Path, key: &Key) -> Result<Self, BeamFileError> {
-        let file = MappedFile::open(path)?;
+        Self::checked(Held::Mapped(MappedFile::open(path)?), key)
+    }
+
+    /// Copies and checks the bytes of the file of this key.
+    pub(super) fn of_bytes(bytes: &[u8], key: &Key) -> Result<Self, BeamFileError> {
+        Self::checked(Held::in_memory(bytes), key)
+    }
+
+    fn checked(file: Held, key: &Key) -> Result<Self, BeamFileError> {
         let layout = Layout::of(file.bytes(), key)?;
         Ok(Self { file, layout })
     }
@@ -91,8 +122,7 @@ impl BeamFile {
     pub fn open_any(path: &Path) -> Result<Self, BeamFileError> {
         let file = MappedFile::open(path)?;
         let key = file.bytes().get(8..40).and_then(|key| key.try_into().ok()).ok_or(BeamFileError::Magic)?;
-        let layout = Layout::of(file.bytes(), &key)?;
-        Ok(Self { file, layout })
+        Self::checked(Held::Mapped(file), &key)
     }
 
     /// Whether bytes that lie anywhere in memory begin as such a file of this angle and have its checksum. It does not look
@@ -207,7 +237,8 @@ impl Layout {
     }
 }
 
-/// The numbers that these bytes are. They are aligned, since a map starts at a page and each part where its numbers may.
+/// The numbers that these bytes are. They are aligned, since a file starts at a page or a word, and each part where its
+/// numbers may.
 fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
     <[T]>::ref_from_bytes(bytes).unwrap_or_default()
 }
@@ -274,6 +305,9 @@ mod tests {
         let read = BeamFile::open(&path, &KEY).unwrap();
         assert_eq!((read.gantry_deg(), read.bixels_mm()), (12.5, beam().bixels_mm.as_slice()));
         assert_eq!(read.dose(), rows().view());
+        let copied = BeamFile::of_bytes(&[&[7], read.bytes()].concat()[1..], &KEY).unwrap();
+        assert_eq!((copied.dose(), copied.bytes()), (read.dose(), read.bytes()));
+        assert!(matches!(BeamFile::of_bytes(&read.bytes()[1..], &KEY), Err(BeamFileError::Magic)));
         assert!(matches!(BeamFile::open(&path, &[8; 32]), Err(BeamFileError::Key)));
     }
 

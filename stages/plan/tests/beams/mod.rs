@@ -9,7 +9,7 @@ use stillpoint_plan::beams::{
     BeamGame, BeamSet, Budget, Choice, Evaluated, Evaluator, Local, Memo, Method, Prior, Progress, Ring,
     SOLVE_TOLERANCE, SearchOptions, Solver, Stop, choose, class_solution, random_set, rotations,
 };
-use stillpoint_plan::fluence::{Goals, GoalsError, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, Objective, Wanted};
 use stillpoint_plan::{Csc, Rows};
 
 const SIDE: usize = 21;
@@ -87,12 +87,12 @@ impl Solver for Noted<'_> {
         sets: &[&BeamSet],
         near: Option<&Evaluated>,
         tolerance: f64,
-    ) -> Result<Vec<Evaluated>, GoalsError> {
+    ) -> Result<Vec<Evaluated>, Stop> {
         self.tolerances.push(tolerance);
         self.local.solve(sets, near, tolerance)
     }
 
-    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, GoalsError> {
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
         self.local.price(beside, candidates)
     }
 }

@@ -39,6 +39,11 @@ impl Oracle {
         self.contents.contains_key(content)
     }
 
+    /// A content that was given to it.
+    pub fn content(&self, content: &Hash) -> Option<&[u8]> {
+        self.contents.get(content).map(Vec::as_slice)
+    }
+
     pub fn give(&mut self, content: Hash, bytes: Vec<u8>) {
         self.contents.insert(content, bytes);
     }
@@ -66,7 +71,7 @@ impl Oracle {
             }
             for (_, message) in self.worker.take_messages() {
                 match message {
-                    Message::Want { content, part } => {
+                    Message::Want { content, part, .. } => {
                         let bytes = &self.contents[&content];
                         let start = part as usize * PART;
                         let end = bytes.len().min(start + PART);

@@ -2,7 +2,8 @@
 //!
 //! Every host has a link of the same bandwidth in each direction to a switch that never is the narrowest part. Messages
 //! above 16 KiB follow each other on a link; shorter ones travel beside them, as on the pool's two connections. A
-//! worker has one slot, an empty cache, and fetches contents from the client only, as `Worker` does.
+//! worker has one slot, an empty cache, and fetches contents from the client, or from the worker that the client names, as
+//! `Worker` does.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -49,16 +50,19 @@ struct Model {
     next_hello: u64,
 }
 
-/// A content on its way to a worker.
+/// A content on its way to a worker, from the client or from another worker.
 struct Fetched {
+    from: Option<usize>,
     content: Hash,
     length: Option<u64>,
     asked: u32,
     bytes: Vec<u8>,
 }
 
-/// A message: to which worker (none: to the client), the worker at the other end, bytes.
-type Posted = (Option<usize>, usize, Vec<u8>);
+/// A message: to which worker, from which worker (none: the client), bytes.
+type Posted = (Option<usize>, Option<usize>, Vec<u8>);
+/// Messages of a worker: to which worker, or to the client.
+type Out = Vec<(Option<usize>, Message)>;
 
 pub struct Simulated {
     now: u64,
@@ -121,22 +125,27 @@ impl Simulated {
         self.mark = cpu();
     }
 
-    fn post(&mut self, at: u64, to: Option<usize>, place: usize, bytes: Vec<u8>) {
+    fn line(&mut self, of: Option<usize>) -> &mut Line {
+        match of {
+            Some(place) => &mut self.models[place].line,
+            None => &mut self.line,
+        }
+    }
+
+    fn post(&mut self, at: u64, from: Option<usize>, to: Option<usize>, bytes: Vec<u8>) {
         let span = (bytes.len() as f64 * 8e9 / self.network.bits_per_s) as u64;
         let arrival = if bytes.len() <= SMALL {
             at + span + self.network.delay
         } else {
-            let model = &mut self.models[place].line;
-            let (up, down) = match to {
-                None => (&mut model.up, &mut self.line.down),
-                Some(_) => (&mut self.line.up, &mut model.down),
-            };
+            let up = &mut self.line(from).up;
             *up = at.max(*up) + span;
-            *down = (*up + self.network.delay).max(*down + span);
+            let sent = *up + self.network.delay;
+            let down = &mut self.line(to).down;
+            *down = sent.max(*down + span);
             *down
         };
         self.number += 1;
-        self.posted.insert((arrival, self.number), (to, place, bytes));
+        self.posted.insert((arrival, self.number), (to, from, bytes));
     }
 
     /// The next moment at which a worker does something by itself.
@@ -146,13 +155,13 @@ impl Simulated {
 
     /// What a worker does at this moment by itself.
     fn act(&mut self, now: u64, place: usize) {
-        let mut out = Vec::new();
+        let mut out: Out = Vec::new();
         let model = &mut self.models[place];
         if let Some((_, key, call)) = model.running.take_if(|(end, ..)| *end <= now) {
             let mut oracle = self.oracle.borrow_mut();
             let bytes = oracle.answer(key, &call).0.to_vec();
             if bytes.len() <= INLINE {
-                out.push(Message::Answer { key, bytes });
+                out.push((None, Message::Answer { key, bytes }));
             } else {
                 let answer = Hash::of(&bytes);
                 // Its own answers are among its contents: a dose that it computed needs no fetch.
@@ -161,51 +170,78 @@ impl Simulated {
                     oracle.give(answer, bytes.clone());
                 }
                 model.answers.insert(answer, Rc::new(bytes));
-                out.push(Message::Done { key, answer });
+                out.push((None, Message::Done { key, answer }));
             }
         }
         if model.next_hello <= now {
             model.next_hello += HELLO;
-            out.push(Message::Hello(hello()));
+            out.push((None, Message::Hello(hello())));
         }
         out.extend(model.go_on(now, &mut self.oracle.borrow_mut()));
-        out.into_iter().for_each(|message| self.post(now, None, place, message.to_bytes()));
+        out.into_iter().for_each(|(to, message)| self.post(now, Some(place), to, message.to_bytes()));
     }
 
-    fn deliver(&mut self, now: u64, place: usize, bytes: &[u8]) {
+    fn deliver(&mut self, now: u64, from: Option<usize>, place: usize, bytes: &[u8]) {
+        let message = Message::from_bytes(bytes).unwrap();
+        // Names of workers are their places.
+        let peer = match &message {
+            Message::Elsewhere { peer, .. } => self.models.iter().position(|model| model.name == *peer),
+            _ => None,
+        };
         let model = &mut self.models[place];
-        let mut out = model.hear(now, Message::from_bytes(bytes).unwrap(), &mut self.oracle.borrow_mut());
+        let mut out = model.hear(now, (from, message, peer), &mut self.oracle.borrow_mut());
         out.extend(model.go_on(now, &mut self.oracle.borrow_mut()));
-        out.into_iter().for_each(|message| self.post(now, None, place, message.to_bytes()));
+        out.into_iter().for_each(|(to, message)| self.post(now, Some(place), to, message.to_bytes()));
     }
 }
 
 impl Model {
-    fn hear(&mut self, now: u64, message: Message, oracle: &mut Oracle) -> Vec<Message> {
+    fn hear(
+        &mut self,
+        now: u64,
+        (from, message, peer): (Option<usize>, Message, Option<usize>),
+        oracle: &mut Oracle,
+    ) -> Out {
         match message {
             Message::Ask { key, call } => {
                 let is_new = self.waiting.iter().all(|(of, ..)| *of != key)
                     && self.running.as_ref().is_none_or(|(_, of, _)| *of != key);
+                let mut out = vec![(None, Message::Working { key })];
                 if is_new {
                     let read = Call::from_bytes(&call).unwrap();
+                    let held = |hash: &Hash| self.holds.contains(hash);
+                    let contents: Vec<Hash> = read.inputs().into_iter().filter(held).collect();
+                    if !contents.is_empty() {
+                        out.push((None, Message::Holds { contents }));
+                    }
                     self.waiting.push_back((key, call, read));
                 }
-                vec![Message::Working { key }]
+                out
             }
             Message::Cancel { key } => {
                 self.waiting.retain(|(of, ..)| *of != key);
                 Vec::new()
             }
-            Message::Want { content, part } => {
-                let Some(bytes) = self.answers.get(&content) else {
-                    return vec![Message::Absent { content }];
-                };
+            Message::Want { content, part, .. } => {
+                let answer = self.answers.get(&content).cloned();
+                let held = answer.as_deref().map(Vec::as_slice);
+                let held =
+                    held.or_else(|| self.holds.contains(&content).then(|| oracle.content(&content))?);
+                let Some(bytes) = held else { return vec![(from, Message::Absent { content })] };
                 let start = part as usize * PART;
                 let end = bytes.len().min(start + PART);
                 let (length, bytes) = (bytes.len() as u64, bytes[start..end].to_vec());
-                vec![Message::Part { content, part, length, bytes }]
+                vec![(from, Message::Part { content, part, length, bytes })]
             }
+            Message::Elsewhere { content, .. } => {
+                if let Some(fetch) = self.fetch.as_mut().filter(|fetch| fetch.content == content) {
+                    *fetch = Fetched { from: peer, ..Fetched::of(content) };
+                }
+                Vec::new()
+            }
+            Message::Absent { content } => panic!("{content:?} is not where the client says"),
             Message::Part { content, length, bytes, .. } => {
+                let mut out = Vec::new();
                 if let Some(fetch) = self.fetch.as_mut().filter(|fetch| fetch.content == content) {
                     // Parts come in their order on a link.
                     fetch.length = Some(length);
@@ -214,6 +250,7 @@ impl Model {
                         && let Some(fetch) = self.fetch.take()
                     {
                         self.holds.insert(content);
+                        out.push((None, Message::Holds { contents: vec![content] }));
                         self.taken_in = now.max(self.taken_in) + oracle.intake(length);
                         if !oracle.holds(&content) {
                             assert!(Hash::of(&fetch.bytes) == content);
@@ -221,14 +258,14 @@ impl Model {
                         }
                     }
                 }
-                Vec::new()
+                out
             }
             other => panic!("{other:?} is nothing that a client sends to a worker"),
         }
     }
 
     /// Fetches what is missing, and begins to compute.
-    fn go_on(&mut self, now: u64, oracle: &mut Oracle) -> Vec<Message> {
+    fn go_on(&mut self, now: u64, oracle: &mut Oracle) -> Out {
         if self.running.is_none()
             && let Some((_, _, call)) = self.waiting.front()
             && call.inputs().iter().all(|content| self.holds.contains(content))
@@ -240,17 +277,23 @@ impl Model {
         if self.fetch.is_none() {
             let missing = self.waiting.iter().flat_map(|(.., call)| call.inputs());
             let missing = missing.into_iter().find(|content| !self.holds.contains(content));
-            self.fetch =
-                missing.map(|content| Fetched { content, length: None, asked: 0, bytes: Vec::new() });
+            self.fetch = missing.map(Fetched::of);
         }
         let Some(fetch) = &mut self.fetch else { return Vec::new() };
         // The first part says how many there are.
         let parts = fetch.length.map_or(1, |length| length.div_ceil(PART as u64) as u32);
         let until = parts.min((fetch.bytes.len() / PART) as u32 + OUTSTANDING);
-        let content = fetch.content;
-        let wants = (fetch.asked..until).map(|part| Message::Want { content, part }).collect();
+        let (from, content) = (fetch.from, fetch.content);
+        let want = |part| (from, Message::Want { content, part, only: false });
+        let wants = (fetch.asked..until).map(want).collect();
         fetch.asked = fetch.asked.max(until);
         wants
+    }
+}
+
+impl Fetched {
+    fn of(content: Hash) -> Self {
+        Self { from: None, content, length: None, asked: 0, bytes: Vec::new() }
     }
 }
 
@@ -277,7 +320,7 @@ impl Courier for Simulated {
         self.enter();
         self.sent += bytes.len() as u64;
         if let Some(place) = self.models.iter().position(|model| *to == To::One(model.name.clone())) {
-            self.post(self.now, Some(place), place, bytes);
+            self.post(self.now, None, Some(place), bytes);
         }
         self.mark = cpu();
     }
@@ -299,13 +342,14 @@ impl Courier for Simulated {
                 self.act(of_model, place);
                 continue;
             }
-            let Some(((at, _), (to, place, bytes))) = self.posted.pop_first() else { break None };
-            match to {
-                Some(place) => self.deliver(at, place, &bytes),
-                None => {
+            let Some(((at, _), (to, from, bytes))) = self.posted.pop_first() else { break None };
+            match (to, from) {
+                (Some(place), from) => self.deliver(at, from, place, &bytes),
+                (None, Some(place)) => {
                     self.now = self.now.max(at);
                     break Some(Arrival { from: self.models[place].name.clone(), bytes });
                 }
+                (None, None) => {}
             }
         };
         self.mark = cpu();

@@ -2,13 +2,16 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use super::open::Asked;
+use super::open::{Asked, Open};
 use super::{Client, Event};
+use crate::call::Kind;
 use crate::message::Message;
-use crate::{Hash, To};
+use crate::{Hash, To, WorkerState};
 
 /// Time after which a call that was not answered is sent again to the same worker, ns. The worker computes it once.
 const AGAIN: u64 = 1_000_000_000;
+/// Calls that a worker is given beyond its slots: it fetches what they need while it computes others.
+const AHEAD: usize = 1;
 /// Times of patience after which a call is computed by this process, even if a worker says that it works on it.
 const MOST_PATIENCE: u64 = 10;
 
@@ -27,22 +30,39 @@ impl Client {
         if !crew.is_empty() {
             self.attended = now;
         }
-        let deserted = now.saturating_sub(self.attended) >= self.settings.patience;
+        let deserted = self.is_deserted(now);
+        let mut proving = self.proving();
         for key in self.order.clone() {
-            self.go_on(now, &key, &crew, deserted);
+            self.go_on(now, &key, &crew, deserted, &mut proving);
         }
     }
 
-    fn go_on(&mut self, now: u64, key: &Hash, crew: &BTreeSet<String>, deserted: bool) {
+    /// Workers of which an answer to a kind of call is being compared.
+    fn proving(&self) -> BTreeSet<(String, Kind)> {
+        let compared = self.calls.values().filter(|open| open.compare);
+        let of_call = |open: &Open| -> Vec<(String, Kind)> {
+            let names = open.asked.keys().chain(open.answers.iter().map(|(name, _)| name));
+            names.map(|name| (name.clone(), open.kind)).collect()
+        };
+        compared.flat_map(of_call).collect()
+    }
+
+    fn go_on(
+        &mut self,
+        now: u64,
+        key: &Hash,
+        crew: &BTreeSet<String>,
+        deserted: bool,
+        proving: &mut BTreeSet<(String, Kind)>,
+    ) {
         let Some(open) = self.calls.get_mut(key).filter(|open| !open.inside) else { return };
         let mut stuck = Vec::new();
         for (name, fetch) in &mut open.fetches {
             match fetch.wants(now) {
                 Ok(parts) => {
                     let content = fetch.content();
-                    self.out.extend(
-                        parts.into_iter().map(|part| (To::one(name), Message::Want { content, part })),
-                    );
+                    let want = |part| (To::one(name), Message::Want { content, part, only: false });
+                    self.out.extend(parts.into_iter().map(want));
                 }
                 Err(_) => stuck.push(name.clone()),
             }
@@ -52,6 +72,12 @@ impl Client {
             if now.saturating_sub(asked.last) >= AGAIN {
                 asked.last = now;
                 self.out.push((To::one(name), Message::Ask { key: *key, call: open.bytes.clone() }));
+            }
+        }
+        for (name, asked) in open.asked.iter_mut().filter(|(_, asked)| asked.is_ahead) {
+            if !self.roster.is_ahead(name) {
+                // The calls before it are answered: it is computed now.
+                (asked.is_ahead, asked.first) = (false, now);
             }
         }
         let others = crew.iter().any(|name| {
@@ -75,7 +101,9 @@ impl Client {
         let is_late = newest.is_some_and(|first| now.saturating_sub(first) >= late);
         let wanted = 1 + usize::from(open.compare && others);
         let have = open.asked.len() + open.answers.len();
-        if have >= wanted && !is_late {
+        let waits = open.asked.iter().find(|(_, asked)| asked.is_ahead).map(|(name, _)| name.clone());
+        let is_late = is_late && waits.is_none();
+        if have >= wanted && !is_late && waits.is_none() {
             return;
         }
         let except = |name: &str| {
@@ -83,7 +111,12 @@ impl Client {
                 || open.failed.contains(name)
                 || open.answers.iter().any(|(of, _)| of == name)
         };
-        let Some(name) = self.roster.pick(now, except) else {
+        // A call that nobody has yet may wait for a slot; a second worker is asked only where there is a free one.
+        let ahead = if have == 0 { AHEAD } else { 0 };
+        // A comparison shows that both workers are right: one that has not been compared yet is the better second one.
+        let (kind, compare) = (open.kind, open.compare);
+        let is_second = |worker: &WorkerState| compare && have > 0 && worker.proven.contains(&kind);
+        let Some(name) = self.roster.pick(now, ahead, except, is_second) else {
             // The answer that is there is compared with that of this process.
             if is_late && !others && !open.answers.is_empty() {
                 open.inside = true;
@@ -91,15 +124,27 @@ impl Client {
             }
             return;
         };
-        let Some(worker) = self.roster.get_mut(&name) else { return };
-        worker.outstanding.insert(*key);
-        if !worker.proven.contains(&open.kind) && !open.compare {
-            open.compare = true;
+        // One with a free slot takes over a call that waits for one.
+        if let Some(waits) = waits.filter(|_| have >= wanted) {
+            open.forget(&waits);
+            if let Some(worker) = self.roster.get_mut(&waits) {
+                worker.outstanding.remove(key);
+            }
+            self.out.push((To::One(waits), Message::Cancel { key: *key }));
         }
-        if have >= wanted {
+        let Some(worker) = self.roster.get_mut(&name) else { return };
+        let is_ahead = worker.outstanding.len() >= worker.hello.slots as usize;
+        worker.outstanding.insert(*key);
+        // One comparison at a time for each kind of call; were it to fail, the other answers would be in doubt.
+        let is_new = !worker.proven.contains(&open.kind) && !proving.contains(&(name.clone(), open.kind));
+        open.compare |= is_new;
+        if open.compare {
+            proving.insert((name.clone(), open.kind));
+        }
+        if is_late && have >= wanted {
             self.tally.hedged += 1;
         }
-        open.asked.insert(name.clone(), Asked { first: now, last: now });
+        open.asked.insert(name.clone(), Asked { first: now, last: now, is_ahead });
         self.out.push((To::One(name), Message::Ask { key: *key, call: open.bytes.clone() }));
     }
 

@@ -9,8 +9,6 @@ use crate::call::Kind;
 
 /// Solve times by which it is judged what is late.
 const REMEMBERED: usize = 31;
-/// Bytes of answers that are kept for a search that is run again.
-const MOST_KEPT: usize = 512 << 20;
 
 impl Client {
     /// Takes what this process computed.
@@ -114,7 +112,7 @@ impl Client {
             self.kept.push_back(key);
             self.kept_bytes += bytes.len();
         }
-        while self.kept_bytes > MOST_KEPT {
+        while self.kept_bytes > self.settings.most_kept {
             let Some(oldest) = self.kept.pop_front() else { break };
             let bytes = self.accepted.get_mut(&oldest).and_then(|accepted| accepted.bytes.take());
             self.kept_bytes -= bytes.map_or(0, |bytes| bytes.len());

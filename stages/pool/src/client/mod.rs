@@ -6,11 +6,13 @@
 //!
 //! - `open`: calls that are open; `asking`: whom they are asked
 //! - `judging`: answers and those who give them; `parts`: long answers
+//! - `sources`: from whom workers fetch contents
 
 mod asking;
 mod judging;
 mod open;
 mod parts;
+mod sources;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -19,9 +21,9 @@ use crate::call::Kind;
 use crate::fetch::Fetch;
 use crate::message::Message;
 use crate::roster::Roster;
-use crate::worker::part_message;
 use crate::{Build, Call, Hash, To, WorkerState};
 use open::{Accepted, Open};
+use sources::Sources;
 
 /// How a client asks.
 #[derive(Clone, Debug)]
@@ -34,12 +36,20 @@ pub struct ClientSettings {
     pub late: u64,
     /// Share of the calls whose answers are compared, from 0 to 1.
     pub checked: f64,
+    /// Bytes of answers that are kept for a search that is run again.
+    pub most_kept: usize,
 }
 
 impl ClientSettings {
-    /// Patience of 60 s, a second worker after 2 s at the earliest, one answer in 32 compared.
+    /// Patience of 60 s, a second worker after 2 s at the earliest, one answer in 32 compared, 512 MiB of answers kept.
     pub fn new(build: Build) -> Self {
-        Self { build, patience: 60_000_000_000, late: 2_000_000_000, checked: 1.0 / 32.0 }
+        Self {
+            build,
+            patience: 60_000_000_000,
+            late: 2_000_000_000,
+            checked: 1.0 / 32.0,
+            most_kept: 512 << 20,
+        }
     }
 }
 
@@ -81,6 +91,7 @@ pub struct Tally {
 pub struct Client {
     settings: ClientSettings,
     roster: Roster,
+    sources: Sources,
     calls: BTreeMap<Hash, Open>,
     /// Keys of open calls in the order in which they came.
     order: Vec<Hash>,
@@ -104,6 +115,7 @@ impl Client {
         Self {
             settings,
             roster: Roster::default(),
+            sources: Sources::default(),
             calls: BTreeMap::new(),
             order: Vec::new(),
             accepted: BTreeMap::new(),
@@ -132,6 +144,16 @@ impl Client {
     /// How calls were answered.
     pub fn tally(&self) -> Tally {
         self.tally
+    }
+
+    /// Whether no worker has been there for the time of patience.
+    pub fn is_deserted(&self, now: u64) -> bool {
+        now.saturating_sub(self.attended) >= self.settings.patience
+    }
+
+    /// How many workers can be asked.
+    pub fn usable(&self, now: u64) -> usize {
+        self.roster.usable(now).count()
     }
 
     /// Messages for people since the last call.
@@ -200,8 +222,16 @@ impl Client {
                     self.calls.values_mut().for_each(|open| open.forget(from));
                 }
             }
-            Message::Want { content, part } => {
-                self.out.push((To::one(from), part_message(content, inside.content(&content), part)));
+            Message::Want { content, part, only } => self.give(now, from, (content, part, only), inside),
+            Message::Holds { contents } if self.roster.workers().contains_key(from) => {
+                contents.into_iter().for_each(|content| self.sources.note(from, content));
+            }
+            Message::Wrong { content, peer } if self.roster.workers().contains_key(from) => {
+                self.sources.doubt(&peer);
+                self.news.push(format!(
+                    "worker `{peer}` is no source of contents any more: what it gave to `{from}` as {content:.16} was \
+                     something else"
+                ));
             }
             Message::Working { key } => {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
@@ -224,6 +254,7 @@ impl Client {
             Message::Done { key, answer } => {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
                     open.progress = now;
+                    self.sources.note(from, answer);
                     let fetch = open.fetches.entry(from.to_owned()).or_insert_with(|| Fetch::new(answer));
                     if fetch.content() != answer {
                         *fetch = Fetch::new(answer);
@@ -234,7 +265,11 @@ impl Client {
                 self.take_part(now, from, (content, part, length, bytes), inside);
             }
             Message::Absent { content } => self.drop_fetches(from, &content),
-            Message::Ask { .. } | Message::Cancel { .. } => {}
+            Message::Ask { .. }
+            | Message::Cancel { .. }
+            | Message::Elsewhere { .. }
+            | Message::Holds { .. }
+            | Message::Wrong { .. } => {}
         }
     }
 }

@@ -28,6 +28,8 @@ pub(super) struct Open {
 pub(super) struct Asked {
     pub first: u64,
     pub last: u64,
+    /// It has no slot for the call yet: it fetches what the call needs, and computes it after another one.
+    pub is_ahead: bool,
 }
 
 /// An answer that was given to the caller.

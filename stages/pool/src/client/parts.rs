@@ -23,7 +23,7 @@ impl Client {
                 Ok(Some(bytes)) => whole = Some((*key, bytes)),
                 Ok(None) => {
                     let wants = fetch.wants(now).unwrap_or_default();
-                    let want = |part| (To::one(from), Message::Want { content, part });
+                    let want = |part| (To::one(from), Message::Want { content, part, only: false });
                     self.out.extend(wants.into_iter().map(want));
                 }
                 Err(e) => wrong = Some(e.to_string()),

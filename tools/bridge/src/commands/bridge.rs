@@ -7,8 +7,8 @@ use stillpoint_pipeline::live::bridge::bridge_main;
 
 use crate::network::Zenoh;
 
-/// Carry samples between this host and the others of a pipeline, and messages to and from ROS 2. `stillpoint run` starts
-/// it and tells it what to carry.
+/// Carry samples between this host and the others of a pipeline, and messages to and from planning pools and ROS 2.
+/// `stillpoint run` starts it and tells it what to carry.
 #[derive(Args)]
 pub struct Bridge {
     /// Name of the process in lists of processes.

@@ -1,7 +1,7 @@
 //! The subcommands, a file each; `exchange` is what those of the planning pool share.
 
 pub mod bridge;
-mod exchange;
+pub mod exchange;
 pub mod pki;
 pub mod plan_client;
 pub mod pool;

@@ -16,6 +16,8 @@ use super::exchange::{Ending, ended, open};
 use super::router::Hub;
 use super::tls::{TlsArgs, Use, allow};
 
+/// How the names of workers begin: access lists know workers by it.
+const NAMES: &str = "worker-";
 /// Longest time between two looks at the clock.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -31,7 +33,7 @@ pub struct Worker {
     listen: Option<String>,
     #[command(flatten)]
     tls: TlsArgs,
-    /// Name of the worker; the default is made of its process number and the time.
+    /// Name of the worker behind `worker-`; the default is made of its process number and the time.
     #[arg(long)]
     name: Option<String>,
     /// Calls that are computed at the same time. Default: as many as there are cores.
@@ -60,7 +62,8 @@ impl Worker {
     fn try_execute(self) -> Result<(), String> {
         let ending = Ending::watch()?;
         let born = SystemTime::now().duration_since(UNIX_EPOCH).map_err(|e| e.to_string())?.as_nanos() as u64;
-        let name = self.name.clone().unwrap_or_else(|| format!("worker-{}-{born:x}", std::process::id()));
+        let name = self.name.clone().unwrap_or_else(|| format!("{}-{born:x}", std::process::id()));
+        let name = if name.starts_with(NAMES) { name } else { format!("{NAMES}{name}") };
         let build = Build::here()?;
         let store = Store::open(&self.cache, self.cache_mb.saturating_mul(1_000_000))?;
         let slots = match self.slots {

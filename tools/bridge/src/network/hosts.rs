@@ -7,7 +7,7 @@ use stillpoint_operator::outside::ClockOffset;
 use stillpoint_pipeline::graph::HostTls;
 use stillpoint_pipeline::live::bridge::{BridgeSettings, NetworkEvent, SentCounts, TakenCounts};
 use stillpoint_remote::{Endpoints, Host, HostSettings, Identity, Remote, Tls, TlsFiles};
-use stillpoint_transport::{Carries, Channel, Receiver, Sender, Transport, TransportError};
+use stillpoint_transport::Transport;
 
 /// First part of all keys.
 const PREFIX: &str = "stillpoint";
@@ -71,22 +71,5 @@ impl Hosts {
             lost: taken.lost + taken.missing,
         };
         self.0.taken().into_iter().map(|(edge, taken)| (edge, counts(taken))).collect()
-    }
-}
-
-/// The transport of a run without hosts: no edge of it asks for one.
-pub struct Nowhere;
-
-impl Transport for Nowhere {
-    fn carries(&self) -> Carries {
-        Carries::Samples
-    }
-
-    fn open_sender(&self, _: &Channel) -> Result<Box<dyn Sender>, TransportError> {
-        Err(TransportError::Other("the pipeline has no hosts".to_owned()))
-    }
-
-    fn open_receiver(&self, _: &Channel) -> Result<Box<dyn Receiver>, TransportError> {
-        Err(TransportError::Other("the pipeline has no hosts".to_owned()))
     }
 }

@@ -1,15 +1,18 @@
 //! zenoh as the network of a run.
 //!
 //! - `hosts`: samples between the hosts of a pipeline
+//! - `pool`: messages to and from the workers of a planning pool
 //! - `ros2`: messages to and from ROS 2
 
 mod hosts;
+mod pool;
 mod ros2;
 
 use std::collections::BTreeMap;
 
 use stillpoint_operator::outside::ClockOffset;
 use stillpoint_operator::ros2::Subscription;
+use stillpoint_pipeline::graph::PoolNode;
 use stillpoint_pipeline::live::bridge::{
     BridgeSettings, MessageSender, Network, NetworkEvent, SentCounts, TakenCounts,
 };
@@ -17,11 +20,14 @@ use stillpoint_remote::HostEvent;
 use stillpoint_transport::{Receiver, Transport, TransportError};
 
 use hosts::Hosts;
+use pool::PoolEdge;
 use ros2::Ros2Node;
 
 /// zenoh as the network of a run.
 pub struct Zenoh {
     hosts: Option<Hosts>,
+    /// By edge.
+    pools: BTreeMap<String, PoolEdge>,
     ros2: Option<Ros2Node>,
 }
 
@@ -32,7 +38,9 @@ impl Zenoh {
     /// An endpoint, a port, a certificate or a router with which nothing can pass between hosts.
     pub fn open(settings: BridgeSettings) -> Result<Self, String> {
         let ros2 = settings.ros2.as_ref().map(|def| Ros2Node::open(def, &settings)).transpose()?;
-        Ok(Self { hosts: Hosts::open(settings)?, ros2 })
+        let open = |pool: &PoolNode| Ok((pool.name.clone(), PoolEdge::open(pool, settings.arrived.clone())?));
+        let pools = settings.pools.iter().map(open).collect::<Result<_, String>>()?;
+        Ok(Self { hosts: Hosts::open(settings)?, pools, ros2 })
     }
 
     fn ros2(&self) -> Result<&Ros2Node, TransportError> {
@@ -57,10 +65,11 @@ fn sent_counts(sent: stillpoint_remote::Sent) -> SentCounts {
 }
 
 impl Network for Zenoh {
-    fn transport(&self, edge: &str) -> Box<dyn Transport> {
-        match &self.hosts {
-            Some(hosts) => hosts.transport(edge),
-            None => Box::new(hosts::Nowhere),
+    fn transport(&self, edge: &str) -> Result<Box<dyn Transport>, TransportError> {
+        match (self.pools.get(edge), &self.hosts) {
+            (Some(pool), _) => Ok(pool.transport()),
+            (None, Some(hosts)) => Ok(hosts.transport(edge)),
+            (None, None) => Err(TransportError::Other(format!("this run has no edge `{edge}`"))),
         }
     }
 
@@ -82,6 +91,10 @@ impl Network for Zenoh {
     }
 
     fn clock(&self, edge: &str) -> Option<ClockOffset> {
+        if self.pools.contains_key(edge) {
+            // A message is acquired when it arrives.
+            return Some(ClockOffset { offset: 0, uncertainty: 0 });
+        }
         self.hosts.as_ref().and_then(|hosts| hosts.clock(edge))
     }
 
@@ -91,16 +104,19 @@ impl Network for Zenoh {
 
     fn events(&self) -> Vec<NetworkEvent> {
         let of_hosts = self.hosts.iter().flat_map(Hosts::events);
-        of_hosts.chain(self.ros2.iter().flat_map(Ros2Node::events)).collect()
+        let of_pools = self.pools.values().flat_map(PoolEdge::take_events);
+        of_hosts.chain(of_pools).chain(self.ros2.iter().flat_map(Ros2Node::events)).collect()
     }
 
     fn sent(&self) -> BTreeMap<String, SentCounts> {
         let of_hosts = self.hosts.iter().flat_map(Hosts::sent);
-        of_hosts.chain(self.ros2.iter().flat_map(Ros2Node::sent)).collect()
+        let of_pools = self.pools.iter().map(|(edge, pool)| (edge.clone(), pool.sent()));
+        of_hosts.chain(of_pools).chain(self.ros2.iter().flat_map(Ros2Node::sent)).collect()
     }
 
     fn taken(&self) -> BTreeMap<String, TakenCounts> {
         let of_hosts = self.hosts.iter().flat_map(Hosts::taken);
-        of_hosts.chain(self.ros2.iter().flat_map(Ros2Node::taken)).collect()
+        let of_pools = self.pools.iter().map(|(edge, pool)| (edge.clone(), pool.taken()));
+        of_hosts.chain(of_pools).chain(self.ros2.iter().flat_map(Ros2Node::taken)).collect()
     }
 }

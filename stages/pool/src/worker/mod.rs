@@ -1,12 +1,17 @@
 //! A worker as a state machine: messages and time go in, messages and jobs come out. It holds nothing that matters: a
 //! worker that is lost loses no plan.
+//!
+//! - `contents`: what calls need, fetched from whoever has it and given to others
+
+mod contents;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use crate::fetch::{Fetch, part_of};
-use crate::message::{Hello, INLINE, Message, PART};
+use crate::fetch::part_of;
+use crate::message::{Hello, INLINE, MOST_HELD, Message};
 use crate::opened::Opened;
 use crate::{Build, Call, Hash, Ready, Store, To};
+use contents::Fetching;
 
 /// Time between two greetings, ns.
 pub const HELLO: u64 = 200_000_000;
@@ -37,7 +42,9 @@ pub struct Worker {
     waiting: VecDeque<Waiting>,
     running: BTreeMap<Hash, Vec<String>>,
     answers: BTreeMap<Hash, Hash>,
-    fetch: Option<(String, Fetch)>,
+    fetch: Option<Fetching>,
+    /// Other workers that gave something else than was asked for: nothing is fetched from them any more.
+    doubtful: BTreeSet<String>,
     out: Vec<(To, Message)>,
     counts: Counts,
     next_hello: u64,
@@ -74,6 +81,7 @@ impl Worker {
             running: BTreeMap::new(),
             answers: BTreeMap::new(),
             fetch: None,
+            doubtful: BTreeSet::new(),
             out: Vec::new(),
             counts: Counts::default(),
             next_hello: 0,
@@ -86,18 +94,12 @@ impl Worker {
         match message {
             Message::Ask { key, call } => self.ask(from, key, &call),
             Message::Cancel { key } => self.cancel(from, &key),
-            Message::Want { content, part } => self.give(from, content, part),
+            Message::Want { content, part, .. } => self.give(from, content, part),
             Message::Part { content, part, length, bytes } => {
                 self.take_part(from, content, part, length, bytes);
             }
-            Message::Absent { content }
-                if self
-                    .fetch
-                    .as_ref()
-                    .is_some_and(|(of, fetch)| of == from && fetch.content() == content) =>
-            {
-                self.not_to_be_had(&format!("`{from}` does not hold {content:.16}"));
-            }
+            Message::Absent { content } => self.miss(from, content),
+            Message::Elsewhere { content, peer } => self.turn_to(from, content, peer),
             _ => {}
         }
         self.go_on(now);
@@ -200,6 +202,10 @@ impl Worker {
             }
             None if is_full => Message::Busy { key },
             None => {
+                let held: Vec<Hash> =
+                    call.inputs().into_iter().filter(|hash| self.store.holds(hash)).collect();
+                let message = |held: &[Hash]| (To::one(from), Message::Holds { contents: held.to_vec() });
+                self.out.extend(held.chunks(MOST_HELD).map(message));
                 self.waiting.push_back(Waiting { key, call, askers: vec![from.to_owned()] });
                 Message::Working { key }
             }
@@ -216,86 +222,6 @@ impl Worker {
         if let Some(askers) = self.running.get_mut(key) {
             askers.retain(|asker| asker != from);
         }
-    }
-
-    fn give(&mut self, from: &str, content: Hash, part: u32) {
-        let start = u64::from(part) * PART as u64;
-        let message = match self.store.part(&content, start, PART) {
-            Some((length, bytes)) => Message::Part { content, part, length, bytes },
-            None => Message::Absent { content },
-        };
-        self.out.push((To::one(from), message));
-    }
-
-    fn take_part(&mut self, from: &str, content: Hash, part: u32, length: u64, bytes: Vec<u8>) {
-        let Some((_, fetch)) = self.fetch.as_mut().filter(|(of, f)| of == from && f.content() == content)
-        else {
-            return;
-        };
-        match fetch.take(part, length, bytes) {
-            Ok(None) => {}
-            Ok(Some(whole)) => {
-                self.fetch = None;
-                if let Err(reason) = self.store.put(&whole, &self.wanted()) {
-                    self.fail_calls_of(&content, &reason);
-                }
-            }
-            Err(e) => self.not_to_be_had(&e.to_string()),
-        }
-    }
-
-    /// Asks for the parts of the first content that a waiting call lacks: one content at a time, in order of the calls.
-    fn go_on(&mut self, now: u64) {
-        loop {
-            if let Some((_, fetch)) = &self.fetch
-                && !self.waiting.iter().any(|w| w.call.inputs().contains(&fetch.content()))
-            {
-                self.fetch = None;
-            }
-            if self.fetch.is_none() {
-                let store = &mut self.store;
-                let missing = self.waiting.iter().find_map(|w| {
-                    let content = w.call.inputs().into_iter().find(|hash| !store.holds(hash))?;
-                    Some((w.askers.first()?.clone(), Fetch::new(content)))
-                });
-                self.fetch = missing;
-            }
-            let Some((from, fetch)) = &mut self.fetch else { return };
-            match fetch.wants(now) {
-                Ok(parts) => {
-                    let content = fetch.content();
-                    let want = |part| (To::one(from), Message::Want { content, part });
-                    return self.out.extend(parts.into_iter().map(want));
-                }
-                Err(e) => self.not_to_be_had(&e.to_string()),
-            }
-        }
-    }
-
-    /// The asker from whom a content was fetched goes; its calls fail if nobody else asks for them.
-    fn not_to_be_had(&mut self, reason: &str) {
-        let Some((from, fetch)) = self.fetch.take() else { return };
-        let content = fetch.content();
-        for waiting in self.waiting.iter_mut().filter(|w| w.call.inputs().contains(&content)) {
-            waiting.askers.retain(|asker| *asker != from);
-            let reason = reason.to_owned();
-            self.out.push((To::one(&from), Message::Failed { key: waiting.key, reason }));
-        }
-        self.waiting.retain(|w| !w.askers.is_empty());
-    }
-
-    fn fail_calls_of(&mut self, content: &Hash, reason: &str) {
-        let has_it = |w: &Waiting| w.call.inputs().contains(content);
-        let (failed, rest): (Vec<_>, Vec<_>) = self.waiting.drain(..).partition(has_it);
-        self.waiting = rest.into();
-        for Waiting { key, askers, .. } in failed {
-            self.tell(&askers, Message::Failed { key, reason: reason.to_owned() });
-        }
-    }
-
-    /// Contents that must stay: those of the call that has waited longest.
-    fn wanted(&self) -> BTreeSet<Hash> {
-        self.waiting.front().map(|w| w.call.inputs().into_iter().collect()).unwrap_or_default()
     }
 
     fn tell(&mut self, askers: &[String], message: Message) {

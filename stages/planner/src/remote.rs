@@ -1,0 +1,231 @@
+//! What a pool computes of a request: calls for its doses, solves and prices, and their answers.
+//!
+//! All doses are asked at once, and the search runs ahead of the parts: its calls are those of the whole budget. So many
+//! workers have work, and the parts are the same as without a pool.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use stillpoint_operator::StepError;
+use stillpoint_plan::dose::BeamFile;
+use stillpoint_pool::{Build, Call, Hash, Inside, LaterSolver, Names, PoolGround, Wanted};
+
+use super::job::{Found, Job, fault, search};
+use super::patient::Patient;
+
+/// The side of a job that a pool sees.
+#[derive(Default)]
+pub struct Remote {
+    build: Option<Build>,
+    /// The dose engine, by name.
+    engine: Option<(Hash, Vec<u8>)>,
+    /// The name of goals and doses, when all doses are there.
+    names: Option<Names>,
+    /// Calls that were asked and have no answer.
+    open: Wanted,
+    /// Answers of solves and prices that the search has not taken yet.
+    answers: BTreeMap<Hash, Arc<Vec<u8>>>,
+    /// Doses that came before others: those of later angles.
+    early: BTreeMap<u16, BeamFile>,
+    /// Beam of each call for a dose.
+    beams: BTreeMap<Hash, u16>,
+    /// All that was asked: what was made of the answers.
+    asked: BTreeSet<Hash>,
+    /// There are answers that the parts have not seen.
+    news: bool,
+    /// The search has run to its end: it needs no more answers.
+    complete: bool,
+}
+
+impl Remote {
+    /// Whether answers have come that the parts have not seen.
+    pub(super) fn has_news(&self) -> bool {
+        self.news
+    }
+
+    /// A part was tried: as long as the answers suffice, the next may follow.
+    pub(super) fn note(&mut self, is_there: bool) {
+        self.news = is_there;
+    }
+}
+
+/// The search waits for answers.
+pub struct Waits(Wanted);
+
+impl Job {
+    /// Calls that the work needs now and that were not asked before; none while answers are awaited, and at the end.
+    pub fn calls(&mut self, patient: &Patient, build: &Build, seed: u64) -> Result<Vec<Call>, StepError> {
+        self.remote.build.get_or_insert_with(|| build.clone());
+        if self.remote.complete || !self.remote.open.calls.is_empty() {
+            return Ok(Vec::new());
+        }
+        self.remote.news = true;
+        let wanted = if self.doses.len() < usize::from(patient.ring.count()) {
+            self.dose_calls(patient, build)?
+        } else {
+            // The search goes on as far as it can: the parts follow.
+            let found = self.search_by_answers(patient, (usize::MAX, seed))?;
+            // The memo has what the search took.
+            self.remote.answers.clear();
+            match found {
+                Ok(_) => {
+                    self.remote.complete = true;
+                    Wanted::default()
+                }
+                Err(Waits(wanted)) => wanted,
+            }
+        };
+        self.remote.asked.extend(wanted.calls.keys());
+        self.remote.open = wanted;
+        Ok(self.remote.open.calls.values().cloned().collect())
+    }
+
+    fn dose_calls(&mut self, patient: &Patient, build: &Build) -> Result<Wanted, StepError> {
+        if self.remote.engine.is_none() {
+            let bytes = self.engine.to_bytes().map_err(|e| fault(&e))?;
+            self.remote.engine = Some((Hash::of(&bytes), bytes));
+        }
+        let mut wanted = Wanted::default();
+        let Some((engine, _)) = self.remote.engine else { return Ok(wanted) };
+        for beam in self.doses.len() as u16..patient.ring.count() {
+            if !self.remote.early.contains_key(&beam) {
+                let call = Call::Dose { engine, gantry_deg: patient.ring.angle_deg(beam) };
+                let key = call.key(build);
+                self.remote.beams.insert(key, beam);
+                wanted.calls.insert(key, call);
+            }
+        }
+        Ok(wanted)
+    }
+
+    /// Searches by the answers that are there until so many solves are made: what was found, or what it waits for.
+    pub(super) fn search_by_answers(
+        &mut self,
+        patient: &Patient,
+        until: (usize, u64),
+    ) -> Result<Result<Found, Waits>, StepError> {
+        let memo = std::mem::take(&mut self.memo);
+        let Remote { build, names, answers, .. } = &mut self.remote;
+        let names =
+            names.get_or_insert_with(|| Names::new(&self.doses[..], &patient.goals, patient.ring.count()));
+        let Some(build) = build else { return Err(fault(&"the build of the pool is not known")) };
+        let ground = PoolGround::named(&self.doses[..], &patient.goals, names);
+        let mut solver = LaterSolver::new(&ground, build, answers);
+        let (memo, found) = search(&self.doses, patient, self.asked, memo, until, Some(&mut solver));
+        let wanted = solver.into_wanted();
+        self.memo = memo;
+        Ok(found?.ok_or(Waits(wanted)))
+    }
+
+    /// Takes the answer of a call, which was checked.
+    pub fn answer(&mut self, key: &Hash, bytes: &Arc<Vec<u8>>) -> Result<(), StepError> {
+        let Some(call) = self.remote.open.calls.remove(key) else { return Ok(()) };
+        self.remote.news = true;
+        match call {
+            Call::Dose { gantry_deg, .. } => {
+                let dose = self.engine.beam_of(gantry_deg, bytes).map_err(|e| fault(&e))?;
+                if let Some(beam) = self.remote.beams.get(key) {
+                    self.remote.early.insert(*beam, dose);
+                }
+                self.take_early_doses();
+            }
+            Call::Solve { .. } | Call::Price { .. } => {
+                self.remote.answers.insert(*key, bytes.clone());
+            }
+        }
+        if self.remote.open.calls.is_empty() {
+            self.remote.open.plans.clear();
+        }
+        Ok(())
+    }
+
+    /// Forgets all that was made of these answers; the work on it begins anew. Gives whether there was any.
+    pub fn forget(&mut self, answers: &BTreeSet<Hash>) -> bool {
+        if self.remote.asked.is_disjoint(answers) {
+            return false;
+        }
+        let first = answers.iter().filter_map(|key| self.remote.beams.get(key)).min();
+        if let Some(first) = first.copied() {
+            let count = self.doses.len().min(usize::from(first));
+            let behind = self.doses.drain(count..).enumerate().map(|(i, dose)| ((count + i) as u16, dose));
+            self.remote.early.extend(behind);
+            self.remote
+                .early
+                .retain(|beam, _| !answers.iter().any(|key| self.remote.beams.get(key) == Some(beam)));
+            self.remote.names = None;
+        }
+        self.remote.asked.retain(|key| !answers.contains(key));
+        self.leave_pool();
+        self.search_anew();
+        true
+    }
+
+    /// Awaits no answer any more.
+    pub fn leave_pool(&mut self) {
+        self.remote.open = Wanted::default();
+        self.remote.answers.clear();
+        self.remote.complete = false;
+    }
+
+    /// Names of the answers that the work stands on.
+    pub fn asked_calls(&self) -> &BTreeSet<Hash> {
+        &self.remote.asked
+    }
+
+    /// Moves doses that came early behind those before them, as far as there is no gap.
+    pub(super) fn take_early_doses(&mut self) {
+        while let Some(dose) = self.remote.early.remove(&(self.doses.len() as u16)) {
+            self.doses.push(dose);
+        }
+    }
+
+    /// Computes a call that waits for its answer.
+    pub fn compute(&self, patient: &Patient, key: &Hash) -> Result<Option<Vec<u8>>, StepError> {
+        let Some(call) = self.remote.open.calls.get(key) else { return Ok(None) };
+        if let Call::Dose { gantry_deg, .. } = call {
+            return self.engine.beam_file(*gantry_deg).map(Some).map_err(|e| fault(&e));
+        }
+        let plan = match call {
+            Call::Price { beside: Some(beside), .. } => self.remote.open.plans.get(beside),
+            _ => None,
+        };
+        let Some(names) = &self.remote.names else { return Ok(None) };
+        let ground = PoolGround::named(&self.doses[..], &patient.goals, names);
+        ground.compute(call, plan.map(Vec::as_slice)).map(Some).map_err(|e| fault(&e))
+    }
+}
+
+/// A job as the client of a pool sees it: the contents that workers fetch, and the form of answers.
+pub struct Served<'a> {
+    /// The patient.
+    pub patient: &'a Patient,
+    /// The job, if there is one.
+    pub job: Option<&'a Job>,
+}
+
+impl Inside for Served<'_> {
+    fn content(&self, hash: &Hash) -> Option<&[u8]> {
+        let Remote { engine, names, open, .. } = &self.job?.remote;
+        if let Some((_, bytes)) = engine.as_ref().filter(|(name, _)| name == hash) {
+            return Some(bytes);
+        }
+        open.plans
+            .get(hash)
+            .map(Vec::as_slice)
+            .or_else(|| names.as_ref()?.content(&self.job?.doses[..], hash))
+    }
+
+    fn check(&self, key: &Hash, answer: &[u8]) -> Result<(), String> {
+        let Some(job) = self.job else { return Ok(()) };
+        match (job.remote.open.calls.get(key), &job.remote.names) {
+            (Some(Call::Dose { gantry_deg, .. }), _) => {
+                job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(|e| e.to_string())
+            }
+            (Some(call), Some(names)) => {
+                PoolGround::named(&job.doses[..], &self.patient.goals, names).check(call, answer)
+            }
+            // An answer that nobody awaits.
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The solver of a search whose answers come later: it collects the calls that it has no answer for.
+//!
+//! A search that is begun again with the answers, and with the memo of the run before, goes on behind the place where it
+//! waited: so a search needs no thread of its own that waits.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use stillpoint_plan::beams::{BeamSet, Evaluated, Solver, Stop};
+
+use crate::ground::DoseFiles;
+use crate::{Build, Call, Hash, PoolGround, answer};
+
+/// Solves and prices by answers that are there, and collects calls for the others.
+pub struct LaterSolver<'a, I: DoseFiles + ?Sized> {
+    ground: &'a PoolGround<'a, I>,
+    build: &'a Build,
+    /// By the key of the call.
+    answers: &'a BTreeMap<Hash, Arc<Vec<u8>>>,
+    wanted: Wanted,
+}
+
+/// Calls without an answer.
+#[derive(Default)]
+pub struct Wanted {
+    /// The calls, by key.
+    pub calls: BTreeMap<Hash, Call>,
+    /// The plans that they name, by name.
+    pub plans: BTreeMap<Hash, Vec<u8>>,
+}
+
+impl<'a, I: DoseFiles + ?Sized> LaterSolver<'a, I> {
+    /// With these answers, which have the form that their calls ask for.
+    pub fn new(
+        ground: &'a PoolGround<'a, I>,
+        build: &'a Build,
+        answers: &'a BTreeMap<Hash, Arc<Vec<u8>>>,
+    ) -> Self {
+        Self { ground, build, answers, wanted: Wanted::default() }
+    }
+
+    /// The calls for whose answers the search waits.
+    pub fn into_wanted(self) -> Wanted {
+        self.wanted
+    }
+
+    /// The answers of all these calls, or none: then the calls without an answer are wanted.
+    fn answers(&mut self, calls: Vec<Call>) -> Option<Vec<&'a [u8]>> {
+        let keys: Vec<Hash> = calls.iter().map(|call| call.key(self.build)).collect();
+        let known: Option<Vec<&[u8]>> =
+            keys.iter().map(|key| Some(self.answers.get(key)?.as_slice())).collect();
+        if known.is_none() {
+            let missing = keys.into_iter().zip(calls).filter(|(key, _)| !self.answers.contains_key(key));
+            self.wanted.calls.extend(missing);
+        }
+        known
+    }
+}
+
+impl<I: DoseFiles + ?Sized> Solver for LaterSolver<'_, I> {
+    fn solve(
+        &mut self,
+        sets: &[&BeamSet],
+        near: Option<&Evaluated>,
+        tolerance: f64,
+    ) -> Result<Vec<Evaluated>, Stop> {
+        let ground = self.ground;
+        let usable = sets.iter().all(|set| !set.beams().is_empty() && ground.holds(set.beams()));
+        if sets.is_empty() || !usable {
+            return ground.local().solve(sets, near, tolerance);
+        }
+        let answers = self.answers(ground.solve_calls(sets, near, tolerance)).ok_or(Stop::Waiting)?;
+        // Answers are checked before they come here; this process finds the same.
+        ground.evaluated(sets, &answers).or_else(|_| ground.local().solve(sets, near, tolerance))
+    }
+
+    fn price(&mut self, beside: Option<&Evaluated>, candidates: &[u16]) -> Result<Vec<f64>, Stop> {
+        let ground = self.ground;
+        if candidates.is_empty() || !ground.holds(candidates) {
+            return ground.local().price(beside, candidates);
+        }
+        let (calls, plan) = ground.price_calls(beside, candidates);
+        let counts: Vec<usize> = calls.iter().map(priced).collect();
+        let Some(answers) = self.answers(calls) else {
+            self.wanted.plans.extend(plan);
+            return Err(Stop::Waiting);
+        };
+        let prices = answers.iter().zip(counts).map(|(bytes, count)| answer::prices(bytes, count));
+        match prices.collect::<Result<Vec<_>, _>>() {
+            Ok(prices) => Ok(prices.concat()),
+            Err(_) => ground.local().price(beside, candidates),
+        }
+    }
+}
+
+/// Candidates of a call for prices.
+fn priced(call: &Call) -> usize {
+    match call {
+        Call::Price { candidates, .. } => candidates.len(),
+        Call::Dose { .. } | Call::Solve { .. } => 0,
+    }
+}
