@@ -29,6 +29,11 @@ pub struct Involuntary {
 }
 
 impl Involuntary {
+    /// Whether the person coughs `t` seconds after the start.
+    pub fn coughs(&self, t: f64) -> bool {
+        self.habit == Habit::Nods && cough(self.seed, t) != 0.0
+    }
+
     /// Translation (m) and angles (pitch, roll, yaw; rad) `t` seconds after the start, zero at the start.
     pub fn offset(&self, t: f64) -> (Vector3<f64>, Vector3<f64>) {
         // A NaN is not above zero.

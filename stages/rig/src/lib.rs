@@ -17,7 +17,7 @@
 //! - [`noise`]: the model of a depth camera's errors, with presets
 //! - `shadow`: what a projector beside the camera cannot light
 //! - [`sensor`]: from a view to the depth image that a camera would give
-//! - `involuntary`: breathing, nodding, drift, coughs
+//! - [`involuntary`]: breathing, nodding, drift, coughs
 //! - [`trajectory`]: scripted head motion
 //! - `sight`: all that makes an image, as one
 //! - `operator`, `rig.camera`
@@ -27,7 +27,7 @@
 mod bladders;
 pub mod camera;
 pub mod head;
-mod involuntary;
+pub mod involuntary;
 pub mod noise;
 mod normal;
 mod operator;

@@ -67,7 +67,7 @@ impl Plan {
 }
 
 /// True motion of the head, and the target, at one time: height in mm, pitch and roll in degrees.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Point {
     /// Time since the start of the run, s.
     pub time: f64,
@@ -75,6 +75,8 @@ pub struct Point {
     pub moved: [f64; 3],
     /// Target relative to the pose at which the reference was captured.
     pub target: [f64; 3],
+    /// Truth minus target in x, y and yaw: mm, mm, degrees; NaN if the target does not have them.
+    pub across: [f64; 3],
     /// Whether the far end has the beam on.
     pub beam: bool,
 }
@@ -93,6 +95,8 @@ pub struct Course {
     pub points: Vec<Point>,
     /// Greatest true pressure in a bladder above that of the room, Pa.
     pub pressure: f64,
+    /// Force of the bladder that pushed least at any time from the first target on, N; infinity before it.
+    pub least_force: f64,
     /// Greatest duty that was sent.
     pub duty: f64,
     /// Whether a duty was sent that is below 0 or NaN.
@@ -169,6 +173,11 @@ pub fn from_model(point: &Point, channel: usize, at: f64, rise: f64) -> f64 {
     point.error()[channel] + STEP[channel] * left
 }
 
+/// The lesser of two numbers; NaN if one is NaN.
+fn lesser(a: f64, b: f64) -> f64 {
+    -greater(-a, -b)
+}
+
 /// The observer of a run.
 struct Watch {
     graph: Arc<Graph>,
@@ -192,7 +201,7 @@ impl Watch {
     fn new(graph: Arc<Graph>) -> Self {
         Self {
             graph,
-            course: Course::default(),
+            course: Course { least_force: f64::INFINITY, ..Course::default() },
             truths: VecDeque::new(),
             capturing: false,
             reference: None,
@@ -212,13 +221,15 @@ impl Watch {
         }
         let (Some((start, point)), Some(target)) = (&self.reference, &self.target) else { return };
         // Motion of the head at the tracked point, along and about the axes of the couch.
-        let moved = numbers(&(pose * start.inverse() * point));
-        let from = numbers(point);
+        let (moved, across) = numbers(&(pose * start.inverse() * point));
+        let (from, _) = numbers(point);
         let wanted = [target.position[2] * 1e3, target.angles[0].to_degrees(), target.angles[1].to_degrees()];
+        let beside = [target.position[0] * 1e3, target.position[1] * 1e3, target.angles[2].to_degrees()];
         let point = Point {
             time: time as f64 * 1e-9,
             moved: std::array::from_fn(|i| moved[i] - from[i]),
             target: std::array::from_fn(|i| wanted[i] - from[i]),
+            across: std::array::from_fn(|i| across[i] - beside[i]),
             beam: self.beam,
         };
         if point.target.iter().any(|t| t.is_nan()) {
@@ -283,6 +294,10 @@ impl Observer for Watch {
                 if let Some(state) = sent("state").and_then(first::<RigState>) {
                     self.course.monitor.pressures(&state.pressure);
                     self.course.pressure = state.pressure.iter().copied().fold(self.course.pressure, greater);
+                    if self.target.is_some() {
+                        let forces = state.force.iter().take(state.bladders as usize);
+                        self.course.least_force = forces.copied().fold(self.course.least_force, lesser);
+                    }
                 }
                 if let Some(truth) = sent("truth") {
                     let time = truth.header().stamp;
@@ -321,10 +336,11 @@ impl Observer for Watch {
     }
 }
 
-/// Height of a pose in mm, its pitch and roll in degrees.
-fn numbers(pose: &Isometry3<f64>) -> [f64; 3] {
+/// Height of a pose in mm, its pitch and roll in degrees; x and y in mm, yaw in degrees.
+fn numbers(pose: &Isometry3<f64>) -> ([f64; 3], [f64; 3]) {
     let n = PoseNumbers::of(pose);
-    [n.position[2] * 1e3, n.pitch.to_degrees(), n.roll.to_degrees()]
+    let [x, y, z] = n.position.map(|m| m * 1e3);
+    ([z, n.pitch.to_degrees(), n.roll.to_degrees()], [x, y, n.yaw.to_degrees()])
 }
 
 #[cfg(test)]
@@ -335,7 +351,9 @@ mod tests {
     fn a_number_that_is_none_is_not_passed_over() {
         assert_eq!([greater(1.0, 2.0), greater(2.0, 1.0)], [2.0; 2]);
         assert!(greater(f64::NAN, 2.0).is_nan() && greater(2.0, f64::NAN).is_nan());
-        let point = |moved| Point { time: 0.0, moved, target: [0.0; 3], beam: true };
+        assert_eq!([lesser(1.0, 2.0), lesser(2.0, 1.0)], [1.0; 2]);
+        assert!(lesser(f64::NAN, 2.0).is_nan());
+        let point = |moved| Point { moved, beam: true, ..Point::default() };
         let all = worst(&[point([f64::NAN, 1.0, 0.0]), point([0.0, -2.0, 0.0])]);
         assert!(all[0].is_nan() && all[1..] == [2.0, 0.0]);
     }

@@ -8,6 +8,8 @@
 //! - `replay`: bit-for-bit replay, and its speed
 //! - `step`: the dissertation's step, with many seeds
 //! - `robust`, `cases`: the same step with disturbances and faults
+//! - `hold`: a head that breathes, nods and coughs, held where it is
+//! - `beside`: two laws side by side over these cases
 //! - `optimum`: methods of choosing beams against the proved optimum
 //! - `tune`, `search`, `trials`: comparison of the laws after the same search
 //! - `failsafe`, `casualty`, `evidence`: the time to the safe state after a fault
@@ -34,6 +36,7 @@ extern crate stillpoint;
 
 mod acceptance;
 mod bare;
+mod beside;
 mod cases;
 mod casualty;
 mod closed_loop;
@@ -45,6 +48,7 @@ mod evidence;
 mod failsafe;
 mod figures;
 mod folder;
+mod hold;
 mod hop;
 mod identity;
 mod killed;
@@ -94,6 +98,7 @@ enum Measurement {
     Loop(closed_loop::ClosedLoop),
     Step(step::StepBench),
     Robust(robust::Robust),
+    Hold(hold::Hold),
     Tune(tune::Tune),
     Plans(acceptance::Plans),
     Optimum(optimum::Optimum),
@@ -119,6 +124,7 @@ impl Measurement {
             Self::Loop(b) => b.execute(registry),
             Self::Step(b) => b.execute(registry),
             Self::Robust(b) => b.execute(registry),
+            Self::Hold(b) => b.execute(registry),
             Self::Tune(b) => b.execute(registry),
             Self::Plans(b) => b.execute(),
             Self::Optimum(b) => b.execute(),

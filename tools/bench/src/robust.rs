@@ -4,6 +4,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
+use super::beside::{self, median};
 use super::cases::Case;
 use super::course::{Course, Point, STEP, worst};
 use super::crew;
@@ -59,6 +60,10 @@ pub struct Robust {
     /// Number of runs at the same time.
     #[arg(long, value_parser = super::at_least::<usize>(1))]
     threads: Option<usize>,
+    /// Compare with another law: a file that this measurement wrote with `--json` for the same cases and seeds. Says for
+    /// each case which law is nearer in the median over the seeds.
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
+    beside: Option<std::path::PathBuf>,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -130,6 +135,7 @@ impl Robust {
             let names: Vec<String> = Case::all().into_iter().map(|c| c.name).collect();
             return Err(Failure::wrong(format!("there is no such case; there are {}", names.join(", "))));
         }
+        let other = self.beside.as_deref().map(beside::read).transpose()?;
         let count = self.seeds.unwrap_or(if self.quick { 1 } else { 5 });
         let seeds = self.first_seed..self.first_seed.saturating_add(count);
         let seconds = self.seconds.unwrap_or(if self.quick { 30.0 } else { 60.0 });
@@ -155,9 +161,14 @@ impl Robust {
             })
             .collect();
         if self.json {
-            print_json(&rows)?
+            print_json(&rows)?;
         } else {
-            print(&rows)
+            print(&rows);
+        }
+        if let Some(other) = other {
+            let this: Vec<beside::Row> =
+                serde_json::to_value(&rows).and_then(serde_json::from_value).map_err(Failure::failed)?;
+            beside::print(&this, &other)?;
         }
         let good = rows.iter().all(|r| r.verdict != Verdict::Unsafe);
         Ok(if good { Exit::Done } else { Exit::Failed })
@@ -251,17 +262,6 @@ fn root_mean_square(points: &[Point]) -> [f64; 3] {
         std::array::from_fn(|i| sum[i] + error[i] * error[i])
     });
     sum.map(|sum| (sum / points.len() as f64).sqrt())
-}
-
-/// The median of the seeds: the mean of the two middle numbers if their count is even; NaN if one is NaN.
-fn median(of: impl Iterator<Item = f64>) -> f64 {
-    let mut all: Vec<f64> = of.collect();
-    if all.is_empty() || all.iter().any(|v| v.is_nan()) {
-        return f64::NAN;
-    }
-    all.sort_by(f64::total_cmp);
-    let middle = all.len() / 2;
-    if all.len() % 2 == 1 { all[middle] } else { 0.5 * (all[middle - 1] + all[middle]) }
 }
 
 fn print(rows: &[Row]) {
@@ -359,14 +359,11 @@ mod tests {
     }
 
     #[test]
-    fn medians_and_means_are_those_of_all_seeds_and_a_number_that_is_none_is_not_passed_over() {
-        let point = |moved| Point { time: 0.0, moved, target: [1.0; 3], beam: true };
+    fn a_mean_square_of_nothing_is_no_number() {
+        let point = |moved| Point { moved, target: [1.0; 3], ..Point::default() };
         let rms = root_mean_square(&[point([1.0, 2.0, 5.0]), point([1.0, 0.0, 4.0])]);
         assert_eq!(rms, [0.0, 1.0, 12.5f64.sqrt()]);
         assert!(root_mean_square(&[]).iter().all(|v| v.is_nan()));
-        assert_eq!(median([3.0, 1.0, 2.0].into_iter()), 2.0);
-        assert_eq!(median([4.0, 1.0, 2.0, 3.0].into_iter()), 2.5);
-        assert!(median([1.0, f64::NAN, 2.0].into_iter()).is_nan() && median([].into_iter()).is_nan());
     }
 
     #[test]
@@ -375,7 +372,7 @@ mod tests {
             let points = (0..1000).map(|k| {
                 let time = 0.1 * f64::from(k);
                 let target = if time < 3.0 { [0.0; 3] } else { STEP };
-                Point { time, moved: target.map(|t| t + off), target, beam }
+                Point { time, moved: target.map(|t| t + off), target, beam, ..Point::default() }
             });
             Course { points: points.collect(), pressure: 20e3, duty: 0.5, ..Course::default() }
         };

@@ -271,7 +271,7 @@ mod tests {
             let time = 0.05 * f64::from(k);
             let part = if time < at { 0.0 } else { 1.0 - (-(time - at) / 5.0).exp() };
             let target = if time < at { [0.0; 3] } else { STEP };
-            super::super::course::Point { time, moved: STEP.map(|s| s * part), target, beam: false }
+            super::super::course::Point { time, moved: STEP.map(|s| s * part), target, ..Default::default() }
         });
         let course = Course { points: points.collect(), ..Course::default() };
         assert_eq!(course.step_at(), Some(at));

@@ -226,7 +226,7 @@ mod tests {
                 let time = 0.02 * f64::from(k);
                 let target = if time < 3.0 { [0.0; 3] } else { STEP };
                 let off = if time < 3.0 + robust::FROM { off } else { late };
-                Point { time, moved: target.map(|t| t + off), target, beam: true }
+                Point { time, moved: target.map(|t| t + off), target, beam: true, ..Point::default() }
             });
             Course { points: points.collect(), ..Course::default() }
         };
