@@ -1,6 +1,8 @@
 //! How bladders move a head: B of (4.23) in one column per bladder, and its inverse.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SMatrix, SVector};
+
+use crate::harmonic::CHANNELS;
 
 /// The rate of each channel at full duty of each bladder's inlet, in parts of the channel's scale per second, and what
 /// undoes it.
@@ -121,6 +123,54 @@ impl Effect {
     }
 }
 
+/// Coordinates of the channels, in scales, of which each bladder moves one alone. Where bladders and channels are not
+/// equally many there are none, and the coordinates are the channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Apart {
+    count: usize,
+    split: SMatrix<f64, CHANNELS, CHANNELS>,
+    join: SMatrix<f64, CHANNELS, CHANNELS>,
+}
+
+impl Apart {
+    /// Number of coordinates.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The coordinates of channels.
+    #[must_use]
+    pub fn split(&self, channels: &[f64; CHANNELS]) -> [f64; CHANNELS] {
+        (self.split * SVector::from(*channels)).into()
+    }
+
+    /// The channels of coordinates.
+    #[must_use]
+    pub fn join(&self, coordinates: &[f64; CHANNELS]) -> [f64; CHANNELS] {
+        (self.join * SVector::from(*coordinates)).into()
+    }
+}
+
+impl Effect {
+    /// Coordinates of which each bladder moves one alone: `diag(|b_j|) B^-1` with the columns b_j of B.
+    #[must_use]
+    pub fn apart(&self) -> Apart {
+        let count = self.channels();
+        let (mut split, mut join) = (SMatrix::identity(), SMatrix::identity());
+        if self.bladders() == count && count <= CHANNELS {
+            for j in 0..count {
+                let length = self.b.column(j).norm();
+                for i in 0..count {
+                    split[(j, i)] = length * self.inverse[(j, i)];
+                    join[(i, j)] = self.b[(i, j)] / length;
+                }
+            }
+        }
+        Apart { count, split, join }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -151,6 +201,26 @@ mod tests {
         assert_eq!(far, [0.4, -0.5, -0.5]);
         half.open(&mut far);
         assert_eq!(far, [0.4, -1.0, -1.0]);
+    }
+
+    #[test]
+    fn each_bladder_moves_one_coordinate_alone() {
+        let b = DMatrix::from_row_slice(3, 3, &[1.15, 0.79, 0.79, 4.6, -6.9, -6.9, 0.0, 1.1, -1.1]);
+        let effect = Effect::new(b.clone()).unwrap();
+        let apart = effect.apart();
+        for j in 0..3 {
+            let mut moved = [0.0; CHANNELS];
+            (0..3).for_each(|i| moved[i] = b[(i, j)]);
+            let own = apart.split(&moved);
+            for (i, own) in own.iter().enumerate() {
+                let due = if i == j { b.column(j).norm() } else { 0.0 };
+                assert!((own - due).abs() < 1e-12, "{i} {j}: {own}");
+            }
+            let back = apart.join(&own);
+            assert!(back.iter().zip(&moved).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
+        }
+        let more = Effect::new(DMatrix::from_row_slice(1, 2, &[1.0, 2.0])).unwrap().apart();
+        assert_eq!(more.split(&[3.0; CHANNELS]), [3.0; CHANNELS]);
     }
 
     #[test]

@@ -4,8 +4,9 @@
 //! - [`effect`], [`valves`]: what bladders do to a head, and from a bladder's net duty to its two valves
 //! - `squeeze`: the pressures of bladders that are more than the channels they hold
 //! - [`mod@reference`]: how a target is approached
-//! - [`tracking`]: the error from it at the time of the pose, and when an order acts
-//! - [`periodic`], [`harmonic`]: breath and nods of the patient, with frequencies that are tracked
+//! - [`tracking`], `past`: the error from it at the time of the pose, and when an order acts
+//! - [`periodic`], [`harmonic`], `proof`: breath and nods of the patient, with frequencies that are tracked, and whether
+//!   it helps to answer them
 //! - [`response`]: how a step of it was answered: rise, settling, overshoot
 //! - [`pi`]: proportional and integral control
 //! - [`lqi`], `identified`: linear-quadratic control with an integrator, and plants that were identified
@@ -33,10 +34,12 @@ pub mod lyapunov;
 mod moves;
 pub mod mrac;
 pub mod operators;
+mod past;
 pub mod periodic;
 pub mod pi;
 pub mod predictor;
 pub mod projection;
+mod proof;
 pub mod reference;
 pub mod response;
 pub mod riccati;

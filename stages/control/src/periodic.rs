@@ -4,13 +4,15 @@
 //! that no step of a law is long. A tone is trusted if it explains half of what is left without it, which is the guard of
 //! excitation: noise and a single cough explain less. Trusted tones fade in and out within a second.
 //!
-//! A valve that does nothing breaks the assumption that orders act. Then the orders that answer a tone enlarge it. So tones
-//! have to prove themselves: the error is measured at rest before a tone is answered, and tones that do not make it smaller
-//! are dropped for a while.
+//! The tones are answered in coordinates of which each bladder moves one ([`Apart`]), where there are such. A coordinate
+//! answers them as long as that makes its error smaller ([`Proof`]): one valve that is stuck does not keep the others from
+//! answering.
 
 use core::f64::consts::TAU;
 
+use crate::effect::Apart;
 use crate::harmonic::{CHANNELS, Fit, Phasors, Position, TONES, Window};
+use crate::proof::Proof;
 
 /// Least and greatest frequency, Hz.
 const RANGE: [f64; 2] = [0.08, 0.7];
@@ -32,16 +34,10 @@ const WORTH: f64 = 0.001;
 const APART: f64 = 0.05;
 /// Time in which a tone fades in or out, s.
 const FADE: f64 = 1.0;
-/// Time for which tones are answered before they are judged, and time constant of the means, s. The error is measured for
-/// as long as the latter before a tone is answered.
-const PROBATION: f64 = 8.0;
-const MEAN: f64 = 4.0;
-/// Squared error, in parts of that before the tones were answered, above which the tones are dropped.
-const PROOF: f64 = 0.8;
-/// Time for which dropped tones are not used, s. It doubles each time.
-const BARRED: f64 = 8.0;
 /// Change of the model between two samples above which nothing is judged, scales.
 const RESTING: f64 = 2e-3;
+/// Part of the squared error of all coordinates, without answers, below which the error of one is of no concern.
+const FLOOR: f64 = 0.05;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Tone {
@@ -78,66 +74,17 @@ pub struct Periodic {
     left: f64,
     /// Slope of the rest, once the window is long enough.
     drift: Option<[f64; CHANNELS]>,
-    proof: Proof,
-}
-
-/// Whether the error becomes smaller when the tones are answered.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Proof {
-    /// Mean of the error of each channel, and of the square of the error beside it.
-    mean: [f64; CHANNELS],
-    error: f64,
-    /// Time for which the error was measured without answered tones, s.
-    measured: f64,
-    /// The error before tones were answered, and the time for which they were answered, s.
-    before: f64,
-    answered: f64,
-    /// Until when no tone is answered, s, and how often tones were dropped.
-    until: f64,
-    times: i32,
-}
-
-impl Proof {
-    /// Whether a tone may be answered from a time on.
-    fn permits(&self, time: f64) -> bool {
-        self.measured >= MEAN && time >= self.until
-    }
-
-    /// Measures the error again.
-    fn restart(&mut self) {
-        *self = Self { until: self.until, times: self.times, ..Self::default() };
-    }
-
-    /// Takes the error of a sample, `dt` seconds after the last one. Returns whether the tones have to be dropped.
-    fn fails(&mut self, time: f64, dt: f64, error: &[f64], is_answered: bool) -> bool {
-        // The first seconds have equal weights.
-        let part = (dt / (self.measured + self.answered + dt).min(MEAN)).min(1.0);
-        let mut square = 0.0;
-        for (mean, error) in self.mean.iter_mut().zip(error) {
-            *mean += part * (error - *mean);
-            square += (error - *mean) * (error - *mean);
-        }
-        self.error += part * (square - self.error);
-        if !is_answered {
-            (self.before, self.answered) = (self.error, 0.0);
-            self.measured += dt;
-            return false;
-        }
-        self.answered += dt;
-        let fails = self.answered > PROBATION && self.error > PROOF * self.before;
-        if fails {
-            self.restart();
-            self.until = time + BARRED * libm::ldexp(1.0, self.times.min(6));
-            self.times += 1;
-        }
-        fails
-    }
+    apart: Apart,
+    proofs: [Proof; CHANNELS],
+    /// Whether each coordinate answers the tones, and how far, 0 to 1.
+    answers: [bool; CHANNELS],
+    parts: [f64; CHANNELS],
 }
 
 impl Periodic {
-    /// For this many channels; no motion is known.
+    /// For this many channels, answered in these coordinates; no motion is known.
     #[must_use]
-    pub fn new(channels: usize) -> Self {
+    pub fn new(channels: usize, apart: Apart) -> Self {
         Self {
             window: Window::new(channels),
             tones: [Tone::default(); TONES],
@@ -148,7 +95,10 @@ impl Periodic {
             best: (0.0, f64::INFINITY),
             left: 1.0,
             drift: None,
-            proof: Proof::default(),
+            apart,
+            proofs: [Proof::default(); CHANNELS],
+            answers: [false; CHANNELS],
+            parts: [0.0; CHANNELS],
         }
     }
 
@@ -156,13 +106,15 @@ impl Periodic {
     pub fn restart(&mut self) {
         self.window.clear();
         self.tones = [Tone::default(); TONES];
-        (self.left, self.drift, self.proof) = (1.0, None, Proof::default());
+        (self.left, self.drift) = (1.0, None);
+        self.proofs = [Proof::default(); CHANNELS];
+        (self.answers, self.parts) = ([false; CHANNELS], [0.0; CHANNELS]);
         self.begin(0);
     }
 
     /// Sees a position that the orders do not explain, with the error from the model. Older positions, and such that
     /// follow too closely, are not used.
-    pub fn see(&mut self, position: Position, error: &[f64]) {
+    pub fn see(&mut self, position: Position, error: &[f64; CHANNELS]) {
         let before = self.window.newest().copied();
         if before.is_some_and(|newest| position.time < newest.time + SPACING) {
             return;
@@ -180,17 +132,24 @@ impl Periodic {
         }
     }
 
-    /// Drops the tones if the error does not become smaller with them.
-    fn judge(&mut self, before: &Position, position: &Position, error: &[f64]) {
+    /// Drops the answers that do not make the error smaller, and gives those that may.
+    fn judge(&mut self, before: &Position, position: &Position, error: &[f64; CHANNELS]) {
         let still = before.model.iter().zip(&position.model).all(|(a, b)| (a - b).abs() < RESTING);
         if !still {
             // What the bladders do on the way of the model is not the patient's motion. Tones go on as they were.
             self.window.clear();
             return;
         }
-        let is_answered = self.tones.iter().any(|tone| tone.is_trusted || tone.part > 0.0);
-        if self.proof.fails(position.time, position.time - before.time, error, is_answered) {
-            self.tones.iter_mut().for_each(|tone| tone.is_trusted = false);
+        let is_known = self.tones.iter().any(|tone| tone.is_trusted);
+        let floor = self.floor();
+        for (i, error) in self.apart.split(error).into_iter().enumerate().take(self.apart.count()) {
+            let is_answered = self.parts[i] > 0.0 && self.tones.iter().any(|tone| tone.part > 0.0);
+            let (time, dt) = (position.time, position.time - before.time);
+            if self.proofs[i].fails(time, dt, error, is_answered, floor) {
+                self.answers[i] = false;
+            } else if is_known && !self.answers[i] && self.parts[i] == 0.0 {
+                self.answers[i] = self.proofs[i].permits(time);
+            }
         }
     }
 
@@ -202,6 +161,9 @@ impl Periodic {
             if !tone.is_trusted && tone.part == 0.0 {
                 tone.frequency = 0.0;
             }
+        }
+        for (part, answers) in self.parts.iter_mut().zip(self.answers) {
+            *part = (*part + if answers { dt } else { -dt } / FADE).clamp(0.0, 1.0);
         }
         if self.window.count() < LEAST {
             return;
@@ -227,14 +189,23 @@ impl Periodic {
     }
 
     /// The rates of the periodic motion at a time, in scales per second, as far as they are answered.
-    pub fn rates(&self, time: f64, rates: &mut [f64]) {
+    pub fn rates(&self, time: f64, rates: &mut [f64; CHANNELS]) {
         rates.fill(0.0);
         for (tone, phasors) in self.tones.iter().zip(&self.phasors).filter(|(tone, _)| tone.part > 0.0) {
             let (sin, cos) = libm::sincos(tone.frequency * (time - self.origin));
-            for (rate, [s, c]) in rates.iter_mut().zip(phasors) {
-                *rate += tone.part * tone.frequency * (s * cos - c * sin);
+            let rate = phasors.map(|[s, c]| tone.frequency * (s * cos - c * sin));
+            let mut answered = self.apart.split(&rate);
+            for (rate, part) in answered.iter_mut().zip(&self.parts) {
+                *rate *= part.min(tone.part);
             }
+            rates.iter_mut().zip(self.apart.join(&answered)).for_each(|(sum, rate)| *sum += rate);
         }
+    }
+
+    /// The part of the tones that a coordinate answers.
+    #[must_use]
+    pub fn answered(&self, coordinate: usize) -> f64 {
+        self.parts[coordinate]
     }
 
     /// Frequency of a trusted tone, Hz.
@@ -270,6 +241,11 @@ impl Periodic {
         self.window.fit(&tones[..=count])
     }
 
+    /// Squared error of one coordinate that is of no concern.
+    fn floor(&self) -> f64 {
+        FLOOR * self.proofs.iter().take(self.apart.count()).map(Proof::before).sum::<f64>()
+    }
+
     fn attempt(&mut self, frequency: f64) {
         if let Some(fit) = self.fit_with(frequency)
             && fit.left < self.best.1
@@ -290,9 +266,7 @@ impl Periodic {
         let left = with.filter(|_| without > 0.0).map_or(1.0, |fit| fit.left / without);
         let tone = &mut self.tones[self.number];
         let limit = TRUSTED[usize::from(tone.is_trusted)];
-        let permits = |newest: &Position| self.proof.permits(newest.time);
-        let is_permitted = tone.is_trusted || self.number > 0 || self.window.newest().is_some_and(permits);
-        if self.best.0 > 0.0 && left < limit && is_permitted {
+        if self.best.0 > 0.0 && left < limit {
             (tone.frequency, tone.is_trusted) = (self.best.0, true);
             self.left = if self.number == 0 { left } else { self.left * left };
             self.begin((self.number + 1) % TONES);
@@ -300,7 +274,8 @@ impl Periodic {
             if self.number == 0 {
                 self.left = 1.0;
                 if tone.is_trusted {
-                    self.proof.restart();
+                    self.proofs.iter_mut().for_each(Proof::restart);
+                    self.answers = [false; CHANNELS];
                 }
             }
             // The tones behind it were found beside it.
@@ -319,18 +294,25 @@ impl Periodic {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effect::Effect;
 
     const TICK: f64 = 0.02;
 
+    /// As many bladders as channels, each of which moves one.
+    fn apart(channels: usize) -> Apart {
+        Effect::new(nalgebra::DMatrix::identity(channels, channels)).unwrap().apart()
+    }
+
     /// Sees a motion at 10 Hz for some seconds; returns the tones.
     fn seen(seconds: f64, motion: impl Fn(f64) -> [f64; 2]) -> Periodic {
-        let mut periodic = Periodic::new(2);
+        let mut periodic = Periodic::new(2, apart(2));
         for k in 0..(seconds / TICK) as u32 {
             let time = TICK * f64::from(k);
             if k % 5 == 0 {
                 let [a, b] = motion(time);
                 let value = [a, b, 0.0, 0.0, 0.0, 0.0];
-                periodic.see(Position { time, value, ..Position::default() }, &[0.0; 2]);
+                // Nothing is judged where there is no error.
+                periodic.see(Position { time, value, ..Position::default() }, &[0.0; CHANNELS]);
             }
             periodic.search(TICK);
         }
@@ -348,7 +330,7 @@ mod tests {
         let mut most = 0.0_f64;
         for k in 0..50 {
             let time = from + 0.002 * f64::from(k);
-            let mut rates = [0.0; 2];
+            let mut rates = [0.0; CHANNELS];
             periodic.rates(time, &mut rates);
             most = most.max((rates[0] - rate(time)).abs());
         }
@@ -389,7 +371,7 @@ mod tests {
             seen(60.0, |t| [0.02 * noise(t), 0.05 * (TAU * t / 90.0).sin() + 0.02 * noise(t + 0.5)]);
         assert_eq!(nothing.frequency(0), None);
         let cough = |t: f64| if (12.0..12.8).contains(&t) { 0.2 * (TAU * 2.5 * t).sin() } else { 0.0 };
-        let mut rates = [1.0; 2];
+        let mut rates = [1.0; CHANNELS];
         let coughed = seen(20.0, |t| [cough(t) + 0.003 * noise(t), 0.003 * noise(t + 0.5)]);
         coughed.rates(20.0, &mut rates);
         assert!(rates.iter().all(|r| r.abs() < 0.02), "{rates:?} {:?}", coughed.frequency(0));
@@ -401,10 +383,40 @@ mod tests {
         assert!(rates.iter().all(|r| r.abs() < 0.005), "{rates:?}");
     }
 
+    #[test]
+    fn a_bladder_that_cannot_be_emptied_stops_alone() {
+        let mut periodic = Periodic::new(2, apart(2));
+        let (mut ordered, mut moved) = ([0.0; 2], [0.0; 2]);
+        let (mut most, mut both, mut second) = (0.0_f64, 0.0, 0.0);
+        for k in 0..(100.0 / TICK) as u32 {
+            let time = TICK * f64::from(k);
+            let breath = 0.1 * (TAU * 0.25 * time).sin();
+            let error = [breath + moved[0], breath + moved[1], 0.0, 0.0, 0.0, 0.0];
+            if k % 5 == 0 {
+                let value = [error[0] - ordered[0], error[1] - ordered[1], 0.0, 0.0, 0.0, 0.0];
+                periodic.see(Position { time, value, ..Position::default() }, &error);
+            }
+            periodic.search(TICK);
+            let mut rates = [0.0; CHANNELS];
+            periodic.rates(time + 0.5 * TICK, &mut rates);
+            for i in 0..2 {
+                let order = -TICK * (rates[i] + 0.3 * error[i]);
+                ordered[i] += order;
+                moved[i] += if i == 0 { order } else { order.max(0.0) };
+            }
+            if time > 40.0 {
+                most = most.max(error[0].abs());
+                both += if periodic.answers[0] { TICK } else { 0.0 };
+                second += if periodic.answers[1] { TICK } else { 0.0 };
+            }
+        }
+        assert!(most < 0.03 && both > 59.0 && second < 30.0, "{most} {both} {second}");
+    }
+
     /// Answers a breath of 0.1 at 0.25 Hz with orders that have `effect` times the effect that is assumed. Returns half
-    /// the range of the error in the last 10 s, and the seconds in which a tone was trusted. Weak feedback takes offsets.
+    /// the range of the error in the last 10 s, and the seconds in which a tone was answered. Weak feedback takes offsets.
     fn answered(effect: f64, seconds: f64) -> (f64, f64) {
-        let mut periodic = Periodic::new(1);
+        let mut periodic = Periodic::new(1, apart(1));
         let (mut ordered, mut trusted) = (0.0, 0.0);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..(seconds / TICK) as u32 {
@@ -412,13 +424,14 @@ mod tests {
             let error = 0.1 * (TAU * 0.25 * time).sin() + effect * ordered;
             if k % 5 == 0 {
                 let value = [error - ordered, 0.0, 0.0, 0.0, 0.0, 0.0];
-                periodic.see(Position { time, value, ..Position::default() }, &[error]);
+                periodic
+                    .see(Position { time, value, ..Position::default() }, &[error, 0.0, 0.0, 0.0, 0.0, 0.0]);
             }
             periodic.search(TICK);
-            let mut rates = [0.0];
+            let mut rates = [0.0; CHANNELS];
             periodic.rates(time + 0.5 * TICK, &mut rates);
             ordered -= TICK * (rates[0] + 0.3 * error);
-            trusted += if periodic.frequency(0).is_some() { TICK } else { 0.0 };
+            trusted += if periodic.answers[0] { TICK } else { 0.0 };
             if time > seconds - 10.0 {
                 (least, most) = (error.min(least), error.max(most));
             }
@@ -443,12 +456,12 @@ mod tests {
     #[test]
     fn times_that_do_not_grow_and_numbers_that_are_none_leave_it_without_tones() {
         let stuck = seen(20.0, |_| [f64::NAN, 0.0]);
-        let mut rates = [1.0; 2];
+        let mut rates = [1.0; CHANNELS];
         stuck.rates(20.0, &mut rates);
-        assert_eq!((rates, stuck.frequency(0), stuck.explained()), ([0.0; 2], None, 0.0));
-        let mut periodic = Periodic::new(2);
+        assert_eq!((rates, stuck.frequency(0), stuck.explained()), ([0.0; CHANNELS], None, 0.0));
+        let mut periodic = Periodic::new(2, apart(2));
         for _ in 0..100 {
-            periodic.see(Position { time: 1.0, ..Position::default() }, &[0.0; 2]);
+            periodic.see(Position { time: 1.0, ..Position::default() }, &[0.0; CHANNELS]);
         }
         assert_eq!(periodic.window.count(), 1);
     }

@@ -8,7 +8,7 @@ use stillpoint_samples::{
 };
 
 use crate::channels::{Channel, difference};
-use crate::harmonic::TONES;
+use crate::harmonic::{CHANNELS, TONES};
 use crate::operators::freshness::Freshness;
 use crate::operators::params::{CheckedPlant, MOST_BLADDERS, Motion, PlantParams};
 use crate::reference::{ReferenceModel, pole_of_rise};
@@ -144,8 +144,9 @@ impl ControllerShell {
         metrics.extend(learned_names(&plant).iter().map(|name| Metric::new(name, f64::NAN)));
         let model = ReferenceModel::new(pole_of_rise(rise), plant.channels.count());
         let tracking = Tracking::new(model, plant.delay);
+        let learns = plant.motion == Motion::Learned;
         Ok(Self {
-            tracking: if plant.motion == Motion::Learned { tracking.with_periodic() } else { tracking },
+            tracking: if learns { tracking.with_periodic(plant.effect.apart()) } else { tracking },
             learned,
             resting: true,
             track: None,
@@ -166,7 +167,7 @@ impl ControllerShell {
 
     /// Most diagnostics of a controller of this plant, with this many of the law's own.
     pub fn metrics(plant: &PlantParams, own: usize) -> usize {
-        let learned = if plant.motion == Motion::Learned { TONES + 1 + MOST_BLADDERS } else { 0 };
+        let learned = if plant.motion == Motion::Learned { TONES + 1 + CHANNELS + MOST_BLADDERS } else { 0 };
         OWN + own + learned
     }
 
@@ -348,6 +349,7 @@ impl ControllerShell {
         if let Some(periodic) = self.tracking.periodic() {
             (0..TONES).for_each(|tone| say(periodic.frequency(tone).unwrap_or(f64::NAN)));
             say(periodic.explained());
+            (0..self.plant.channels.count()).for_each(|i| say(periodic.answered(i)));
             let mut flows = [f64::NAN; MOST_BLADDERS];
             if let Some(drift) = periodic.drift() {
                 self.plant.effect.duties(&drift[..self.plant.channels.count()], &mut flows);
@@ -373,6 +375,7 @@ fn learned_names(plant: &CheckedPlant) -> Vec<String> {
     if plant.motion == Motion::Learned {
         names.extend((1..=TONES).map(|tone| format!("tone_{tone}_hz")));
         names.push("motion_explained".to_owned());
+        names.extend((0..plant.channels.count()).map(|i| format!("answered_{i}")));
         names.extend((0..plant.effect.bladders()).map(|j| format!("unexplained_flow_{j}")));
     }
     names
