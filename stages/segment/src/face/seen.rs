@@ -101,7 +101,8 @@ fn placed(place: nalgebra::Vector3<f64>) -> String {
 }
 
 fn said_of(candidate: &Candidate, what: &str) -> String {
-    let lacks = if candidate.alone <= candidate.certainty() && candidate.alone < 1.0 {
+    let others = candidate.in_region.min(candidate.shape);
+    let lacks = if candidate.alone < 1.0 && candidate.alone <= others {
         "cannot be cut from an arm or a pad beside it"
     } else if candidate.in_region < candidate.shape {
         "is out of the region"

@@ -48,7 +48,7 @@ fn outline_of(head: &Head, isocentre: &Vector3<f64>) -> PatientSurface {
 }
 
 /// The numbers of the patients.
-fn numbers() -> std::ops::Range<u64> {
+pub fn numbers() -> std::ops::Range<u64> {
     let asked = std::env::var("STILLPOINT_PATIENTS").ok();
     let range = asked.as_deref().and_then(|text| text.split_once(".."));
     let range = range.and_then(|(from, to)| Some(from.parse().ok()?..to.parse().ok()?));

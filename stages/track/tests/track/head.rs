@@ -115,7 +115,7 @@ pub fn moved(shift: [f64; 3], turn: [f64; 3]) -> Isometry3<f64> {
     pose
 }
 
-fn isometry(pose: &PoseElement) -> Isometry3<f64> {
+pub fn isometry(pose: &PoseElement) -> Isometry3<f64> {
     let [w, x, y, z] = pose.orientation;
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z));
     Isometry3::from_parts(Vector3::from(pose.position).into(), rotation)

@@ -4,6 +4,7 @@
 
 mod behind_face;
 mod centroid;
+mod covariance;
 #[path = "../../../segment/tests/drawn.rs"]
 mod drawn;
 mod drawn_motion;
