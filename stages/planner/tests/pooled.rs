@@ -176,7 +176,11 @@ impl Operator for NoNetwork {
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let body = PoolMessageBody { word: PoolWord::NoNetwork as u32, ..PoolMessageBody::default() };
-        if activation.tick.is_multiple_of(100) { outputs.send_slice::<PoolMessage>(0, &body, &[]) } else { Ok(()) }
+        if activation.tick.is_multiple_of(100) {
+            outputs.send_slice::<PoolMessage>(0, &body, &[])
+        } else {
+            Ok(())
+        }
     }
 }
 
