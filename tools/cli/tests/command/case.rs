@@ -70,9 +70,11 @@ fn the_case_of_the_examples_is_made_by_one_command() {
     assert!(made.status.success(), "{}", text(&made.stderr));
     let kept = std::fs::read(super::root().join("examples/data/head.case")).unwrap();
     assert!(std::fs::read(folder.path().join("head-0.case")).unwrap() == kept);
-    for (site, spacing, said) in
-        [("head", "0.1 mm", "from 1 mm to 5 mm"), ("head", "4", "unit, mm"), ("pelvis", "4 mm", "for --site head")]
-    {
+    for (site, spacing, said) in [
+        ("head", "0.1 mm", "from 1 mm to 5 mm"),
+        ("head", "4", "unit, mm"),
+        ("pelvis", "4 mm", "for --site head"),
+    ] {
         let refused = stillpoint(
             folder.path(),
             &["case", "phantom", "--site", site, "--out", ".", "--spacing", spacing],
