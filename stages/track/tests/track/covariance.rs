@@ -44,7 +44,7 @@ fn error(estimate: &Isometry3<f64>, due: &Isometry3<f64>) -> Vector6<f64> {
 
 fn squared(error: &Vector6<f64>, pose: &PoseElement) -> f64 {
     let covariance = Matrix6::from_row_slice(&pose.covariance);
-    error.dot(&covariance.cholesky().expect("a covariance is positive definite").solve(error))
+    error.dot(&covariance.cholesky().unwrap().solve(error))
 }
 
 /// `None`: the first face that is sent is not captured, or none is sent.
