@@ -429,6 +429,6 @@ mod tests {
         assert!(all([0.7, 1.0, 0.9, 1.0]) >= ENOUGH);
         assert!(all([0.7, 0.7, 1.0]) < ENOUGH);
         assert_eq!(all([0.2, 0.1, 0.3]), 0.0);
-        assert!(!(all([f64::NAN, 1.0]) >= ENOUGH));
+        assert!(all([f64::NAN, 1.0]).is_nan());
     }
 }
