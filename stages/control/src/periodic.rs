@@ -5,7 +5,7 @@
 //! excitation: noise and a single cough explain less. Trusted tones fade in and out within a second.
 //!
 //! The tones are answered in coordinates of which each bladder moves one ([`Apart`]), where there are such. A coordinate
-//! answers them as long as that makes its error smaller ([`Proof`]): one valve that is stuck does not keep the others from
+//! answers them as long as that makes its error smaller (`proof`): one valve that is stuck does not keep the others from
 //! answering.
 
 use core::f64::consts::TAU;
