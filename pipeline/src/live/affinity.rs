@@ -1,6 +1,28 @@
 //! Where a process runs: its core and scheduling class.
 
+use rustix::io::Errno;
+use stillpoint_shm::RealTimeError;
+
 use crate::graph::Priority;
+
+/// A process cannot run where the config says.
+#[derive(Debug, thiserror::Error)]
+pub enum AffinityError {
+    /// No machine has so many cores.
+    #[error("there is no core {0}")]
+    NoCore(usize),
+    /// The system refuses the core.
+    #[error("this process cannot be bound to core {core}: {cause}; choose a core that exists")]
+    Core {
+        /// The core.
+        core: usize,
+        /// The system's answer.
+        cause: Errno,
+    },
+    /// The system refuses the scheduling class.
+    #[error(transparent)]
+    RealTime(#[from] RealTimeError),
+}
 
 /// Keeps this process off some cores, where it may use others. A process that cannot runs where it was.
 pub fn keep_off(cores: &[usize]) {
@@ -12,19 +34,17 @@ pub fn keep_off(cores: &[usize]) {
 }
 
 /// Binds this thread to a core and sets its scheduling class, or says what forbids it.
-pub fn place(core: Option<usize>, priority: Priority) -> Result<(), String> {
+pub fn place(core: Option<usize>, priority: Priority) -> Result<(), AffinityError> {
     if let Some(core) = core {
         let mut set = rustix::thread::CpuSet::new();
         if core >= rustix::thread::CpuSet::MAX_CPU {
-            return Err(format!("there is no core {core}"));
+            return Err(AffinityError::NoCore(core));
         }
         set.set(core);
-        rustix::thread::sched_setaffinity(None, &set).map_err(|e| {
-            format!("this process cannot be bound to core {core}: {e}; choose a core that exists")
-        })?;
+        rustix::thread::sched_setaffinity(None, &set).map_err(|cause| AffinityError::Core { core, cause })?;
     }
     if let Priority::Fifo(level) = priority {
-        stillpoint_shm::real_time(level).map_err(|e| e.to_string())?;
+        stillpoint_shm::real_time(level)?;
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use stillpoint_recorder::WriteError;
 use stillpoint_shm::ShmError;
 
+use super::affinity::AffinityError;
 use super::barrier::BarrierError;
 use super::bridge::BridgeMissing;
 use super::children::ChildError;
@@ -44,8 +45,8 @@ pub enum WorkerError {
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] StartError),
     /// The process cannot run where the config says.
-    #[error("{0}")]
-    Affinity(String),
+    #[error(transparent)]
+    Affinity(#[from] AffinityError),
     /// The pipeline does not check here as it did for the supervisor.
     #[error("the pipeline cannot be checked again: {0}")]
     Graph(Box<Faults>),

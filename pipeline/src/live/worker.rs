@@ -99,7 +99,7 @@ fn serve(registry: &Registry, transport_of: TransportOf) -> Result<(), WorkerErr
         .clone();
     let outlives = process.outlives;
     start_thread(move || end_with_supervisor(outlives))?;
-    place(process.core, process.priority).map_err(|e| WorkerError::Affinity(e.to_string()))?;
+    place(process.core, process.priority)?;
     let files = hello.source.files.clone();
     let _held = hold(&hello.root)?;
     let domain = Domain::join(&hello.root, &hello.prefix, &hello.process)?;
