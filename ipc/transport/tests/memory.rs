@@ -31,12 +31,12 @@ pub fn conforms_with(fault: Fault) -> bool {
 
 struct Memory {
     fault: Fault,
-    line: Arc<Mutex<Line>>,
+    line: Arc<Mutex<MemoryQueue>>,
 }
 
 /// What both ends share: the receiver that was opened last.
 #[derive(Default)]
-struct Line {
+struct MemoryQueue {
     sent: Option<Channel>,
     taken: Option<Channel>,
     samples: VecDeque<Vec<u8>>,
@@ -65,7 +65,7 @@ impl Transport for Memory {
 
 struct End {
     fault: Fault,
-    line: Arc<Mutex<Line>>,
+    line: Arc<Mutex<MemoryQueue>>,
     is_closed: bool,
 }
 

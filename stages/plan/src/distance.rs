@@ -11,7 +11,7 @@ pub fn distances_mm(grid: &Grid, set: impl Fn(usize) -> bool) -> Vec<f32> {
     let mut stride = 1;
     for axis in 0..3 {
         let count = grid.counts[axis];
-        let mut line = Line::new(count, grid.spacing_mm[axis]);
+        let mut line = GridLine::new(count, grid.spacing_mm[axis]);
         for start in (0..grid.len()).filter(|i| i / stride % count == 0) {
             line.transform(&mut squares, start, stride);
         }
@@ -35,7 +35,7 @@ pub fn depths_mm(grid: &Grid, image: &Grid, in_patient: impl Fn(usize) -> bool) 
 }
 
 /// Room for the transform of one line of voxels.
-struct Line {
+struct GridLine {
     spacing_mm: f64,
     values: Vec<f64>,
     /// Voxels whose parabolas form the envelope.
@@ -44,7 +44,7 @@ struct Line {
     begins: Vec<f64>,
 }
 
-impl Line {
+impl GridLine {
     fn new(count: usize, spacing_mm: f64) -> Self {
         Self { spacing_mm, values: vec![0.0; count], roots: Vec::new(), begins: Vec::new() }
     }

@@ -29,7 +29,7 @@ pub struct Network {
 
 /// When the two directions of a host's link are free, ns.
 #[derive(Clone, Copy, Default)]
-struct Line {
+struct SimulatedLink {
     up: u64,
     down: u64,
 }
@@ -37,7 +37,7 @@ struct Line {
 /// A worker: what it holds, and what it does.
 struct Model {
     name: String,
-    line: Line,
+    line: SimulatedLink,
     holds: BTreeSet<Hash>,
     waiting: VecDeque<(Hash, Vec<u8>, Call)>,
     /// End of the computation and its call.
@@ -72,7 +72,7 @@ pub struct Simulated {
     sent: u64,
     oracle: Rc<RefCell<Oracle>>,
     network: Network,
-    line: Line,
+    line: SimulatedLink,
     models: Vec<Model>,
     number: u64,
     /// By time of arrival and number.
@@ -83,7 +83,7 @@ impl Simulated {
     pub fn new(oracle: &Rc<RefCell<Oracle>>, network: Network, workers: usize) -> Self {
         let model = |place: usize| Model {
             name: format!("w{place:02}"),
-            line: Line::default(),
+            line: SimulatedLink::default(),
             holds: BTreeSet::new(),
             waiting: VecDeque::new(),
             running: None,
@@ -100,7 +100,7 @@ impl Simulated {
             sent: 0,
             oracle: oracle.clone(),
             network,
-            line: Line::default(),
+            line: SimulatedLink::default(),
             models: (0..workers).map(model).collect(),
             number: 0,
             posted: BTreeMap::new(),
@@ -125,7 +125,7 @@ impl Simulated {
         self.mark = cpu();
     }
 
-    fn line(&mut self, of: Option<usize>) -> &mut Line {
+    fn line(&mut self, of: Option<usize>) -> &mut SimulatedLink {
         match of {
             Some(place) => &mut self.models[place].line,
             None => &mut self.line,

@@ -75,7 +75,7 @@ pub struct File {
     /// The segments, if there are some.
     pub leaves: Option<Leaves>,
     #[serde(flatten)]
-    figures: Figures,
+    figures: PlanFigures,
 }
 
 /// A beam.
@@ -113,12 +113,12 @@ pub struct Leaves {
     /// Monitor units in one fraction.
     pub monitor_units: f64,
     #[serde(flatten)]
-    figures: Figures,
+    figures: PlanFigures,
 }
 
 /// What a dose gives.
 #[derive(Debug, Deserialize)]
-pub struct Figures {
+pub struct PlanFigures {
     /// By structure.
     pub structures: Vec<StructureDose>,
     /// By structure; files of older builds have none.
@@ -167,7 +167,7 @@ impl Told {
     }
 
     /// Figures of the segments where there are some, of the planned fluence otherwise.
-    pub fn shown(&self) -> &Figures {
+    pub fn shown(&self) -> &PlanFigures {
         self.file.leaves.as_ref().map_or(&self.file.figures, |leaves| &leaves.figures)
     }
 
