@@ -126,13 +126,13 @@ impl Effect {
 /// Coordinates of the channels, in scales, of which each bladder moves one alone. Where bladders and channels are not
 /// equally many there are none, and the coordinates are the channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Apart {
+pub struct Decoupling {
     count: usize,
     split: SMatrix<f64, CHANNELS, CHANNELS>,
     join: SMatrix<f64, CHANNELS, CHANNELS>,
 }
 
-impl Apart {
+impl Decoupling {
     /// Number of coordinates.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -155,7 +155,7 @@ impl Apart {
 impl Effect {
     /// Coordinates of which each bladder moves one alone: `diag(|b_j|) B^-1` with the columns b_j of B.
     #[must_use]
-    pub fn apart(&self) -> Apart {
+    pub fn decoupling(&self) -> Decoupling {
         let count = self.channels();
         let (mut split, mut join) = (SMatrix::identity(), SMatrix::identity());
         if self.bladders() == count && count <= CHANNELS {
@@ -167,7 +167,7 @@ impl Effect {
                 }
             }
         }
-        Apart { count, split, join }
+        Decoupling { count, split, join }
     }
 }
 
@@ -207,19 +207,19 @@ mod tests {
     fn each_bladder_moves_one_coordinate_alone() {
         let b = DMatrix::from_row_slice(3, 3, &[1.15, 0.79, 0.79, 4.6, -6.9, -6.9, 0.0, 1.1, -1.1]);
         let effect = Effect::new(b.clone()).unwrap();
-        let apart = effect.apart();
+        let decoupling = effect.decoupling();
         for j in 0..3 {
             let mut moved = [0.0; CHANNELS];
             (0..3).for_each(|i| moved[i] = b[(i, j)]);
-            let own = apart.split(&moved);
+            let own = decoupling.split(&moved);
             for (i, own) in own.iter().enumerate() {
                 let due = if i == j { b.column(j).norm() } else { 0.0 };
                 assert!((own - due).abs() < 1e-12, "{i} {j}: {own}");
             }
-            let back = apart.join(&own);
+            let back = decoupling.join(&own);
             assert!(back.iter().zip(&moved).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
         }
-        let more = Effect::new(DMatrix::from_row_slice(1, 2, &[1.0, 2.0])).unwrap().apart();
+        let more = Effect::new(DMatrix::from_row_slice(1, 2, &[1.0, 2.0])).unwrap().decoupling();
         assert_eq!(more.split(&[3.0; CHANNELS]), [3.0; CHANNELS]);
     }
 

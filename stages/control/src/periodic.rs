@@ -4,13 +4,13 @@
 //! that no step of a law is long. A tone is trusted if it explains half of what is left without it, which is the guard of
 //! excitation: noise and a single cough explain less. Trusted tones fade in and out within a second.
 //!
-//! The tones are answered in coordinates of which each bladder moves one ([`Apart`]), where there are such. A coordinate
+//! The tones are answered in coordinates of which each bladder moves one ([`Decoupling`]), where there are such. A coordinate
 //! answers them as long as that makes its error smaller (`proof`): one valve that is stuck does not keep the others from
 //! answering.
 
 use core::f64::consts::TAU;
 
-use crate::effect::Apart;
+use crate::effect::Decoupling;
 use crate::harmonic::{CHANNELS, Fit, Phasors, Position, TONES, Window};
 use crate::proof::Proof;
 
@@ -74,7 +74,7 @@ pub struct Periodic {
     left: f64,
     /// Slope of the rest, once the window is long enough.
     drift: Option<[f64; CHANNELS]>,
-    apart: Apart,
+    decoupling: Decoupling,
     proofs: [Proof; CHANNELS],
     /// Whether each coordinate answers the tones, and how far, 0 to 1.
     answers: [bool; CHANNELS],
@@ -84,7 +84,7 @@ pub struct Periodic {
 impl Periodic {
     /// For this many channels, answered in these coordinates; no motion is known.
     #[must_use]
-    pub fn new(channels: usize, apart: Apart) -> Self {
+    pub fn new(channels: usize, decoupling: Decoupling) -> Self {
         Self {
             window: Window::new(channels),
             tones: [Tone::default(); TONES],
@@ -95,7 +95,7 @@ impl Periodic {
             best: (0.0, f64::INFINITY),
             left: 1.0,
             drift: None,
-            apart,
+            decoupling,
             proofs: [Proof::default(); CHANNELS],
             answers: [false; CHANNELS],
             parts: [0.0; CHANNELS],
@@ -142,7 +142,7 @@ impl Periodic {
         }
         let is_known = self.tones.iter().any(|tone| tone.is_trusted);
         let floor = self.floor();
-        for (i, error) in self.apart.split(error).into_iter().enumerate().take(self.apart.count()) {
+        for (i, error) in self.decoupling.split(error).into_iter().enumerate().take(self.decoupling.count()) {
             let is_answered = self.parts[i] > 0.0 && self.tones.iter().any(|tone| tone.part > 0.0);
             let (time, dt) = (position.time, position.time - before.time);
             if self.proofs[i].fails(time, dt, error, is_answered, floor) {
@@ -194,11 +194,11 @@ impl Periodic {
         for (tone, phasors) in self.tones.iter().zip(&self.phasors).filter(|(tone, _)| tone.part > 0.0) {
             let (sin, cos) = libm::sincos(tone.frequency * (time - self.origin));
             let rate = phasors.map(|[s, c]| tone.frequency * (s * cos - c * sin));
-            let mut answered = self.apart.split(&rate);
+            let mut answered = self.decoupling.split(&rate);
             for (rate, part) in answered.iter_mut().zip(&self.parts) {
                 *rate *= part.min(tone.part);
             }
-            rates.iter_mut().zip(self.apart.join(&answered)).for_each(|(sum, rate)| *sum += rate);
+            rates.iter_mut().zip(self.decoupling.join(&answered)).for_each(|(sum, rate)| *sum += rate);
         }
     }
 
@@ -243,7 +243,7 @@ impl Periodic {
 
     /// Squared error of one coordinate that is of no concern.
     fn floor(&self) -> f64 {
-        FLOOR * self.proofs.iter().take(self.apart.count()).map(Proof::before).sum::<f64>()
+        FLOOR * self.proofs.iter().take(self.decoupling.count()).map(Proof::before).sum::<f64>()
     }
 
     fn attempt(&mut self, frequency: f64) {
@@ -299,13 +299,13 @@ mod tests {
     const TICK: f64 = 0.02;
 
     /// As many bladders as channels, each of which moves one.
-    fn apart(channels: usize) -> Apart {
-        Effect::new(nalgebra::DMatrix::identity(channels, channels)).unwrap().apart()
+    fn decoupling(channels: usize) -> Decoupling {
+        Effect::new(nalgebra::DMatrix::identity(channels, channels)).unwrap().decoupling()
     }
 
     /// Sees a motion at 10 Hz for some seconds; returns the tones.
     fn seen(seconds: f64, motion: impl Fn(f64) -> [f64; 2]) -> Periodic {
-        let mut periodic = Periodic::new(2, apart(2));
+        let mut periodic = Periodic::new(2, decoupling(2));
         for k in 0..(seconds / TICK) as u32 {
             let time = TICK * f64::from(k);
             if k % 5 == 0 {
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn a_bladder_that_cannot_be_emptied_stops_alone() {
-        let mut periodic = Periodic::new(2, apart(2));
+        let mut periodic = Periodic::new(2, decoupling(2));
         let (mut ordered, mut moved) = ([0.0; 2], [0.0; 2]);
         let (mut most, mut both, mut second) = (0.0_f64, 0.0, 0.0);
         for k in 0..(100.0 / TICK) as u32 {
@@ -416,7 +416,7 @@ mod tests {
     /// Answers a breath of 0.1 at 0.25 Hz with orders that have `effect` times the effect that is assumed. Returns half
     /// the range of the error in the last 10 s, and the seconds in which a tone was answered. Weak feedback takes offsets.
     fn answered(effect: f64, seconds: f64) -> (f64, f64) {
-        let mut periodic = Periodic::new(1, apart(1));
+        let mut periodic = Periodic::new(1, decoupling(1));
         let (mut ordered, mut trusted) = (0.0, 0.0);
         let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..(seconds / TICK) as u32 {
@@ -459,7 +459,7 @@ mod tests {
         let mut rates = [1.0; CHANNELS];
         stuck.rates(20.0, &mut rates);
         assert_eq!((rates, stuck.frequency(0), stuck.explained()), ([0.0; CHANNELS], None, 0.0));
-        let mut periodic = Periodic::new(2, apart(2));
+        let mut periodic = Periodic::new(2, decoupling(2));
         for _ in 0..100 {
             periodic.see(Position { time: 1.0, ..Position::default() }, &[0.0; CHANNELS]);
         }

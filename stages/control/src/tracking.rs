@@ -15,7 +15,7 @@
 //! patient does. Its periodic part is learned, if that is asked for, and the speed that a law is to order is y_m' less the
 //! speed of this part.
 
-use crate::effect::Apart;
+use crate::effect::Decoupling;
 use crate::harmonic::{CHANNELS, Position};
 use crate::past::Past;
 use crate::periodic::Periodic;
@@ -69,9 +69,9 @@ impl Tracking {
 
     /// The same, and it learns the periodic motion of the patient, which is answered in these coordinates.
     #[must_use]
-    pub fn with_periodic(self, apart: Apart) -> Self {
+    pub fn with_periodic(self, decoupling: Decoupling) -> Self {
         let channels = self.model.at().len();
-        Self { periodic: Some(Periodic::new(channels, apart)), ..self }
+        Self { periodic: Some(Periodic::new(channels, decoupling)), ..self }
     }
 
     /// The periodic motion, if it is learned.
@@ -236,7 +236,7 @@ mod tests {
     fn held(seconds: f64, effect: f64, motion: impl Fn(f64) -> f64) -> f64 {
         let unit = Effect::new(nalgebra::DMatrix::identity(1, 1)).unwrap();
         let model = ReferenceModel::new(pole_of_rise(3.0), 1);
-        let mut tracking = Tracking::new(model, 0.02).with_periodic(unit.apart());
+        let mut tracking = Tracking::new(model, 0.02).with_periodic(unit.decoupling());
         tracking.restart(&[0.0]);
         let (dt, mut ordered, mut integral, mut worst) = (0.02, 0.0, 0.0, 0.0_f64);
         let (mut pose, mut taken, mut orders) = (0.0, 0.0, vec![0.0]);

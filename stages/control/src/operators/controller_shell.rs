@@ -146,7 +146,7 @@ impl ControllerShell {
         let tracking = Tracking::new(model, plant.delay);
         let learns = plant.motion == Motion::Learned;
         Ok(Self {
-            tracking: if learns { tracking.with_periodic(plant.effect.apart()) } else { tracking },
+            tracking: if learns { tracking.with_periodic(plant.effect.decoupling()) } else { tracking },
             learned,
             resting: true,
             track: None,

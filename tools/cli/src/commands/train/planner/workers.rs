@@ -15,7 +15,7 @@ use super::player::{Order, Said};
 use super::weights;
 use crate::exit::Failure;
 
-/// Deaths of players over one game after which the training ends.
+/// Exits of players during one game after which the training ends.
 const PATIENCE: usize = 3;
 
 /// Processes that play.
@@ -90,7 +90,7 @@ impl Workers {
         }
         // The last is given out first.
         let mut waiting: Vec<usize> = (0..due.len()).rev().collect();
-        let (mut deaths, mut stillborn) = (vec![0; due.len()], 0);
+        let (mut exits, mut failed_starts) = (vec![0; due.len()], 0);
         for at in 0..self.players.len() {
             if self.players[at].is_some() {
                 self.give(at, &mut waiting, due, hash.as_deref());
@@ -104,7 +104,7 @@ impl Workers {
             let Some(at) = self.place(heard.process) else { continue };
             match heard.line.map(|line| serde_json::from_str(&line)) {
                 Some(Ok(Said::Ready)) => {
-                    stillborn = 0;
+                    failed_starts = 0;
                     self.weights.connect().map_err(|e| fault(&e.text))?;
                     self.give(at, &mut waiting, due, hash.as_deref());
                 }
@@ -120,20 +120,20 @@ impl Workers {
                     let game = self.players[at].as_ref().and_then(|player| player.game);
                     return Err(game.map_or_else(|| fault(&why), |place| due[place].fault(&why)));
                 }
-                // It has died, or its line was cut off.
+                // It has exited, or its line was cut off.
                 Some(Err(_)) | None => {
-                    match self.bury(at) {
+                    match self.reap(at) {
                         Some(place) => {
-                            deaths[place] += 1;
-                            if deaths[place] >= PATIENCE {
+                            exits[place] += 1;
+                            if exits[place] >= PATIENCE {
                                 let why = format!("its players ended {PATIENCE} times before it was played");
                                 return Err(due[place].fault(why));
                             }
                             waiting.push(place);
                         }
                         None => {
-                            stillborn += 1;
-                            if stillborn >= PATIENCE * self.players.len() {
+                            failed_starts += 1;
+                            if failed_starts >= PATIENCE * self.players.len() {
                                 return Err(fault(&"they end before they are ready"));
                             }
                         }
@@ -160,7 +160,7 @@ impl Workers {
     }
 
     /// Ends a process, gives back what it held in shared memory, and gives the game that it had.
-    fn bury(&mut self, at: usize) -> Option<usize> {
+    fn reap(&mut self, at: usize) -> Option<usize> {
         let mut player = self.players[at].take()?;
         let _ = player.child.kill();
         let _ = player.child.wait();
@@ -178,7 +178,7 @@ impl Players for Workers {
 impl Drop for Workers {
     fn drop(&mut self) {
         (0..self.players.len()).for_each(|at| {
-            self.bury(at);
+            self.reap(at);
         });
     }
 }
