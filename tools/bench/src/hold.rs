@@ -7,7 +7,7 @@ use stillpoint_rig::involuntary::{Habit, Involuntary};
 
 use super::course::{Course, Plan, Point};
 use super::crew;
-use super::laws::{self, Law};
+use super::laws::{self, Law, Runs};
 use super::step::WITHIN;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
@@ -31,7 +31,10 @@ enum Body {
 /// are from 10 s on and by the truth.
 #[derive(Args)]
 pub struct Hold {
-    /// Number of seeds, counted from 1. A seed determines the noise of the camera, the drift and the coughs.
+    /// First seed.
+    #[arg(long, default_value_t = 1)]
+    first_seed: u64,
+    /// Number of seeds. A seed determines the noise of the camera, the drift and the coughs.
     #[arg(long, default_value_t = 5, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
     /// Length of a run, s.
@@ -43,18 +46,8 @@ pub struct Hold {
     /// A law that replaces the law of the default pipeline.
     #[arg(long, value_enum, conflicts_with = "body")]
     law: Option<Law>,
-    /// Use a quarter of the pixels.
-    #[arg(long)]
-    small: bool,
-    /// Override a parameter of the pipeline: `--set operator.param=value`.
-    #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
-    sets: Vec<String>,
-    /// Number of runs at the same time.
-    #[arg(long, value_parser = super::at_least::<usize>(1))]
-    threads: Option<usize>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    runs: Runs,
 }
 
 /// Figures of one run.
@@ -85,9 +78,9 @@ struct Held {
 impl Hold {
     /// Runs the seeds and prints their figures. Fails if a rule of beam or valves was broken.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let seeds: Vec<u64> = (1..=self.seeds).collect();
-        let found = crew::each(&seeds, crew::threads(self.threads), |seed| self.run(*seed, registry))?;
-        if self.json {
+        let seeds: Vec<u64> = (self.first_seed..self.first_seed.saturating_add(self.seeds)).collect();
+        let found = crew::each(&seeds, crew::threads(self.runs.threads), |seed| self.run(*seed, registry))?;
+        if self.runs.json {
             print_json(&found)?;
         } else {
             print(&found);
@@ -112,10 +105,7 @@ impl Hold {
             }
         };
         plan.sets.push("rig.motion=nods".to_owned());
-        if self.small {
-            plan.sets.extend(laws::small());
-        }
-        plan.sets.extend(self.sets.iter().cloned());
+        self.runs.set(&mut plan);
         plan.seconds = self.seconds;
         let course = Course::of(&plan, registry)?;
         if let Some(name) = course.failed.first() {

@@ -1,6 +1,6 @@
 //! The laws with which a measurement replaces the law of the pipeline.
 
-use clap::ValueEnum;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::course::{NETWORK, Plan};
@@ -58,6 +58,33 @@ pub fn plan(law: Option<Law>, rise: &str, seed: u64) -> Plan {
         sets.extend([format!("{name}.features=lstm"), format!("{name}.model={}", NETWORK.0)]);
     }
     Plan { changes: changes.into_iter().collect(), sets: [whole.sets, sets].concat(), ..whole }
+}
+
+/// How a measurement makes its runs.
+#[derive(Args, Clone, Debug, Default)]
+pub struct Runs {
+    /// Use a quarter of the pixels.
+    #[arg(long)]
+    pub small: bool,
+    /// Override a parameter of the pipeline: `--set operator.param=value`.
+    #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
+    pub sets: Vec<String>,
+    /// Number of runs at the same time.
+    #[arg(long, value_parser = super::at_least::<usize>(1))]
+    pub threads: Option<usize>,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Runs {
+    /// Sets the parameters of a run: last those of the command line.
+    pub fn set(&self, plan: &mut Plan) {
+        if self.small {
+            plan.sets.extend(small());
+        }
+        plan.sets.extend(self.sets.iter().cloned());
+    }
 }
 
 /// Parameters that give the camera a quarter of its pixels.

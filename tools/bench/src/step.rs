@@ -9,7 +9,7 @@ use stillpoint_pipeline::spec::quantity;
 
 use super::course::{Course, STEP, from_model, worst};
 use super::crew;
-use super::laws::{self, Law};
+use super::laws::{self, Law, Runs};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Tolerance around the target: mm, degrees, degrees.
@@ -45,18 +45,8 @@ pub struct StepBench {
     /// A law that replaces the law of the pipeline.
     #[arg(long, value_enum)]
     law: Option<Law>,
-    /// Use a quarter of the pixels.
-    #[arg(long)]
-    small: bool,
-    /// Override a parameter of the pipeline: `--set operator.param=value`.
-    #[arg(long = "set", value_name = "OPERATOR.PARAM=VALUE")]
-    sets: Vec<String>,
-    /// Number of runs at the same time.
-    #[arg(long, value_parser = super::at_least::<usize>(1))]
-    threads: Option<usize>,
-    /// Print JSON.
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    runs: Runs,
 }
 
 /// Figures of one run.
@@ -94,13 +84,13 @@ impl StepBench {
             let seconds = seconds(rise)?;
             jobs.extend((1..=self.seeds).map(|seed| (rise.as_str(), seconds, seed)));
         }
-        let outcomes = crew::each(&jobs, crew::threads(self.threads), |(rise, tau, seed)| {
+        let outcomes = crew::each(&jobs, crew::threads(self.runs.threads), |(rise, tau, seed)| {
             self.run(rise, *tau, *seed, registry)
         })?;
         let per = self.seeds as usize;
         let rows: Vec<Row> =
             self.rises.iter().zip(outcomes.chunks(per)).map(|(rise, all)| row(rise, all)).collect();
-        if self.json {
+        if self.runs.json {
             print_json(&rows)?
         } else {
             print(&rows)
@@ -111,11 +101,8 @@ impl StepBench {
 
     fn run(&self, rise: &str, seconds: f64, seed: u64, registry: &Registry) -> Result<Outcome, Failure> {
         let mut plan = laws::plan(self.law, rise, seed);
-        if self.small {
-            plan.sets.extend(laws::small());
-        }
         plan.sets.push(MOVES.to_owned());
-        plan.sets.extend(self.sets.iter().cloned());
+        self.runs.set(&mut plan);
         plan.seconds = LEAD + self.seconds;
         let course = Course::of(&plan, registry)?;
         if let Some(name) = course.failed.first() {
@@ -220,10 +207,7 @@ mod tests {
             seconds,
             rises: vec![rise.to_owned()],
             law,
-            small: true,
-            sets: Vec::new(),
-            threads: None,
-            json: false,
+            runs: Runs { small: true, ..Runs::default() },
         };
         let rise_s = super::seconds(rise).unwrap();
         let outcomes: Vec<Outcome> =
