@@ -197,7 +197,9 @@ fn print(rows: &[Row], rate: Rate) {
     let taken = due.iter().filter(|r| r.seen.purity.is_some()).count();
     let beams = rows.iter().filter(|r| r.seen.beam_at.is_some()).count();
     outln!("{} scenes, {} Hz", rows.len(), if rate == Rate::Ten { 10 } else { 30 });
-    outln!("  captures of what is not the head: {}", rows.iter().filter(|r| r.wrong).count());
+    let wrong: Vec<&Row> = rows.iter().filter(|r| r.wrong).collect();
+    let with_beam = wrong.iter().filter(|r| r.seen.beam_at.is_some()).count();
+    outln!("  captures of what is not the head: {}, of these with beam: {with_beam}", wrong.len());
     outln!("  beam on beyond the bound of {} ms: {}", rate.bound(), rows.iter().filter(|r| r.astray).count());
     outln!("  captured, of those in which a capture is due: {taken} of {}", due.len());
     outln!("  with beam: {beams}");
@@ -236,7 +238,7 @@ fn print(rows: &[Row], rate: Rate) {
     for row in rows {
         let purity = row.seen.purity.map_or("nothing captured".into(), |p| format!("purity {p:.2}"));
         if row.wrong {
-            outln!("NOT THE HEAD {} {:?}: {purity}", row.about, row.event);
+            outln!("NOT THE HEAD {} {:?}: {purity}, beam for {:.2} s", row.about, row.event, row.seen.beam_s);
         }
         if row.astray {
             outln!("ASTRAY {} {:?}: {:.0} ms, {purity}", row.about, row.event, row.seen.astray_ms);
