@@ -22,7 +22,8 @@ use crate::model::Model;
 use crate::patient::{Patient, PatientError};
 use crate::problem::{Problem, ProblemError};
 
-/// Version of the bytes of a game, and of the way in which games are played.
+/// Version of the bytes of a game, of the way in which games are played, and of the phantoms on which they are played: a
+/// folder of games of another version is refused.
 const VERSION: u32 = 1;
 /// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
 pub const RING: (u16, u16) = (90, 5);
