@@ -2,9 +2,8 @@
 //!
 //! A shoulder, a chest, a fist or a pillow may be as round as a head. What tells the head is where it lies (a region in
 //! the couch's axes), that it is set off from what lies footwards of it (a valley along its ridge, or a neck across it),
-//! and that a body lies there. Each check gives a number from 0 to 1 that is 0.5 at its limit. A candidate's certainty is 1
-//! less what its checks lack: what is at the limits of two checks is no head. Exactly one candidate may reach 0.5, and no
-//! other may come near it.
+//! and that a body lies there. Each check gives a number from 0 to 1 that is 0.5 at its limit; a candidate's certainty
+//! is the least of them. Exactly one candidate may reach 0.5, and no other may come near it.
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -71,7 +70,7 @@ impl Candidate {
     /// Certainty that it is the head, from 0 to 1; it takes 0.5.
     #[must_use]
     pub fn certainty(&self) -> f64 {
-        all([self.in_region, self.shape, self.alone])
+        self.in_region.min(self.shape).min(self.alone)
     }
 }
 
@@ -373,8 +372,8 @@ impl Identity {
         candidate.body_area = area;
         candidate.body_width = shoulders / (2.0 * radius);
         let set_off = at_limit(candidate.valley, VALLEY).max(at_limit(candidate.neck, NECK));
-        let [large, broad] = [at_limit(area, AREA), at_limit(candidate.body_width, WIDTH)];
-        candidate.shape = all([set_off, large, broad, at_limit(candidate.midline, MIDLINE)]);
+        let has_body = at_limit(area, AREA).min(at_limit(candidate.body_width, WIDTH));
+        candidate.shape = set_off.min(has_body).min(at_limit(candidate.midline, MIDLINE));
     }
 }
 
@@ -410,25 +409,7 @@ impl Region {
     }
 }
 
-/// The certainty that all of several checks hold: 1 less what they lack.
-fn all<const N: usize>(checks: [f64; N]) -> f64 {
-    (1.0 - checks.iter().map(|check| 1.0 - check).sum::<f64>()).clamp(0.0, 1.0)
-}
-
 /// 0.5 at the limit, 0 and 1 a way below and above it.
 fn at_limit(value: f64, [limit, way]: [f64; 2]) -> f64 {
     (0.5 + (value - limit) / (2.0 * way)).clamp(0.0, 1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{ENOUGH, all};
-
-    #[test]
-    fn what_is_near_the_limits_of_several_checks_is_not_certain() {
-        assert!(all([0.7, 1.0, 0.9, 1.0]) >= ENOUGH);
-        assert!(all([0.7, 0.7, 1.0]) < ENOUGH);
-        assert_eq!(all([0.2, 0.1, 0.3]), 0.0);
-        assert!(all([f64::NAN, 1.0]).is_nan());
-    }
 }
