@@ -58,6 +58,8 @@ pub struct ChannelCard {
     pub change: f64,
     /// Root mean square of the error of the network, in its unit, over runs that it was not trained on.
     pub error: f64,
+    /// The same of least squares over the same windows.
+    pub linear_error: f64,
 }
 
 /// Where data come from.
@@ -82,14 +84,16 @@ pub struct About {
     pub data: Data,
     /// Windows trained and validated on.
     pub windows: (usize, usize),
+    /// What [least squares](crate::linear::left) leaves of the changes.
+    pub linear: Vec<f64>,
 }
 
 impl Card {
     /// The card of a model.
     #[must_use]
     pub fn of(predictor: &Predictor, fitted: &Fitted, options: &Options, about: About) -> Self {
-        let numbers = predictor.scale().iter().zip(predictor.change()).zip(&fitted.left);
-        let channels = predictor.channels().iter().zip(numbers).map(|(channel, ((scale, change), left))| {
+        let numbers = predictor.scale().iter().zip(predictor.change()).zip(&fitted.left).zip(&about.linear);
+        let channels = predictor.channels().iter().zip(numbers).map(|(channel, (((scale, change), left), linear))| {
             let change = change * scale;
             ChannelCard {
                 name: channel.name(),
@@ -97,6 +101,7 @@ impl Card {
                 scale: *scale,
                 change,
                 error: change * left,
+                linear_error: change * linear,
             }
         });
         let best = fitted.epochs.iter().find(|e| e.number == fitted.best).copied();
@@ -173,18 +178,21 @@ impl Card {
         );
         let _ = writeln!(
             text,
-            "| channel | change per sample, rms | error of the prediction, rms | part explained |\n| --- | --- | --- | --- |"
+            "| channel | change per sample, rms | error of the prediction, rms | part explained | error of least squares, rms | part explained |\n| --- | --- | --- | --- | --- | --- |"
         );
         for c in &self.channels {
             let (factor, unit) =
                 if c.unit == "m" { (1e3, "mm") } else { (180.0 / std::f64::consts::PI, "degrees") };
-            let explained = 100.0 * (1.0 - (c.error / c.change) * (c.error / c.change));
+            let explained = |error: f64| 100.0 * (1.0 - (error / c.change) * (error / c.change));
             let _ = writeln!(
                 text,
-                "| {} | {:.4} {unit} | {:.4} {unit} | {explained:.1} % |",
+                "| {} | {:.4} {unit} | {:.4} {unit} | {:.1} % | {:.4} {unit} | {:.1} % |",
                 c.name,
                 c.change * factor,
-                c.error * factor
+                c.error * factor,
+                explained(c.error),
+                c.linear_error * factor,
+                explained(c.linear_error)
             );
         }
         text

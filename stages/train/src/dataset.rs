@@ -140,6 +140,12 @@ impl Dataset {
         (0..whole / size).map(move |i| self.batch(&order[i * size..(i + 1) * size]))
     }
 
+    /// The windows to train on.
+    #[must_use]
+    pub fn training(&self) -> Batch {
+        self.batch(&self.train)
+    }
+
     /// The windows to validate on.
     #[must_use]
     pub fn validation(&self) -> Batch {

@@ -4,6 +4,7 @@
 //! - [`dataset`]: samples, windows of them, and what is to be predicted
 //! - [`network`]: the network of `stillpoint-control` as tensors, with gradients
 //! - [`fit`]: descent, validation and early stop
+//! - [`linear`]: least squares over the same windows, to compare with
 //! - [`planner`]: the prior of beam angles of `stillpoint-network`
 //! - [`tower`]: the dissertation's residual tower
 //! - [`card`]: what a model was trained on, and how well it predicts
@@ -14,6 +15,7 @@ pub mod card;
 pub mod dataset;
 pub mod excite;
 pub mod fit;
+pub mod linear;
 pub mod network;
 pub mod planner;
 pub mod tower;

@@ -7,6 +7,7 @@ use stillpoint_train::TrainError;
 use stillpoint_train::dataset::{Dataset, Sample};
 use stillpoint_train::excite::{Excitation, record};
 use stillpoint_train::fit::{Optimiser, Options, fit};
+use stillpoint_train::linear;
 use stillpoint_train::network::Network;
 
 const VECTORS: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/vectors/e_lstm.json"));
@@ -97,6 +98,30 @@ fn a_network_learns_how_the_rig_moves_and_the_same_seed_learns_the_same() {
     assert!(best < 0.8 * begin, "{begin} to {best}");
     assert!(first.left.iter().all(|left| *left < 1.0), "{:?}", first.left);
     assert_eq!(fit(&data, &options, |_| {}).unwrap(), first);
+}
+
+#[test]
+fn least_squares_leave_nothing_of_a_linear_motion_and_little_of_the_rigs() {
+    let random = |run: u64, i: usize| ((run as f64 + 1.3) * (i as f64 + 0.7) * 12.9898).sin();
+    let run = |number: u64| -> Vec<Sample> {
+        let mut pose = vec![0.0; 3];
+        let step = |i: usize| {
+            let duty: Vec<f64> = (0..6).map(|v| 0.1 * random(number, 7 * i + v).abs()).collect();
+            let now = Sample { pose: pose.clone(), duty };
+            for (channel, value) in pose.iter_mut().enumerate() {
+                *value += 0.3 * (now.duty[2 * channel] - now.duty[2 * channel + 1]) - 0.1 * *value;
+            }
+            now
+        };
+        (0..100).map(step).collect()
+    };
+    let data = Dataset::new(&(0..5).map(run).collect::<Vec<_>>(), 6, 0.1, 0.2).unwrap();
+    let left = linear::left(&data).unwrap();
+    assert!(left.iter().all(|left| *left < 1e-3), "{left:?}");
+
+    let data = Dataset::new(&few(3), 6, 0.1, 0.2).unwrap();
+    let left = linear::left(&data).unwrap();
+    assert!(left.iter().all(|left| (0.01..0.5).contains(left)), "{left:?}");
 }
 
 #[test]

@@ -16,6 +16,7 @@ use stillpoint_train::card::{About, Card, Data};
 use stillpoint_train::dataset::{Dataset, Sample};
 use stillpoint_train::excite::{Excitation, SCALE, record};
 use stillpoint_train::fit::{Epoch, Optimiser, Options, fit};
+use stillpoint_train::linear::left;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use stillpoint_report::chart::{Chart, Series, Style};
@@ -153,6 +154,7 @@ impl Controller {
             sha256: Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect(),
             data,
             windows: set.counts(),
+            linear: left(&set).map_err(Failure::failed)?,
         };
         let card = Card::of(&predictor, &fitted, &options, about);
         publish(&self.out, bytes, &card, &card.markdown(), losses(&fitted.epochs)?, self.json)
