@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 fn main() {
     let root = PathBuf::from(std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
     let mut files = Vec::new();
-    for folder in ["src", "../plan/src", "../plan/data"] {
+    for folder in ["src", "../plan/src", "../plan/data", "../network/src", "../network/data"] {
         println!("cargo:rerun-if-changed={}", root.join(folder).display());
         list(&root.join(folder), &mut files);
     }

@@ -52,6 +52,20 @@ pub struct Rules {
     pub random: usize,
 }
 
+/// A game that is to be played.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Due {
+    /// Its name. The game does not depend on it.
+    pub name: String,
+    /// Whose beams are chosen.
+    pub patient: Patient,
+    /// The seed.
+    pub seed: u64,
+    /// The rules.
+    pub rules: Rules,
+}
+
 /// What was solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -282,6 +296,12 @@ impl<'a> Solved<'a> {
 }
 
 impl Game {
+    /// Whether this is the game that is due, with the network of this hash.
+    pub fn is_of(&self, due: &Due, network: Option<&str>) -> bool {
+        (&self.patient, self.seed, self.rules, self.network.as_deref())
+            == (&due.patient, due.seed, due.rules, network)
+    }
+
     /// Least cost.
     pub fn best(&self) -> f64 {
         self.sets.iter().map(|(_, cost)| *cost).fold(f64::INFINITY, f64::min)

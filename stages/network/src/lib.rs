@@ -28,7 +28,7 @@ pub mod volume;
 
 pub use eye::{Eye, EyeError};
 pub use file::ModelFileError;
-pub use game::{Game, GameError, Rules};
+pub use game::{Due, Game, GameError, Rules};
 pub use judgement::Judgement;
 pub use model::{Model, Sizes};
 pub use patient::{Patient, PatientError};

@@ -127,6 +127,14 @@ impl Patient {
 
     /// The case with its goals and doses, for the shipped machine.
     pub fn problem(&self) -> Result<Problem, PatientError> {
-        Ok(Problem::new(self.case()?, &self.objectives()?, Machine::shipped()?, self.coarse)?)
+        self.problem_of(self.case()?)
+    }
+
+    /// The same of a case that was read before.
+    ///
+    /// # Errors
+    /// Nothing can be solved.
+    pub fn problem_of(&self, case: Case) -> Result<Problem, PatientError> {
+        Ok(Problem::new(case, &self.objectives()?, Machine::shipped()?, self.coarse)?)
     }
 }

@@ -2,42 +2,24 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod common;
+
 use std::num::NonZeroUsize;
 
+use common::{model, patient};
 use serde_json::{Value, json};
 use stillpoint_network::game::{play, ring};
 use stillpoint_network::patient::{Body, Table};
-use stillpoint_network::{Coarseness, Game, Model, Patient, Rules, Sizes};
+use stillpoint_network::{Coarseness, Game, Patient, Rules};
 
 const RULES: Rules = Rules { beams: 5, class: true, rotations: 3, proposed: 3, search: 9, random: 2 };
-
-fn patient(seed: u64) -> Patient {
-    let coarse = Coarseness { grid_mm: 12.0, bixel_mm: 24.0 };
-    Patient { body: Body::Varied(seed), table: Table::Plain, coarse }
-}
-
-/// Numbers without meaning.
-fn model() -> Model {
-    let sizes = Sizes { structure: 3, ring: 4, angle: 4, beside: 2, pair: 3, set: 2 };
-    let mut state = 1_u32;
-    let mut next = |scale: bool| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        let unit = (state >> 8) as f32 / (1 << 24) as f32;
-        if scale { 1.0 + unit } else { unit - 0.5 }
-    };
-    let mut some = |(name, shape): (&str, Vec<usize>)| -> Vec<f32> {
-        (0..shape.iter().product()).map(|_| next(name.ends_with(".scale"))).collect()
-    };
-    let numbers = sizes.tensors().into_iter().map(&mut some).collect();
-    Model::new(sizes, numbers).unwrap()
-}
 
 #[test]
 fn a_game_depends_on_weights_patient_seed_and_rules_alone() {
     let model = model();
     let bytes = |seed, threads| {
         let threads = NonZeroUsize::new(threads).unwrap();
-        play(Some(&model), &patient(1), seed, RULES, threads).unwrap().to_bytes().unwrap()
+        play(Some(&model), &patient(1, 12.0), seed, RULES, threads).unwrap().to_bytes().unwrap()
     };
     let first = bytes(1, 1);
     assert_eq!(first, bytes(1, 2), "threads change nothing");
@@ -65,7 +47,7 @@ fn a_game_depends_on_weights_patient_seed_and_rules_alone() {
 #[test]
 fn bytes_that_are_no_game_are_refused() {
     let rules = Rules { search: 0, random: 0, ..RULES };
-    let game = play(None, &patient(3), 1, rules, NonZeroUsize::MIN).unwrap();
+    let game = play(None, &patient(3, 12.0), 1, rules, NonZeroUsize::MIN).unwrap();
     let bytes = game.to_bytes().unwrap();
     assert_eq!(Game::from_bytes(&bytes).unwrap(), game);
     let whole: Value = serde_json::from_slice(&bytes).unwrap();

@@ -132,6 +132,8 @@ impl Job {
             Call::Solve { .. } | Call::Price { .. } => {
                 self.remote.answers.insert(*key, bytes.clone());
             }
+            // No work on a request is a game.
+            Call::Game { .. } => {}
         }
         if self.remote.open.calls.is_empty() {
             self.remote.open.plans.clear();

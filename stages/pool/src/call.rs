@@ -1,7 +1,10 @@
 //! A call: what is asked, as canonical bytes, and its key.
 
+use stillpoint_network::patient::Body;
+use stillpoint_network::{Patient, Rules};
+
 use crate::wire::{Reader, WireError, Writer};
-use crate::{Build, Hash};
+use crate::{Build, Hash, game};
 
 const MAGIC: &[u8; 8] = b"SPCALL01";
 /// The most beams of a call.
@@ -45,6 +48,19 @@ pub enum Call {
         /// Dose files of each candidate.
         candidates: Vec<BeamDoses>,
     },
+    /// A game of a training; see [`stillpoint_network::game`]. The answer is `Game::to_bytes`.
+    Game {
+        /// The model file. None stands for an opening.
+        network: Option<Hash>,
+        /// The case file of a patient who is one; a phantom has none.
+        case: Option<Hash>,
+        /// Whose beams are chosen.
+        patient: Patient,
+        /// The seed.
+        seed: u64,
+        /// The rules.
+        rules: Rules,
+    },
 }
 
 /// The kinds of calls.
@@ -56,11 +72,13 @@ pub enum Kind {
     Solve,
     /// [`Call::Price`].
     Price,
+    /// [`Call::Game`].
+    Game,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Dose, Self::Solve, Self::Price];
+    pub const ALL: [Self; 4] = [Self::Dose, Self::Solve, Self::Price, Self::Game];
 
     /// Its name.
     pub fn word(self) -> &'static str {
@@ -68,6 +86,7 @@ impl Kind {
             Self::Dose => "dose",
             Self::Solve => "solve",
             Self::Price => "price",
+            Self::Game => "game",
         }
     }
 }
@@ -79,6 +98,7 @@ impl Call {
             Self::Dose { .. } => Kind::Dose,
             Self::Solve { .. } => Kind::Solve,
             Self::Price { .. } => Kind::Price,
+            Self::Game { .. } => Kind::Game,
         }
     }
 
@@ -107,6 +127,7 @@ impl Call {
             Self::Price { goals, beside, candidates } => {
                 std::iter::once(goals).chain(beside).chain(candidates.iter().flatten()).copied().collect()
             }
+            Self::Game { network, case, .. } => network.iter().chain(case).copied().collect(),
         };
         inputs.sort_unstable();
         inputs.dedup();
@@ -133,9 +154,16 @@ impl Call {
             Self::Price { goals, beside, candidates } => {
                 out.byte(2);
                 out.hash(goals);
-                out.byte(u8::from(beside.is_some()));
-                beside.iter().for_each(|hash| out.hash(hash));
+                write_name(&mut out, beside.as_ref());
                 write_beams(&mut out, candidates);
+            }
+            Self::Game { network, case, patient, seed, rules } => {
+                out.byte(3);
+                write_name(&mut out, network.as_ref());
+                write_name(&mut out, case.as_ref());
+                game::write_patient(&mut out, patient);
+                out.number(*seed);
+                game::write_rules(&mut out, rules);
             }
         }
         out.0
@@ -171,14 +199,33 @@ impl Call {
             },
             2 => Self::Price {
                 goals: from.hash("goals")?,
-                beside: if from.flag("a flag")? { Some(from.hash("a plan")?) } else { None },
+                beside: read_name(&mut from, "a plan")?,
                 candidates: read_beams(&mut from)?,
             },
+            3 => {
+                let network = read_name(&mut from, "a network")?;
+                let case = read_name(&mut from, "a case")?;
+                let patient = game::read_patient(&mut from)?;
+                if case.is_some() != matches!(patient.body, Body::File(_)) {
+                    return Err(WireError::Unknown("a patient without a case, or a phantom with one"));
+                }
+                let seed = from.number("a seed")?;
+                Self::Game { network, case, patient, seed, rules: game::read_rules(&mut from)? }
+            }
             _ => return Err(WireError::Unknown("the kind of a call")),
         };
         from.end()?;
         Ok(call)
     }
+}
+
+fn write_name(out: &mut Writer, name: Option<&Hash>) {
+    out.byte(u8::from(name.is_some()));
+    name.into_iter().for_each(|hash| out.hash(hash));
+}
+
+fn read_name(from: &mut Reader<'_>, what: &'static str) -> Result<Option<Hash>, WireError> {
+    Ok(if from.flag("a flag")? { Some(from.hash(what)?) } else { None })
 }
 
 fn write_beams(out: &mut Writer, beams: &[BeamDoses]) {

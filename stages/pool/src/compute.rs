@@ -1,9 +1,13 @@
 //! The pure functions: a call and its arguments give bytes.
 
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
+use stillpoint_network::game::play_on;
+use stillpoint_network::{Model, Patient, Rules};
 use stillpoint_plan::Setups;
 use stillpoint_plan::beams::{checked_tolerance, price_beams, solve_beams};
+use stillpoint_plan::case::Case;
 use stillpoint_plan::dose::{BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
@@ -38,6 +42,19 @@ pub enum Ready {
         /// Doses of each candidate in each set-up.
         candidates: Vec<Vec<Arc<BeamFile>>>,
     },
+    /// A game.
+    Game {
+        /// The network; none for an opening.
+        network: Option<Arc<Model>>,
+        /// The case of a patient who is no phantom.
+        case: Option<Box<Case>>,
+        /// Whose beams are chosen.
+        patient: Patient,
+        /// The seed.
+        seed: u64,
+        /// The rules.
+        rules: Rules,
+    },
 }
 
 impl Ready {
@@ -57,6 +74,15 @@ impl Ready {
             Self::Price { goals, beside, candidates } => {
                 let prices = price_beams(goals, beside.as_deref(), &setups(candidates)?);
                 Ok(answer::of_prices(&prices.map_err(|e| e.to_string())?))
+            }
+            Self::Game { network, case, patient, seed, rules } => {
+                let problem = match case {
+                    Some(case) => patient.problem_of(Case::clone(case)),
+                    None => patient.problem(),
+                };
+                let problem = problem.map_err(|e| e.to_string())?;
+                let game = play_on(&problem, network.as_deref(), patient, *seed, *rules, NonZeroUsize::MIN);
+                game.and_then(|game| game.to_bytes()).map_err(|e| e.to_string())
             }
         }
     }

@@ -161,7 +161,7 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
                 answer::plan(bytes, Some(bixels), self.goals.voxels().len()).map(drop)
             }
             Call::Price { candidates, .. } => answer::prices(bytes, candidates.len()).map(drop),
-            Call::Dose { .. } => return Err("a dose is no call of a search".to_owned()),
+            Call::Dose { .. } | Call::Game { .. } => return Err(none_of_a_search(call)),
         }
         .map_err(|e| e.to_string())
     }
@@ -193,7 +193,7 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
                 let prices = price_beams(self.goals, plan.as_ref(), &matrices(candidates)?);
                 Ok(answer::of_prices(&prices.map_err(|e| e.to_string())?))
             }
-            Call::Dose { .. } => Err("a dose is no call of a search".to_owned()),
+            Call::Dose { .. } | Call::Game { .. } => Err(none_of_a_search(call)),
         }
     }
 
@@ -213,4 +213,8 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
     fn columns(&self, beams: &[u16]) -> Vec<usize> {
         beams.iter().map(|beam| self.doses.beam(*beam).columns()).collect()
     }
+}
+
+fn none_of_a_search(call: &Call) -> String {
+    format!("a {} is no call of a search", call.kind().word())
 }

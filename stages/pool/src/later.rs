@@ -97,6 +97,6 @@ impl<I: DoseFiles + ?Sized> Solver for LaterSolver<'_, I> {
 fn priced(call: &Call) -> usize {
     match call {
         Call::Price { candidates, .. } => candidates.len(),
-        Call::Dose { .. } | Call::Solve { .. } => 0,
+        Call::Dose { .. } | Call::Solve { .. } | Call::Game { .. } => 0,
     }
 }

@@ -16,7 +16,7 @@
 //! - `pool`: a client behind a courier
 //! - `ground`: what a search stands on, with the names of its contents
 //! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
-//! - `doses`: the doses of beams over the pool
+//! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules as bytes
 
 #![forbid(unsafe_code)]
 
@@ -28,6 +28,8 @@ mod compute;
 mod courier;
 mod doses;
 mod fetch;
+mod game;
+mod games;
 pub mod goals;
 mod ground;
 mod hash;
@@ -49,6 +51,7 @@ pub use client::{Client, ClientSettings, Event, Inside, Tally};
 pub use compute::Ready;
 pub use courier::{Arrival, Courier, To};
 pub use doses::PoolDoses;
+pub use games::{Played, PoolGames};
 pub use ground::{DoseFiles, Names, PoolGround};
 pub use hash::Hash;
 pub use later::{LaterSolver, Wanted};

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use stillpoint_network::Model;
+use stillpoint_plan::case;
 use stillpoint_plan::dose::{BeamFile, DoseEngine};
 use stillpoint_plan::fluence::{Goals, Plan};
 
@@ -23,6 +25,7 @@ enum Item {
     Dose(Arc<BeamFile>),
     Goals(Arc<Goals>),
     Plan(Arc<Plan>),
+    Network(Arc<Model>),
 }
 
 impl Opened {
@@ -71,7 +74,24 @@ impl Opened {
                 };
                 Ok(Ready::Price { goals, beside, candidates })
             }
+            Call::Game { network, case: case_hash, patient, seed, rules } => {
+                let network = network.map(|hash| self.network(store, &hash)).transpose()?;
+                // A case is used once or twice, and is ten times larger than its file: it is not kept.
+                let case = |hash: Hash| {
+                    case::from_bytes(store.read(&hash)?.bytes()).map(Box::new).map_err(|e| e.to_string())
+                };
+                Ok(Ready::Game { network, case: case_hash.map(case).transpose()?, patient, seed, rules })
+            }
         }
+    }
+
+    fn network(&mut self, store: &mut Store, hash: &Hash) -> Result<Arc<Model>, String> {
+        let found = self.item(store, hash, |bytes, _| {
+            let model = Model::from_safetensors(bytes).map_err(|e| e.to_string())?;
+            Ok(Item::Network(Arc::new(model)))
+        })?;
+        let Item::Network(model) = found else { return Err(another(hash)) };
+        Ok(model)
     }
 
     fn doses(&mut self, store: &mut Store, beams: &[BeamDoses]) -> Result<Vec<Vec<Arc<BeamFile>>>, String> {

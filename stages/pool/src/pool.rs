@@ -34,7 +34,11 @@ pub trait Home {
 pub struct Pool<C: Courier> {
     courier: C,
     client: Client,
+    tell: Option<Tell>,
 }
+
+/// Tells people a message.
+type Tell = Box<dyn FnMut(&str)>;
 
 struct Keyed<'h> {
     home: &'h dyn Home,
@@ -54,7 +58,13 @@ impl Inside for Keyed<'_> {
 impl<C: Courier> Pool<C> {
     /// Over this courier.
     pub fn new(courier: C, settings: ClientSettings) -> Self {
-        Self { client: Client::new(courier.now(), settings), courier }
+        Self { client: Client::new(courier.now(), settings), courier, tell: None }
+    }
+
+    /// Tells each message for people as soon as there is one.
+    pub fn telling(mut self, tell: impl FnMut(&str) + 'static) -> Self {
+        self.tell = Some(Box::new(tell));
+        self
     }
 
     /// The workers.
@@ -130,6 +140,9 @@ impl<C: Courier> Pool<C> {
         while !twins.is_empty() {
             self.client.tick(self.courier.now());
             self.send();
+            if let Some(tell) = &mut self.tell {
+                self.client.take_news().iter().for_each(|text| tell(text));
+            }
             match self.client.next_event() {
                 Some(Event::Answer(key, answer)) => {
                     for place in twins.remove(&key).unwrap_or_default() {

@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 mod broken;
+#[path = "../../network/tests/common/mod.rs"]
+mod common;
+mod games;
 mod simulated;
 mod water;
 

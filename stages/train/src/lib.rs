@@ -57,6 +57,9 @@ pub enum TrainError {
     /// A case, its doses or its features.
     #[error("planning: {0}")]
     Plan(String),
+    /// Games that were trained on came from a worker that gave wrong answers later.
+    #[error("games of a worker that was shut out are in doubt: {}", .0.join(", "))]
+    Doubtful(Vec<String>),
     /// A file that cannot be read or written.
     #[error("{}: {why}", path.display())]
     File {

@@ -6,7 +6,11 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod bench;
+// A network and patients of the tests of games.
+#[path = "../../../stages/network/tests/common/mod.rs"]
+mod common;
 mod cut;
+mod games;
 mod hosts;
 mod overhead;
 mod pool;

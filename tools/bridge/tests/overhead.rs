@@ -13,7 +13,8 @@ use stillpoint_plan::fluence::{Goals, Objective, Wanted};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, Call, ClientSettings, Hash, Home, Pool, answer, goals};
 
-use crate::pool::{Ends, program, two_ports};
+use crate::bench::two_ports;
+use crate::pool::{Ends, program};
 use crate::water::ring;
 
 const CALLS: usize = 60;

@@ -1,6 +1,5 @@
 //! A plan over the pool: real workers, real processes, loopback.
 
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
@@ -9,6 +8,7 @@ use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
 use stillpoint_remote::{Authority, Role};
 
+use crate::bench::two_ports;
 use crate::water::{Water, alone, angles, pooled};
 
 /// A process that ends with the test.
@@ -42,14 +42,6 @@ fn certificate(folder: &Path, role: Role, name: &str) -> Vec<String> {
     let file = |option: &str, file: &Path| [option.to_owned(), file.to_str().unwrap().to_owned()];
     let [certificate, key, authority] = [made.certificate, made.key, made.authority];
     [file("--certificate", &certificate), file("--key", &key), file("--authority", &authority)].concat()
-}
-
-/// A port that is free together with the next one, below those that the system gives away.
-pub fn two_ports() -> u16 {
-    let is_free =
-        |port: &u16| [0, 1].iter().all(|more| TcpListener::bind(("127.0.0.1", port + more)).is_ok());
-    let first = 31_000 + (std::process::id() % 700) as u16 * 2;
-    (first..32_700).step_by(2).find(is_free).unwrap()
 }
 
 #[test]

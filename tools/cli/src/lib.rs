@@ -18,6 +18,7 @@
 //! - `attach`, `answer`: parts of `echo` and `send`
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
 //! - `columns`: tables for a terminal
+//! - `pool`: the options of `plan` and `train planner` for a pool of workers
 
 // The first module: the others use its macros.
 #[macro_use]
@@ -31,6 +32,7 @@ mod compress;
 mod exit;
 mod picture;
 mod pipeline_file;
+mod pool;
 mod program;
 mod quantity;
 mod series;

@@ -11,7 +11,7 @@
 //! the seed. So a training gives the same bytes with any number of players, and resumes to the bit.
 //!
 //! - `selfplay`: openings, rounds, examinations
-//! - `players`: where games are played: in this process, or kept in a folder and played elsewhere
+//! - `players`: where games are played: in this process, or kept in a folder and played elsewhere; `pooled`: on a pool
 //! - `features`: the features of patients, kept; `examples`: what is trained on
 //! - `network`: the network as tensors
 //! - `loss`, `adam`, `training`, `checkpoint`: the descent
@@ -26,6 +26,7 @@ mod features;
 mod loss;
 mod network;
 mod players;
+mod pooled;
 mod selfplay;
 mod training;
 
@@ -37,7 +38,8 @@ pub use examples::{Example, States, scales};
 pub use features::Features;
 pub use loss::{Weights, loss};
 pub use network::{Loaded, Network};
-pub use players::{Done, Due, Here, Kept, Players};
+pub use players::{Done, Here, Kept, Players, not_played};
+pub use pooled::Pooled;
 pub use selfplay::{Schedule, Tell, Told, Trained, train};
 pub use training::{Options, Pass, Ready, Training};
 

@@ -3,34 +3,20 @@
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
 use stillpoint_network::game::play;
-use stillpoint_network::{Game, Model, Patient, Rules};
+use stillpoint_network::{Due, Game, Model};
 
 use super::plan;
 use crate::TrainError;
 
-/// A game that is to be played.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Due {
-    /// Its name, which is that of its file.
-    pub name: String,
-    /// Whose beams are chosen.
-    pub patient: Patient,
-    /// The seed.
-    pub seed: u64,
-    /// The rules.
-    pub rules: Rules,
-}
-
 /// Who plays games.
 pub trait Players {
     /// Plays these games with these weights (none: openings). `done` gets each with its place, in the order in which they
-    /// end.
+    /// end; and again, where the first one turned out to be in doubt.
     ///
     /// # Errors
-    /// A game cannot be played, its players failed again and again, or `done` failed.
+    /// A game cannot be played, its players failed again and again, games that were played before are in doubt, or `done`
+    /// failed.
     fn play(&mut self, network: Option<&Model>, due: &[Due], done: Done<'_>) -> Result<(), TrainError>;
 }
 
@@ -43,7 +29,8 @@ pub struct Here(pub NonZeroUsize);
 impl Players for Here {
     fn play(&mut self, network: Option<&Model>, due: &[Due], done: Done<'_>) -> Result<(), TrainError> {
         for (place, due) in due.iter().enumerate() {
-            let game = play(network, &due.patient, due.seed, due.rules, self.0).map_err(|e| due.fault(e))?;
+            let game =
+                play(network, &due.patient, due.seed, due.rules, self.0).map_err(|e| not_played(due, e))?;
             done(place, game)?;
         }
         Ok(())
@@ -73,7 +60,7 @@ impl Players for Kept<'_> {
         let hash = network.map(Model::hash).transpose().map_err(plan)?;
         let (mut missing, mut places) = (Vec::new(), Vec::new());
         for (place, due) in due.iter().enumerate() {
-            match due.read(&self.folder, hash.as_deref()) {
+            match read(&self.folder, due, hash.as_deref()) {
                 Some(game) => done(place, game)?,
                 None => {
                     missing.push(due.clone());
@@ -83,36 +70,34 @@ impl Players for Kept<'_> {
         }
         let folder = &self.folder;
         self.players.play(network, &missing, &mut |place, game| {
-            missing[place].keep(folder, &game)?;
+            keep(folder, &missing[place], &game)?;
             done(places[place], game)
         })
     }
 }
 
-impl Due {
-    fn path(&self, folder: &Path) -> PathBuf {
-        folder.join(format!("{}.json", self.name))
-    }
+/// File of a game.
+pub(super) fn file(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{name}.json"))
+}
 
-    /// The game, if it is in the folder and was played with these weights.
-    fn read(&self, folder: &Path, network: Option<&str>) -> Option<Game> {
-        let game = Game::from_bytes(&std::fs::read(self.path(folder)).ok()?).ok()?;
-        let same = (&game.patient, game.seed, game.rules) == (&self.patient, self.seed, self.rules);
-        (same && game.network.as_deref() == network).then_some(game)
-    }
+/// The game, if it is in the folder and was played with these weights.
+fn read(folder: &Path, due: &Due, network: Option<&str>) -> Option<Game> {
+    let game = Game::from_bytes(&std::fs::read(file(folder, &due.name)).ok()?).ok()?;
+    game.is_of(due, network).then_some(game)
+}
 
-    /// Writes the game under another name, and then renames it: a file is whole, or not there.
-    fn keep(&self, folder: &Path, game: &Game) -> Result<(), TrainError> {
-        let path = self.path(folder);
-        let part = path.with_extension("part");
-        let bytes = game.to_bytes().map_err(|e| self.fault(e))?;
-        std::fs::write(&part, bytes)
-            .and_then(|()| std::fs::rename(&part, &path))
-            .map_err(|e| TrainError::File { path, why: e.to_string() })
-    }
+/// Writes the game under another name, and then renames it: a file is whole, or not there.
+fn keep(folder: &Path, due: &Due, game: &Game) -> Result<(), TrainError> {
+    let path = file(folder, &due.name);
+    let part = path.with_extension("part");
+    let bytes = game.to_bytes().map_err(|e| not_played(due, e))?;
+    std::fs::write(&part, bytes)
+        .and_then(|()| std::fs::rename(&part, &path))
+        .map_err(|e| TrainError::File { path, why: e.to_string() })
+}
 
-    /// Why it is not played.
-    pub fn fault(&self, why: impl std::fmt::Display) -> TrainError {
-        TrainError::Plan(format!("{}, {}: {why}", self.name, self.patient.name()))
-    }
+/// Why a game is not played.
+pub fn not_played(due: &Due, why: impl std::fmt::Display) -> TrainError {
+    TrainError::Plan(format!("{}, {}: {why}", due.name, due.patient.name()))
 }

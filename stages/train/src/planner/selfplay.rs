@@ -7,13 +7,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use stillpoint_network::{Game, Model, Patient, Rules};
+use stillpoint_network::{Due, Game, Model, Patient, Rules};
 
 use super::exam::{Exam, Summary};
 use super::examples::{Example, scales};
 use super::features::Features;
 use super::plan;
-use super::players::{Due, Kept, Players};
+use super::players::{Kept, Players, file};
 use super::training::{Options, Pass, Ready, Training};
 use crate::TrainError;
 
@@ -59,6 +59,8 @@ pub enum Told {
     Pass(Pass),
     /// An examination after so many rounds.
     Strength(usize, Summary),
+    /// These games are in doubt: the training begins again without them.
+    Doubt(Vec<String>),
 }
 
 /// Where a training tells: games and passes at the same time, from two threads.
@@ -83,7 +85,8 @@ pub struct Trained {
 }
 
 /// Plays and trains. Games, features, the weights of each round and the checkpoint are kept in the folder, and a training that
-/// was cut off goes on from there with the same numbers.
+/// was cut off goes on from there with the same numbers. Where games turn out to be in doubt, they are played again, and all
+/// that was trained is trained again.
 ///
 /// # Errors
 /// Nothing to train on, an option that cannot be, a game that cannot be played, or a file that cannot be written.
@@ -94,17 +97,38 @@ pub fn train(
     players: &mut dyn Players,
     tell: Tell<'_>,
 ) -> Result<Trained, TrainError> {
-    let mut run = Run {
-        schedule,
-        folder,
-        games: Kept::new(&folder.join("games"), players)?,
-        features: Features::new(&folder.join("features"))?,
-        known: BTreeMap::new(),
-        exams: Vec::new(),
-        tell,
-        played: (0, 0),
-    };
-    run.all(&Options { passes: schedule.all_passes(), ..options.clone() })
+    let games = folder.join("games");
+    loop {
+        let mut run = Run {
+            schedule,
+            folder,
+            games: Kept::new(&games, &mut *players)?,
+            features: Features::new(&folder.join("features"))?,
+            known: BTreeMap::new(),
+            exams: Vec::new(),
+            tell,
+            played: (0, 0),
+        };
+        let trained = run.all(&Options { passes: schedule.all_passes(), ..options.clone() });
+        let Err(TrainError::Doubtful(names)) = trained else { return trained };
+        for path in names.iter().map(|name| file(&games, name)).chain([checkpoint(folder)]) {
+            remove(&path)?;
+        }
+        tell(Told::Doubt(names));
+    }
+}
+
+fn checkpoint(folder: &Path) -> PathBuf {
+    folder.join("training.safetensors")
+}
+
+fn remove(path: &Path) -> Result<(), TrainError> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(TrainError::File { path: path.to_owned(), why: e.to_string() })
+        }
+        _ => Ok(()),
+    }
 }
 
 struct Run<'a> {
@@ -124,7 +148,7 @@ struct Run<'a> {
 impl Run<'_> {
     fn all(&mut self, options: &Options) -> Result<Trained, TrainError> {
         let (schedule, tell) = (self.schedule, self.tell);
-        let checkpoint = self.folder.join("training.safetensors");
+        let checkpoint = checkpoint(self.folder);
         let openings = self.play(None, &schedule.openings(&schedule.train, schedule.opening, "opening"))?;
         let validate = schedule.openings(&schedule.validate, schedule.reference, "reference");
         let validate = self.play(None, &validate)?;
@@ -301,11 +325,9 @@ fn play(
     tell: Tell<'_>,
 ) -> Result<Vec<Game>, TrainError> {
     let mut games: Vec<Option<Game>> = vec![None; due.len()];
-    let mut ended = 0;
     players.play(network, due, &mut |place, game| {
         games[place] = Some(game);
-        ended += 1;
-        tell(Told::Game(ended, due.len()));
+        tell(Told::Game(games.iter().flatten().count(), due.len()));
         Ok(())
     })?;
     let missing = || TrainError::Plan("the players left a game out".to_owned());
@@ -318,10 +340,10 @@ fn weights_file(folder: &Path, round: usize) -> PathBuf {
 }
 
 fn remove_weights(folder: &Path) -> Result<(), TrainError> {
-    for path in (0..).map(|round| weights_file(folder, round)).take_while(|path| path.exists()) {
-        std::fs::remove_file(&path).map_err(|e| TrainError::File { path, why: e.to_string() })?;
-    }
-    Ok(())
+    (0..)
+        .map(|round| weights_file(folder, round))
+        .take_while(|path| path.exists())
+        .try_for_each(|path| remove(&path))
 }
 
 /// The weights with which a round begins: from their file, else as the descent stands, and then kept.

@@ -2,7 +2,7 @@
 
 mod bench;
 mod bladder;
-mod bridge;
+pub(crate) mod bridge;
 mod case;
 mod check;
 mod delivered;

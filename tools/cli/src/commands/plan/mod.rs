@@ -33,7 +33,6 @@ mod search;
 mod table;
 mod way;
 
-use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -41,7 +40,7 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::quantity::quantity;
+use crate::pool::PoolArgs;
 use ground::Ground;
 use guide::Guide;
 use outcome::Outcome;
@@ -127,22 +126,8 @@ pub struct Plan {
     /// Number of threads; the plan does not depend on it. Default: all cores.
     #[arg(long)]
     threads: Option<std::num::NonZeroUsize>,
-    /// Compute doses, solves and prices on the workers of the pool at this endpoint, such as `tcp/10.0.0.7:7447`. The plan
-    /// is the same to the byte. Needs `stillpoint-bridge`; see docs/remote.md.
-    #[arg(long, value_name = "ENDPOINT")]
-    pool: Option<String>,
-    /// Certificate of this program, PEM, for a pool at `tls/ADDRESS:PORT`.
-    #[arg(long, value_name = "FILE", requires_all = ["pool", "key", "authority"])]
-    certificate: Option<PathBuf>,
-    /// Key of the certificate, PEM; only its owner may read it.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
-    key: Option<PathBuf>,
-    /// Certificate of the authority that signs all certificates, PEM.
-    #[arg(long, value_name = "FILE", requires = "certificate")]
-    authority: Option<PathBuf>,
-    /// Time without an answer of any worker after which this process computes a call itself.
-    #[arg(long, value_name = "TIME", default_value = "60s", requires = "pool")]
-    patience: String,
+    #[command(flatten)]
+    pool: PoolArgs,
     /// Print JSON.
     #[arg(long)]
     json: bool,
@@ -163,10 +148,7 @@ impl Plan {
         let request = Request::new(self)?;
         folder::make_ready(&request.out)?;
         let began = Instant::now();
-        let mut pooled = match &self.pool {
-            Some(endpoint) => Some(Pooled::at(endpoint, &self.tls_arguments(), self.patience_s()?)?),
-            None => None,
-        };
+        let mut pooled = self.pool.open()?.map(Pooled::new);
         let (ground, runs, ready_s) = loop {
             let begun = Instant::now();
             let ground = Ground::new(&request, pooled.as_mut())?;
@@ -209,26 +191,6 @@ impl Plan {
             }
         }
         Ok(Exit::Done)
-    }
-}
-
-impl Plan {
-    /// The arguments by which the child process gets the certificate: names of files, and nothing of their content.
-    fn tls_arguments(&self) -> Vec<&OsStr> {
-        let files =
-            [("--certificate", &self.certificate), ("--key", &self.key), ("--authority", &self.authority)];
-        let given =
-            files.iter().filter_map(|(name, file)| Some([OsStr::new(*name), file.as_ref()?.as_os_str()]));
-        given.flatten().collect()
-    }
-
-    fn patience_s(&self) -> Result<f64, Failure> {
-        let what = format!("--patience {}", self.patience);
-        let seconds = quantity(&self.patience, "s", &what)?;
-        if !(0.0..=86_400.0).contains(&seconds) {
-            return Err(Failure::wrong(format!("{what}: give 0 s to one day")));
-        }
-        Ok(seconds)
     }
 }
 

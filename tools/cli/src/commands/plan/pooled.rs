@@ -1,14 +1,13 @@
 //! Planning on a pool of workers: the same plan, computed elsewhere.
 
-use std::ffi::OsStr;
 use std::path::Path;
 
 use stillpoint_plan::dose::{DoseCache, DoseEngine};
 use stillpoint_pool::pipe::ChildCourier;
-use stillpoint_pool::{Build, ClientSettings, Pool, PoolDoses};
+use stillpoint_pool::{Pool, PoolDoses};
 
-use crate::commands::bridge;
 use crate::exit::Failure;
+use crate::pool::tell_shares;
 
 /// A pool, and the doses that it computed.
 pub struct Pooled {
@@ -18,19 +17,9 @@ pub struct Pooled {
 }
 
 impl Pooled {
-    /// The pool at this endpoint; a child process carries the messages, with the certificate that the
-    /// arguments `tls` name.
-    ///
-    /// # Errors
-    /// The child cannot be started.
-    pub fn at(endpoint: &str, tls: &[&OsStr], patience_s: f64) -> Result<Self, Failure> {
-        let mut command = bridge::command()?;
-        command.args(["plan-client", "--connect", endpoint]).args(tls);
-        let courier = ChildCourier::start(command)
-            .map_err(|e| Failure::failed(format!("stillpoint-bridge cannot be started: {e}")))?;
-        let mut settings = ClientSettings::new(Build::here().map_err(Failure::failed)?);
-        settings.patience = (patience_s * 1e9) as u64;
-        Ok(Self { pool: Pool::new(courier, settings), made: PoolDoses::default() })
+    /// Of this pool.
+    pub fn new(pool: Pool<ChildCourier>) -> Self {
+        Self { pool, made: PoolDoses::default() }
     }
 
     /// Computes the doses that the folder lacks. `on_dose` is called for each. Where the pool cannot be used, the doses
@@ -71,14 +60,6 @@ impl Pooled {
 
     /// Tells who computed.
     pub fn tell(&self) {
-        let tally = self.pool.tally();
-        outln!(
-            "pool: {} calls by {} workers, {} by this process; {} answers compared, {} calls asked twice because they were late",
-            tally.remote,
-            self.pool.workers().values().filter(|worker| worker.answered > 0).count(),
-            tally.local,
-            tally.compared,
-            tally.hedged
-        );
+        tell_shares(&self.pool);
     }
 }

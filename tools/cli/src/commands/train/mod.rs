@@ -33,7 +33,7 @@ enum What {
     /// Train the network whose features `control.mrac` adapts over.
     Controller(Controller),
     /// Train the prior of beam angles that `plan --prior network` uses.
-    Planner(planner::Planner),
+    Planner(Box<planner::Planner>),
     #[command(hide = true)]
     Player(planner::Player),
 }

@@ -17,10 +17,11 @@ use clap::Args;
 use sha2::{Digest, Sha256};
 use stillpoint_network::patient::Body;
 use stillpoint_network::{Coarseness, Patient, Rules};
-use stillpoint_train::planner::{About, Card, Options, Schedule, train};
+use stillpoint_train::planner::{About, Card, Options, Pooled, Schedule, train};
 
 use super::publish;
 use crate::exit::{Ended, Failure};
+use crate::pool::{PoolArgs, tell_shares};
 use crate::quantity::quantity;
 pub use player::Player;
 use told::Bars;
@@ -34,7 +35,8 @@ const FRESH: u64 = 1_000_000;
 /// In a round of self-play, processes play games: they solve the sets that the network proposes for a new phantom, and sets
 /// that a tree search finds from there. They take the weights of the round from shared memory, while the network is trained on
 /// the games of the rounds before. Games, weights and a checkpoint are kept in `--data`. The same command resumes a training
-/// that was cut off, with the same numbers, for any number of players. The strength is measured on patients that the
+/// that was cut off, with the same numbers, for any number of players. With `--pool` the workers of a pool play instead,
+/// on other hosts, and the numbers are the same again. The strength is measured on patients that the
 /// training never saw.
 #[derive(Args)]
 pub struct Planner {
@@ -80,8 +82,10 @@ pub struct Planner {
     #[arg(long, value_name = "N", default_value_t = 4000)]
     buffer: usize,
     /// Processes that play. Nothing depends on their number. Default: the number of cores.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "pool")]
     players: Option<NonZeroUsize>,
+    #[command(flatten)]
+    pool: PoolArgs,
     /// Spacing of the dose grid of games. The width of a bixel should be a multiple of it.
     #[arg(long, value_name = "LENGTH", default_value = "5mm")]
     grid: String,
@@ -109,10 +113,24 @@ impl Planner {
         let schedule = self.schedule()?;
         let options = Options { rate: self.learning_rate, seed: self.seed, ..Options::default() };
         let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-        let mut workers = Workers::new(self.players.unwrap_or_else(cores))?;
         let began = Instant::now();
         let bars = Bars::new(&schedule)?;
-        let trained = train(&schedule, &options, &self.data, &mut workers, &|told| bars.tell(told));
+        let tell = |told| bars.tell(told);
+        let trained = match self.pool.open()? {
+            Some(pool) => {
+                let mut players = Pooled::new(pool.telling(bars.news()), cores());
+                let trained = train(&schedule, &options, &self.data, &mut players, &tell);
+                bars.finish();
+                if !self.json {
+                    tell_shares(players.pool());
+                }
+                trained
+            }
+            None => {
+                let mut workers = Workers::new(self.players.unwrap_or_else(cores))?;
+                train(&schedule, &options, &self.data, &mut workers, &tell)
+            }
+        };
         bars.finish();
         let trained = trained.map_err(Failure::failed)?;
         let bytes = trained.model.to_safetensors().map_err(Failure::failed)?;

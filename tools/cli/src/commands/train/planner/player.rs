@@ -6,10 +6,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde::{Deserialize, Serialize};
-use stillpoint_network::Game;
 use stillpoint_network::game::play;
+use stillpoint_network::{Due, Game};
 use stillpoint_shm::Domain;
-use stillpoint_train::planner::Due;
 
 use super::weights::Receiver;
 use crate::exit::{Ended, Exit, Failure};

@@ -52,7 +52,19 @@ impl Bars {
                 );
                 self.passes.suspend(|| errln!("{text}"));
             }
+            Told::Doubt(names) => self.passes.suspend(|| {
+                errln!(
+                    "pool: the training begins again without these games of a worker that was shut out: {}",
+                    names.join(", ")
+                );
+            }),
         }
+    }
+
+    /// Tells what happens to workers of a pool.
+    pub fn news(&self) -> impl FnMut(&str) + 'static {
+        let bar = self.passes.clone();
+        move |text| bar.suspend(|| errln!("pool: {text}"))
     }
 
     /// Takes the bars away.

@@ -5,11 +5,11 @@ use std::num::NonZeroUsize;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-use stillpoint_network::Model;
+use stillpoint_network::{Due, Model};
 use stillpoint_pipeline::live::run_folder::{RunFolder, sweep_dead};
 use stillpoint_shm::Domain;
 use stillpoint_train::TrainError;
-use stillpoint_train::planner::{Done, Due, Players};
+use stillpoint_train::planner::{Done, Players, not_played};
 
 use super::player::{Order, Said};
 use super::weights;
@@ -118,7 +118,7 @@ impl Workers {
                 }
                 Some(Ok(Said::Failed(why))) => {
                     let game = self.players[at].as_ref().and_then(|player| player.game);
-                    return Err(game.map_or_else(|| fault(&why), |place| due[place].fault(&why)));
+                    return Err(game.map_or_else(|| fault(&why), |place| not_played(&due[place], &why)));
                 }
                 // It has exited, or its line was cut off.
                 Some(Err(_)) | None => {
@@ -127,7 +127,7 @@ impl Workers {
                             exits[place] += 1;
                             if exits[place] >= PATIENCE {
                                 let why = format!("its players ended {PATIENCE} times before it was played");
-                                return Err(due[place].fault(why));
+                                return Err(not_played(&due[place], why));
                             }
                             waiting.push(place);
                         }
