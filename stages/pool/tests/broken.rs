@@ -9,7 +9,8 @@ use stillpoint_pool::{
 use crate::simulated::build;
 use crate::water::Water;
 
-struct Nothing;
+/// A process without contents that takes every answer.
+pub struct Nothing;
 
 impl Inside for Nothing {
     fn content(&self, _: &Hash) -> Option<&[u8]> {

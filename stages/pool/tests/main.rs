@@ -9,8 +9,13 @@ mod games;
 mod simulated;
 mod water;
 
+use broken::Nothing;
+use games::GRID_MM;
 use simulated::{CALM, MS, Part, Simulated, Weather, build};
-use stillpoint_pool::{Build, ClientSettings, Pool};
+use stillpoint_network::Rules;
+use stillpoint_pool::{
+    Build, Call, Client, ClientSettings, Event, Message, Pool, Store, Worker, WorkerSettings,
+};
 use water::{Water, alone, pooled};
 
 const STORM: Weather = Weather { delay: (5 * MS, 200 * MS), lost: 60, doubled: 60 };
@@ -47,6 +52,39 @@ fn without_a_worker_this_process_computes_after_its_patience_and_says_nothing_wr
     // Only the first call waits.
     let waited = stillpoint_pool::Courier::now(pool.courier()) / (1000 * MS);
     assert!((60..65).contains(&waited), "{waited} s");
+}
+
+#[test]
+fn calls_wait_for_a_worker_that_is_busy_longer_than_the_patience_and_a_worker_that_comes_takes_the_rest() {
+    let water = Water::new();
+    let expected = alone(&water);
+    // Eighteen doses and more than 24 solves of 20 s each.
+    let mut pool = pool(4, CALM, &[Part { job: 20_000 * MS, ..Part::default() }]);
+    assert!(pooled(&water, &mut pool) == expected);
+    // Only what is compared is computed here.
+    let tally = pool.tally();
+    assert!(tally.local <= tally.compared, "{tally:?}");
+}
+
+#[test]
+fn without_a_worker_this_process_computes_one_call_after_the_other_and_a_worker_that_comes_takes_the_rest() {
+    let now = 61_000 * MS;
+    let mut client = Client::new(0, ClientSettings::new(build()));
+    for seed in 0..3 {
+        let (patient, rules) = (common::patient(seed, GRID_MM), Rules::OPENING);
+        client.submit(0, &Call::Game { network: None, case: None, patient, seed, rules });
+    }
+    client.tick(now);
+    assert!(matches!(client.next_event(), Some(Event::Compute(_))));
+    assert!(client.next_event().is_none());
+    let folder = tempfile::tempdir().unwrap();
+    let settings = WorkerSettings { build: build(), incarnation: 1, slots: 1, most_open: 1 << 20 };
+    let hello = Worker::new(settings, Store::open(folder.path(), 1 << 20).unwrap()).hello();
+    client.hear(now, "w0", &Message::Hello(hello).to_bytes(), &Nothing);
+    client.tick(now + MS);
+    assert!(client.next_event().is_none());
+    let asked = client.take_messages();
+    assert_eq!(asked.iter().filter(|(_, message)| matches!(message, Message::Ask { .. })).count(), 2);
 }
 
 #[test]

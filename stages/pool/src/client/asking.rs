@@ -12,8 +12,6 @@ use crate::{Hash, To, WorkerState};
 const AGAIN: u64 = 1_000_000_000;
 /// Calls that a worker is given beyond its slots: it fetches what they need while it computes others.
 const AHEAD: usize = 1;
-/// Times of patience after which a call is computed by this process, even if a worker says that it works on it.
-const MOST_PATIENCE: u64 = 10;
 
 impl Client {
     /// Lets time pass: asks, asks again, asks others, and asks this process.
@@ -32,8 +30,9 @@ impl Client {
         }
         let deserted = self.is_deserted(now);
         let mut proving = self.proving();
+        let mut is_busy = self.calls.values().any(|open| open.inside);
         for key in self.order.clone() {
-            self.go_on(now, &key, &crew, deserted, &mut proving);
+            self.go_on(now, &key, (&crew, deserted), &mut proving, &mut is_busy);
         }
     }
 
@@ -51,9 +50,9 @@ impl Client {
         &mut self,
         now: u64,
         key: &Hash,
-        crew: &BTreeSet<String>,
-        deserted: bool,
+        (crew, deserted): (&BTreeSet<String>, bool),
         proving: &mut BTreeSet<(String, Kind)>,
+        is_busy: &mut bool,
     ) {
         let Some(open) = self.calls.get_mut(key).filter(|open| !open.inside) else { return };
         let mut stuck = Vec::new();
@@ -88,11 +87,11 @@ impl Client {
         let nobody = open.asked.is_empty() && !others;
         let failed = nobody && !open.failed.is_empty();
         let alone = nobody && !open.answers.is_empty();
-        // A worker that says for ever that it works is not believed for ever.
-        let impatient = now.saturating_sub(open.progress) >= self.settings.patience
-            || now.saturating_sub(open.since) >= MOST_PATIENCE.saturating_mul(self.settings.patience);
-        if deserted || failed || alone || (impatient && !crew.is_empty()) {
-            open.inside = true;
+        let impatient = open.is_impatient(now, self.settings.patience, self.progress, self.answered);
+        // One after the other: a worker that comes meanwhile takes the rest.
+        let is_due = (deserted || (impatient && !crew.is_empty())) && !*is_busy;
+        if is_due || failed || alone {
+            (open.inside, *is_busy) = (true, true);
             self.events.push_back(Event::Compute(*key));
             return;
         }
@@ -143,6 +142,9 @@ impl Client {
         }
         if is_late && have >= wanted {
             self.tally.hedged += 1;
+        }
+        if open.begun.is_none() {
+            (open.begun, open.progress) = (Some(now), now);
         }
         open.asked.insert(name.clone(), Asked { first: now, last: now, is_ahead });
         self.out.push((To::One(name), Message::Ask { key: *key, call: open.bytes.clone() }));

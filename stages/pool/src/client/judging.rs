@@ -47,6 +47,7 @@ impl Client {
         }
         let Some(open) = self.calls.get_mut(&key) else { return };
         open.progress = now;
+        (self.progress, self.answered) = (now, now);
         let times = self.times.entry(kind).or_default();
         times.push_back(now.saturating_sub(asked.first));
         if times.len() > REMEMBERED {

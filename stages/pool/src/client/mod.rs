@@ -107,6 +107,10 @@ pub struct Client {
     tally: Tally,
     /// When there was a worker last.
     attended: u64,
+    /// When a worker last showed that it works on a call.
+    progress: u64,
+    /// When a worker last answered a call.
+    answered: u64,
 }
 
 impl Client {
@@ -128,6 +132,8 @@ impl Client {
             out: Vec::new(),
             tally: Tally::default(),
             attended: now,
+            progress: now,
+            answered: now,
         }
     }
 
@@ -189,7 +195,7 @@ impl Client {
                 bytes,
                 kind: call.kind(),
                 compare: share < self.settings.checked,
-                since: now,
+                begun: None,
                 progress: now,
                 asked: BTreeMap::new(),
                 answers: Vec::new(),
@@ -235,7 +241,7 @@ impl Client {
             }
             Message::Working { key } => {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
-                    open.progress = now;
+                    (open.progress, self.progress) = (now, now);
                 }
             }
             Message::Busy { key } => {
@@ -253,7 +259,7 @@ impl Client {
             Message::Answer { key, bytes } => self.arrived(now, key, from, bytes, inside),
             Message::Done { key, answer } => {
                 if let Some(open) = self.calls.get_mut(&key).filter(|open| open.asked.contains_key(from)) {
-                    open.progress = now;
+                    (open.progress, self.progress) = (now, now);
                     self.sources.note(from, answer);
                     let fetch = open.fetches.entry(from.to_owned()).or_insert_with(|| Fetch::new(answer));
                     if fetch.content() != answer {

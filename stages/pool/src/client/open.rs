@@ -6,15 +6,18 @@ use std::sync::Arc;
 use crate::call::Kind;
 use crate::fetch::Fetch;
 
+/// Times of patience after which a call is computed by this process, even if a worker says that it works on it.
+const MOST_PATIENCE: u64 = 10;
+
 /// A call without an accepted answer.
 pub(super) struct Open {
     pub bytes: Vec<u8>,
     pub kind: Kind,
     /// Answers that are compared before one is accepted.
     pub compare: bool,
-    /// When it was submitted.
-    pub since: u64,
-    /// When a worker last showed that it works on the call.
+    /// When a worker was first asked.
+    pub begun: Option<u64>,
+    /// When it was submitted, a worker was first asked, or one last showed that it works on the call.
     pub progress: u64,
     pub asked: BTreeMap<String, Asked>,
     pub answers: Vec<(String, Arc<Vec<u8>>)>,
@@ -40,6 +43,16 @@ pub(super) struct Accepted {
 }
 
 impl Open {
+    /// Whether this process is to wait no longer. `progress`: when a worker last showed that it works on any call;
+    /// `answered`: when one last gave an answer.
+    pub fn is_impatient(&self, now: u64, patience: u64, progress: u64, answered: u64) -> bool {
+        // A call that nobody has yet waits as long as workers work on others.
+        let sign = if self.asked.is_empty() { self.progress.max(progress) } else { self.progress };
+        let begun = self.begun.unwrap_or(self.progress.max(answered));
+        now.saturating_sub(sign) >= patience
+            || now.saturating_sub(begun) >= MOST_PATIENCE.saturating_mul(patience)
+    }
+
     /// Expects nothing of a worker any more.
     pub fn forget(&mut self, name: &str) {
         self.asked.remove(name);

@@ -18,7 +18,7 @@ impl Client {
             let Some(fetch) = open.fetches.get_mut(from).filter(|fetch| fetch.content() == content) else {
                 continue;
             };
-            open.progress = now;
+            (open.progress, self.progress) = (now, now);
             match fetch.take(part, length, bytes) {
                 Ok(Some(bytes)) => whole = Some((*key, bytes)),
                 Ok(None) => {
