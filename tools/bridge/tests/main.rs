@@ -12,6 +12,7 @@ mod common;
 mod cut;
 mod games;
 mod hosts;
+mod killed;
 mod overhead;
 mod pool;
 mod pool_pipeline;
