@@ -13,6 +13,7 @@ mod cut;
 mod games;
 mod hosts;
 mod killed;
+mod namespaces;
 mod overhead;
 mod pool;
 mod pool_pipeline;
