@@ -8,6 +8,8 @@ use sha2::{Digest, Sha256};
 use crate::eye::{PAIR, STRUCTURE, TARGET};
 use crate::model::{Model, ModelError, Sizes};
 
+/// The network that comes with the project; its card is `planner.md` beside it.
+const SHIPPED: &[u8] = include_bytes!("../data/planner.safetensors");
 /// Greatest file that is read.
 const GREATEST_FILE: usize = 5 << 20;
 /// The entry of the metadata: version, number of features, widths.
@@ -47,6 +49,14 @@ pub enum ModelFileError {
 }
 
 impl Model {
+    /// The network that comes with the project.
+    ///
+    /// # Errors
+    /// None: a test reads it.
+    pub fn shipped() -> Result<Self, ModelFileError> {
+        Self::from_safetensors(SHIPPED)
+    }
+
     /// Reads a model file.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelFileError> {
         if bytes.len() > GREATEST_FILE {

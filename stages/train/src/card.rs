@@ -93,17 +93,18 @@ impl Card {
     #[must_use]
     pub fn of(predictor: &Predictor, fitted: &Fitted, options: &Options, about: About) -> Self {
         let numbers = predictor.scale().iter().zip(predictor.change()).zip(&fitted.left).zip(&about.linear);
-        let channels = predictor.channels().iter().zip(numbers).map(|(channel, (((scale, change), left), linear))| {
-            let change = change * scale;
-            ChannelCard {
-                name: channel.name(),
-                unit: channel.unit(),
-                scale: *scale,
-                change,
-                error: change * left,
-                linear_error: change * linear,
-            }
-        });
+        let channels =
+            predictor.channels().iter().zip(numbers).map(|(channel, (((scale, change), left), linear))| {
+                let change = change * scale;
+                ChannelCard {
+                    name: channel.name(),
+                    unit: channel.unit(),
+                    scale: *scale,
+                    change,
+                    error: change * left,
+                    linear_error: change * linear,
+                }
+            });
         let best = fitted.epochs.iter().find(|e| e.number == fitted.best).copied();
         Self {
             purpose: "Features of `control.mrac`: the last hidden state of a network that predicts how a head on bladders moves.",

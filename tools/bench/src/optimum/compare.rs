@@ -1,67 +1,104 @@
-//! Methods of choosing beams at the same number of solves, on the same pelves.
+//! Methods of choosing beams at the same number of solves, on the same patients.
 
 use rustix::time::{ClockId, clock_gettime};
+use stillpoint_network::game::APART;
 use stillpoint_plan::beams::{
-    BeamGame, Budget, Evaluator, Geometry, Method, Prior, SearchOptions, choose, pelvis_solutions,
+    BeamGame, BeamSet, Budget, Evaluator, Geometry, Method, Prior, RingError, SearchOptions, choose,
 };
 
-use super::pelvis::Pelvis;
+use super::subject::Subject;
 
 /// A method with its name.
 pub struct Entry {
     /// Its name in tables.
     pub name: &'static str,
-    /// The method.
-    pub method: Method,
-    /// Its prior.
-    pub prior: Guide,
+    way: Way,
     /// Whether the seed changes what it does within few solves, so that several are run.
     pub drawn: bool,
     /// Whether the budget changes what it does before the budget is spent, so that each budget needs a run.
-    pub planned: bool,
+    planned: bool,
+    /// Whether it is run only where all methods are wanted.
+    pub seldom: bool,
 }
 
-/// A prior by its name.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Guide {
-    /// None.
-    None,
-    /// From the image.
-    Geometry,
+enum Way {
+    Exchange,
+    ExchangeFromNetwork,
+    Search,
+    SearchWithGeometry,
+    SearchWithNetwork,
+    Network,
+    NetworkAlone,
+    Annealing,
+    Random,
+    Class,
+    Rotations,
+    Greedy,
+    Columns,
+    GeometryAlone,
+    Construction,
+    TwoPlayers,
 }
 
-/// The methods that are compared. Those that take sets to begin with begin with the one class set.
-pub fn entries() -> Vec<Entry> {
-    let starts: Vec<Vec<f64>> = pelvis_solutions(5).into_iter().take(1).collect();
-    let search = SearchOptions { starts: starts.clone(), ..SearchOptions::default() };
-    let geometry = SearchOptions { prior: 0.5, ..search.clone() };
-    let of = |name, method, prior, drawn, planned| Entry { name, method, prior, drawn, planned };
-    vec![
-        of("exchange", Method::Exchange(starts.clone()), Guide::None, true, false),
-        of("search", Method::Search(search), Guide::None, true, false),
-        of("search, price and geometry", Method::Search(geometry), Guide::Geometry, true, false),
-        of("annealing", Method::Annealing, Guide::None, true, true),
-        of("random", Method::Random, Guide::None, true, false),
-        of(
-            "class set",
-            Method::Class(starts.into_iter().next().unwrap_or_default()),
-            Guide::None,
-            false,
-            false,
-        ),
-        of("best rotation", Method::Equidistant, Guide::None, false, false),
-        of("greedy", Method::Greedy, Guide::None, false, false),
-        of("column generation", Method::ColumnGeneration, Guide::None, false, false),
-        of("geometry alone", Method::Prior, Guide::Geometry, false, false),
-        of("game, beam by beam", Method::Game(BeamGame::Construction), Guide::Geometry, false, false),
-        of(
-            "game, two players",
-            Method::Game(BeamGame::Alternating { depth: 2 }),
-            Guide::Geometry,
-            false,
-            false,
-        ),
-    ]
+/// The methods that are compared. `exchange` and `search` begin with the class set where the site has one.
+pub const ENTRIES: [Entry; 16] = [
+    Entry::of("exchange", Way::Exchange, true),
+    Entry::of("exchange from the network's sets", Way::ExchangeFromNetwork, true),
+    Entry::of("search", Way::Search, true),
+    Entry::of("search with the network", Way::SearchWithNetwork, true),
+    Entry::of("network's sets", Way::Network, false),
+    Entry { seldom: true, ..Entry::of("network's policy alone", Way::NetworkAlone, false) },
+    Entry::of("class set", Way::Class, false),
+    Entry::of("best rotation", Way::Rotations, false),
+    Entry { planned: true, ..Entry::of("annealing", Way::Annealing, true) },
+    Entry::of("random", Way::Random, true),
+    Entry { seldom: true, ..Entry::of("search, price and geometry", Way::SearchWithGeometry, true) },
+    Entry { seldom: true, ..Entry::of("greedy", Way::Greedy, false) },
+    Entry { seldom: true, ..Entry::of("column generation", Way::Columns, false) },
+    Entry { seldom: true, ..Entry::of("geometry alone", Way::GeometryAlone, false) },
+    Entry { seldom: true, ..Entry::of("game, beam by beam", Way::Construction, false) },
+    Entry { seldom: true, ..Entry::of("game, two players", Way::TwoPlayers, false) },
+];
+
+impl Entry {
+    const fn of(name: &'static str, way: Way, drawn: bool) -> Self {
+        Self { name, way, drawn, planned: false, seldom: false }
+    }
+
+    /// The method for a patient; none where it has no class set.
+    fn method(&self, subject: &Subject, beams: usize, solves: usize) -> Result<Option<Method>, RingError> {
+        let ring = subject.ring;
+        let proposed = || -> Result<Vec<Vec<f64>>, RingError> {
+            let sets = subject.judgement.spread_sets(ring, beams, solves, APART)?;
+            let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
+            Ok(sets.iter().map(degrees).collect())
+        };
+        let first = || proposed().map(|sets| sets.into_iter().take(1).collect::<Vec<_>>());
+        let search = SearchOptions { starts: subject.class.clone(), ..SearchOptions::default() };
+        Ok(Some(match self.way {
+            Way::Exchange => Method::Exchange(subject.class.clone()),
+            Way::ExchangeFromNetwork => Method::Exchange(first()?),
+            Way::Search => Method::Search(search),
+            Way::SearchWithGeometry => Method::Search(SearchOptions { prior: 0.5, ..search }),
+            Way::SearchWithNetwork => {
+                Method::Search(SearchOptions { starts: first()?, prior: 0.5, ..search })
+            }
+            Way::Network => Method::Sets(proposed()?),
+            Way::NetworkAlone | Way::GeometryAlone => Method::Prior,
+            Way::Annealing => Method::Annealing,
+            Way::Random => Method::Random,
+            Way::Class => match subject.class.first() {
+                Some(class) => Method::Class(class.clone()),
+                None => return Ok(None),
+            },
+            Way::Rotations => Method::Equidistant,
+            Way::Greedy => Method::Greedy,
+            Way::Columns => Method::ColumnGeneration,
+            Way::Construction => Method::Game(BeamGame::Construction),
+            Way::TwoPlayers => Method::Game(BeamGame::Alternating { depth: 2 }),
+        }))
+    }
 }
 
 /// One run: the least cost after each of the wanted numbers of solves, and CPU-seconds.
@@ -72,25 +109,28 @@ pub struct Ran {
     pub cpu_s: f64,
 }
 
-/// Runs a method on a pelvis.
+/// Runs a method on a patient; none where the patient has no class set to run.
 pub fn run(
-    pelvis: &Pelvis,
+    subject: &Subject,
     entry: &Entry,
     beams: usize,
     at: &[usize],
     seed: u64,
-) -> Result<Ran, Box<dyn std::error::Error>> {
-    let geometry = Geometry::of_case(&pelvis.case, pelvis.ring);
-    let prior: Option<&dyn Prior> = match entry.prior {
-        Guide::None => None,
-        Guide::Geometry => Some(&geometry),
+) -> Result<Option<Ran>, Box<dyn std::error::Error>> {
+    let geometry = Geometry::of_case(&subject.problem.case, subject.ring);
+    let prior: Option<&dyn Prior> = match entry.way {
+        Way::SearchWithGeometry | Way::GeometryAlone | Way::Construction | Way::TwoPlayers => Some(&geometry),
+        Way::SearchWithNetwork | Way::NetworkAlone => Some(&subject.judgement),
+        _ => None,
     };
+    let largest = at.iter().copied().max().unwrap_or(1);
+    let Some(method) = entry.method(subject, beams, largest)? else { return Ok(None) };
     let once = |solves: usize| -> Result<(Vec<f64>, f64), Box<dyn std::error::Error>> {
         let began = cpu_seconds();
-        let mut evaluator =
-            Evaluator::new(&pelvis.doses[..], &pelvis.goals, pelvis.ring, beams, Budget { solves });
+        let goals = &subject.problem.goals;
+        let mut evaluator = Evaluator::new(&subject.doses[..], goals, subject.ring, beams, Budget { solves });
         // Fewer solves than a plan needs leave no best set, which is infinite here.
-        let chosen = choose(&entry.method, &mut evaluator, prior, seed);
+        let chosen = choose(&method, &mut evaluator, prior, seed);
         if let Err(why) = chosen
             && (evaluator.best().is_some() || evaluator.solves() < solves.min(beams))
         {
@@ -105,7 +145,6 @@ pub fn run(
             .and_then(|part| part.last().copied())
             .unwrap_or(f64::INFINITY)
     };
-    let largest = at.iter().copied().max().unwrap_or(1);
     let (history, cpu_s) = once(largest)?;
     let mut best = Vec::new();
     for solves in at {
@@ -114,7 +153,7 @@ pub fn run(
             false => after(&history, *solves),
         });
     }
-    Ok(Ran { best, cpu_s })
+    Ok(Some(Ran { best, cpu_s }))
 }
 
 fn cpu_seconds() -> f64 {

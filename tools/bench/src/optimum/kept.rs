@@ -5,13 +5,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use stillpoint_plan::case::content_hash;
 
-use super::pelvis::Pelvis;
 use super::prove::{Proved, prove};
+use super::subject::Subject;
 
-/// Version of the files, and of the goals and doses of a pelvis.
-const VERSION: u32 = 1;
-/// Beams of a plan.
-const BEAMS: usize = 5;
+/// Version of the files, and of the goals and doses of a patient.
+const VERSION: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -26,31 +24,37 @@ struct File {
     solves: usize,
 }
 
-/// The best set of a pelvis: from the folder if it was proved before, else proved now and kept there.
-pub fn proved(folder: Option<&Path>, pelvis: &Pelvis) -> Result<Proved, Box<dyn std::error::Error>> {
-    let case = content_hash(&pelvis.case)?.to_string();
+/// The best set of a patient: from the folder if it was proved before, else proved now and kept there.
+pub fn proved(
+    folder: Option<&Path>,
+    subject: &Subject,
+    beams: usize,
+) -> Result<Proved, Box<dyn std::error::Error>> {
+    let case = content_hash(&subject.problem.case)?.to_string();
     let path =
-        folder.map(|folder| folder.join(format!("optimum-{}-{}.json", pelvis.ring.count(), pelvis.seed)));
+        folder.map(|folder| folder.join(format!("optimum-{}-{}.json", subject.ring.count(), subject.name)));
     if let Some(path) = &path
         && let Ok(bytes) = std::fs::read(path)
     {
         let file: File = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
-        if (file.version, &file.case, file.angles) == (VERSION, &case, pelvis.ring.count()) {
-            let set = pelvis.ring.set(&file.beams)?;
+        if (file.version, &file.case, file.angles, file.beams.len())
+            == (VERSION, &case, subject.ring.count(), beams)
+        {
+            let set = subject.ring.set(&file.beams)?;
             return Ok(Proved { set, cost: file.cost, sets: file.sets, solves: file.solves });
         }
     }
-    let proved = prove(&pelvis.doses, &pelvis.goals, pelvis.ring, BEAMS, |solves, left| {
-        if solves % 500 == 0 {
-            errln!("pelvis {}: {solves} solves, {left} sets are open", pelvis.seed);
+    let proved = prove(&subject.doses, &subject.problem.goals, subject.ring, beams, |solves| {
+        if solves % 1000 == 0 {
+            errln!("{}: {solves} sets are solved", subject.name);
         }
     })?;
-    errln!("pelvis {}: proved by {} solves: {:?} at {}", pelvis.seed, proved.solves, proved.set, proved.cost);
+    errln!("{}: proved by {} solves: {:?} at {}", subject.name, proved.solves, proved.set, proved.cost);
     if let Some(path) = &path {
         let file = File {
             version: VERSION,
             case,
-            angles: pelvis.ring.count(),
+            angles: subject.ring.count(),
             beams: proved.set.beams().to_vec(),
             cost: proved.cost,
             sets: proved.sets,

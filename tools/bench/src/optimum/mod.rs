@@ -1,44 +1,63 @@
 //! `stillpoint bench optimum`: methods of choosing beams against the proved optimum of a small ring, and against each other
 //! on the full one.
 //!
-//! - `pelvis`: a pelvis with its doses in memory
+//! - `subject`: a patient with its doses in memory
 //! - `prove`: the best set, proved; `kept`: proofs of earlier runs
 //! - `compare`: methods at the same numbers of solves
-//! - `paired`: differences of two methods on the same pelves
+//! - `paired`: differences of two methods on the same patients
 
 mod compare;
 mod kept;
 mod paired;
-mod pelvis;
 mod prove;
+mod subject;
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 use stillpoint::{Ended, Exit, Failure, print_json};
+use stillpoint_network::patient::{Body, Table};
+use stillpoint_network::{Coarseness, Model, Patient};
 use stillpoint_plan::beams::Ring;
 
-use compare::{Entry, entries, run};
+use compare::{ENTRIES, Entry, run};
 use paired::Paired;
-use pelvis::Pelvis;
+use subject::Subject;
 
 /// The method that the others are compared with.
 const BASE: &str = "exchange";
 
-/// Compare methods of choosing five beams on synthetic pelves, at equal numbers of solves.
+/// Coarseness of the doses of heads and necks, and of case files: their targets are large.
+const WIDE: Coarseness = Coarseness { bixel_mm: 20.0, ..Coarseness::USUAL };
+
+/// Compare methods of choosing beams at equal numbers of solves.
 ///
-/// With `--ring 18` (every 20 degrees) the best of all 8,568 sets of a pelvis is proved at first, which takes minutes of
-/// processor time, and the table shows by how much each method missed it. With `--ring 90` the table shows how much worse
-/// each method is than the best set that any run found. Each cell has the mean over the pelves, the worst run, the number of
-/// runs that found the best set, and the difference from `exchange`: its mean, pelves where the method is better and worse,
-/// and the two-sided probabilities of the sign test and of Wilcoxon's signed-rank test. One thread.
+/// With `--ring 18` (every 20 degrees) the best of all 8,568 sets of five beams is proved at first, which takes minutes of
+/// processor time a patient, and the table shows by how much each method missed it. With `--ring 90` the table shows how much
+/// worse each method is than the best set that any run found. Each cell has the mean over the patients, the worst run, the
+/// number of runs that found the best set, and the difference from `exchange`: its mean, patients for which the method is
+/// better and worse, and the two-sided probabilities of the sign test and of Wilcoxon's signed-rank test. One thread.
 #[derive(Args)]
 pub struct Optimum {
-    /// Seeds of the pelves.
-    #[arg(long, value_delimiter = ',', default_values_t = [101, 102])]
+    /// Seeds of pelves, with the objectives of comparisons. Without any patients they are 101 and 102.
+    #[arg(long, value_delimiter = ',')]
     pelves: Vec<u64>,
+    /// Seeds of varied pelves, with the same objectives.
+    #[arg(long, value_delimiter = ',')]
+    varied: Vec<u64>,
+    /// Seeds of heads and necks, with the built-in objectives.
+    #[arg(long, value_delimiter = ',')]
+    necks: Vec<u64>,
+    /// Case files, with the built-in objectives.
+    #[arg(long, value_delimiter = ',', value_name = "FILES")]
+    cases: Vec<PathBuf>,
+    /// Model file of the network; the default is the network that comes with stillpoint.
+    #[arg(long, value_name = "FILE")]
+    network: Option<PathBuf>,
+    /// Number of beams.
+    #[arg(long, default_value_t = 5)]
+    beams: usize,
     /// Number of runs of the methods that draw, with seeds from 0.
     #[arg(long, default_value_t = 2, value_parser = super::at_least::<u64>(1))]
     seeds: u64,
@@ -48,6 +67,9 @@ pub struct Optimum {
     /// Numbers of solves.
     #[arg(long, value_delimiter = ',')]
     solves: Vec<usize>,
+    /// Run also the methods that are far behind: games, greedy, column generation, priors alone.
+    #[arg(long)]
+    all_methods: bool,
     /// Folder in which proved optima are kept, so that another run need not prove them again.
     #[arg(long, value_name = "DIR")]
     kept: Option<PathBuf>,
@@ -67,12 +89,13 @@ fn ring(text: &str) -> Result<u16, String> {
     }
 }
 
-/// One method on one pelvis, the mean over its seeds.
+/// One method for one patient.
 struct Row {
-    pelvis: u64,
+    patient: String,
     name: &'static str,
     /// Costs after each number of solves, by seed.
     costs: Vec<Vec<f64>>,
+    /// Mean over the seeds.
     cpu_s: f64,
 }
 
@@ -84,26 +107,26 @@ impl Optimum {
             count => (Ring::new(count, 5), &[1, 5, 10, 35, 120]),
         };
         let ring = ring.map_err(Failure::failed)?;
+        ring.check_room(self.beams).map_err(|e| Failure::wrong(e.to_string()))?;
         let at = if self.solves.is_empty() { default.to_vec() } else { self.solves.clone() };
+        let model = self.model()?;
         let (mut rows, mut best_known) = (Vec::new(), Vec::new());
-        for seed in &self.pelves {
-            let pelvis =
-                Pelvis::new(*seed, ring, NonZeroUsize::MIN).map_err(|e| Failure::failed(e.to_string()))?;
+        for patient in self.patients() {
+            let subject = Subject::new(&patient, &model, ring, self.beams).map_err(failed)?;
             let mut best = f64::INFINITY;
             if self.ring == 18 {
-                let proved = kept::proved(self.kept.as_deref(), &pelvis);
-                best = proved.map_err(|e| Failure::failed(e.to_string()))?.cost;
+                best = kept::proved(self.kept.as_deref(), &subject, self.beams).map_err(failed)?.cost;
             }
             if self.only_proofs {
                 continue;
             }
-            for entry in entries() {
-                let row = self.row(&pelvis, &entry, &at)?;
+            for entry in ENTRIES.iter().filter(|entry| self.all_methods || !entry.seldom) {
+                let Some(row) = self.row(&subject, entry, &at)? else { continue };
                 best = row.costs.iter().flatten().copied().fold(best, f64::min);
-                errln!("pelvis {seed}, {}: {:?}", row.name, row.costs);
+                errln!("{}, {}: {:?}", row.patient, row.name, row.costs);
                 rows.push(row);
             }
-            best_known.push((*seed, best));
+            best_known.push((subject.name, best));
         }
         if self.only_proofs {
             return Ok(Exit::Done);
@@ -111,38 +134,64 @@ impl Optimum {
         self.tell(&at, &rows, &best_known)
     }
 
-    fn row(&self, pelvis: &Pelvis, entry: &Entry, at: &[usize]) -> Result<Row, Failure> {
+    fn model(&self) -> Result<Model, Failure> {
+        let Some(path) = &self.network else { return Model::shipped().map_err(Failure::failed) };
+        let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
+        let bytes = std::fs::read(path).map_err(|e| fault(&e))?;
+        Model::from_safetensors(&bytes).map_err(|e| fault(&e))
+    }
+
+    fn patients(&self) -> Vec<Patient> {
+        let of = |body, table, coarse| Patient { body, table, coarse };
+        let plain = |body| of(body, Table::Plain, Coarseness::USUAL);
+        let mut all: Vec<Patient> = self.pelves.iter().map(|seed| plain(Body::Pelvis(*seed))).collect();
+        all.extend(self.varied.iter().map(|seed| plain(Body::Varied(*seed))));
+        all.extend(self.necks.iter().map(|seed| of(Body::Neck(*seed), Table::Shipped, WIDE)));
+        all.extend(self.cases.iter().map(|path| Patient::of_file(path, WIDE)));
+        if all.is_empty() {
+            all.extend([101, 102].map(|seed| plain(Body::Pelvis(seed))));
+        }
+        all
+    }
+
+    fn row(&self, subject: &Subject, entry: &Entry, at: &[usize]) -> Result<Option<Row>, Failure> {
         let (mut costs, mut cpu_s) = (Vec::new(), 0.0);
         let seeds = if entry.drawn { self.seeds } else { 1 };
         for seed in 0..seeds {
-            let ran = run(pelvis, entry, 5, at, seed).map_err(|e| Failure::failed(e.to_string()))?;
+            let Some(ran) = run(subject, entry, self.beams, at, seed).map_err(failed)? else {
+                return Ok(None);
+            };
             costs.push(ran.best);
             cpu_s += ran.cpu_s / seeds as f64;
         }
-        Ok(Row { pelvis: pelvis.seed, name: entry.name, costs, cpu_s })
+        Ok(Some(Row { patient: subject.name.clone(), name: entry.name, costs, cpu_s }))
     }
 
-    fn tell(&self, at: &[usize], rows: &[Row], best_known: &[(u64, f64)]) -> Ended {
+    fn tell(&self, at: &[usize], rows: &[Row], best_known: &[(String, f64)]) -> Ended {
         let best =
-            |pelvis: u64| best_known.iter().find(|(seed, _)| *seed == pelvis).map_or(f64::NAN, |(_, b)| *b);
-        // By pelvis: percent above the best, the mean over the seeds.
-        let over = |name: &str, place: usize| -> Vec<f64> {
-            let of = |row: &Row| {
-                let each = row.costs.iter().map(|costs| 100.0 * (costs[place] / best(row.pelvis) - 1.0));
-                each.sum::<f64>() / row.costs.len() as f64
-            };
-            rows.iter().filter(|row| row.name == name).map(of).collect()
+            |patient: &str| best_known.iter().find(|(name, _)| name == patient).map_or(f64::NAN, |(_, b)| *b);
+        // Percent above the best, the mean over the seeds.
+        let over = |row: &Row, place: usize| {
+            let each = row.costs.iter().map(|costs| 100.0 * (costs[place] / best(&row.patient) - 1.0));
+            each.sum::<f64>() / row.costs.len() as f64
         };
+        let base_of = |row: &&Row| rows.iter().find(|b| b.name == BASE && b.patient == row.patient);
         let mut told = Vec::new();
-        for entry in entries() {
+        for entry in &ENTRIES {
             let of_name = || rows.iter().filter(|row| row.name == entry.name);
-            let cpu_s = of_name().map(|row| row.cpu_s).sum::<f64>() / self.pelves.len() as f64;
+            let patients = of_name().count();
+            if patients == 0 {
+                continue;
+            }
+            let cpu_s = of_name().map(|row| row.cpu_s).sum::<f64>() / patients as f64;
             let mut by_solves = Vec::new();
             for (place, solves) in at.iter().enumerate() {
-                let all = over(entry.name, place);
+                let all: Vec<f64> = of_name().map(|row| over(row, place)).collect();
+                let base: Vec<f64> =
+                    of_name().map(|row| base_of(&row).map_or(f64::NAN, |base| over(base, place))).collect();
                 let runs = || {
                     of_name()
-                        .flat_map(|row| row.costs.iter().map(|costs| costs[place] / best(row.pelvis) - 1.0))
+                        .flat_map(|row| row.costs.iter().map(|costs| costs[place] / best(&row.patient) - 1.0))
                 };
                 by_solves.push(json!({
                     "solves": solves,
@@ -150,14 +199,16 @@ impl Optimum {
                     "worst_percent": 100.0 * runs().fold(0.0, f64::max),
                     "runs": runs().count(),
                     "runs_at_best": runs().filter(|over| *over < 1e-5).count(),
-                    "against_exchange": Paired::new(&all, &over(BASE, place)).told(),
+                    "against_exchange": Paired::new(&all, &base).told(),
                 }));
             }
-            told.push(json!({ "method": entry.name, "cpu_s": cpu_s, "by_solves": by_solves }));
+            told.push(json!({
+                "method": entry.name, "patients": patients, "cpu_s": cpu_s, "by_solves": by_solves,
+            }));
         }
         let best: Vec<_> =
-            best_known.iter().map(|(seed, best)| json!({ "pelvis": seed, "best": best })).collect();
-        let told = json!({ "ring": self.ring, "seeds": self.seeds, "best": best, "methods": told });
+            best_known.iter().map(|(name, best)| json!({ "patient": name, "best": best })).collect();
+        let told = json!({ "ring": self.ring, "beams": self.beams, "seeds": self.seeds, "best": best, "methods": told });
         if self.json {
             print_json(&told)?;
             return Ok(Exit::Done);
@@ -187,4 +238,8 @@ impl Optimum {
         }
         Ok(Exit::Done)
     }
+}
+
+fn failed(error: Box<dyn std::error::Error>) -> Failure {
+    Failure::failed(error.to_string())
 }

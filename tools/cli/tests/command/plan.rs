@@ -73,7 +73,7 @@ fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     let asked = ["--beams", "3", "--budget", "6", "--compare", "--robust", "5mm", "--out", "both"];
     let told = plan(folder.path(), &asked);
     let searches = told["searches"].as_array().unwrap();
-    assert_eq!(searches.len(), 8);
+    assert_eq!(searches.len(), 9);
     let cost = |s: &Value| s["objective"].as_f64().unwrap();
     let least = searches.iter().map(cost).fold(f64::INFINITY, f64::min);
     assert_eq!(cost(&told), least);
@@ -84,7 +84,9 @@ fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     assert!(setups[0]["structures"].as_array().unwrap().iter().all(|s| s["name"] != "Body"));
     let svg = std::fs::read_to_string(folder.path().join("both/compare.svg")).unwrap();
     assert!(
-        ["greedy", "annealing", "columns", "search", "best objective"].iter().all(|word| svg.contains(word))
+        ["greedy", "annealing", "columns", "search", "network", "best objective"]
+            .iter()
+            .all(|word| svg.contains(word))
     );
 }
 
@@ -342,7 +344,6 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(said(&["--budget", "0"]).contains("at least one solve per beam"));
     assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
     assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
-    assert!(said(&["--method", "prior", "--prior", "network"]).contains("stillpoint train planner"));
     let out = said(&["--prior", "network", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
     assert!(said(&["--network", "file"]).contains("give one of them, too"));
@@ -365,4 +366,8 @@ fn a_trained_network_chooses_from_the_image_and_only_its_beams_get_doses() {
     assert_eq!(told["searches"][0]["solves"], 1);
     let doses = std::fs::read_dir(folder.path().join("doses")).unwrap().count();
     assert!((5..20).contains(&doses), "{doses} doses, and the ring has 90 beams");
+    // The network that comes with the project is another one.
+    let shipped = plan(folder.path(), &["--method", "network", "--budget", "2", "--out", "two"]);
+    assert_eq!(shipped["searches"][0]["solves"], 2);
+    assert!(shipped["objective"].as_f64().unwrap() < told["objective"].as_f64().unwrap());
 }

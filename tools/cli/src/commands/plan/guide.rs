@@ -18,7 +18,7 @@ pub enum Guide {
     Geometry,
     /// The usual angles for the pelvis with 5 or 7 beams.
     Class,
-    /// A trained network over the geometry of the case; see `--network`.
+    /// A trained network over the geometry of the case: the one that comes with stillpoint, or that of `--network`.
     Network,
 }
 

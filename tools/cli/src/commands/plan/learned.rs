@@ -1,4 +1,4 @@
-//! The learned prior of beams: from the image, the objectives and a model file, without any dose.
+//! The learned prior of beams: from the image and the objectives, without any dose.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ const ANGLES: usize = 90;
 /// Spacing of the grid on which the objectives of structures are looked up, mm.
 const GRID_MM: f64 = 8.0;
 
-/// What the network of this file says of a case.
+/// What the network of this file, or the one that comes with the project, says of a case.
 pub fn judgement(
     case: &Case,
     objectives: &ObjectiveTable,
@@ -22,14 +22,14 @@ pub fn judgement(
     bixel_mm: f64,
     file: Option<&Path>,
 ) -> Result<Judgement, Failure> {
-    let file = file.ok_or_else(|| {
-        Failure::wrong(
-            "no trained network comes with stillpoint: give one with --network FILE, or train one with `stillpoint train planner`",
-        )
-    })?;
-    let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", file.display()));
-    let bytes = std::fs::read(file).map_err(|e| fault(&e))?;
-    let model = Model::from_safetensors(&bytes).map_err(|e| fault(&e))?;
+    let model = match file {
+        None => Model::shipped().map_err(Failure::failed)?,
+        Some(file) => {
+            let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", file.display()));
+            let bytes = std::fs::read(file).map_err(|e| fault(&e))?;
+            Model::from_safetensors(&bytes).map_err(|e| fault(&e))?
+        }
+    };
     let grid = DoseParams::over(case.grid(), GRID_MM).grid;
     let aims = objectives.for_case(case, &grid).map_err(Failure::failed)?;
     let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES, bixel_mm).map_err(Failure::failed)?;

@@ -78,7 +78,8 @@ pub struct Plan {
     /// Several, separated by commas, are mixed in equal parts.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "price")]
     prior: Vec<Guide>,
-    /// Model file of `--method network` and `--prior network`, made by `stillpoint train planner`.
+    /// Model file of `--method network` and `--prior network`, made by `stillpoint train planner`. Default: the network that
+    /// comes with stillpoint.
     #[arg(long, value_name = "FILE")]
     network: Option<PathBuf>,
     /// Gantry angles in degrees, such as `0,40,80`; no search is run.

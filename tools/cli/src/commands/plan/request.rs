@@ -196,29 +196,33 @@ fn methods(
         }
         return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
     }
-    let method = |way: Way| match way {
-        Way::Equidistant => Method::Equidistant,
-        Way::Class | Way::Given | Way::Network => Method::Class(class_solution(given.beams)),
-        Way::Random => Method::Random,
-        Way::Greedy => Method::Greedy,
-        Way::Exchange => {
-            Method::Exchange(if pelvis(case) { pelvis_solutions(given.beams) } else { Vec::new() })
-        }
-        Way::Annealing => Method::Annealing,
-        Way::Columns => Method::ColumnGeneration,
-        Way::Search => Method::Search(search_options(given, case)),
-        Way::Prior => Method::Prior,
-        Way::Construction => Method::Game(BeamGame::Construction),
-        Way::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
-    };
-    if given.method == Way::Network && !given.compare {
-        ring.check_room(given.beams).map_err(|e| Failure::wrong(format!("{e}")))?;
-        let proposed = learned()?.spread_sets(ring, given.beams, budget, APART).map_err(Failure::failed)?;
-        let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
-        return Ok((given.beams, vec![(Way::Network, Method::Sets(proposed.iter().map(degrees).collect()))]));
-    }
+    ring.check_room(given.beams).map_err(|e| Failure::wrong(format!("{e}")))?;
     let ways = if given.compare { Way::CHOOSING.to_vec() } else { vec![given.method] };
-    Ok((given.beams, ways.into_iter().map(|way| (way, method(way))).collect()))
+    let mut methods = Vec::new();
+    for way in ways {
+        let method = match way {
+            Way::Equidistant => Method::Equidistant,
+            Way::Class | Way::Given => Method::Class(class_solution(given.beams)),
+            Way::Random => Method::Random,
+            Way::Greedy => Method::Greedy,
+            Way::Exchange => {
+                Method::Exchange(if pelvis(case) { pelvis_solutions(given.beams) } else { Vec::new() })
+            }
+            Way::Annealing => Method::Annealing,
+            Way::Columns => Method::ColumnGeneration,
+            Way::Search => Method::Search(search_options(given, case)),
+            Way::Prior => Method::Prior,
+            Way::Network => {
+                let sets = learned()?.spread_sets(ring, given.beams, budget, APART);
+                let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
+                Method::Sets(sets.map_err(Failure::failed)?.iter().map(degrees).collect())
+            }
+            Way::Construction => Method::Game(BeamGame::Construction),
+            Way::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
+        };
+        methods.push((way, method));
+    }
+    Ok((given.beams, methods))
 }
 
 /// With prices alone the search begins where exchange does; with another prior at the set that the prior builds.

@@ -40,7 +40,7 @@ pub enum Way {
 
 impl Way {
     /// The methods that run a search.
-    pub const CHOOSING: [Self; 8] = [
+    pub const CHOOSING: [Self; 9] = [
         Self::Equidistant,
         Self::Class,
         Self::Random,
@@ -49,6 +49,7 @@ impl Way {
         Self::Annealing,
         Self::Columns,
         Self::Search,
+        Self::Network,
     ];
 
     /// Its name.
