@@ -50,8 +50,8 @@ impl<F: Fn() -> Ends> Courier for Killing<F> {
         }
         // With a call in its hands, and with an answer given, by turns.
         let is_due = match Message::from_bytes(bytes).unwrap() {
-            Message::Working { .. } => self.left % 2 == 1,
-            Message::Answer { .. } | Message::Done { .. } => self.left % 2 == 0,
+            Message::Working { .. } => !self.left.is_multiple_of(2),
+            Message::Answer { .. } | Message::Done { .. } => self.left.is_multiple_of(2),
             _ => false,
         };
         if from == KILLED && is_due {
