@@ -105,23 +105,25 @@ impl Roster {
     }
 
     /// The worker with the most room that is none of these: by whether it is a second choice, by outstanding calls for its
-    /// slots, then by name. It has at most `ahead` calls beyond its slots afterwards.
+    /// slots, by how many contents it lacks, then by name. It has at most `ahead` calls beyond its slots afterwards.
     pub fn pick(
         &self,
         now: u64,
         ahead: usize,
         except: impl Fn(&str) -> bool,
         is_second: impl Fn(&WorkerState) -> bool,
+        lacks: impl Fn(&str) -> usize,
     ) -> Option<String> {
         let room = |w: &WorkerState| {
             is_usable(w, now) && now >= w.full_until && w.outstanding.len() < w.hello.slots as usize + ahead
         };
         let load = |w: &WorkerState| w.outstanding.len() as f64 / f64::from(w.hello.slots.max(1));
         let free = self.workers.iter().filter(|(name, w)| room(w) && !except(name));
-        let by = |a: &WorkerState, b: &WorkerState| {
-            is_second(a).cmp(&is_second(b)).then_with(|| load(a).total_cmp(&load(b)))
+        let by = |(one, a): &(&String, &WorkerState), (other, b): &(&String, &WorkerState)| {
+            let rank = is_second(a).cmp(&is_second(b)).then_with(|| load(a).total_cmp(&load(b)));
+            rank.then_with(|| lacks(one).cmp(&lacks(other)))
         };
-        free.min_by(|(_, a), (_, b)| by(a, b)).map(|(name, _)| name.clone())
+        free.min_by(by).map(|(name, _)| name.clone())
     }
 
     /// A worker said that it has no room.

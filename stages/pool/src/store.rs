@@ -82,8 +82,16 @@ impl Store {
     /// The file cannot be written, or there is no room beside `keep`.
     pub fn put(&mut self, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<Hash, String> {
         let hash = Hash::of(bytes);
+        self.put_named(hash, bytes, keep).map(|()| hash)
+    }
+
+    /// The same of bytes that were compared with their name just now.
+    ///
+    /// # Errors
+    /// As [`put`](Self::put).
+    pub fn put_named(&mut self, hash: Hash, bytes: &[u8], keep: &BTreeSet<Hash>) -> Result<(), String> {
         if self.holds(&hash) {
-            return Ok(hash);
+            return Ok(());
         }
         let path = self.path(&hash);
         publish(&path, |file| file.write_all(bytes))
@@ -102,7 +110,7 @@ impl Store {
                 self.most / 1_000_000
             ));
         }
-        Ok(hash)
+        Ok(())
     }
 
     /// Where a content is.

@@ -115,7 +115,9 @@ impl Client {
         // A comparison shows that both workers are right: one that has not been compared yet is the better second one.
         let (kind, compare) = (open.kind, open.compare);
         let is_second = |worker: &WorkerState| compare && have > 0 && worker.proven.contains(&kind);
-        let Some(name) = self.roster.pick(now, ahead, except, is_second) else {
+        let (sources, inputs) = (&self.sources, &open.inputs);
+        let lacks = |name: &str| sources.lacking(name, inputs);
+        let Some(name) = self.roster.pick(now, ahead, except, is_second, lacks) else {
             // The answer that is there is compared with that of this process.
             if is_late && !others && !open.answers.is_empty() {
                 open.inside = true;

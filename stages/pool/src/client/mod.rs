@@ -194,6 +194,7 @@ impl Client {
             let open = Open {
                 bytes,
                 kind: call.kind(),
+                inputs: call.inputs(),
                 compare: share < self.settings.checked,
                 begun: None,
                 progress: now,

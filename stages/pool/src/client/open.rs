@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use crate::Hash;
 use crate::call::Kind;
 use crate::fetch::Fetch;
 
@@ -13,6 +14,8 @@ const MOST_PATIENCE: u64 = 10;
 pub(super) struct Open {
     pub bytes: Vec<u8>,
     pub kind: Kind,
+    /// Contents that it needs.
+    pub inputs: Vec<Hash>,
     /// Answers that are compared before one is accepted.
     pub compare: bool,
     /// When a worker was first asked.

@@ -41,6 +41,12 @@ impl Sources {
         self.doubtful.insert(worker.to_owned());
     }
 
+    /// How many of these contents a worker did not say that it holds.
+    pub fn lacking(&self, worker: &str, contents: &[Hash]) -> usize {
+        let holds = |content: &&Hash| self.holders.get(content).is_some_and(|of| of.contains(worker));
+        contents.len() - contents.iter().filter(holds).count()
+    }
+
     /// How many workers fetch from this one (none: from this process).
     fn given(&self, by: Option<&str>, now: u64) -> usize {
         let is_given = |(from, _, at): &&(Option<String>, Hash, u64)| {

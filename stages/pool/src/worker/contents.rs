@@ -52,8 +52,8 @@ impl Worker {
             Ok(None) => {}
             Ok(Some(whole)) => {
                 self.fetch = None;
-                match self.store.put(&whole, &self.wanted()) {
-                    Ok(_) => self.tell_held(content),
+                match self.store.put_named(content, &whole, &self.wanted()) {
+                    Ok(()) => self.tell_held(content),
                     Err(reason) => self.fail_calls_of(&content, &reason),
                 }
             }
