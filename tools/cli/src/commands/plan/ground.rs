@@ -65,6 +65,7 @@ impl Ground {
         let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
         let mut notes = std::mem::take(&mut aims.notes);
         notes.extend(doses.replaced().map(|fault| format!("a cached dose was computed again: {fault}")));
+        notes.extend(request.caution.clone());
         if case.fractions().is_none() {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());
         }

@@ -35,3 +35,29 @@ pub fn judgement(
     let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES, bixel_mm).map_err(Failure::failed)?;
     Ok(model.judge(&eye))
 }
+
+/// What people should know who use the network that comes with the project for other cases than those it is good for.
+pub fn caution(is_pelvis: bool, beams: usize) -> Option<String> {
+    match (is_pelvis, beams) {
+        (false, _) => Some(
+            "on real heads and necks the network chose worse than equally spaced beams; compare with --method exchange"
+                .to_owned(),
+        ),
+        (true, 5) => None,
+        (true, _) => Some(format!(
+            "the network was trained on sets of five beams and not tested with {beams}; compare with --method exchange"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::caution;
+
+    #[test]
+    fn whoever_uses_the_network_for_what_it_was_not_tested_on_is_told() {
+        assert_eq!(caution(true, 5), None);
+        assert!(caution(true, 7).is_some_and(|text| text.contains("not tested with 7")));
+        assert!(caution(false, 5).is_some_and(|text| text.contains("--method exchange")));
+    }
+}

@@ -47,6 +47,8 @@ pub struct Request {
     pub budget: usize,
     /// The methods of choosing beams, with their names.
     pub methods: Vec<(Way, Method)>,
+    /// What people should know of the network that they use.
+    pub caution: Option<String>,
     /// What is known of beams without a solve, beside prices.
     mixture: Option<Mixture<'static>>,
     /// Shifts of the patient (mm), the planned set-up first.
@@ -96,7 +98,10 @@ impl Request {
         let (beams, methods) = methods(given, ring, &case, budget, learned)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
-        if network.is_some() && !given.prior.contains(&Guide::Network) && given.method != Way::Network {
+        let uses_network = given.prior.contains(&Guide::Network) || given.method == Way::Network;
+        let uses_shipped = uses_network && network.is_none();
+        let caution = uses_shipped.then(|| learned::caution(pelvis(&case), beams)).flatten();
+        if network.is_some() && !uses_network {
             return Err(Failure::wrong(
                 "--network is the model of --method network and --prior network; give one of them, too",
             ));
@@ -115,6 +120,7 @@ impl Request {
             beams,
             budget,
             methods,
+            caution,
             mixture,
             setups_mm: setups(given.robust.as_deref())?,
             objectives,
