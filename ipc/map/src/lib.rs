@@ -42,8 +42,7 @@ impl MappedFile {
 }
 
 /// Writes a file beside `path` and, when it is whole, puts it there: a reader finds the old file, the new one or none.
-/// The file is the user's own (mode 0600). It is not forced to the disk: what a power failure leaves of derived data is for
-/// the reader's checksum to find.
+/// The file is the user's own (mode 0600). Its content is forced to the disk before it gets its name.
 pub fn publish(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let mut name = path.file_name().ok_or_else(|| io::Error::from(ErrorKind::InvalidInput))?.to_owned();
