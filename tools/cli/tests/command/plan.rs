@@ -346,6 +346,8 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
     let out = said(&["--prior", "network", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
+    let out = said(&["--compare", "--network", "file"]);
+    assert!(out.contains("file: it is not a safetensors file"), "{out}");
     assert!(said(&["--network", "file"]).contains("give one of them, too"));
 }
 

@@ -36,11 +36,11 @@ pub fn judgement(
     Ok(model.judge(&eye))
 }
 
-/// What people should know who use the network that comes with the project for other cases than those it is good for.
+/// A note for users of the network that comes with the project, where it was not tested or did not help; none where it did.
 pub fn caution(is_pelvis: bool, beams: usize) -> Option<String> {
     match (is_pelvis, beams) {
         (false, _) => Some(
-            "on real heads and necks the network chose worse than equally spaced beams; compare with --method exchange"
+            "the network was found useful on pelves alone; on real heads and necks it chose worse than equally spaced beams; compare with --method exchange"
                 .to_owned(),
         ),
         (true, 5) => None,
@@ -55,7 +55,7 @@ mod tests {
     use super::caution;
 
     #[test]
-    fn whoever_uses_the_network_for_what_it_was_not_tested_on_is_told() {
+    fn a_user_is_told_where_the_network_was_not_tested() {
         assert_eq!(caution(true, 5), None);
         assert!(caution(true, 7).is_some_and(|text| text.contains("not tested with 7")));
         assert!(caution(false, 5).is_some_and(|text| text.contains("--method exchange")));

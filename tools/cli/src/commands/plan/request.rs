@@ -98,12 +98,13 @@ impl Request {
         let (beams, methods) = methods(given, ring, &case, budget, learned)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
-        let uses_network = given.prior.contains(&Guide::Network) || given.method == Way::Network;
+        let uses_network =
+            given.prior.contains(&Guide::Network) || given.method == Way::Network || given.compare;
         let uses_shipped = uses_network && network.is_none();
         let caution = uses_shipped.then(|| learned::caution(pelvis(&case), beams)).flatten();
         if network.is_some() && !uses_network {
             return Err(Failure::wrong(
-                "--network is the model of --method network and --prior network; give one of them, too",
+                "--network is the model of --method network, --prior network and --compare; give one of them, too",
             ));
         }
         if given.method == Way::Prior && mixture.is_none() {
