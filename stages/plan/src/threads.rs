@@ -2,6 +2,7 @@
 
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 /// Does the same to each item, on several threads; results are in the items' order, whatever the number of threads. Of
@@ -33,6 +34,26 @@ pub fn on_threads<I: Sync, T: Send, E: Send>(
     });
     done.sort_by_key(|(i, _)| *i);
     done.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Does the same with each item, on several threads: for parts of one array, which each item owns.
+pub fn with_each<I: Send>(items: Vec<I>, threads: NonZeroUsize, work: impl Fn(I) + Sync) {
+    if threads.get() == 1 || items.len() <= 1 {
+        return items.into_iter().for_each(work);
+    }
+    let others = threads.get().min(items.len()) - 1;
+    let left = Mutex::new(items.into_iter());
+    let take = || {
+        loop {
+            let item = left.lock().unwrap_or_else(PoisonError::into_inner).next();
+            let Some(item) = item else { return };
+            work(item);
+        }
+    };
+    thread::scope(|scope| {
+        (0..others).for_each(|_| drop(scope.spawn(take)));
+        take();
+    });
 }
 
 #[cfg(test)]

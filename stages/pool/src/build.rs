@@ -1,6 +1,7 @@
 //! What must be alike so that two processes give the same bytes: sources, processor, and the results of a sample
 //! computation.
 
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use stillpoint_plan::beams::{SOLVE_TOLERANCE, price_beams, solve_beams};
@@ -118,7 +119,8 @@ fn probe() -> Result<Hash, String> {
     ];
     let goals = Goals::new(wanted, engine.rows()).map_err(|e| e.to_string())?;
     let beams: Vec<Setups<'_>> = rows.iter().map(|rows| rows.view().into()).collect();
-    let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE).map_err(|e| e.to_string())?;
+    let plan = solve_beams(&goals, &beams[..2], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)
+        .map_err(|e| e.to_string())?;
     let prices = price_beams(&goals, Some(&plan), &beams[2..]).map_err(|e| e.to_string())?;
     let doses: Vec<u8> =
         rows.iter().flat_map(|rows| rows.view().value).flat_map(|v| v.to_le_bytes()).collect();

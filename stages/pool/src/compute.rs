@@ -67,7 +67,8 @@ impl Ready {
             Self::Dose { engine, gantry_deg } => engine.beam_file(*gantry_deg).map_err(|e| e.to_string()),
             Self::Solve { goals, beams, start, tolerance } => {
                 let tolerance = checked_tolerance(*tolerance).map_err(|e| e.to_string())?;
-                let plan = solve_beams(goals, &setups(beams)?, start.as_deref(), tolerance);
+                let plan =
+                    solve_beams(goals, &setups(beams)?, start.as_deref(), tolerance, NonZeroUsize::MIN);
                 let plan = plan.map_err(|e| e.to_string())?;
                 Ok(answer::of_plan(&plan))
             }

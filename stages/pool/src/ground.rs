@@ -176,7 +176,13 @@ impl<'a, I: DoseFiles + ?Sized> PoolGround<'a, I> {
         };
         match call {
             Call::Solve { beams, start, tolerance, .. } => {
-                let plan = solve_beams(self.goals, &matrices(beams)?, start.as_deref(), *tolerance);
+                let plan = solve_beams(
+                    self.goals,
+                    &matrices(beams)?,
+                    start.as_deref(),
+                    *tolerance,
+                    NonZeroUsize::MIN,
+                );
                 Ok(answer::of_plan(&plan.map_err(|e| e.to_string())?))
             }
             Call::Price { beside, candidates, .. } => {

@@ -78,11 +78,12 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
         tolerance: f64,
     ) -> Result<Vec<Evaluated>, Stop> {
         let (influence, goals) = (self.influence, self.goals);
+        let each = NonZeroUsize::new(self.threads.get() / sets.len().max(1)).unwrap_or(NonZeroUsize::MIN);
         on_threads(sets, self.threads, |set| {
             let matrices: Vec<Setups<'_>> = set.beams().iter().map(|beam| influence.beam(*beam)).collect();
             let columns: Vec<usize> = matrices.iter().map(Setups::columns).collect();
             let start = start_weights(set, &columns, near);
-            let plan = solve_beams(goals, &matrices, start.as_deref(), tolerance)?;
+            let plan = solve_beams(goals, &matrices, start.as_deref(), tolerance, each)?;
             Ok(Evaluated::new(set, &columns, plan))
         })
     }
@@ -96,7 +97,8 @@ impl<I: Influence + ?Sized> Solver for Local<'_, I> {
     }
 }
 
-/// The best fluence of these beams to this part of their optimum, from weights of their bixels where there are some.
+/// The best fluence of these beams to this part of their optimum, from weights of their bixels where there are some, on
+/// these threads.
 ///
 /// # Errors
 /// The goals and matrices make no problem.
@@ -105,9 +107,10 @@ pub fn solve_beams(
     matrices: &[Setups<'_>],
     start: Option<&[f64]>,
     tolerance: f64,
+    threads: NonZeroUsize,
 ) -> Result<Plan, GoalsError> {
     let options = Options { tolerance, ..Options::DEFAULT };
-    Ok(solve_plan(&goals.problem(matrices)?, start, options)?)
+    Ok(solve_plan(&goals.problem(matrices)?.on_threads(threads), start, options)?)
 }
 
 /// The price of each of these beams beside a plan, or beside no beam.
@@ -141,7 +144,7 @@ pub fn start_weights(set: &BeamSet, columns: &[usize], near: Option<&Evaluated>)
 fn slopes_beside(goals: &Goals, beside: Option<&Plan>) -> Result<Slopes, GoalsError> {
     match beside {
         Some(plan) => Ok(Slopes::new(goals, plan)),
-        None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None, SOLVE_TOLERANCE)?)),
+        None => Ok(Slopes::new(goals, &solve_beams(goals, &[], None, SOLVE_TOLERANCE, NonZeroUsize::MIN)?)),
     }
 }
 

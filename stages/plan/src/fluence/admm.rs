@@ -3,10 +3,12 @@
 //! [`least_squares`] is (D.1)-(D.5); [`solve`] also splits the doses off, for over- and under-dose. Both factor one
 //! matrix once. They are a reference for the fast solver and share no code with it.
 
+use std::num::NonZeroUsize;
+
 use faer::Mat;
 
 use super::certificate::Certificate;
-use super::cholesky::Cholesky;
+use super::cholesky;
 use super::problem::{Problem, Term};
 use super::rows::Csr;
 
@@ -114,9 +116,10 @@ pub fn least_squares(matrix: &Csr, b: &[f64], admm: &Admm) -> Result<AdmmSolutio
         return Err(AdmmError::Length { found: b.len(), expected: matrix.rows() });
     }
     let n = matrix.columns();
-    let factor = Cholesky::new(normal_matrix(matrix, admm.rho)).ok_or(AdmmError::Factor)?;
+    let mut factor = normal_matrix(matrix, admm.rho);
+    cholesky::factor(factor.as_mut(), NonZeroUsize::MIN).ok_or(AdmmError::Factor)?;
     let mut right = vec![0.0; n];
-    matrix.adjoint(b, &mut right);
+    matrix.adjoint(b, &mut right, NonZeroUsize::MIN);
     let (mut x, mut z, mut lambda) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let mut z_before = vec![0.0; n];
     let mut history = Vec::new();
@@ -124,7 +127,7 @@ pub fn least_squares(matrix: &Csr, b: &[f64], admm: &Admm) -> Result<AdmmSolutio
         for j in 0..n {
             x[j] = right[j] + admm.rho * z[j] - lambda[j];
         }
-        factor.solve(&mut x); // (D.2)
+        cholesky::solve(factor.as_ref(), &mut x); // (D.2)
         z_before.copy_from_slice(&z);
         for j in 0..n {
             let relaxed = admm.alpha * x[j] + (1.0 - admm.alpha) * z[j];
@@ -151,7 +154,8 @@ pub fn solve(problem: &Problem, admm: &Admm) -> Result<(AdmmSolution, Certificat
     admm.check()?;
     let matrix = problem.matrix();
     let (rows, n) = (matrix.rows(), matrix.columns());
-    let factor = Cholesky::new(normal_matrix(matrix, 1.0)).ok_or(AdmmError::Factor)?;
+    let mut factor = normal_matrix(matrix, 1.0);
+    cholesky::factor(factor.as_mut(), NonZeroUsize::MIN).ok_or(AdmmError::Factor)?;
     let Admm { rho, alpha, .. } = *admm;
     let (mut x, mut z, mut uz, mut dz) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     let (mut y, mut uy, mut dy, mut dose) =
@@ -162,12 +166,12 @@ pub fn solve(problem: &Problem, admm: &Admm) -> Result<(AdmmSolution, Certificat
         for i in 0..rows {
             dy[i] = y[i] - uy[i];
         }
-        matrix.adjoint(&dy, &mut x);
+        matrix.adjoint(&dy, &mut x, NonZeroUsize::MIN);
         for j in 0..n {
             x[j] += z[j] - uz[j];
         }
-        factor.solve(&mut x);
-        matrix.forward(&x, &mut dose);
+        cholesky::solve(factor.as_ref(), &mut x);
+        matrix.forward(&x, &mut dose, NonZeroUsize::MIN);
         let mut primal = 0.0;
         for i in 0..rows {
             let relaxed = alpha * dose[i] + (1.0 - alpha) * y[i];
@@ -185,13 +189,13 @@ pub fn solve(problem: &Problem, admm: &Admm) -> Result<(AdmmSolution, Certificat
             z[j] = to;
             primal += (x[j] - to) * (x[j] - to);
         }
-        matrix.adjoint(&dy, &mut pulled);
+        matrix.adjoint(&dy, &mut pulled, NonZeroUsize::MIN);
         for j in 0..n {
             pulled[j] += dz[j];
         }
         let root = ((rows + n) as f64).sqrt();
         let size = (norm(&dose).hypot(norm(&x))).max(norm(&y).hypot(norm(&z)));
-        matrix.adjoint(&uy, &mut dz);
+        matrix.adjoint(&uy, &mut dz, NonZeroUsize::MIN);
         for j in 0..n {
             dz[j] += uz[j];
         }

@@ -1,8 +1,10 @@
 //! The diagonal blocks of the Gram matrix: what conjugate gradients are preconditioned with.
 
+use std::num::NonZeroUsize;
+
 use faer::Mat;
 
-use super::cholesky::Cholesky;
+use super::cholesky;
 use super::problem::Problem;
 
 /// Columns of a block. Bixels of a beam stand together, so a block is about a beam: it holds how neighbours overlap.
@@ -97,7 +99,8 @@ impl Blocks {
                 }
                 to[k] += damping(*j);
             }
-            factors.push((mine.to_vec(), Cholesky::new(matrix)?));
+            cholesky::factor(matrix.as_mut(), NonZeroUsize::MIN)?;
+            factors.push((mine.to_vec(), matrix));
             free = rest;
         }
         Some(Factors { factors })
@@ -108,7 +111,7 @@ impl Blocks {
 #[derive(Debug)]
 pub struct Factors {
     /// Places of the face, with the factor of their block.
-    factors: Vec<(Vec<usize>, Cholesky)>,
+    factors: Vec<(Vec<usize>, Mat<f64>)>,
 }
 
 impl Factors {
@@ -117,7 +120,7 @@ impl Factors {
         out.fill(0.0);
         for (places, factor) in &self.factors {
             let mut packed: Vec<f64> = places.iter().map(|j| right[*j]).collect();
-            factor.solve(&mut packed);
+            cholesky::solve(factor.as_ref(), &mut packed);
             for (j, value) in places.iter().zip(packed) {
                 out[*j] = value;
             }

@@ -6,7 +6,7 @@ pub trait Curvature {
     fn product(&self, p: &[f64], out: &mut [f64]);
     /// Solves `H_FF p_F = right_F` over the `free` places, in place; the other places become zero. It may be inexact,
     /// as long as `p` lessens the quadratic. `false` where it cannot.
-    fn solve_free(&self, free: &[usize], right: &mut [f64]) -> bool;
+    fn solve_free(&mut self, free: &[usize], right: &mut [f64]) -> bool;
 }
 
 /// How far [`minimise`] goes.
@@ -35,7 +35,13 @@ const PARTS: [f64; 7] = [1.0, 0.4, 0.16, 0.06, 0.025, 0.01, 0.004];
 /// Solves on the face of the places that are positive or pulled inwards, and goes along the projected way there.
 /// Where that does not lessen the quadratic, places at their bound that would leave it outwards are taken off the face,
 /// then the step is cut at the first bound.
-pub fn minimise(h: &impl Curvature, gradient: &[f64], x: &[f64], effort: Effort, z: &mut [f64]) -> Reached {
+pub fn minimise(
+    h: &mut impl Curvature,
+    gradient: &[f64],
+    x: &[f64],
+    effort: Effort,
+    z: &mut [f64],
+) -> Reached {
     let n = x.len();
     z.copy_from_slice(x);
     let mut point = Point { value: 0.0, residual: gradient.to_vec() };

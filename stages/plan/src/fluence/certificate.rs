@@ -25,10 +25,10 @@ impl Certificate {
         let (mut dose, mut pull) = (vec![0.0; rows], vec![0.0; rows]);
         let (mut gradient, mut gradient_zero) = (vec![0.0; n], vec![0.0; n]);
         problem.dose_gradient(&dose, &mut pull);
-        matrix.adjoint(&pull, &mut gradient_zero);
-        matrix.forward(x, &mut dose);
+        problem.slopes(&pull, &mut gradient_zero);
+        problem.doses(x, &mut dose);
         problem.dose_gradient(&dose, &mut pull);
-        matrix.adjoint(&pull, &mut gradient);
+        problem.slopes(&pull, &mut gradient);
         let objective = problem.objective(&dose);
         let diagonal = problem.largest_diagonal();
         let largest = largest_weights(problem, objective);

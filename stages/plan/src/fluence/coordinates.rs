@@ -12,7 +12,7 @@ pub fn sweep(problem: &Problem, x: &mut [f64], sweeps: usize, least: f64) {
     let mut dose = vec![0.0; matrix.rows()];
     let mut before = f64::INFINITY;
     for _ in 0..sweeps {
-        matrix.forward(x, &mut dose);
+        problem.doses(x, &mut dose);
         let objective = problem.objective(&dose);
         if before - objective <= least * before {
             return;

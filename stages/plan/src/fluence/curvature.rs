@@ -1,10 +1,13 @@
 //! The curvature of the objective around a point, damped: as a dense matrix, or by products with the dose matrix.
 
-use faer::Mat;
+use std::num::NonZeroUsize;
+
+use faer::reborrow::ReborrowMut;
+use faer::{Mat, MatMut};
 
 use super::blocks::Blocks;
 use super::bounded::{Curvature, sum_of_products};
-use super::cholesky::Cholesky;
+use super::cholesky;
 use super::problem::Problem;
 
 /// `G` with a damping added to its diagonal. Systems are solved by Cholesky's factor.
@@ -13,6 +16,10 @@ pub struct Dense<'a> {
     pub gram: &'a Mat<f64>,
     /// Added to the diagonal.
     pub damping: Vec<f64>,
+    /// Room for a factor.
+    pub room: &'a mut Vec<f64>,
+    /// Most threads of a factor.
+    pub threads: NonZeroUsize,
 }
 
 impl Curvature for Dense<'_> {
@@ -32,19 +39,24 @@ impl Curvature for Dense<'_> {
         }
     }
 
-    fn solve_free(&self, free: &[usize], right: &mut [f64]) -> bool {
+    fn solve_free(&mut self, free: &[usize], right: &mut [f64]) -> bool {
         let m = free.len();
-        let mut matrix = Mat::zeros(m, m);
+        self.room.resize(self.room.len().max(m * m), 0.0);
+        let mut matrix = MatMut::from_column_major_slice_mut(&mut self.room[..m * m], m, m);
         for (b, &j) in free.iter().enumerate() {
-            let (from, to) = (self.gram.col_as_slice(j), matrix.col_as_slice_mut(b));
-            for (to, &i) in to[b..].iter_mut().zip(&free[b..]) {
+            let from = self.gram.col_as_slice(j);
+            let Some(to) = matrix.rb_mut().col_mut(b).try_as_col_major_mut() else { return false };
+            let to = &mut to.as_slice_mut()[b..];
+            for (to, &i) in to.iter_mut().zip(&free[b..]) {
                 *to = from[i];
             }
-            to[b] += self.damping[j];
+            to[0] += self.damping[j];
         }
-        let Some(factor) = Cholesky::new(matrix) else { return false };
+        if cholesky::factor(matrix.rb_mut(), self.threads).is_none() {
+            return false;
+        }
         let mut packed: Vec<f64> = free.iter().map(|&j| right[j]).collect();
-        factor.solve(&mut packed);
+        cholesky::solve(matrix.as_ref(), &mut packed);
         right.fill(0.0);
         for (&j, p) in free.iter().zip(packed) {
             right[j] = p;
@@ -84,7 +96,7 @@ impl Curvature for ByProducts<'_> {
         }
     }
 
-    fn solve_free(&self, free: &[usize], right: &mut [f64]) -> bool {
+    fn solve_free(&mut self, free: &[usize], right: &mut [f64]) -> bool {
         let n = right.len();
         let Some(factors) = self.blocks.factor(free, |j| self.damping[j]) else { return false };
         let mut inside = vec![0.0; n];

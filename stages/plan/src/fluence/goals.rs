@@ -1,5 +1,7 @@
 //! What is wanted of a plan, structure by structure, and the fluence problem that it makes of dose matrices.
 
+use std::num::NonZeroUsize;
+
 use thiserror::Error;
 
 use super::objective::{DvhPoint, Objective, Parts, Region};
@@ -193,5 +195,13 @@ impl Goals {
         }
         let Parts { terms, dvh, averages } = parts;
         Ok(PlanProblem { convex: Problem::new(matrix, terms)?, dvh, bixels, voxel_rows, averages })
+    }
+}
+
+impl PlanProblem {
+    /// The same problem, solved on at most so many threads. The plan is the same for any number.
+    #[must_use]
+    pub fn on_threads(self, threads: NonZeroUsize) -> Self {
+        Self { convex: self.convex.on_threads(threads), ..self }
     }
 }

@@ -1,12 +1,18 @@
 //! The Gram matrix of the rows whose terms are active, kept up to date as they change.
 
+use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, Mat, Par};
+use faer::reborrow::ReborrowMut;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use super::problem::Problem;
+use crate::threads::with_each;
 
-/// Rows that enter the product together.
+/// Rows that enter the product together. Where a product is large, more rows share its way to memory.
 const PANEL: usize = 128;
+const LARGE_PANEL: usize = 512;
+/// Columns from which a product is large.
+const LARGE: usize = 2048;
 /// Fall of a diagonal, over its peak, beyond which the rest of it counts as rounding.
 const FALL: f64 = 1e-6;
 
@@ -20,13 +26,17 @@ pub struct Gram {
     standing: Vec<f64>,
     /// Largest diagonal since the last rebuild.
     peak: Vec<f64>,
+    /// Room for a panel of rows, and for its product.
+    panel: Vec<f64>,
+    packed: Vec<f64>,
 }
 
 impl Gram {
     /// No row stands in it yet.
     pub fn new(rows: usize, scale: Vec<f64>) -> Self {
         let n = scale.len();
-        Self { matrix: Mat::zeros(n, n), scale, standing: vec![0.0; rows], peak: vec![0.0; n] }
+        let (panel, packed) = Default::default();
+        Self { matrix: Mat::zeros(n, n), scale, standing: vec![0.0; rows], peak: vec![0.0; n], panel, packed }
     }
 
     /// Updates it to the curvatures at these doses: only rows that changed are added or removed, unless so much has
@@ -59,13 +69,14 @@ impl Gram {
             }
             *standing = curvature;
         }
-        for panel in enter.chunks(PANEL) {
+        let together = if self.scale.len() < LARGE { PANEL } else { LARGE_PANEL };
+        for panel in enter.chunks(together) {
             self.add(problem, panel, 1.0);
         }
         for j in 0..self.peak.len() {
             self.peak[j] = self.peak[j].max(self.matrix[(j, j)]);
         }
-        for panel in leave.chunks(PANEL) {
+        for panel in leave.chunks(together) {
             self.add(problem, panel, -1.0);
         }
     }
@@ -73,38 +84,90 @@ impl Gram {
     /// Adds `sign * change * a a^T` for each row.
     ///
     /// Rows that follow each other are voxels side by side: the few columns that any of them has are packed together,
-    /// and the product is of those alone.
+    /// and the product is of those alone. Threads share it by its columns.
     fn add(&mut self, problem: &Problem, rows: &[(usize, f64)], sign: f64) {
-        let mut touched = vec![false; self.scale.len()];
+        let Self { matrix, scale, panel, packed, .. } = self;
+        let mut touched = vec![false; scale.len()];
         for (row, _) in rows {
             problem.matrix().row(*row).0.iter().for_each(|c| touched[*c as usize] = true);
         }
         let columns: Vec<usize> = (0..touched.len()).filter(|j| touched[*j]).collect();
         let mut place = vec![0; touched.len()];
         columns.iter().enumerate().for_each(|(k, j)| place[*j] = k);
-        let mut panel = Mat::<f64>::zeros(columns.len(), rows.len());
-        for (k, (row, change)) in rows.iter().enumerate() {
-            let (column, root) = (panel.col_as_slice_mut(k), change.sqrt());
+        let m = columns.len();
+        if m == 0 {
+            return;
+        }
+        panel.clear();
+        panel.resize(m * rows.len(), 0.0);
+        for ((row, change), column) in rows.iter().zip(panel.chunks_exact_mut(m)) {
+            let root = change.sqrt();
             let (columns, values) = problem.matrix().row(*row);
             for (c, v) in columns.iter().zip(values) {
-                column[place[*c as usize]] = root * self.scale[*c as usize] * f64::from(*v);
+                column[place[*c as usize]] = root * scale[*c as usize] * f64::from(*v);
             }
         }
-        let mut packed = Mat::<f64>::zeros(columns.len(), columns.len());
+        let panel = MatRef::from_column_major_slice(panel, m, rows.len());
+        let mut tiles = Vec::new();
+        let (mut left, mut first) = (matrix.as_mut(), 0);
+        let most: usize = (0..m).step_by(TILE).map(|at| (m - at) * TILE.min(m - at)).sum();
+        packed.resize(most.max(packed.len()), 0.0);
+        let mut buffer = &mut packed[..];
+        for at in (0..m).step_by(TILE) {
+            let end = columns.get(at + TILE).copied().unwrap_or(scale.len());
+            let (mine, rest) = left.split_at_col_mut(end - first);
+            let (own, others) = buffer.split_at_mut((m - at) * TILE.min(m - at));
+            tiles.push(Tile { at, first, matrix: mine, packed: own });
+            (left, buffer, first) = (rest, others, end);
+        }
+        with_each(tiles, problem.threads(), |tile| tile.add(panel, &columns, sign));
+    }
+}
+
+/// Columns of a tile of a product. It bounds what is added to where, so it decides the last bits of the sums.
+const TILE: usize = 512;
+
+/// Some columns of the Gram matrix, to which a panel adds.
+struct Tile<'a> {
+    /// Its first column among those of the panel, and in the matrix.
+    at: usize,
+    first: usize,
+    matrix: MatMut<'a, f64>,
+    /// Room for its product.
+    packed: &'a mut [f64],
+}
+
+impl Tile<'_> {
+    fn add(self, panel: MatRef<'_, f64>, columns: &[usize], sign: f64) {
+        let Self { at, first, mut matrix, packed } = self;
+        let (below, width) = (columns.len() - at, packed.len() / (columns.len() - at));
+        let mut product = MatMut::from_column_major_slice_mut(packed, below, width);
+        let own = panel.subrows(at, width);
+        let (upper, lower) = product.as_mut().split_at_row_mut(width);
         triangular::matmul(
-            packed.as_mut(),
+            upper,
             BlockStructure::TriangularLower,
             Accum::Replace,
-            panel.as_ref(),
+            own,
             BlockStructure::Rectangular,
-            panel.transpose(),
+            own.transpose(),
             BlockStructure::Rectangular,
             sign,
             Par::Seq,
         );
-        for (k, j) in columns.iter().enumerate() {
-            let (from, to) = (&packed.col_as_slice(k)[k..], self.matrix.col_as_slice_mut(*j));
-            for (from, i) in from.iter().zip(&columns[k..]) {
+        matmul(
+            lower,
+            Accum::Replace,
+            panel.subrows(at + width, below - width),
+            own.transpose(),
+            sign,
+            Par::Seq,
+        );
+        for (k, j) in columns[at..at + width].iter().enumerate() {
+            let (from, to) = (&packed[k * below..][k..below], matrix.rb_mut().col_mut(j - first));
+            let Some(to) = to.try_as_col_major_mut() else { continue };
+            let to = to.as_slice_mut();
+            for (from, i) in from.iter().zip(&columns[at + k..]) {
                 to[*i] += from;
             }
         }

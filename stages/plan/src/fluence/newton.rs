@@ -95,11 +95,16 @@ pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solu
         found = if next.certificate.objective < swept.objective {
             Solution { steps: found.steps + next.steps, ..next }
         } else {
-            problem.matrix().forward(&found.x, &mut found.dose);
+            problem.doses(&found.x, &mut found.dose);
             Solution { certificate: swept, steps: found.steps + next.steps, ..found }
         };
     }
     found
+}
+
+/// Weights that are roughly the best ones, as a start for a larger problem.
+pub fn solve_roughly(problem: &Problem, options: Options) -> Vec<f64> {
+    descend(problem, None, options).x
 }
 
 /// Steps that end; where they do not within [`PATIENCE`], by way of problems whose weights have a cap that rises.
@@ -131,7 +136,7 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
         problem.largest_diagonal().iter().map(|d| if *d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }).collect();
     let (mut x, mut dose) = begin(problem, &scale, start);
     let mut model = if n <= options.dense_columns {
-        Model::Dense(Gram::new(matrix.rows(), scale.clone()))
+        Model::Dense(Gram::new(matrix.rows(), scale.clone()), Vec::new())
     } else {
         Model::ByProducts(Blocks::new(matrix.rows(), scale.clone()))
     };
@@ -143,7 +148,7 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
     while steps < options.max_steps {
         steps += 1;
         problem.dose_gradient(&dose, &mut pull);
-        matrix.adjoint(&pull, &mut gradient);
+        problem.slopes(&pull, &mut gradient);
         for j in 0..n {
             gradient[j] *= scale[j];
             u[j] = if scale[j] > 0.0 { x[j] / scale[j] } else { 0.0 };
@@ -165,7 +170,7 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
         for j in 0..n {
             way[j] = scale[j] * (z[j] - u[j]);
         }
-        matrix.forward(&way, &mut change);
+        problem.doses(&way, &mut change);
         let t = line::minimise(problem, &dose, &change, 1.0);
         for j in 0..n {
             // The whole way ends on the bounds exactly.
@@ -183,10 +188,10 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
             break;
         }
         if reached.solved && reached.decrease <= 0.1 * options.tolerance * objective {
-            if settled {
+            if settled && Certificate::of(problem, &x).relative_excess() <= options.tolerance {
                 break;
             }
-            // Near enough; one more step, exact and without damping, makes the certificate as tight.
+            // Near enough; steps that are exact and without damping make the certificate as tight.
             (settled, damping) = (true, DAMPING[0]);
             continue;
         }
@@ -200,7 +205,7 @@ fn descend(problem: &Problem, start: Option<&[f64]>, options: Options) -> Soluti
         };
         damping = (factor * damping).clamp(DAMPING[0], DAMPING[2]);
     }
-    matrix.forward(&x, &mut dose);
+    problem.doses(&x, &mut dose);
     Solution { certificate: Certificate::of(problem, &x), x, dose, steps }
 }
 
@@ -217,7 +222,7 @@ fn begin(problem: &Problem, scale: &[f64], start: Option<&[f64]>) -> (Vec<f64>, 
     x.resize(scale.len(), 0.0);
     let zero = vec![0.0; problem.matrix().rows()];
     let mut dose = zero.clone();
-    problem.matrix().forward(&x, &mut dose);
+    problem.doses(&x, &mut dose);
     if start.is_some() && !dose.iter().all(|d| d.is_finite()) {
         return begin(problem, scale, None);
     }
@@ -228,7 +233,8 @@ fn begin(problem: &Problem, scale: &[f64], start: Option<&[f64]>) -> (Vec<f64>, 
 
 /// How the quadratic is held.
 enum Model {
-    Dense(Gram),
+    /// With room for a factor.
+    Dense(Gram, Vec<f64>),
     ByProducts(Blocks),
 }
 
@@ -248,10 +254,11 @@ impl Model {
     fn minimise(&mut self, problem: &Problem, around: &Around<'_>, effort: Effort, z: &mut [f64]) -> Reached {
         let Around { dose, scale, damping, gradient, u } = *around;
         match self {
-            Self::Dense(gram) => {
+            Self::Dense(gram, room) => {
                 gram.update(problem, dose);
                 let damping = gram.diagonal().map(|g| damping * g.max(LEAST_DIAGONAL)).collect();
-                bounded::minimise(&Dense { gram: &gram.matrix, damping }, gradient, u, effort, z)
+                let mut model = Dense { gram: &gram.matrix, damping, room, threads: problem.threads() };
+                bounded::minimise(&mut model, gradient, u, effort, z)
             }
             Self::ByProducts(blocks) => {
                 let curvature: Vec<f64> =
@@ -259,8 +266,8 @@ impl Model {
                 blocks.update(problem, &curvature);
                 let damping =
                     (0..u.len()).map(|j| damping * blocks.diagonal(j).max(LEAST_DIAGONAL)).collect();
-                let model = ByProducts { problem, curvature: &curvature, scale, blocks, damping };
-                bounded::minimise(&model, gradient, u, effort, z)
+                let mut model = ByProducts { problem, curvature: &curvature, scale, blocks, damping };
+                bounded::minimise(&mut model, gradient, u, effort, z)
             }
         }
     }

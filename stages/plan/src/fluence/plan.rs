@@ -11,6 +11,13 @@ const MAX_ROUNDS: usize = 30;
 /// Part of a volume that sums of volumes may be off by.
 const ROUNDING: f64 = 1e-9;
 
+/// Bixels from which a solve begins with a part of the voxels, and voxels for each bixel that it takes.
+const LARGE: usize = 3000;
+const ENOUGH: usize = 16;
+/// One voxel in so many is in that part, and how far it is solved.
+const THINNING: usize = 8;
+const ROUGH: Options = Options { tolerance: 1e-2, max_steps: 8, ..Options::DEFAULT };
+
 /// A fluence with what it gives.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -37,7 +44,8 @@ pub struct Plan {
 /// choosing by dose and solving with that choice both lessen the objective; it ends where the choice stays.
 pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Result<Plan, ProblemError> {
     let mut problem = goals.convex.clone();
-    let mut found = newton::solve(&problem, start, options);
+    let first = if start.is_none() { rough_start(goals) } else { None };
+    let mut found = newton::solve(&problem, start.or(first.as_deref()), options);
     let (mut steps, mut rounds) = (found.steps, 1);
     let mut chosen: Vec<Vec<(u32, f64)>> = Vec::new();
     while !goals.dvh.is_empty() && rounds < MAX_ROUNDS {
@@ -47,7 +55,7 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
         }
         let points = goals.dvh.iter().zip(&choice).flat_map(|(point, rows)| point.terms(rows));
         let terms: Vec<Term> = goals.convex.terms().iter().copied().chain(points).collect();
-        problem = Problem::new(goals.convex.shared_matrix(), terms)?;
+        problem = Problem::new(goals.convex.shared_matrix(), terms)?.on_threads(problem.threads());
         found = newton::solve(&problem, Some(&found.x), options);
         steps += found.steps;
         rounds += 1;
@@ -66,6 +74,12 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
     found.dose.truncate(goals.voxel_rows);
     let newton::Solution { x: weights, dose, certificate, .. } = found;
     Ok(Plan { weights, dose, certificate, pull, curvature, steps, rounds })
+}
+
+/// Where there are so many bixels that each step is dear, weights to begin with: those for a part of the voxels.
+fn rough_start(goals: &PlanProblem) -> Option<Vec<f64>> {
+    let worth = goals.bixels >= LARGE && goals.voxel_rows >= ENOUGH * goals.bixels;
+    worth.then(|| newton::solve_roughly(&goals.convex.thinned(goals.voxel_rows, THINNING), ROUGH))
 }
 
 impl DvhPoint {

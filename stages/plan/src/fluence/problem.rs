@@ -1,5 +1,6 @@
 //! The fluence problem: a sum of one-sided squares of doses, over weights that are not negative.
 
+use std::num::NonZeroUsize;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -39,6 +40,8 @@ pub struct Problem {
     terms: Vec<Term>,
     /// Where each row's terms start; one more at the end.
     starts: Vec<usize>,
+    /// Most threads of its solver.
+    threads: NonZeroUsize,
 }
 
 /// Why numbers are no fluence problem.
@@ -118,7 +121,7 @@ impl Problem {
         for row in 0..rows {
             starts[row + 1] += starts[row];
         }
-        let problem = Self { matrix, terms: kept, starts };
+        let problem = Self { matrix, terms: kept, starts, threads: NonZeroUsize::MIN };
         if !problem.objective(&vec![0.0; rows]).is_finite() {
             return Err(ProblemError::Overflow);
         }
@@ -161,6 +164,48 @@ impl Problem {
         let mut capped = self.clone();
         capped.terms.iter_mut().for_each(|term| term.weight = term.weight.min(cap));
         capped
+    }
+
+    /// The same problem, solved on at most so many threads. The solution is the same for any number.
+    #[must_use]
+    pub fn on_threads(self, threads: NonZeroUsize) -> Self {
+        Self { threads, ..self }
+    }
+
+    /// Most threads that work on it.
+    pub fn threads(&self) -> NonZeroUsize {
+        self.threads
+    }
+
+    /// The doses of weights: `dose = A x`.
+    pub fn doses(&self, x: &[f64], dose: &mut [f64]) {
+        self.matrix.forward(x, dose, self.threads);
+    }
+
+    /// The slope in each weight, of slopes in the doses: `slope = A^T pull`.
+    pub fn slopes(&self, pull: &[f64], slope: &mut [f64]) {
+        self.matrix.adjoint(pull, slope, self.threads);
+    }
+
+    /// A problem like it for a start: every `step`-th of the first `of` rows stands for those between, and the rows behind
+    /// them are kept.
+    pub fn thinned(&self, of: usize, step: usize) -> Self {
+        let row = |row: usize| if row < of { row / step } else { row - of + of.div_ceil(step) };
+        let kept = self
+            .terms
+            .iter()
+            .filter(|term| term.row as usize >= of || (term.row as usize).is_multiple_of(step));
+        let terms: Vec<Term> = kept
+            .map(|term| {
+                let share = if (term.row as usize) < of { step as f64 } else { 1.0 };
+                Term { row: row(term.row as usize) as u32, weight: share * term.weight, ..*term }
+            })
+            .collect();
+        let matrix = Arc::new(self.matrix.thinned(of, step));
+        let mut starts = vec![0; matrix.rows() + 1];
+        terms.iter().for_each(|term| starts[term.row as usize + 1] += 1);
+        (0..matrix.rows()).for_each(|row| starts[row + 1] += starts[row]);
+        Self { matrix, terms, starts, threads: self.threads }
     }
 
     /// The terms that cost, ordered by row.
@@ -244,5 +289,43 @@ impl Term {
     #[inline]
     pub fn curvature(&self, dose: f64) -> f64 {
         if self.excess(dose) > 0.0 { 2.0 * self.weight } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Csc;
+
+    /// Where neighbours are alike, a part of them stands for all: the thinned problem has the same objective.
+    #[test]
+    fn a_thinned_problem_stands_for_the_whole() {
+        let (of, step) = (10_u32, 4);
+        let dose_of = |row: u32| 1.0 + (row / step) as f32;
+        let row: Vec<u32> = (0..of + 2).collect();
+        let value: Vec<f32> = row.iter().map(|row| if *row < of { dose_of(*row) } else { 0.5 }).collect();
+        let matrix = Csc::new(of as usize + 2, vec![0, row.len() as u64], row.clone(), value).unwrap();
+        let term = |row: u32| Term { row, side: Side::Under, goal: 60.0, weight: 0.25 };
+        let over = |row: u32| Term { row, side: Side::Over, goal: 1.0, weight: 2.0 };
+        let terms = row.iter().map(|row| term(*row)).chain([over(of + 1), over(3)]);
+        let whole = Problem::new(Csr::from_columns(matrix.view()), terms).unwrap();
+        let thin = whole.thinned(of as usize, step as usize);
+        assert_eq!(thin.matrix().rows(), 3 + 2);
+        let values: Vec<f32> = (0..5).map(|row| thin.matrix().row(row).1[0]).collect();
+        assert_eq!(values, [1.0, 2.0, 3.0, 0.5, 0.5]);
+        let weights: Vec<_> = thin.terms().iter().map(|t| (t.row, t.weight, t.side)).collect();
+        let (under, over) = (Side::Under, Side::Over);
+        assert_eq!(
+            weights,
+            [
+                (0, 1.0, under),
+                (1, 1.0, under),
+                (2, 1.0, under),
+                (3, 0.25, under),
+                (4, 0.25, under),
+                (4, 2.0, over)
+            ]
+        );
+        assert_eq!(thin.terms_of(4).len(), 2);
     }
 }

@@ -1,5 +1,9 @@
 //! The dose matrix of a plan, all beams side by side, by rows: what products with it read.
 
+use std::num::NonZeroUsize;
+use std::ops::Range;
+
+use crate::threads::with_each;
 use crate::{Csc, CscRef, Setups};
 
 /// A sparse matrix by rows. Columns rise within a row; values are `f32`, sums are `f64`.
@@ -113,12 +117,25 @@ impl Csr {
         Csc { rows: self.rows(), starts, row, value }
     }
 
-    /// `out = A x`.
-    pub fn forward(&self, x: &[f64], out: &mut [f64]) {
-        for (row, out) in out.iter_mut().enumerate() {
+    /// Every `step`-th of the first `of` rows, and all behind them.
+    pub fn thinned(&self, of: usize, step: usize) -> Self {
+        let mut thin = Self { columns: self.columns, starts: vec![0], ..Self::default() };
+        for row in (0..of).step_by(step).chain(of..self.rows()) {
             let (columns, values) = self.row(row);
-            *out = dot(columns, values, x);
+            thin.push_row(columns, values);
         }
+        thin
+    }
+
+    /// `out = A x`, the same on any number of threads: each has rows of its own.
+    pub fn forward(&self, x: &[f64], out: &mut [f64], threads: NonZeroUsize) {
+        let part = self.part(out.len(), threads);
+        with_each(out.chunks_mut(part).enumerate().collect(), threads, |(number, out)| {
+            for (row, out) in (number * part..).zip(out) {
+                let (columns, values) = self.row(row);
+                *out = dot(columns, values, x);
+            }
+        });
     }
 
     /// `out += weight * a (a^T x)` for the row `a`.
@@ -128,16 +145,36 @@ impl Csr {
         add_scaled(columns, values, weight * dot(columns, values, x), out);
     }
 
-    /// `out = A^T y`; rows where `y` is zero are not read.
-    pub fn adjoint(&self, y: &[f64], out: &mut [f64]) {
+    /// `out = A^T y`, the same on any number of threads: each has columns of its own. Rows where `y` is zero are not read.
+    pub fn adjoint(&self, y: &[f64], out: &mut [f64], threads: NonZeroUsize) {
         out.fill(0.0);
-        for (row, y) in y.iter().enumerate() {
-            if *y != 0.0 {
+        let part = self.part(out.len(), threads);
+        with_each(out.chunks_mut(part).enumerate().collect(), threads, |(number, out)| {
+            let first = (number * part) as u32;
+            let end = first + out.len() as u32;
+            for (row, y) in y.iter().enumerate().filter(|(_, y)| **y != 0.0) {
                 let (columns, values) = self.row(row);
-                add_scaled(columns, values, *y, out);
+                let range = if part < self.columns { between(columns, first, end) } else { 0..columns.len() };
+                for (c, v) in columns[range.clone()].iter().zip(&values[range]) {
+                    out[(c - first) as usize] += y * f64::from(*v);
+                }
             }
-        }
+        });
     }
+
+    /// Rows or columns that a thread takes at once; all of them where a second thread is not worth its start.
+    fn part(&self, of: usize, threads: NonZeroUsize) -> usize {
+        let parts = if self.entries() < WORTH_A_THREAD { 1 } else { threads.get() };
+        of.div_ceil(parts).max(1)
+    }
+}
+
+/// Entries of a matrix from which a product is shared among threads.
+const WORTH_A_THREAD: usize = 10_000_000;
+
+/// Where the columns of a row lie that are at least `first` and less than `end`.
+fn between(columns: &[u32], first: u32, end: u32) -> Range<usize> {
+    columns.partition_point(|c| *c < first)..columns.partition_point(|c| *c < end)
 }
 
 /// Inner product of a sparse row with `x`: four sums, so that additions overlap, joined in a fixed order.
@@ -162,5 +199,36 @@ fn dot(columns: &[u32], values: &[f32], x: &[f64]) -> f64 {
 fn add_scaled(columns: &[u32], values: &[f32], scale: f64, out: &mut [f64]) {
     for (c, v) in columns.iter().zip(values) {
         out[*c as usize] += scale * f64::from(*v);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_are_the_same_on_any_number_of_threads() {
+        let (rows, columns) = (WORTH_A_THREAD / 1500, 2000_u32);
+        let mut matrix = Csr { columns: columns as usize, starts: vec![0], ..Csr::default() };
+        for row in 0..rows as u32 {
+            let present: Vec<u32> = (0..columns).filter(|c| (c * 7 + row) % 9 != 0).collect();
+            let values: Vec<f32> = present.iter().map(|c| 1.0 / (1 + (c ^ row) % 97) as f32).collect();
+            matrix.push_row(&present, &values);
+        }
+        assert!(matrix.entries() >= WORTH_A_THREAD);
+        let x: Vec<f64> = (0..columns).map(|j| f64::from(j % 13) / 7.0).collect();
+        let y: Vec<f64> = (0..rows).map(|i| (i % 5) as f64 / 3.0).collect();
+        let products = |threads: usize| {
+            let threads = NonZeroUsize::new(threads).unwrap();
+            let (mut dose, mut slope) = (vec![0.0; rows], vec![0.0; columns as usize]);
+            matrix.forward(&x, &mut dose, threads);
+            matrix.adjoint(&y, &mut slope, threads);
+            (dose, slope)
+        };
+        let alone = products(1);
+        assert!(alone.1.iter().all(|slope| *slope > 0.0));
+        for threads in [2, 3, 7] {
+            assert_eq!(products(threads), alone, "{threads} threads");
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! The solver on complete problems with known optima, and on problems made to be hard.
 
+use std::num::NonZeroUsize;
+
 use super::data::case;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -238,4 +240,48 @@ proptest! {
             }
         }
     }
+}
+
+/// Large enough that the Gram matrix has several tiles and its factor several blocks.
+#[test]
+fn a_large_problem_has_one_solution_on_any_number_of_threads() {
+    let (columns, rows) = (1400_u32, 4000_u32);
+    let mut row = Vec::new();
+    let mut starts = vec![0];
+    let mut value = Vec::new();
+    for j in 0..columns {
+        for k in 0..12 {
+            row.push((j * 3 + k * 7) % rows);
+            value.push(0.2 + ((j * 31 + k * 17) % 101) as f32 / 50.0);
+        }
+        let first = row.len() - 12;
+        let mut pairs: Vec<_> = row[first..].iter().copied().zip(value[first..].iter().copied()).collect();
+        pairs.sort_by_key(|(row, _)| *row);
+        for (k, pair) in pairs.into_iter().enumerate() {
+            (row[first + k], value[first + k]) = pair;
+        }
+        starts.push(row.len() as u64);
+    }
+    let matrix = Csc::new(rows as usize, starts, row, value).unwrap();
+    let terms = (0..rows).flat_map(|row| {
+        let of = |side, goal, weight| Term { row, side, goal, weight };
+        let goal = 40.0 + f64::from(row % 30);
+        [of(Side::Under, goal, 1.0), of(Side::Over, 0.8 * goal, 1.5)]
+    });
+    let problem = Problem::new(Csr::from_columns(matrix.view()), terms).unwrap();
+    let solved = |threads: usize| {
+        let problem = problem.clone().on_threads(NonZeroUsize::new(threads).unwrap());
+        solve(&problem, None, Options { tolerance: 1e-10, ..Options::default() })
+    };
+    let alone = solved(1);
+    assert!(alone.certificate.relative_excess() < 1e-10, "{:?}", alone.certificate);
+    assert!(alone.certificate.objective > 1.0);
+    for threads in [2, 5] {
+        let found = solved(threads);
+        assert_eq!((&found.x, found.certificate), (&alone.x, alone.certificate), "{threads} threads");
+    }
+    let by_products =
+        solve(&problem, None, Options { dense_columns: 0, tolerance: 1e-8, ..Options::default() });
+    let [a, b] = [&by_products, &alone].map(|s| s.certificate.objective);
+    assert!((a - b).abs() <= 1e-7 * b, "{a} {b}");
 }
