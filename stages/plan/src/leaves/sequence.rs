@@ -41,7 +41,7 @@ pub struct LeafOptions {
 impl LeafOptions {
     /// Those of plans with bixels of 10 mm, without a least weight.
     pub const PLAN: Self =
-        Self { width_mm: 10.0, levels: 20, loss: 0.02, most_segments: 30, least_weight: 0.0 };
+        Self { width_mm: 10.0, levels: 20, loss: 0.02, most_segments: 60, least_weight: 0.0 };
 }
 
 /// A plan in segments.
