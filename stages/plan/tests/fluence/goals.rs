@@ -258,3 +258,40 @@ fn wishes_that_cannot_be_used_are_refused_by_name() {
     let other = Rows::from_columns(other.view()).unwrap();
     assert_eq!(goals.problem(&[other.view().into()]).err(), Some(GoalsError::Grid { found: 4, expected: 3 }));
 }
+
+/// So many bixels that the solve begins with a part of the voxels: it ends where a solve from other weights does.
+#[test]
+fn a_rough_start_ends_at_the_same_plan() {
+    const BIXELS: usize = 3000;
+    const EACH: usize = 64;
+    let voxels = 16 * BIXELS;
+    let (mut row, mut value) = (Vec::new(), Vec::new());
+    for bixel in 0..BIXELS {
+        let first = (bixel * 16).min(voxels - EACH);
+        row.extend((first..first + EACH).map(|voxel| voxel as u32));
+        value.extend((0..EACH).map(|k| 0.5 + ((bixel * 7 + k * 13) % 23) as f32 / 23.0));
+    }
+    let starts = (0..=BIXELS).map(|bixel| (bixel * EACH) as u64).collect();
+    let matrix = Csc::new(voxels, starts, row, value).unwrap();
+    let objectives = vec![
+        Objective::Underdose { dose: 60.0, weight: 100.0 },
+        Objective::Overdose { dose: 58.0, weight: 40.0 },
+    ];
+    let wanted = Wanted {
+        name: "target".into(),
+        voxels: (0..voxels as u32).collect(),
+        volumes: Vec::new(),
+        to_target_mm: Vec::new(),
+        objectives,
+    };
+    let goals = Goals::new(vec![wanted], voxels).unwrap();
+    let rows = Rows::from_columns(matrix.view()).unwrap();
+    let problem = goals.problem(&[rows.view().into()]).unwrap();
+    let options = Options { tolerance: 1e-8, ..Options::default() };
+    let rough = solve_plan(&problem, None, options).unwrap();
+    let plain = solve_plan(&problem, Some(&vec![1.0; BIXELS]), options).unwrap();
+    let [a, b] = [&rough, &plain].map(|plan| plan.certificate);
+    assert!(a.relative_excess() < 1e-8 && b.relative_excess() < 1e-8, "{a:?} {b:?}");
+    assert!((a.objective - b.objective).abs() <= 1e-7 * b.objective, "{a:?} {b:?}");
+    assert_ne!(rough.steps, plain.steps, "both began alike");
+}
