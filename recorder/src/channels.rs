@@ -85,13 +85,25 @@ impl Topic {
             return Ok(*channel);
         }
         let mut metadata = qos();
-        metadata.insert("stillpoint.beside".to_owned(), self.info.name.clone());
+        metadata.insert(BESIDE.to_owned(), self.info.name.clone());
         metadata.extend(shared.entries(sample.form));
         let name = beside.channel(&ros_name(&self.info.name));
         let channel = add_channel(out, &name, beside.schema(), &metadata)?;
         self.beside.insert((beside, shared.clone()), channel);
         Ok(channel)
     }
+}
+
+/// Entry of a channel for viewers: the session's name of the topic whose samples its messages are made from, or nothing
+/// where they are made from those of several.
+pub(crate) const BESIDE: &str = "stillpoint.beside";
+
+/// The channel of `/tf`.
+pub(crate) fn add_transforms<W: Write>(out: &mut Out<W>) -> Result<u16, McapError> {
+    let mut metadata = qos();
+    metadata.insert(BESIDE.to_owned(), String::new());
+    let name = Beside::Transform.channel("");
+    add_channel(out, &name, Beside::Transform.schema(), &metadata)
 }
 
 /// Entry of a channel: the session's name of its topic.

@@ -162,7 +162,7 @@ impl Session {
                     }
                 }
             }
-            Use::Beside { .. } => {}
+            Use::Beside { .. } | Use::BesideAll => {}
             Use::Samples { .. } | Use::Opaque => {
                 let number = match self.numbers.get(&channel.topic) {
                     Some(number) => *number,

@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::account::{CLOCK_CHANNEL, END_RECORD, FRAMES_CHANNEL, LOST_CHANNEL, RECOVERED_RECORD};
-use crate::channels::TOPIC;
+use crate::channels::{BESIDE, TOPIC};
 use crate::file::{
     Block, Buffer, Channel, Damage, Loaded, Message, Record, Scan, Schema, Source, next_record, scan,
 };
@@ -18,6 +18,8 @@ pub(crate) enum Use {
     Samples { form: Form, shared: Shared },
     /// Made from the samples of a topic, for viewers.
     Beside { topic: String, shared: Shared },
+    /// Made from the samples of several topics, for viewers: each message follows its sample.
+    BesideAll,
     /// Losses.
     Lost,
     /// The clock.
@@ -216,7 +218,10 @@ impl Use {
             FRAMES_CHANNEL => return Self::Frames,
             _ => {}
         }
-        if let Some(topic) = channel.metadata.get("stillpoint.beside") {
+        if let Some(topic) = channel.metadata.get(BESIDE) {
+            if topic.is_empty() {
+                return Self::BesideAll;
+            }
             return Self::Beside { topic: topic.clone(), shared: shared() };
         }
         match channel.metadata.get("stillpoint.form").and_then(|name| Form::from_name(name)) {
@@ -225,7 +230,8 @@ impl Use {
         }
     }
 
-    /// Incarnation and sequence of the sample that a message is, or stands beside. `None`: it is of no sample.
+    /// Incarnation and sequence of the sample that a message is, or stands beside. `None`: it is of no sample, or does
+    /// not tell of which.
     pub fn number(&self, message: &Message<'_>) -> Result<Option<(u32, u64)>, String> {
         let envelope = Envelope::of(message);
         Ok(match self {
@@ -236,7 +242,7 @@ impl Use {
             Self::Samples { shared, .. } | Self::Beside { shared, .. } => {
                 Some((shared.incarnation, shared.sequence(envelope)))
             }
-            Self::Lost | Self::Clock | Self::Frames | Self::Opaque => None,
+            Self::BesideAll | Self::Lost | Self::Clock | Self::Frames | Self::Opaque => None,
         })
     }
 }

@@ -234,6 +234,8 @@ fn rewrite<W: Write>(
         .map(|t| t.name.as_str())
         .collect();
     let (mut bytes, mut stored) = (Buffer::default(), Buffer::default());
+    // The last sample, behind which stand the messages made from it.
+    let mut is_kept = true;
     for block in 0..part.scan.blocks.len() {
         part.records(block, &mut bytes, &mut stored).map_err(read)?;
         let (mut at, mut behind) = (0, 0);
@@ -242,11 +244,15 @@ fn rewrite<W: Write>(
             let Ok(Record::Message(m)) = record else { continue };
             let Some(channel) = part.channels.get(&m.channel) else { continue };
             let place = Place { part: number as u32, block: block as u32, start };
-            if !session.stands_at(channel, &m, place) {
+            let (stands, beyond) = (session.stands_at(channel, &m, place), beyond(limits, channel, &m));
+            let of_sample = matches!(channel.purpose, Use::Samples { .. });
+            if of_sample {
+                is_kept = stands && beyond.is_none();
+            }
+            if !stands || (channel.purpose == Use::BesideAll && !is_kept) {
                 continue;
             }
-            if let Some(topic) = beyond(limits, channel, &m) {
-                let of_sample = matches!(channel.purpose, Use::Samples { .. });
+            if let Some(topic) = beyond {
                 let count = if journals.contains(topic) {
                     &mut report.entries_dropped
                 } else {

@@ -11,7 +11,7 @@ use stillpoint_samples::{BytesError, Pieces};
 use crate::account::{
     CLOCK_CHANNEL, ClockSample, Closing, END_RECORD, FRAMES_CHANNEL, LEDGER_ATTACHMENT, LOST_CHANNEL, Lost,
 };
-use crate::channels::{Out, Topic, add_channel, qos};
+use crate::channels::{Out, Topic, add_channel, add_transforms, qos};
 use crate::encoded::Encoded;
 use crate::error::with_causes;
 use crate::form::{Beside, schema, transforms_message};
@@ -59,6 +59,8 @@ pub struct PartWriter<W: Write> {
     lost: u64,
     /// Publish time of the last message on `/tf`, ns.
     moved: u64,
+    /// The channel of `/tf`, once a pose was written: one for all topics, as viewers expect of a name.
+    transforms: Option<u16>,
     message: Vec<u8>,
 }
 
@@ -99,6 +101,7 @@ impl<W: Write> PartWriter<W> {
             notes: 0,
             lost: 0,
             moved: 0,
+            transforms: None,
             message: Vec::new(),
         };
         if !opening.frames.is_empty() {
@@ -170,15 +173,21 @@ impl<W: Write> PartWriter<W> {
         let channel = t.channel(&mut self.out, sample.form, sample.shared.clone())?;
         self.out.write_to_known_channel(&header(channel, stamp), sample.message())?;
         for (beside, message) in sample.beside() {
-            let channel = t.channel_beside(&mut self.out, beside, sample)?;
-            let published = match beside {
-                Beside::CameraInfo | Beside::PoseStamped => stamp,
+            let (channel, published) = match beside {
+                Beside::CameraInfo | Beside::PoseStamped => {
+                    (t.channel_beside(&mut self.out, beside, sample)?, stamp)
+                }
                 // Samples of different topics, which share `/tf`, do not come in the order of their stamps.
-                Beside::Transform => stamp.max(self.moved),
+                Beside::Transform => {
+                    let channel = match self.transforms {
+                        Some(channel) => channel,
+                        None => add_transforms(&mut self.out)?,
+                    };
+                    self.transforms = Some(channel);
+                    self.moved = self.moved.max(stamp);
+                    (channel, self.moved)
+                }
             };
-            if beside == Beside::Transform {
-                self.moved = published;
-            }
             self.out.write_to_known_channel(&header(channel, published), message)?;
         }
         Ok(())

@@ -219,9 +219,9 @@ fn a_damaged_chunk_takes_no_channel_with_it_where_the_summary_is_there() {
 
 #[test]
 fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_and_counted() {
-    use fixture::{cloud, depth, entry, header, opening, pieces, reference, topic};
+    use fixture::{cloud, depth, entry, header, opening, pieces, reference, sample, topic};
     use stillpoint_recorder::{PartWriter, Role};
-    use stillpoint_samples::{Cause, DepthImage, Journal, PointCloud, RefKind, Sample};
+    use stillpoint_samples::{Cause, DepthImage, Journal, PointCloud, Pose, RefKind, Sample};
     let file = Arc::new(std::sync::Mutex::new(Vec::new()));
     let mut w = PartWriter::new(fixture::Tee(Arc::clone(&file)), Compression::Lz4, &opening()).unwrap();
     let journal = |inputs: &[&str], outputs: &[&str]| Role::Journal {
@@ -231,8 +231,10 @@ fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_
     let image = w.add_topic(topic("cam.image", DepthImage::KIND, Role::Source)).unwrap();
     let clouds = w.add_topic(topic("seg.cloud", PointCloud::KIND, Role::Computed)).unwrap();
     let cam = w.add_topic(topic("cam.journal", Journal::KIND, journal(&[], &["cam.image"]))).unwrap();
-    let seg =
-        w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &["seg.cloud"]))).unwrap();
+    let poses = w.add_topic(topic("seg.pose", Pose::KIND, Role::Computed)).unwrap();
+    let others = w.add_topic(topic("rig.truth", Pose::KIND, Role::Source)).unwrap();
+    let outputs = ["seg.cloud", "seg.pose"];
+    let seg = w.add_topic(topic("seg.journal", Journal::KIND, journal(&["cam.image"], &outputs))).unwrap();
     for i in 0..6 {
         if i < 4 {
             let bytes = entry(header(i), i, Cause::Timer, &[reference(RefKind::Output, 0, 0, i)]);
@@ -241,16 +243,28 @@ fn outputs_ahead_of_their_journal_and_entries_ahead_of_their_inputs_are_dropped_
         if i < 3 || i == 5 {
             w.write(image, pieces(DepthImage::KIND, &depth(header(i), 2, 2, 1.0, &[1])), 0).unwrap();
         }
-        let refs = [reference(RefKind::Fresh, 0, 0, i), reference(RefKind::Output, 0, 0, i)];
+        let refs = [(RefKind::Fresh, 0), (RefKind::Output, 0), (RefKind::Output, 1)];
+        let refs = refs.map(|(kind, port)| reference(kind, port, 0, i));
         w.write(seg, pieces(Journal::KIND, &entry(header(i), i, Cause::Input, &refs)), 0).unwrap();
         w.write(clouds, pieces(PointCloud::KIND, &cloud(header(i), 2, 2, &[1])), 0).unwrap();
+        for topic in [poses, others] {
+            w.write(topic, pieces(Pose::KIND, &sample(Pose::KIND, header(i), &[1])), 0).unwrap();
+        }
     }
     w.flush().unwrap();
     let cut = file.lock().unwrap().clone();
-    let (_, report) = mend(&cut);
-    // Image 5 has no entry of the camera; without it, entries 3, 4 and 5 lack their input, and clouds 3, 4 and 5 their
-    // entry.
-    assert_eq!((report.entries_dropped, report.outputs_dropped), (3, 4), "{report}");
+    let (mended, report) = mend(&cut);
+    // Image 5 has no entry of the camera; without it, entries 3, 4 and 5 lack their input, and clouds and poses 3, 4 and
+    // 5 their entry.
+    assert_eq!((report.entries_dropped, report.outputs_dropped), (3, 7), "{report}");
+    let on = |topic: &str| {
+        mcap::MessageStream::new(&mended)
+            .unwrap()
+            .filter(|m| m.as_ref().unwrap().channel.topic == topic)
+            .count()
+    };
+    let kept = ["/seg/pose", "/seg/pose/stamped", "/rig/truth", "/rig/truth/stamped", "/tf"].map(on);
+    assert_eq!(kept, [3, 3, 6, 6, 9], "transforms go with their poses");
 }
 
 #[test]

@@ -237,6 +237,14 @@ fn transforms_of_two_topics_are_published_in_their_order() {
         of_poses,
         ["/_3rd/pose_raw", "/_3rd/pose_raw/stamped", "/head/pose", "/head/pose/stamped", "/tf"]
     );
+    // Rerun takes the messages of two channels of one name for unordered.
+    let channels: std::collections::BTreeSet<u16> = mcap::MessageStream::new(&bytes)
+        .unwrap()
+        .map(Result::unwrap)
+        .filter(|m| m.channel.topic == "/tf")
+        .map(|m| m.channel.id)
+        .collect();
+    assert_eq!(channels.len(), 1);
     let session = stillpoint_recorder::Session::from_bytes([bytes.into()]).unwrap();
     let found =
         session.samples_where(|t| t.name == "3rd.pose-raw").map(|r| r.unwrap().sample).collect::<Vec<_>>();
