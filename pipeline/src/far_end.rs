@@ -1,9 +1,9 @@
-//! The far end of a link that carries whole samples, of any type and size.
+//! The far end of an edge between hosts: whole samples, of any type and size.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use stillpoint_samples::{DepthImage, Diagnostics, GreyImage, Header, Metric, Pieces, Sample, SampleKind};
+use stillpoint_samples::{Diagnostics, Header, Metric, Pieces, Sample, SampleKind};
 
 use crate::operator::activation::Activation;
 use crate::operator::outputs::Outputs;
@@ -14,6 +14,8 @@ use crate::operator::{
     StepError, Timer,
 };
 
+/// Name of the kind, whatever its type of sample.
+const KIND_NAME: &str = "host.sample";
 /// Name of input and output.
 pub const PORT: &str = "sample";
 /// Number of both.
@@ -24,7 +26,7 @@ pub const MOST_WAITING: usize = 4;
 const DIAGNOSTICS: usize = 1;
 const METRICS: usize = 5;
 
-/// Sends on what came over a link in a live run, with the time at which it was acquired; in any other run, what its
+/// Sends on what came from another host in a live run, with the time at which it was acquired; in any other run, what its
 /// input brings. Type and frame of the samples are those of its ports.
 ///
 /// It is a source: replay cannot make a sample of another program again, so a session keeps it.
@@ -126,7 +128,7 @@ const fn inputs(sample: &'static SampleKind) -> [Input; 1] {
         sample,
         policy: Policy::Queue(MOST_WAITING as u32),
         required: true,
-        about: "The samples to send over the link.",
+        about: "The samples that another host sends.",
     }]
 }
 
@@ -142,14 +144,16 @@ const fn outputs(sample: &'static SampleKind) -> [Output; 2] {
     ]
 }
 
-const fn stage(
-    name: &'static str,
-    about: &'static str,
-    inputs: &'static [Input],
-    outputs: &'static [Output],
-) -> Stage {
+const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
     Stage {
-        kind: Kind { name, about, role: Role::Source, inputs, outputs, timer: Timer::Required },
+        kind: Kind {
+            name: KIND_NAME,
+            about: "The far end of an edge between hosts. The section `hosts` creates it.",
+            role: Role::Source,
+            inputs,
+            outputs,
+            timer: Timer::Required,
+        },
         laps: &[],
         fields: <() as Params>::FIELDS,
         read: |reader| {
@@ -167,44 +171,13 @@ const fn stage(
     }
 }
 
-const DEPTH_INPUTS: &[Input] = &inputs(DepthImage::KIND);
-const DEPTH_OUTPUTS: &[Output] = &outputs(DepthImage::KIND);
-const GREY_INPUTS: &[Input] = &inputs(GreyImage::KIND);
-const GREY_OUTPUTS: &[Output] = &outputs(GreyImage::KIND);
-
-/// The far end of depth images.
-pub const DEPTH: Stage = stage(
-    "link.depth",
-    "The far end of a stream of depth images. The section `links` creates it.",
-    DEPTH_INPUTS,
-    DEPTH_OUTPUTS,
-);
-/// The far end of grey images.
-pub const GREY: Stage = stage(
-    "link.grey",
-    "The far end of a stream of grey images. The section `links` creates it.",
-    GREY_INPUTS,
-    GREY_OUTPUTS,
-);
-/// The far ends that have names of their own.
-pub const STAGES: &[Stage] = &[DEPTH, GREY];
-
-/// The far ends of all other types of samples: each is made once, when a pipeline first links its type.
-static OTHERS: Mutex<BTreeMap<String, Stage>> = Mutex::new(BTreeMap::new());
+/// The far ends by type of sample: each is made once, when a pipeline first has an edge between hosts of its type.
+static STAGES: Mutex<BTreeMap<String, Stage>> = Mutex::new(BTreeMap::new());
 
 /// The far end of samples of this type.
 pub fn of(sample: &'static SampleKind) -> Stage {
-    let named = STAGES.iter().find(|s| *s.kind.inputs[SAMPLE].sample == *sample);
-    named.copied().unwrap_or_else(|| {
-        let mut others = OTHERS.lock().unwrap_or_else(PoisonError::into_inner);
-        *others.entry(sample.type_name()).or_insert_with(|| {
-            // Ports live as long as the program, as those of all other kinds do; there are as many as types of samples.
-            stage(
-                "link.sample",
-                "The far end of a stream of samples. The section `links` creates it.",
-                Box::leak(Box::new(inputs(sample))),
-                Box::leak(Box::new(outputs(sample))),
-            )
-        })
-    })
+    let mut stages = STAGES.lock().unwrap_or_else(PoisonError::into_inner);
+    // Ports live as long as the program, as those of all other kinds do; there are as many as types of samples.
+    let made = || stage(Box::leak(Box::new(inputs(sample))), Box::leak(Box::new(outputs(sample))));
+    *stages.entry(sample.type_name()).or_insert_with(made)
 }

@@ -119,8 +119,6 @@ pub struct OutputNode {
 pub enum Wire {
     /// A datagram each; the far end listens.
     Udp(SocketAddr),
-    /// A stream of whole samples; the producer serves it.
-    Tcp(SocketAddr),
     /// An edge between hosts, carried by the bridge of each: the number of the host that takes the samples.
     Host(usize),
     /// Messages of ROS 2, carried by the bridge.

@@ -119,7 +119,7 @@ impl Graph {
                             edge_name(&node.name, node.stage.kind.outputs[port].name, host)
                         }
                         Wire::Pool(pool) => self.pools.get(*pool)?.name.clone(),
-                        Wire::Udp(_) | Wire::Tcp(_) | Wire::Ros2 => return None,
+                        Wire::Udp(_) | Wire::Ros2 => return None,
                     };
                     Some((operator, port, name))
                 })

@@ -56,5 +56,4 @@ use stillpoint_operator as operator;
 use stillpoint_operator::{Stage, activation, frames, outputs, outside, params};
 
 /// The kinds of operators that come with every pipeline.
-pub const STAGES: &[Stage] =
-    &[console::STAGE, link::STAGE, far_end::DEPTH, far_end::GREY, pool_client::STAGE];
+pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, pool_client::STAGE];

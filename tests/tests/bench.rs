@@ -1,7 +1,7 @@
 //! A bench: a folder of its own, in which the kit's command is run as people run it.
 
 use std::fs::File;
-use std::net::{TcpListener, UdpSocket};
+use std::net::UdpSocket;
 use std::os::unix::fs::DirBuilderExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -289,21 +289,15 @@ pub fn on_free_ports(yaml: &str) -> String {
     const HERE: &str = "127.0.0.1:";
     let digits = |from: &str| from.chars().take_while(char::is_ascii_digit).collect::<String>();
     let ports: std::collections::BTreeSet<String> = yaml.split(HERE).skip(1).map(digits).collect();
-    // Held until all are chosen, so that no two are the same; a link may be of either kind.
-    let free = || loop {
-        let tcp = TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = tcp.local_addr().unwrap().port();
-        if let Ok(udp) = UdpSocket::bind(("127.0.0.1", port)) {
-            return (tcp, udp, port);
-        }
-    };
-    let held: Vec<_> = ports.iter().map(|own| (own, free())).collect();
+    // Held until all are chosen, so that no two are the same.
+    let held: Vec<_> = ports.iter().map(|own| (own, UdpSocket::bind("127.0.0.1:0").unwrap())).collect();
     let mut yaml = yaml.to_owned();
     // By way of names: a free port may be another's own.
     for (number, (own, _)) in held.iter().enumerate() {
         yaml = yaml.replace(&format!("{HERE}{own}"), &format!("{HERE}<{number}>"));
     }
-    for (number, (_, (_, _, port))) in held.iter().enumerate() {
+    for (number, (_, socket)) in held.iter().enumerate() {
+        let port = socket.local_addr().unwrap().port();
         yaml = yaml.replace(&format!("<{number}>"), &port.to_string());
     }
     yaml

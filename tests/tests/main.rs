@@ -16,7 +16,6 @@
 //! - `link`: edges that leave as datagrams
 //! - `controllers`: three loops in one pipeline
 //! - `ledger`: sent = received + accounted loss
-//! - `apart`: the bedside as a program of its own
 //! - `breaking`: people who break a running rig
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
@@ -30,7 +29,6 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod affinity;
-mod apart;
 mod attach;
 mod bench;
 mod breaking;

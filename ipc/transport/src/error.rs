@@ -17,17 +17,7 @@ pub enum TransportError {
         /// What the system says.
         reason: String,
     },
-    /// No server can be started at the address.
-    #[error(
-        "samples cannot be served at {address}: {reason}; end the program that serves there, or give the link another port"
-    )]
-    Serve {
-        /// The server's address.
-        address: SocketAddr,
-        /// What the system says.
-        reason: String,
-    },
-    /// A thread or a socket cannot be had.
+    /// A socket cannot be had.
     #[error("the link to {address} cannot be opened: {reason}")]
     Open {
         /// The other end's address.

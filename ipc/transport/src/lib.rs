@@ -6,23 +6,17 @@
 //!
 //! - `channel`: what goes over a link
 //! - `datagrams`: one UDP datagram per sample, the payload alone
-//! - `streams`: whole samples of any size over TCP; `serving` and `client` are its two ends
 //! - `conformance`: the test body that every transport has to pass
 //! - `error`: why an end cannot be opened or a sample not be sent
 
 mod channel;
-mod client;
 pub mod conformance;
 mod datagrams;
 mod error;
-mod greeting;
-mod serving;
-mod streams;
 
 pub use channel::Channel;
 pub use datagrams::Datagrams;
 pub use error::{Refusal, TransportError};
-pub use streams::Streams;
 
 use std::net::SocketAddr;
 

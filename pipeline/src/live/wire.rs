@@ -2,9 +2,7 @@
 
 use stillpoint_samples::Pieces;
 use stillpoint_shm::{Domain, ShmError};
-use stillpoint_transport::{
-    Channel, Datagrams, LinkState, Refusal, Sender, Streams, Transport, TransportError,
-};
+use stillpoint_transport::{Channel, Datagrams, LinkState, Refusal, Sender, Transport, TransportError};
 
 use super::contracts;
 use super::error::WorkerError;
@@ -32,7 +30,6 @@ pub type TransportOf = fn(Wire) -> Option<Box<dyn Transport>>;
 pub fn transport_of(wire: Wire) -> Option<Box<dyn Transport>> {
     match wire {
         Wire::Udp(address) => Some(Box::new(Datagrams::to(address))),
-        Wire::Tcp(address) => Some(Box::new(Streams::at(address))),
         Wire::Host(_) | Wire::Ros2 | Wire::Pool(_) => None,
     }
 }

@@ -286,10 +286,10 @@ fn find_pools(operators: &mut [OperatorNode]) -> Vec<PoolNode> {
     pools
 }
 
-/// What comes off a stream may be as large as what its producer sends.
+/// What comes from another host may be as large as what its producer sends.
 fn lay_out_far_ends(operators: &mut [OperatorNode]) {
     for far in 0..operators.len() {
-        if let (Some(Wire::Tcp(_) | Wire::Host(_)), Some(edge)) =
+        if let (Some(Wire::Host(_)), Some(edge)) =
             (operators[far].far_end, operators[far].inputs.first().and_then(|i| i.edge))
         {
             let capacity = operators[edge.operator].outputs[edge.output].capacity;

@@ -1,12 +1,14 @@
 //! What crosses from one host to another: every such edge is a link or goes between hosts of the section `hosts`, and the
 //! host that is asked for is there.
 
+use stillpoint_samples::{Datagram, Sample};
+
 use super::document::Document;
 use super::faults::{Code, Findings};
 use super::near::{shown, suggestion};
 use super::source::Marked;
 use super::wiring::Wired;
-use crate::graph::ProcessNode;
+use crate::graph::{Edge, ProcessNode};
 use crate::hosts::MAIN;
 
 /// Checks it. Numbers of operators are their places in the file.
@@ -24,6 +26,12 @@ pub fn check(
             homes[*operator] = &process.host;
         }
     }
+    // A link carries datagrams alone.
+    let may_be_link = |edge: Edge| {
+        let sender = wired[edge.operator].stage.as_ref();
+        let is_datagram = sender.is_some_and(|s| *s.kind.outputs[edge.output].sample == *Datagram::KIND);
+        is_datagram && document.hosts.is_empty()
+    };
     for (number, (operator, wired)) in document.operators.iter().zip(wired).enumerate() {
         // Links that are at fault are said already.
         if operator.link.is_some() || !links_stand {
@@ -40,23 +48,21 @@ pub fn check(
                     format!("`{name}` runs on the host `{here}`, but the far end of this link on `{there}`"),
                     format!("name `{}` in a process of the host `{here}`", producer.name.value),
                 ),
+                None if may_be_link(edge) => (
+                    format!(
+                        "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
+                    ),
+                    format!(
+                        "add `{}.{}` to `links`, or list both hosts under `hosts`",
+                        from.value.operator.value, from.value.port.value
+                    ),
+                ),
                 None => (
-                    match document.hosts.is_empty() {
-                        true => format!(
-                            "`{name}` runs on the host `{here}`, but this comes from `{there}` and is no link"
-                        ),
-                        false => format!(
-                            "`{name}` runs on the host `{here}`, but this comes from `{there}`, and `hosts` does not \
-                             list both"
-                        ),
-                    },
-                    match document.hosts.is_empty() {
-                        true => format!(
-                            "add `{}.{}` to `links`, or list both hosts under `hosts`",
-                            from.value.operator.value, from.value.port.value
-                        ),
-                        false => format!("list `{here}` and `{there}` under `hosts`, with their endpoints"),
-                    },
+                    format!(
+                        "`{name}` runs on the host `{here}`, but this comes from `{there}`, and `hosts` does not \
+                         list both"
+                    ),
+                    format!("list `{here}` and `{there}` under `hosts`, with their endpoints"),
                 ),
             };
             findings.say(from.span, Code::Host, message, help);

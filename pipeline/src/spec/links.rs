@@ -2,8 +2,7 @@
 //!
 //! A link stands for an operator of its own at the far end, named after the topic (`valves_datagram`), and everybody who
 //! takes the topic takes it from there. In a live run the producer's process sends each sample as a UDP datagram, for
-//! which the far end listens, or serves samples of any size as a stream, which the far end takes; anywhere else the link
-//! is an edge with a delay.
+//! which the far end listens; anywhere else the link is an edge with a delay.
 
 use std::net::SocketAddr;
 
@@ -17,19 +16,21 @@ use super::source::Marked;
 use super::tree::{Entry, Keys, Node};
 use super::wiring::Wired;
 use crate::graph::Wire;
-use crate::{far_end, link};
+use crate::link;
 
 /// Keys of a link.
-pub const KEYS: &[&str] = &["udp", "tcp", "delay"];
+pub const KEYS: &[&str] = &["udp", "delay"];
+/// Name of input and output of the far end.
+const PORT: &str = "datagram";
 
 /// Reads the section, adds the far ends to the operators and connects those who take the topics to them.
 pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, findings: &Findings) {
-    let due = "a mapping from topics to { udp: address:port }, or { tcp: address:port }";
-    let mut taken: Vec<Wire> = Vec::new();
+    let due = "a mapping from topics to { udp: address:port }";
+    let mut taken: Vec<SocketAddr> = Vec::new();
     for entry in node.map("`links`", due, findings).unwrap_or_default() {
         if let Some(far) = far_operator(entry, operators, findings) {
-            if let Some(wire) = far.link {
-                if taken.iter().any(|other| clash(other, &wire)) {
+            if let Some(Wire::Udp(address)) = far.link {
+                if taken.iter().any(|other| clash(other, &address)) {
                     findings.say(
                         entry.value.span,
                         Code::DuplicateName,
@@ -37,20 +38,16 @@ pub fn read<'t>(node: &'t Node, operators: &mut Vec<ParsedOperator<'t>>, finding
                         "give each link a port of its own",
                     );
                 }
-                taken.push(wire);
+                taken.push(address);
             }
             operators.push(far);
         }
     }
 }
 
-/// Whether two links cannot be opened at the same time: one protocol, one port, and addresses of which one is the other
-/// or stands for all.
-fn clash(one: &Wire, other: &Wire) -> bool {
-    let (a, b) = match (one, other) {
-        (Wire::Udp(a), Wire::Udp(b)) | (Wire::Tcp(a), Wire::Tcp(b)) => (a, b),
-        _ => return false,
-    };
+/// Whether two links cannot be opened at the same time: one port, and addresses of which one is the other or stands for
+/// all.
+fn clash(a: &SocketAddr, b: &SocketAddr) -> bool {
     a.port() == b.port() && (a.ip() == b.ip() || a.ip().is_unspecified() || b.ip().is_unspecified())
 }
 
@@ -62,6 +59,15 @@ fn far_operator<'t>(
     let topic = topic_at(&entry.key.value, entry.key.span, findings)?;
     let what = shown(&entry.key.value);
     let entries = entry.value.map(&what, "{ udp: 127.0.0.1:5005, delay: 2 ms }", findings)?;
+    if let Some(tcp) = entries.iter().find(|e| e.key.value == "tcp") {
+        findings.say(
+            tcp.key.span,
+            Code::UnknownKey,
+            "a link carries datagrams, and has no key `tcp`",
+            "list both hosts under `hosts`: samples of any type pass between them, without a link",
+        );
+        return None;
+    }
     let keys = Keys::of(entries, KEYS, "a link", findings);
     let wire = wire(&keys, entry, findings);
     let delay = keys.get("delay").and_then(|e| time(e, findings)).map_or(0, |t| t.value);
@@ -74,27 +80,24 @@ fn far_operator<'t>(
             "give the operator another name",
         );
     }
-    // Of which kind the far end of a stream is follows from what is sent: `wiring` knows it.
-    let is_stream = keys.get("udp").is_none() && keys.get("tcp").is_some();
-    let port = if is_stream { far_end::PORT } else { "datagram" };
     let same =
         |t: &Topic| t.operator.value == topic.value.operator.value && t.port.value == topic.value.port.value;
     for input in operators.iter_mut().flat_map(|o| &mut o.inputs) {
         if let Some(from) = input.from.as_mut().filter(|from| same(&from.value)) {
             from.value.operator.value.clone_from(&name);
-            from.value.port.value = port.to_owned();
+            from.value.port.value = PORT.to_owned();
         }
     }
     let span = entry.key.span;
     let input = ParsedInput {
-        name: Marked::new(port.to_owned(), span),
+        name: Marked::new(PORT.to_owned(), span),
         from: Some(topic),
-        policy: (!is_stream).then(|| Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
+        policy: Some(Marked::new(ParsedPolicy::Queue(link::WAITING), span)),
         delay,
     };
     Some(ParsedOperator {
         name: Marked::new(name, span),
-        kind: (!is_stream).then(|| Marked::new(link::KIND_NAME.to_owned(), span)),
+        kind: Some(Marked::new(link::KIND_NAME.to_owned(), span)),
         params: None,
         has_unreadable_inputs: false,
         inputs: vec![input],
@@ -137,23 +140,11 @@ pub fn check_taken(document: &Document<'_>, wired: &[Wired], findings: &Findings
 }
 
 fn wire(keys: &Keys<'_>, entry: &Entry, findings: &Findings) -> Option<Wire> {
-    match (keys.get("udp"), keys.get("tcp")) {
-        (Some(e), None) => address(e, findings).map(Wire::Udp),
-        (None, Some(e)) => address(e, findings).map(Wire::Tcp),
-        (Some(_), Some(second)) => {
-            findings.say(
-                second.key.span,
-                Code::WrongShape,
-                "a link goes one way, but here is a second one",
-                "keep `udp` for datagrams, or `tcp` for samples of any size",
-            );
-            None
-        }
-        (None, None) => {
-            missing("a link", "udp", "127.0.0.1:5005", entry.key.span, findings);
-            None
-        }
-    }
+    let Some(udp) = keys.get("udp") else {
+        missing("a link", "udp", "127.0.0.1:5005", entry.key.span, findings);
+        return None;
+    };
+    address(udp, findings).map(Wire::Udp)
 }
 
 fn address(entry: &Entry, findings: &Findings) -> Option<SocketAddr> {

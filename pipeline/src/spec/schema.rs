@@ -129,10 +129,6 @@ fn links() -> Value {
             "type": "string", "pattern": r"^\S+:[0-9]{1,5}$",
             "description": "Address and port of the far end, which listens there for datagrams in a live run.",
         }),
-        "tcp" => json!({
-            "type": "string", "pattern": r"^\S+:[0-9]{1,5}$",
-            "description": "Address and port where the producer serves samples of any size in a live run.",
-        }),
         _ => quantity("ns", "How long a sample is on its way where the run is not live."),
     });
     json!({

@@ -49,7 +49,7 @@ pub fn connect(document: &Document<'_>, registry: &Registry, findings: &Findings
         document.operators.iter().map(|o| stage(o, registry, findings)).collect();
     let numbers = document.numbers();
     for far in 0..stages.len() {
-        if let Some(Wire::Tcp(_) | Wire::Host(_)) = document.operators[far].link {
+        if let Some(Wire::Host(_)) = document.operators[far].link {
             stages[far] = far_end(&document.operators[far], &numbers, &stages);
         }
     }
@@ -73,7 +73,7 @@ fn stage(parsed: &ParsedOperator<'_>, registry: &Registry, findings: &Findings) 
     found
 }
 
-/// The far end of a stream: of the kind that takes what is sent. What is wrong with the topic is said elsewhere.
+/// The far end of an edge between hosts: of the kind that takes what is sent. What is wrong with the topic is said elsewhere.
 fn far_end(
     parsed: &ParsedOperator<'_>,
     numbers: &BTreeMap<&str, usize>,

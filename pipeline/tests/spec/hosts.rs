@@ -23,35 +23,33 @@ fn names(graph: &Graph) -> Vec<&str> {
 }
 
 fn wire() -> Wire {
-    Wire::Tcp(SocketAddr::from(([127, 0, 0, 1], 5007)))
+    Wire::Udp(SocketAddr::from(([127, 0, 0, 1], 5005)))
 }
 
 #[test]
 fn a_part_has_the_operators_of_its_host_and_the_wires_to_the_others() {
-    let rig = part("rig").ok().unwrap();
-    assert_eq!((rig.name.as_str(), names(&rig)), ("apart-rig", vec!["rig"]));
-    assert_eq!(rig.operators[0].outputs[0].links, [wire()]);
-    assert_eq!(rig.record, Record::Topics(vec!["rig.truth".to_owned()]));
-
     let main = part("main").ok().unwrap();
-    assert_eq!((main.name.as_str(), names(&main)), ("apart", vec!["console", "rig_depth", "cloud", "face"]));
-    let far = &main.operators[1];
+    assert_eq!((main.name.as_str(), names(&main)), ("apart", vec!["console", "valves"]));
+    assert_eq!(main.operators[1].outputs[0].links, [wire()]);
+    assert_eq!(main.record, Record::Topics(vec!["valves.datagram".to_owned()]));
+
+    let rig = part("rig").ok().unwrap();
+    assert_eq!((rig.name.as_str(), names(&rig)), ("apart-rig", vec!["rig", "valves_datagram", "far"]));
+    let far = &rig.operators[1];
     assert_eq!((far.far_end, far.inputs[0].edge.is_some()), (Some(wire()), false));
-    for (number, process) in main.processes.iter().enumerate() {
-        assert!(process.operators.iter().all(|o| main.operators[*o].process == number));
+    for (number, process) in rig.processes.iter().enumerate() {
+        assert!(process.operators.iter().all(|o| rig.operators[*o].process == number));
     }
-    let cloud = main.operator("cloud").unwrap();
-    assert_eq!(main.operators[cloud].inputs[0].edge.unwrap().operator, 1);
+    assert_eq!(rig.operators[2].inputs[0].edge.unwrap().operator, 1);
 }
 
 #[test]
-fn a_far_end_of_a_stream_has_type_frame_and_room_of_what_is_sent() {
-    for graph in [check(TEXT, "apart.yaml", &[], &registry(), &Disk), part("main")] {
-        let graph = graph.ok().unwrap();
-        let far = &graph.operators[graph.operator("rig_depth").unwrap()];
+fn a_far_end_of_another_host_has_type_frame_and_room_of_what_is_sent() {
+    for graph in [of_hosts(&[]), of_hosts(&["host=cluster"])] {
+        let far = &graph.operators[graph.operator("rig_depth_cluster").unwrap()];
         assert_eq!(*far.stage.kind.outputs[0].sample, *DepthImage::KIND);
         assert_eq!(far.outputs[0].frame.as_deref(), Some("camera"));
-        let whole = check(TEXT, "apart.yaml", &[], &registry(), &Disk).ok().unwrap();
+        let whole = of_hosts(&[]);
         let room = whole.operators[whole.operator("rig").unwrap()].outputs[0].capacity;
         assert_eq!(far.outputs[0].capacity, room);
     }

@@ -1,7 +1,7 @@
 //! A folder in which the programs are run as people run them.
 
 use std::fs::File;
-use std::net::TcpListener;
+use std::net::{TcpListener, UdpSocket};
 use std::os::unix::fs::DirBuilderExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use serde_json::Value;
 
 /// However loaded the machine is, nothing takes longer.
@@ -63,6 +63,13 @@ pub fn two_ports() -> u16 {
             return port;
         }
     }
+}
+
+/// Ports of UDP that nobody has.
+pub fn udp_ports<const N: usize>() -> [u16; N] {
+    // Held until all are chosen, so that no two are the same.
+    let held: [UdpSocket; N] = std::array::from_fn(|_| UdpSocket::bind("127.0.0.1:0").unwrap());
+    held.map(|socket| socket.local_addr().unwrap().port())
 }
 
 /// A folder with its own runs: parallel tests do not see each other.
@@ -228,6 +235,12 @@ impl Running {
         send(self.child.id(), Signal::KILL);
         self.child.wait().unwrap();
     }
+
+    /// Kills every process of the run at once, those that outlive the supervisor included.
+    pub fn kill_group(mut self) {
+        let _ = kill_process_group(pid(self.child.id()), Signal::KILL);
+        self.child.wait().unwrap();
+    }
 }
 
 impl Drop for Running {
@@ -239,5 +252,9 @@ impl Drop for Running {
 }
 
 fn send(number: u32, signal: Signal) {
-    let _ = kill_process(Pid::from_raw(i32::try_from(number).unwrap()).unwrap(), signal);
+    let _ = kill_process(pid(number), signal);
+}
+
+fn pid(number: u32) -> Pid {
+    Pid::from_raw(i32::try_from(number).unwrap()).unwrap()
 }

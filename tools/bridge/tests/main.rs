@@ -5,6 +5,7 @@
 // A test that panics names the line; nothing else would be gained by errors.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod apart;
 mod bench;
 // A network and patients of the tests of games.
 #[path = "../../../stages/network/tests/common/mod.rs"]

@@ -97,7 +97,9 @@ fn solves() -> Problem {
     let contents = BTreeMap::from([(goals_hash, goals_bytes), (dose_hash, dose)]);
     let compute = move |i: usize| {
         let _ = &folder;
-        answer::of_plan(&solve_beams(&goals, &[doses.beam(0)], None, tolerance(i), NonZeroUsize::MIN).unwrap())
+        answer::of_plan(
+            &solve_beams(&goals, &[doses.beam(0)], None, tolerance(i), NonZeroUsize::MIN).unwrap(),
+        )
     };
     Problem { calls, contents, compute: Box::new(compute) }
 }

@@ -13,9 +13,9 @@ use crate::pipeline_file::PipelineFile;
 const HOST: &str = "rig";
 
 /// Run the far end of a pipeline as a separate program: the operators that the file places on the host `rig`. The program
-/// takes datagrams, runs the plant in real time, serves its camera, and vents by itself when datagrams stop. It runs until
-/// Ctrl-C, also if the controlling program (`stillpoint run --host main`) ends. Without FILE, the embedded pipeline in two
-/// programs is used.
+/// takes datagrams, runs the plant in real time, sends the images of its camera, and vents by itself when datagrams stop. It
+/// runs until Ctrl-C, also if the controlling program (`stillpoint run --host main`) ends. Without FILE, the embedded pipeline
+/// in two programs is used. Images go through `stillpoint-bridge`, which has to be built.
 #[derive(Args)]
 pub struct Rig {
     #[command(flatten)]

@@ -32,8 +32,8 @@ pub struct Run {
     /// finished (for example, when every file has been read) or on Ctrl-C; the default pipeline ends after 20 s.
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     length: Option<String>,
-    /// Run live only the operators that the pipeline places on this host; links connect them to the programs of the other
-    /// hosts. Operators without a host are on `main`. Without FILE, the embedded pipeline in two programs is used.
+    /// Run live only the operators that the pipeline places on this host; links and the bridge connect them to the programs
+    /// of the other hosts. Operators without a host are on `main`. Without FILE, the embedded pipeline in two programs is used.
     #[arg(long, value_name = "NAME")]
     host: Option<String>,
     /// Which clock decides when activations happen; the default is `live`.

@@ -289,6 +289,25 @@ fn what_is_not_there_is_named_and_nothing_panics() {
 }
 
 #[test]
+fn a_bedside_without_the_program_of_the_network_is_refused_with_the_command_that_builds_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_stillpoint"))
+        .arg("rig")
+        .current_dir(folder.path())
+        .env("STILLPOINT_RUNS", folder.path().join("runs"))
+        .env("STILLPOINT_BRIDGE", "/nowhere/stillpoint-bridge")
+        .output()
+        .unwrap();
+    let said = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{said}");
+    for words in ["/nowhere/stillpoint-bridge", "cargo build", "--manifest-path tools/bridge/Cargo.toml"] {
+        assert!(said.contains(words), "{said}");
+    }
+    // Nothing of a run that did not begin is left.
+    assert_eq!(std::fs::read_dir(folder.path().join("sessions")).unwrap().count(), 0);
+}
+
+#[test]
 fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
     let folder = tempfile::tempdir().unwrap();
     let pipeline =

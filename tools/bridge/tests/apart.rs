@@ -1,17 +1,32 @@
-//! The bedside as a program of its own: it outlives who controls it, and is safe when they die.
+//! The bedside as a program of its own: it outlives the program that controls it, and is safe when that dies.
 
-use rustix::process::Signal;
 use serde_json::Value;
 use stillpoint_pipeline::clock::realtime;
 
-use crate::bench::{Bench, Running, small_loop, text, wait_for};
+use crate::bench::{Bench, Running, two_ports, udp_ports, wait_for};
 
-const PIPELINE: &str = include_str!("../../examples/head-3dof-apart.yaml");
+const PIPELINE: &str = include_str!("../../../examples/head-3dof-apart.yaml");
+const KEY: &str = include_str!("../../../examples/data/rig.key");
 /// From the last datagram to the safe state, ns.
 const LIMIT: u64 = 100_000_000;
 
-fn control(bench: &Bench, file: &std::path::Path) -> Running {
-    bench.start(&["run", text(file), "--host", "main", "--json", "--record", "s"])
+/// The example at ports that nobody has, with its key, and with a head that is held where it is.
+fn pipeline(bench: &Bench) -> String {
+    let mut yaml = PIPELINE.replace("at: 2.5 s, z:", "at: 1 h, z:");
+    let free = udp_ports::<3>();
+    for (own, free) in ["5005", "5006", "5008"].iter().zip(free) {
+        let link = format!("udp: 127.0.0.1:{own}");
+        assert!(yaml.contains(&link));
+        yaml = yaml.replace(&link, &format!("udp: 127.0.0.1:{free}"));
+    }
+    std::fs::create_dir(bench.path("data")).unwrap();
+    std::fs::write(bench.path("data/rig.key"), KEY).unwrap();
+    assert_eq!(yaml.matches("tcp/127.0.0.1:5010").count(), 2);
+    bench.write("apart.yaml", &yaml.replace("tcp/127.0.0.1:5010", &format!("tcp/127.0.0.1:{}", two_ports())))
+}
+
+fn control(bench: &Bench, file: &str) -> Running {
+    bench.host(file, "main")
 }
 
 fn states(lines: &str) -> Vec<Value> {
@@ -49,14 +64,13 @@ const FOLLOWING: u64 = 2;
 #[test]
 fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     let bench = Bench::new();
-    let file = small_loop(&bench, PIPELINE, "data/rig.key");
-    let rig = bench.start(&["rig", text(&file), "--json", "--record", "s"]);
+    let file = pipeline(&bench);
+    let rig = bench.start(&["rig", &file, "--json", "--record", "s"]);
     let first = control(&bench, &file);
     wait_until(&bench, "the beam", FOLLOWING, 1);
-    // All of the program, supervisor included. Stamps of a live session are of this clock.
+    // All of the program, supervisor and bridge included. Stamps of a live session are of this clock.
     let killed = realtime();
-    first.signal_group(Signal::KILL);
-    drop(first);
+    first.kill_group();
     wait_until(&bench, "the vent", VENTING, 0);
     let second = control(&bench, &file);
     wait_until(&bench, "the beam of the next program", FOLLOWING, 1);
