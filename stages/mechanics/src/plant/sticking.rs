@@ -7,6 +7,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
+use crate::contact::forward::across;
 use crate::shell::Shell;
 
 /// Motion along two tangential directions of each contact, by the coordinates of the head: `B` times 2 by `D`.
@@ -56,11 +57,8 @@ impl Shell {
 
 /// Two directions along a contact, and how its point moves along them with x, y, z, pitch, roll and yaw of the head.
 pub fn along(arm: &Vector3<f64>, normal: &Vector3<f64>) -> SMatrix<f64, 2, 6> {
-    let far = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-    let first = normal.cross(&far).normalize();
-    let second = normal.cross(&first);
     let mut rows = SMatrix::<f64, 2, 6>::zeros();
-    for (i, direction) in [first, second].iter().enumerate() {
+    for (i, direction) in across(normal).iter().enumerate() {
         let turn = arm.cross(direction);
         for axis in 0..3 {
             rows[(i, axis)] = direction[axis];
