@@ -7,6 +7,8 @@
 pub const STICKING: u32 = 2;
 /// What a contact that slides leaves free: rolling in two directions, sliding in two, and spinning.
 pub const SLIDING: u32 = 5;
+/// A contact that is open leaves everything free.
+pub const OPEN: u32 = 6;
 /// What the wall of a bladder leaves free between its couch and its contact: its height, its shear in two directions,
 /// and its twist.
 pub const BLADDER: u32 = 4;

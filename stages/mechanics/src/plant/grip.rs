@@ -67,7 +67,7 @@ fn friction(mu: f64, pressed: &Pressed) -> Friction {
 impl<const B: usize> Grip<B> {
     /// Contacts of bladders of `shell` between plates `gap` m apart, not sheared.
     pub fn new(friction: f64, shell: &Shell, gap: f64) -> Self {
-        let finger = Finger { sheared: Vector3::zeros(), twisted: 0.0, moved: [false; 2] };
+        let finger = Finger { sheared: Vector3::zeros(), twisted: 0.0, moved: [friction <= 0.0; 2] };
         Self {
             friction,
             stiffness: [shell.shear_stiffness(gap), shell.twist_stiffness(gap)],
@@ -107,7 +107,6 @@ impl<const B: usize> Grip<B> {
         pressed: &[Pressed; B],
     ) -> f64 {
         if self.friction <= 0.0 {
-            self.fingers.iter_mut().for_each(|finger| finger.moved = [true; 2]);
             return 0.0;
         }
         let (begin, end) = (rolling.met(from), rolling.met(to));
@@ -139,15 +138,17 @@ impl<const B: usize> Grip<B> {
         self.fingers.iter().map(|finger| finger.energy(self.stiffness)).sum()
     }
 
-    /// Force of a contact on the head, and its distance from the friction cone.
-    pub fn margin(&self, j: usize, pressed: &Pressed) -> (FingerForce, Margin) {
-        let ([shear, twist], finger) = (self.stiffness, &self.fingers[j]);
-        let along = finger.sheared.norm() * shear;
-        let force = FingerForce {
-            force: Vector3::new(-along, 0.0, pressed.force()),
-            torque: -twist * finger.twisted,
-        };
-        (force, friction(self.friction, pressed).margin(&force))
+    /// Length of the tangential force of contact `j` on the head, N.
+    pub fn tangential(&self, j: usize) -> f64 {
+        self.fingers[j].sheared.norm() * self.stiffness[0]
+    }
+
+    /// Distance of contact `j` from its friction cone while its bladder presses so.
+    pub fn margin(&self, j: usize, pressed: &Pressed) -> Margin {
+        // z is the normal; which way along the contact does not matter.
+        let force = Vector3::new(self.tangential(j), 0.0, pressed.force());
+        let torque = self.stiffness[1] * self.fingers[j].twisted;
+        friction(self.friction, pressed).margin(&FingerForce { force, torque })
     }
 
     /// How far a wall is sheared, m in the axes of the couch, and twisted about the normal, rad.

@@ -24,4 +24,5 @@ pub mod valve;
 
 pub use body::{Drive, Plant, State, Stop};
 pub use layouts::{OneDof, SixDof, ThreeDof};
+pub use plate::Pressed;
 pub use reach::{Hold, Limits, Unreachable};

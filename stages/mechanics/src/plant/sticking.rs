@@ -23,21 +23,36 @@ pub struct Sticking<const D: usize, const B: usize> {
     stiffness: f64,
     /// m.
     sheared: [Vector2<f64>; B],
+    /// Which slid in the last step.
+    slid: [bool; B],
 }
 
 impl<const D: usize, const B: usize> Sticking<D, B> {
     /// Contacts that are not sheared, of bladders of `shell` between plates `gap` m apart.
     pub fn new(tangents: Tangents<D, B>, friction: f64, shell: &Shell, gap: f64) -> Self {
-        Self { tangents, friction, stiffness: shell.shear_stiffness(gap), sheared: [Vector2::zeros(); B] }
+        Self {
+            tangents,
+            friction,
+            stiffness: shell.shear_stiffness(gap),
+            sheared: [Vector2::zeros(); B],
+            slid: [false; B],
+        }
     }
 
     /// The head moves by `moved` while the bladders push with these forces, N.
     pub fn advance(&mut self, moved: &SVector<f64, D>, push: impl Iterator<Item = f64>) {
-        for ((sheared, tangent), push) in self.sheared.iter_mut().zip(&self.tangents).zip(push) {
+        let contacts = self.sheared.iter_mut().zip(&mut self.slid);
+        for (((sheared, slid), tangent), push) in contacts.zip(&self.tangents).zip(push) {
             let tried = *sheared + tangent * moved;
             let (length, most) = (tried.norm(), self.friction * push.max(0.0) / self.stiffness);
+            *slid = length > most;
             *sheared = if length > most { tried * (most / length) } else { tried };
         }
+    }
+
+    /// Length of the tangential force of contact `j` on the head, N, and whether the contact slid in the last step.
+    pub fn tangential(&self, j: usize) -> (f64, bool) {
+        (self.sheared[j].norm() * self.stiffness, self.slid[j])
     }
 
     /// Force on the head, N and N m.
@@ -85,6 +100,7 @@ mod tests {
         let step = SVector::<f64, 6>::from([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]);
         contact.advance(&step, [10.0].into_iter());
         let force = contact.force();
+        assert!(!contact.tangential(0).1);
         assert!((force[0] + 1e-3 * stiffness).abs() < 1e-12, "{force}");
         // The force lies under the head: it turns it about y.
         assert!((force[4] - -0.09 * force[0]).abs() < 1e-12, "{force}");
@@ -92,6 +108,8 @@ mod tests {
             contact.advance(&step, [10.0].into_iter());
         }
         assert!((contact.force()[0] + 5.0).abs() < 1e-12);
+        let (tangential, slid) = contact.tangential(0);
+        assert!((tangential - 5.0).abs() < 1e-12 && slid);
         // On the way back the friction turns about: hysteresis.
         for _ in 0..20 {
             contact.advance(&-step, [10.0].into_iter());

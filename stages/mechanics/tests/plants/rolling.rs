@@ -154,7 +154,7 @@ proptest! {
             prop_assert!(slid >= -1e-15, "{}", slid);
             let pressed = plant.bladders(&state.position, &state.air);
             for (j, pressed) in pressed.iter().enumerate() {
-                let (_, margin) = grip.margin(j, pressed);
+                let margin = grip.margin(j, pressed);
                 prop_assert!(margin.push >= 0.0);
                 prop_assert!(margin.sliding >= -1e-12 && margin.spinning >= -1e-12, "{:?}", margin);
             }
