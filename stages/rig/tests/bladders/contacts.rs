@@ -17,7 +17,7 @@ fn metrics(run: &Run) -> Vec<BTreeMap<String, f64>> {
     let named = |elements: &[stillpoint_samples::Metric]| {
         elements.iter().map(|m| (m.name().into(), m.value)).collect()
     };
-    samples.iter().map(|sample| named(&sample.elements)).collect()
+    samples.iter().map(|sample| named(sample.elements)).collect()
 }
 
 /// A head that nods and coughs between bladders of which one fills.
