@@ -1,6 +1,6 @@
-//! The reference vectors of the mechanics, and the energy balance of its plants.
+//! The reference vectors of the mechanics, and what its plants do through time.
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-mod energy;
+mod plants;
 mod vectors;

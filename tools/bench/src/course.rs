@@ -14,8 +14,8 @@ use stillpoint_pipeline::schedule::{Events, Observer};
 use stillpoint_pipeline::spec::check;
 use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
-    Actuation, ActuationElement, Entry, FarEnd, Outcome, Pose, PoseElement, PoseReport, PoseStatus, RigState,
-    Target, TargetElement,
+    Actuation, ActuationElement, Contacts, Entry, FarEnd, Outcome, Pose, PoseElement, PoseReport, PoseStatus,
+    RigState, Target, TargetElement,
 };
 
 use stillpoint::Failure;
@@ -97,6 +97,10 @@ pub struct Course {
     pub pressure: f64,
     /// Force of the bladder that pushed least at any time from the first target on, N; infinity before it.
     pub least_force: f64,
+    /// Least distance of a contact of the rig from its friction cone since then, N.
+    pub least_margin: f64,
+    /// Contacts that slid, and all contacts, summed over the ticks of the rig since then.
+    pub sliding: [u64; 2],
     /// Greatest duty that was sent.
     pub duty: f64,
     /// Whether a duty was sent that is below 0 or NaN.
@@ -201,7 +205,7 @@ impl Watch {
     fn new(graph: Arc<Graph>) -> Self {
         Self {
             graph,
-            course: Course { least_force: f64::INFINITY, ..Course::default() },
+            course: Course { least_force: f64::INFINITY, least_margin: f64::INFINITY, ..Course::default() },
             truths: VecDeque::new(),
             capturing: false,
             reference: None,
@@ -298,6 +302,14 @@ impl Observer for Watch {
                         let forces = state.force.iter().take(state.bladders as usize);
                         self.course.least_force = forces.copied().fold(self.course.least_force, lesser);
                     }
+                }
+                if let Some(contacts) = sent("contacts").and_then(first::<Contacts>)
+                    && self.target.is_some()
+                {
+                    let margins = contacts.margin.iter().take(contacts.bladders as usize);
+                    self.course.least_margin = margins.copied().fold(self.course.least_margin, lesser);
+                    self.course.sliding[0] += u64::from(contacts.slides.count_ones());
+                    self.course.sliding[1] += u64::from(contacts.bladders);
                 }
                 if let Some(truth) = sent("truth") {
                     let time = truth.header().stamp;

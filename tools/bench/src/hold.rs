@@ -69,6 +69,10 @@ struct Held {
     recovered: f64,
     /// Force of the bladder that pushed least, N.
     least_force: f64,
+    /// Least distance of a contact of the rig from its friction cone, N; 0 where one slid or there is no friction.
+    least_margin: f64,
+    /// Part of the contacts that slid, in the mean over the ticks.
+    sliding: f64,
     /// Greatest pressure, Pa.
     pressure: f64,
     /// Names of the rules that were broken.
@@ -143,6 +147,8 @@ fn judge(course: &Course, seed: u64, person: &Involuntary, seconds: f64) -> Opti
         coughs: ends.len(),
         recovered: ends.iter().map(|end| recovered(course, *end)).fold(0.0, f64::max),
         least_force: course.least_force,
+        least_margin: course.least_margin,
+        sliding: course.sliding[0] as f64 / course.sliding[1].max(1) as f64,
         pressure: course.pressure,
         broken: course.monitor.broken(),
     })
@@ -189,7 +195,7 @@ fn print(found: &[Held]) {
     for f in found {
         outln!(
             "seed {:>2}: RMS{}; from 1 s after coughs on RMS{}, greatest{}; beam on {:.1} %; {} coughs, back within {:.2} s; \
-             least force {:.1} N, {:.1} kPa {}",
+             least force {:.1} N, least margin {:.1} N, {:.1} % slid, {:.1} kPa {}",
             f.seed,
             six(&f.rms),
             six(&f.calm),
@@ -198,6 +204,8 @@ fn print(found: &[Held]) {
             f.coughs,
             f.recovered,
             f.least_force,
+            f.least_margin,
+            100.0 * f.sliding,
             f.pressure * 1e-3,
             f.broken.join(" ")
         );

@@ -2,7 +2,7 @@
 //!
 //! Charts are orthogonal; `(x, y, n)` is right-handed and `n` points outward. `alpha = (u, v)`.
 //!
-//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
+//! The contact equations use it, with which the tests of the plants compare their contacts.
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3};
 

@@ -9,11 +9,15 @@
 //! - [`traction`]: areas and forces between the shapes at rest and deformed
 //! - [`friction`]: what a soft finger can bear
 //! - [`grasp`]: contacts to wrenches and back: Jacobians, grasp maps, null spaces
+//! - [`forward`]: from the rates of the bladders to those of the head
+//! - [`mobility`]: how many coordinates links and joints leave
 //! - [`squeeze`]: forces that hold a wrench while all contacts push
 
 pub mod chart;
+pub mod forward;
 pub mod friction;
 pub mod grasp;
+pub mod mobility;
 pub mod rolling;
 pub mod se3;
 pub mod squeeze;

@@ -1,6 +1,7 @@
 //! How a contact wanders over a bladder and the head: Montana's equations (SCIENCE B4, in place of (3.19)-(3.22)).
 //!
-//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
+//! The contacts of the plants follow from the pose in closed form (`plant::rolling`). Their tests compare its motion
+//! with these equations.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 

@@ -2,8 +2,6 @@
 //!
 //! The bodies' rates are `H zeta'` with `H = J^-1 G^T`; that needs a square `J` with an inverse. Where it has none, see
 //! [`constrained`](super::constrained).
-//!
-//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{SMatrix, SVector};
 

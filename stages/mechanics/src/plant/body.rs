@@ -2,12 +2,18 @@
 //!
 //! `M q'' = J^T F - w - K q - D q'`, `gap = d0 + J q`; each bladder's air comes through its inlet from the supply and
 //! leaves through its outlet to the exhaust; each opening follows its duty with a lag.
+//!
+//! With contacts that roll ([`Rolling`]) the gaps and their slopes follow from the present contacts, and the equations are
+//! those of (3.62): head and walls together, `(M_h + H^T M_b H) q'' + (C_h + H^T M_b H') q' + N = H^T tau`.
 
 use nalgebra::{SMatrix, SVector};
 
+use super::grip::Held;
 use super::plate::Pressed;
+use super::rolling::{Met, Rolling};
 use super::valve::{Orifice, Valves};
 use crate::dormand_prince;
+use crate::dynamics::reduced::{acceleration, together};
 use crate::shell::Shell;
 use crate::shell::air::Air;
 use crate::shell::rubber::Wall;
@@ -50,6 +56,8 @@ pub struct Plant<const D: usize, const B: usize, const N: usize> {
     pub jacobian: SMatrix<f64, B, D>,
     /// What the bladders lie on.
     pub stop: Option<Stop>,
+    /// Contacts that move over head and bladders. Without them the contacts stay where the Jacobian has them.
+    pub rolling: Option<Rolling<D, B>>,
     orifice: Orifice,
 }
 
@@ -81,6 +89,8 @@ pub struct Drive<const D: usize, const B: usize> {
     pub exhaust: f64,
     /// The rubber of each bladder.
     pub wall: [Wall; B],
+    /// Tangential forces of contacts that roll.
+    pub held: Option<Held<D>>,
 }
 
 /// What a plant is built of, besides bladders, air and valves: see the fields of [`Plant`].
@@ -114,6 +124,7 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
             gap_at_zero,
             jacobian,
             stop: None,
+            rolling: None,
             orifice,
         }
     }
@@ -121,6 +132,11 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     /// The same, with foam under the bladders.
     pub fn with_stop(self, stop: Stop) -> Self {
         Self { stop: Some(stop), ..self }
+    }
+
+    /// The same, with contacts that move over head and bladders.
+    pub fn with_rolling(self, rolling: Rolling<D, B>) -> Self {
+        Self { rolling: Some(rolling), ..self }
     }
 
     /// Shut valves, and supply and exhaust as the rig has them.
@@ -132,12 +148,21 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
             supply: self.valves.supply,
             exhaust: self.valves.exhaust,
             wall: [Wall::ELASTIC; B],
+            held: None,
         }
     }
 
     /// The gap of each bladder, m.
     pub fn gaps(&self, position: &SVector<f64, D>) -> SVector<f64, B> {
-        self.gap_at_zero + self.jacobian * position
+        match &self.rolling {
+            Some(rolling) => rolling.met(position).gaps,
+            None => self.gap_at_zero + self.jacobian * position,
+        }
+    }
+
+    /// How the gaps change with the position. The transpose turns the bladders' forces into generalised ones.
+    pub fn gap_slopes(&self, position: &SVector<f64, D>) -> SMatrix<f64, B, D> {
+        self.rolling.as_ref().map_or(self.jacobian, |rolling| rolling.met(position).slopes)
     }
 
     /// Each bladder with this much air (kg) at a position of the head.
@@ -167,8 +192,10 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
     /// Rate of each component of the packed state.
     pub fn slope(&self, packed: &SVector<f64, N>, drive: &Drive<D, B>) -> SVector<f64, N> {
         let state = State::<D, B>::unpack(packed);
-        let gaps = self.gaps(&state.position);
-        let gap_rates = self.jacobian * state.rate;
+        let met = self.rolling.as_ref().map(|rolling| rolling.met(&state.position));
+        let slopes = met.as_ref().map_or(self.jacobian, |met| met.slopes);
+        let gaps = met.as_ref().map_or_else(|| self.gaps(&state.position), |met| met.gaps);
+        let gap_rates = slopes * state.rate;
         let mut push = SVector::<f64, B>::zeros();
         let mut air_rate = SVector::<f64, B>::zeros();
         for j in 0..B {
@@ -180,15 +207,41 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
                 - self.orifice.flow(outlet, inside, drive.exhaust)
                 - self.orifice.flow(drive.leak[j], inside, self.air.atmosphere);
         }
-        let force = self.jacobian.transpose() * push + drive.force
-            - self.weight
-            - self.stiffness * state.position
-            - self.damping * state.rate;
         let opening = core::array::from_fn(|j| {
             core::array::from_fn(|v| (drive.duty[j][v] - state.opening[j][v]) / self.valves.lag)
         });
-        let rate = force.component_div(&self.inertia);
+        let rate = match (&self.rolling, &met) {
+            (Some(rolling), Some(met)) => self.carrying(rolling, met, &state, drive, &push),
+            _ => {
+                let force = slopes.transpose() * push + drive.force
+                    - self.weight
+                    - self.stiffness * state.position
+                    - self.damping * state.rate;
+                force.component_div(&self.inertia)
+            }
+        };
         State { position: state.rate, rate, air: air_rate, opening }.pack()
+    }
+
+    /// Accelerations of a head that carries the walls of its bladders along (3.62).
+    fn carrying(
+        &self,
+        rolling: &Rolling<D, B>,
+        met: &Met<D, B>,
+        state: &State<D, B>,
+        drive: &Drive<D, B>,
+        push: &SVector<f64, B>,
+    ) -> SVector<f64, D> {
+        let mut head = rolling.head_terms(&self.inertia, &state.position, &state.rate);
+        head.velocity += self.damping;
+        head.load += self.weight + self.stiffness * state.position - drive.force;
+        if let Some(held) = &drive.held {
+            head.load -= held.force(&state.position);
+        }
+        let carried = rolling.carried(met, &state.rate);
+        let all = together(&head, &rolling.walls(), &carried);
+        // Only at a roll of 90 degrees are the angles no coordinates.
+        acceleration(&all, &carried, &state.rate, push).unwrap_or_else(|| SVector::repeat(f64::NAN))
     }
 
     /// The state `h` seconds later, by one step of Dormand and Prince's method. A step of 1 ms is exact to well below

@@ -116,12 +116,20 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
                 change[j] -= stop.stiffness;
             }
         }
-        let across = self.jacobian.transpose();
+        let slopes = self.gap_slopes(position);
+        let across = slopes.transpose();
         let force = across * push - self.weight - self.stiffness * position;
-        let mut by_gap = self.jacobian;
+        let mut by_gap = slopes;
         for j in 0..B {
             by_gap.row_mut(j).scale_mut(change[j]);
         }
-        (force, across * by_gap - self.stiffness)
+        let mut stiffness = across * by_gap - self.stiffness;
+        if let Some(rolling) = &self.rolling {
+            let met = rolling.met(position);
+            for j in 0..B {
+                stiffness += rolling.gap_bends(&met, j) * push[j];
+            }
+        }
+        (force, stiffness)
     }
 }

@@ -6,6 +6,7 @@
 use nalgebra::{Matrix1, Matrix3, Matrix6, SMatrix, SVector, Vector1, Vector3, Vector6, vector};
 
 use super::body::{Frame, Plant, Stop};
+use super::rolling::Rolling;
 use super::sticking::{Tangents, along};
 use super::valve::Valves;
 use crate::shell::Shell;
@@ -59,7 +60,7 @@ impl ThreeDof {
     pub fn rig(mass: f64) -> Self {
         let share = mass / HEAD_MASS;
         let frame = Frame {
-            inertia: Vector3::new(mass, 0.024 * share, 0.016 * share),
+            inertia: Vector3::new(mass, MOMENTS[0] * share, MOMENTS[1] * share),
             weight: Vector3::new(mass * GRAVITY, 0.0, 0.0),
             stiffness: neck(500.0, 5.0, 3.0),
             damping: neck(60.0, 0.8, 0.6),
@@ -129,16 +130,39 @@ fn three() -> [(Vector3<f64>, Vector3<f64>); 3] {
     ]
 }
 
+/// Where the contacts of a rig with `B` bladders are at `q = 0`, m from the head's origin, and which way the bladders push;
+/// `None` for the rig with one.
+pub fn touching<const B: usize>() -> Option<[(Vector3<f64>, Vector3<f64>); B]> {
+    match B {
+        1 => None,
+        3 => Some(core::array::from_fn(|j| three()[j % 3])),
+        _ => Some(core::array::from_fn(around)),
+    }
+}
+
+/// Radius of the head at its contacts, m.
+const ROUND: f64 = RADIUS;
+/// Moments of inertia of a head of [`HEAD_MASS`] about x, y and z, kg m^2.
+const MOMENTS: [f64; 3] = [0.024, 0.016, 0.021];
+
+/// Contacts that move over head and bladders, under a head of `mass` kg. Where `q = 0` they lie where those of
+/// [`tangents`] stay. `None` for the rig with one bladder, whose contact lies on the line of its motion.
+pub fn rolling<const D: usize, const B: usize>(
+    channels: &[usize; D],
+    mass: f64,
+    shell: &Shell,
+) -> Option<Rolling<D, B>> {
+    let moments = Vector3::from(MOMENTS) * (mass / HEAD_MASS);
+    Some(Rolling::new(*channels, &touching::<B>()?, ROUND, START_GAP, moments, shell))
+}
+
 /// How the contacts of a plant move along the bladders, by its coordinates `channels`: nothing for the rig with one.
 pub fn tangents<const D: usize, const B: usize>(channels: &[usize; D]) -> Tangents<D, B> {
-    core::array::from_fn(|j| {
-        let (arm, normal) = match B {
-            1 => return SMatrix::zeros(),
-            3 => three()[j % 3],
-            _ => around(j),
-        };
-        let all = along(&arm, &normal);
-        SMatrix::from_fn(|row, column| all[(row, channels[column])])
+    touching::<B>().map_or([SMatrix::zeros(); B], |places| {
+        places.map(|(arm, normal)| {
+            let all = along(&arm, &normal);
+            SMatrix::from_fn(|row, column| all[(row, channels[column])])
+        })
     })
 }
 
@@ -158,7 +182,14 @@ impl SixDof {
             Matrix6::from_diagonal(&Vector6::new(across, along, across, angle[0], angle[1], angle[2]))
         };
         let frame = Frame {
-            inertia: Vector6::new(mass, mass, mass, 0.024 * share, 0.016 * share, 0.021 * share),
+            inertia: Vector6::new(
+                mass,
+                mass,
+                mass,
+                MOMENTS[0] * share,
+                MOMENTS[1] * share,
+                MOMENTS[2] * share,
+            ),
             weight: Vector6::new(0.0, 0.0, mass * GRAVITY, 0.0, 0.0, 0.0),
             stiffness: neck(2000.0, 500.0, [5.0, 3.0, 5.0]),
             damping: neck(120.0, 60.0, [0.8, 0.6, 0.8]),

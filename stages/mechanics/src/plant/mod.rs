@@ -8,16 +8,21 @@
 //! - [`equilibrium`]: where the head rests with its valves shut, and how that moves with the air
 //! - [`reach`]: which poses bladders can hold
 //! - [`sticking`]: friction of the bladders on the head
+//! - [`rolling`]: contacts that move over head and bladders, in place of those that stay
+//! - [`grip`]: friction of such contacts
 
 mod body;
 pub mod equilibrium;
+pub mod grip;
 pub mod layouts;
 mod plate;
 pub mod reach;
 pub mod rigs;
+pub mod rolling;
 pub mod sticking;
 pub mod valve;
 
 pub use body::{Drive, Plant, State, Stop};
 pub use layouts::{OneDof, SixDof, ThreeDof};
+pub use plate::Pressed;
 pub use reach::{Hold, Limits, Unreachable};

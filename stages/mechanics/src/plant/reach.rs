@@ -198,14 +198,15 @@ impl<const D: usize, const B: usize, const N: usize> Plant<D, B, N> {
         wanted: &SVector<f64, B>,
     ) -> Result<SVector<f64, B>, Unreachable> {
         let needed = self.weight + self.stiffness * position;
-        let across = self.jacobian.transpose();
-        let square: SMatrix<f64, D, D> = across * self.jacobian;
+        let slopes = self.gap_slopes(position);
+        let across = slopes.transpose();
+        let square: SMatrix<f64, D, D> = across * slopes;
         let mut force = *wanted;
         let mut correction = SVector::<f64, B>::zeros();
         let mut made = force;
         for _ in 0..ROUNDS {
             let left = needed - across * force;
-            made = force + self.jacobian * linear::solve_semidefinite(square, left);
+            made = force + slopes * linear::solve_semidefinite(square, left);
             let asked = made + correction;
             let borne = SVector::<f64, B>::from_fn(|j, _| asked[j].clamp(least, greatest[j]));
             correction = asked - borne;

@@ -7,6 +7,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 
+use crate::contact::forward::across;
 use crate::shell::Shell;
 
 /// Motion along two tangential directions of each contact, by the coordinates of the head: `B` times 2 by `D`.
@@ -22,21 +23,36 @@ pub struct Sticking<const D: usize, const B: usize> {
     stiffness: f64,
     /// m.
     sheared: [Vector2<f64>; B],
+    /// Which slid in the last step.
+    slid: [bool; B],
 }
 
 impl<const D: usize, const B: usize> Sticking<D, B> {
     /// Contacts that are not sheared, of bladders of `shell` between plates `gap` m apart.
     pub fn new(tangents: Tangents<D, B>, friction: f64, shell: &Shell, gap: f64) -> Self {
-        Self { tangents, friction, stiffness: shell.shear_stiffness(gap), sheared: [Vector2::zeros(); B] }
+        Self {
+            tangents,
+            friction,
+            stiffness: shell.shear_stiffness(gap),
+            sheared: [Vector2::zeros(); B],
+            slid: [false; B],
+        }
     }
 
     /// The head moves by `moved` while the bladders push with these forces, N.
     pub fn advance(&mut self, moved: &SVector<f64, D>, push: impl Iterator<Item = f64>) {
-        for ((sheared, tangent), push) in self.sheared.iter_mut().zip(&self.tangents).zip(push) {
+        let contacts = self.sheared.iter_mut().zip(&mut self.slid);
+        for (((sheared, slid), tangent), push) in contacts.zip(&self.tangents).zip(push) {
             let tried = *sheared + tangent * moved;
             let (length, most) = (tried.norm(), self.friction * push.max(0.0) / self.stiffness);
+            *slid = length > most;
             *sheared = if length > most { tried * (most / length) } else { tried };
         }
+    }
+
+    /// Length of the tangential force of contact `j` on the head, N, and whether the contact slid in the last step.
+    pub fn tangential(&self, j: usize) -> (f64, bool) {
+        (self.sheared[j].norm() * self.stiffness, self.slid[j])
     }
 
     /// Force on the head, N and N m.
@@ -56,11 +72,8 @@ impl Shell {
 
 /// Two directions along a contact, and how its point moves along them with x, y, z, pitch, roll and yaw of the head.
 pub fn along(arm: &Vector3<f64>, normal: &Vector3<f64>) -> SMatrix<f64, 2, 6> {
-    let far = if normal.x.abs() < 0.7 { Vector3::x() } else { Vector3::y() };
-    let first = normal.cross(&far).normalize();
-    let second = normal.cross(&first);
     let mut rows = SMatrix::<f64, 2, 6>::zeros();
-    for (i, direction) in [first, second].iter().enumerate() {
+    for (i, direction) in across(normal).iter().enumerate() {
         let turn = arm.cross(direction);
         for axis in 0..3 {
             rows[(i, axis)] = direction[axis];
@@ -87,6 +100,7 @@ mod tests {
         let step = SVector::<f64, 6>::from([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0]);
         contact.advance(&step, [10.0].into_iter());
         let force = contact.force();
+        assert!(!contact.tangential(0).1);
         assert!((force[0] + 1e-3 * stiffness).abs() < 1e-12, "{force}");
         // The force lies under the head: it turns it about y.
         assert!((force[4] - -0.09 * force[0]).abs() < 1e-12, "{force}");
@@ -94,6 +108,8 @@ mod tests {
             contact.advance(&step, [10.0].into_iter());
         }
         assert!((contact.force()[0] + 5.0).abs() < 1e-12);
+        let (tangential, slid) = contact.tangential(0);
+        assert!((tangential - 5.0).abs() < 1e-12 && slid);
         // On the way back the friction turns about: hysteresis.
         for _ in 0..20 {
             contact.advance(&-step, [10.0].into_iter());

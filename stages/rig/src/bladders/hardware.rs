@@ -3,9 +3,11 @@
 use std::collections::VecDeque;
 
 use nalgebra::SVector;
+use stillpoint_mechanics::contact::mobility::{OPEN, SLIDING, STICKING};
+use stillpoint_mechanics::plant::grip::{Grip, Held};
 use stillpoint_mechanics::plant::layouts::{START_GAP, tangents};
 use stillpoint_mechanics::plant::sticking::Sticking;
-use stillpoint_mechanics::plant::{Plant, State};
+use stillpoint_mechanics::plant::{Plant, Pressed, State};
 use stillpoint_mechanics::shell::rubber::{Relaxation, Wall};
 use stillpoint_random::Random;
 
@@ -47,7 +49,31 @@ pub struct Hardware<const D: usize, const B: usize> {
     /// Changes of the duties that a valve may not follow yet, with their times.
     ordered: VecDeque<(u64, [[f64; 2]; B])>,
     rubber: [Relaxation; B],
-    contacts: Option<Sticking<D, B>>,
+    contacts: Holding<D, B>,
+}
+
+/// What holds the head along its contacts.
+#[derive(Debug, Clone, PartialEq)]
+enum Holding<const D: usize, const B: usize> {
+    /// Nothing: contacts that stay where they are, without friction.
+    Nothing,
+    /// Contacts that stay where they are.
+    Fixed(Sticking<D, B>),
+    /// Contacts that roll.
+    Rolling(Grip<B>),
+}
+
+/// A contact along its surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Along {
+    /// Length of the tangential force on the head, N.
+    pub force: f64,
+    /// What friction could bear beside it, N.
+    pub margin: f64,
+    /// Whether it slides.
+    pub slides: bool,
+    /// What it leaves free between bladder and head (3.1).
+    pub freedoms: u32,
 }
 
 impl<const D: usize, const B: usize> Hardware<D, B> {
@@ -73,8 +99,13 @@ impl<const D: usize, const B: usize> Hardware<D, B> {
             delay,
             ordered: VecDeque::with_capacity(64),
             rubber: pressed.map(|pressed| Relaxation::at_rest(&plant.shell, pressed.inner_stretch)),
-            contacts: (friction > 0.0)
-                .then(|| Sticking::new(tangents(channels), friction, &plant.shell, START_GAP)),
+            contacts: if plant.rolling.is_some() {
+                Holding::Rolling(Grip::new(friction, &plant.shell, START_GAP))
+            } else if friction > 0.0 {
+                Holding::Fixed(Sticking::new(tangents(channels), friction, &plant.shell, START_GAP))
+            } else {
+                Holding::Nothing
+            },
         }
     }
 
@@ -108,9 +139,40 @@ impl<const D: usize, const B: usize> Hardware<D, B> {
         self.rubber.map(|rubber| rubber.wall(self.imperfections.creep))
     }
 
-    /// Friction on the head, N and N m.
+    /// Friction of fixed contacts on the head, N and N m.
     pub fn friction(&self) -> Option<SVector<f64, D>> {
-        self.contacts.as_ref().map(Sticking::force)
+        if let Holding::Fixed(contacts) = &self.contacts { Some(contacts.force()) } else { None }
+    }
+
+    /// Tangential forces of contacts that roll, in a step from this position.
+    pub fn held<const N: usize>(
+        &self,
+        plant: &Plant<D, B, N>,
+        position: &SVector<f64, D>,
+    ) -> Option<Held<D>> {
+        let Holding::Rolling(grip) = &self.contacts else { return None };
+        plant.rolling.as_ref().map(|rolling| grip.held(rolling, position))
+    }
+
+    /// Contact `j` along its surface while its bladder presses so.
+    pub fn along(&self, j: usize, pressed: &Pressed) -> Along {
+        let push = pressed.force();
+        let (force, moved) = match &self.contacts {
+            Holding::Nothing => (0.0, [true; 2]),
+            Holding::Fixed(contacts) => {
+                let (force, slid) = contacts.tangential(j);
+                (force, [slid; 2])
+            }
+            Holding::Rolling(grip) => (grip.tangential(j), grip.moved(j)),
+        };
+        let freedoms = match moved {
+            _ if push <= 0.0 => OPEN,
+            [true, true] => SLIDING,
+            [true, false] => SLIDING - 1,
+            [false, true] => STICKING + 1,
+            [false, false] => STICKING,
+        };
+        Along { force, margin: self.imperfections.friction * push - force, slides: moved[0], freedoms }
     }
 
     /// The plant has gone from one state to another in `h` seconds.
@@ -121,15 +183,23 @@ impl<const D: usize, const B: usize> Hardware<D, B> {
         after: &State<D, B>,
         h: f64,
     ) {
-        if self.imperfections.creep == 0.0 && self.contacts.is_none() {
+        if self.imperfections.creep == 0.0 && self.contacts == Holding::Nothing {
             return;
         }
         let pressed = plant.creeping(after, &self.walls());
         for (rubber, pressed) in self.rubber.iter_mut().zip(&pressed) {
             rubber.advance(&plant.shell, pressed.inner_stretch, h);
         }
-        if let Some(contacts) = &mut self.contacts {
-            contacts.advance(&(after.position - before.position), pressed.iter().map(|p| p.force()));
+        match &mut self.contacts {
+            Holding::Nothing => {}
+            Holding::Fixed(contacts) => {
+                contacts.advance(&(after.position - before.position), pressed.iter().map(|p| p.force()));
+            }
+            Holding::Rolling(grip) => {
+                if let Some(rolling) = &plant.rolling {
+                    grip.advance(rolling, &before.position, &after.position, &pressed);
+                }
+            }
         }
     }
 }

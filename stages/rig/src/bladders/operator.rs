@@ -8,12 +8,14 @@ use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
-use stillpoint_samples::{Cause, ConsoleCommand, DepthImage, Duties, Pose, RigState, Sample};
+use stillpoint_samples::{
+    Cause, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
+};
 
 use super::fault::{Fault, Said};
 use super::params::BladderParams;
 use super::rigs;
-use super::simulation::Rig;
+use super::simulation::{Mobility, Rig};
 use crate::setting;
 use crate::sight::{COUCH, Sight, exact_pose, refusal};
 
@@ -22,6 +24,10 @@ const FAULT: usize = 1;
 const DEPTH: usize = 0;
 const TRUTH: usize = 1;
 const STATE: usize = 2;
+const CONTACTS: usize = 3;
+const DIAGNOSTICS: usize = 4;
+/// Numbers on `diagnostics`.
+const METRICS: usize = 3;
 
 const PLANT_LAP: usize = 0;
 const CAMERA_LAP: usize = 1;
@@ -40,6 +46,8 @@ pub struct BladderRig<const RIG: usize> {
     lost: f64,
     /// Number of the next image.
     next_image: u64,
+    /// What `diagnostics` said last.
+    said: Option<Mobility>,
     /// Time of the first tick and its number.
     begin: Option<(u64, u64)>,
 }
@@ -85,6 +93,18 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
                 frame: FrameRule::None,
                 about: "Pressures, air, valve openings and faults.",
             },
+            Output {
+                name: "contacts",
+                sample: Contacts::KIND,
+                frame: FrameRule::None,
+                about: "Force of each bladder along the normal and along the contact, and the margin of its friction cone. A bladder that pushes with less than 1 N is low.",
+            },
+            Output {
+                name: "diagnostics",
+                sample: Diagnostics::KIND,
+                frame: FrameRule::None,
+                about: "Mobility of head and bladders, and how many contacts push and slide, at the first tick and when they change.",
+            },
         ],
         timer: Timer::Required,
     };
@@ -104,12 +124,13 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
             ticks_per_image: params.camera.every / every.max(1),
             lost: params.camera.lost,
             next_image: 0,
+            said: None,
             begin: None,
         })
     }
 
     fn capacities(params: &BladderParams) -> Vec<usize> {
-        vec![params.camera.image().pixels(), 1, 1]
+        vec![params.camera.image().pixels(), 1, 1, 1, METRICS]
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -140,11 +161,29 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         }
         outputs.lap(CAMERA_LAP);
         outputs.send::<Pose>(TRUTH, &exact_pose(&couch_from_head))?;
-        outputs.send::<RigState>(STATE, &self.rig.state())
+        outputs.send::<RigState>(STATE, &self.rig.state())?;
+        outputs.send::<Contacts>(CONTACTS, &self.rig.contacts())?;
+        self.tell(outputs)
     }
 }
 
 impl<const RIG: usize> BladderRig<RIG> {
+    /// How the contacts hold the head, when that has changed.
+    fn tell(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+        let found = self.rig.mobility();
+        if self.said == Some(found) {
+            return Ok(());
+        }
+        self.said = Some(found);
+        let Mobility { count, touching, sliding } = found;
+        let metrics: [Metric; METRICS] = [
+            Metric::new("mobility", count as f64),
+            Metric::new("contacts_touching", f64::from(touching)),
+            Metric::new("contacts_sliding", f64::from(sliding)),
+        ];
+        outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &metrics)
+    }
+
     /// Begins or removes the fault of a person's command.
     fn obey(&mut self, activation: &Activation<'_>) -> Result<(), StepError> {
         let command = activation.fresh::<ConsoleCommand>(FAULT);

@@ -31,6 +31,15 @@ pub enum Safe {
     Hold,
 }
 
+/// Where the bladders touch the head.
+#[derive(Clone, Copy, Debug, Choice)]
+pub enum Touch {
+    /// Always at the same places of head and bladder.
+    Fixed,
+    /// Where head and bladder meet: contacts roll over both, stick, and slide.
+    Rolling,
+}
+
 /// The fault.
 #[derive(Clone, Copy, Debug, Choice)]
 pub enum Break {
@@ -154,7 +163,11 @@ pub struct BladderParams {
     /// Creep of the rubber: the part by which the pressure of a bladder falls in each tenfold of time after a stretch.
     #[param(default = 0, min = 0, max = 0.2)]
     pub creep: f64,
-    /// Coefficient of friction between bladders and head: small for bladders that roll. 0 is no friction.
+    /// Where the bladders touch the head. The contact of the rig with one bladder is the same either way.
+    #[param(default = "fixed")]
+    pub contacts: Touch,
+    /// Coefficient of friction between bladders and head. 0 is no friction. For fixed contacts that stand for rolling
+    /// ones it is small.
     #[param(default = 0, min = 0, max = 2)]
     pub friction: f64,
     /// Longest step of the plant.
@@ -205,6 +218,10 @@ impl BladderParams {
             Safe::Vent => safety::Safe::Vent,
             Safe::Hold => safety::Safe::Hold,
         };
+        let contacts = match self.contacts {
+            Touch::Fixed => rigs::Contacts::Fixed,
+            Touch::Rolling => rigs::Contacts::Rolling,
+        };
         let involuntary = Involuntary { habit, seed: self.seed, strength: self.strength };
         let faults = self.faults.iter().flatten().map(FaultParams::scheduled).collect();
         let pushes = self.pushes.iter().flatten().map(PushParams::push).collect();
@@ -212,6 +229,7 @@ impl BladderParams {
             head_mass: self.head_mass,
             time_to_live: self.time_to_live,
             safe,
+            contacts,
             surroundings: Surroundings {
                 involuntary,
                 pushes,

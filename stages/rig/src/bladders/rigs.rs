@@ -1,6 +1,6 @@
 //! A simulated rig from its entry in the table of rigs.
 
-use stillpoint_mechanics::plant::layouts::FOAM;
+use stillpoint_mechanics::plant::layouts::{FOAM, rolling};
 use stillpoint_mechanics::plant::rigs::{RigPlant, RigSpec, UsePlant};
 
 use super::safety::{Safe, Safety};
@@ -15,8 +15,19 @@ pub struct Setup {
     pub time_to_live: u64,
     /// What comes then.
     pub safe: Safe,
+    /// Whether the contacts move over head and bladders.
+    pub contacts: Contacts,
     /// Person, faults and step.
     pub surroundings: Surroundings,
+}
+
+/// Where the bladders touch the head.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Contacts {
+    /// Always at the same places.
+    Fixed,
+    /// The contacts roll over head and bladders, stick and slide.
+    Rolling,
 }
 
 /// The rig of this entry, over foam.
@@ -33,9 +44,12 @@ impl UsePlant for Simulated {
     type Made = Result<Box<dyn Rig>, StartError>;
 
     fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made {
-        let Setup { time_to_live, safe, surroundings, .. } = self.0;
+        let Setup { head_mass, time_to_live, safe, contacts, surroundings } = self.0;
         let safety = Safety::new(time_to_live, safe);
-        let plant = rig.plant.with_stop(FOAM);
+        let mut plant = rig.plant.with_stop(FOAM);
+        if contacts == Contacts::Rolling {
+            plant.rolling = rolling(&rig.channels, head_mass, &plant.shell);
+        }
         Ok(Box::new(Simulation::new(plant, rig.channels, rig.air, rig.guess, safety, surroundings)?))
     }
 }

@@ -1,9 +1,10 @@
 //! Plant, person, faults and valves through time.
 
-use nalgebra::{Isometry3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Rotation3, SMatrix, SVector, Translation3, UnitQuaternion, Vector3};
+use stillpoint_mechanics::contact::mobility::head_between_bladders;
 use stillpoint_mechanics::plant::equilibrium::EquilibriumError;
 use stillpoint_mechanics::plant::{Drive, Plant, State};
-use stillpoint_samples::{DutiesElement, RigMode, RigStateElement};
+use stillpoint_samples::{ContactsElement, DutiesElement, RigMode, RigStateElement};
 
 use super::fault::{Fault, Scheduled};
 use super::hardware::{Hardware, Imperfections};
@@ -34,6 +35,20 @@ pub enum StartError {
     /// Too many faults by people are active.
     #[error("{MOST_BROKEN} faults by people are active already: send `mend` first")]
     TooMuchBroken,
+}
+
+/// Force below which a bladder counts as low, N.
+const LOW: f64 = 1.0;
+
+/// How the head is held between its contacts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mobility {
+    /// Of head and bladders by the count of links and joints (3.1).
+    pub count: i64,
+    /// Contacts that push.
+    pub touching: u32,
+    /// Contacts that slide.
+    pub sliding: u32,
 }
 
 /// Largest number of faults by people at a time.
@@ -157,6 +172,7 @@ impl<const D: usize, const B: usize, const N: usize> Simulation<D, B, N> {
         if let Some(friction) = self.hardware.friction() {
             drive.force += friction;
         }
+        drive.held = self.hardware.held(&self.plant, &self.state.position);
         let room = self.plant.air.atmosphere;
         if self.safety.mode(self.now) == RigMode::Venting {
             drive.exhaust = room;
@@ -194,6 +210,10 @@ pub trait Rig: Send {
     fn couch_from_head(&self, rest: &Isometry3<f64>) -> Isometry3<f64>;
     /// Pressures, air, valves and faults.
     fn state(&self) -> RigStateElement;
+    /// Forces at the contacts.
+    fn contacts(&self) -> ContactsElement;
+    /// How the contacts hold the head.
+    fn mobility(&self) -> Mobility;
     /// Begins a fault now, for this many ns or until it is removed.
     ///
     /// # Errors
@@ -234,7 +254,16 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
             moved[*channel] = self.state.position[i] - self.start[i];
         }
         let [x, y, z, pitch, roll, yaw] = moved;
-        let turn = UnitQuaternion::from_euler_angles(pitch, roll, yaw);
+        let turn = match &self.plant.rolling {
+            // Of contacts that roll the angles are no small ones: the turn since the start.
+            Some(rolling) => {
+                let [now, then] = [&self.state.position, &self.start].map(|q| rolling.placed(q).turn);
+                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(
+                    now * then.transpose(),
+                ))
+            }
+            None => UnitQuaternion::from_euler_angles(pitch, roll, yaw),
+        };
         let place = rest.translation.vector + Vector3::new(x, y, z);
         Isometry3::from_parts(Translation3::from(place), turn * rest.rotation)
     }
@@ -263,6 +292,35 @@ impl<const D: usize, const B: usize, const N: usize> Rig for Simulation<D, B, N>
             element.unmodelled |= u32::from(!pressed.is_modelled(&self.plant.shell)) << j;
         }
         element
+    }
+
+    fn contacts(&self) -> ContactsElement {
+        let gaps = self.plant.gaps(&self.state.position);
+        let mut element = ContactsElement { bladders: B as u32, ..ContactsElement::default() };
+        for (j, pressed) in self.plant.creeping(&self.state, &self.hardware.walls()).iter().enumerate() {
+            let along = self.hardware.along(j, pressed);
+            element.force[j] = pressed.force();
+            element.tangential[j] = along.force;
+            element.margin[j] = along.margin;
+            element.gap[j] = gaps[j];
+            element.low |= u32::from(pressed.force() < LOW) << j;
+            element.slides |= u32::from(along.slides) << j;
+        }
+        element
+    }
+
+    fn mobility(&self) -> Mobility {
+        let pressed = self.plant.creeping(&self.state, &self.hardware.walls());
+        let along: [_; B] = core::array::from_fn(|j| self.hardware.along(j, &pressed[j]));
+        let count = |wanted: fn(&(f64, bool)) -> bool| {
+            let contacts = pressed.iter().zip(&along).map(|(pressed, along)| (pressed.force(), along.slides));
+            contacts.filter(wanted).count() as u32
+        };
+        Mobility {
+            count: head_between_bladders(along.iter().map(|along| along.freedoms)),
+            touching: count(|(force, _)| *force > 0.0),
+            sliding: count(|(force, slides)| *force > 0.0 && *slides),
+        }
     }
 
     fn break_now(&mut self, fault: Fault, lasts: Option<u64>) -> Result<(), StartError> {

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod contacts;
 mod faults;
 mod motion;
 mod script;

@@ -3,7 +3,7 @@
 use stillpoint_samples::{Actuation, ActuationReason as Reason, ActuationState, Contacts, RigState};
 
 use crate::default_pipeline::seconds;
-use crate::held_head::{SMALL, held};
+use crate::held_head::{SMALL, held, hold_bladders, moved, rms};
 
 /// How far a computed force may be from that of the rig, N: pressures are estimated and the pose has noise.
 const NEAR: f64 = 10.0;
@@ -45,4 +45,37 @@ fn a_bladder_that_hardly_touches_is_a_warning_at_once_and_then_a_fault() {
     assert!(seconds(warned.header.stamp) < armed + 0.1, "warned at {}", seconds(warned.header.stamp));
     assert_eq!(fault.first().unwrap().fault, Reason::CONTACT_LOW);
     assert!((armed + 1.9..armed + 2.6).contains(&at), "armed at {armed}, fault at {at}");
+}
+
+#[test]
+fn a_head_on_contacts_that_roll_is_held_and_the_contacts_of_the_rig_watch_over_it() {
+    let rolling = ("motion: nods,", "motion: nods, contacts: rolling, friction: 0.5,");
+    let connected = (
+        "      acknowledgement: far.acknowledgement\n",
+        "      acknowledgement: far.acknowledgement\n      contacts: rig.contacts\n",
+    );
+    let run = held("head-6dof.yaml", &[SMALL, rolling, connected], 12_000);
+    hold_bladders(&run);
+    let (told, truth) =
+        (run.samples::<Contacts>("contacts.contacts"), run.samples::<Contacts>("rig.contacts"));
+    let (mut apart, mut least) = (0.0f64, f64::INFINITY);
+    for sample in told.iter().filter(|s| seconds(s.header.stamp) > 4.0) {
+        let rig = truth.iter().rfind(|s| s.header.stamp <= sample.header.stamp).unwrap().first().unwrap();
+        let told = sample.first().unwrap();
+        assert_eq!((rig.bladders, rig.low), (8, 0), "{rig:?}");
+        for j in 0..8 {
+            apart = apart.max((told.force[j] - rig.force[j]).abs());
+            least = least.min(rig.margin[j]);
+            assert!(rig.margin[j] >= 0.0, "{rig:?}");
+        }
+    }
+    let states = run.samples::<Actuation>("valves.state");
+    let warned = Reason::CONTACT_LOW;
+    assert!(states.iter().all(|s| s.first().unwrap().reasons & warned == 0));
+    assert!(states.last().unwrap().first().unwrap().state() == ActuationState::Armed);
+    let off = rms(&moved(&run)[400..]);
+    eprintln!("forces at most {apart:.2} N apart, least margin {least:.2} N, {off:.2?} off");
+    // The law and its contacts know of fixed contacts without friction.
+    assert!(apart < NEAR, "{apart}");
+    assert!(off.iter().all(|off| *off < 1.0), "{off:?}");
 }

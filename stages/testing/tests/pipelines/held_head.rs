@@ -31,7 +31,7 @@ fn no_image(topic: &str) -> bool {
 }
 
 /// x, y, z in mm and pitch, roll, yaw in degrees from the first pose, by the truth.
-fn moved(run: &Run) -> Vec<[f64; 6]> {
+pub fn moved(run: &Run) -> Vec<[f64; 6]> {
     let poses = run.samples::<Pose>("rig.truth");
     let first = poses[0].first().unwrap().position;
     poses
@@ -47,7 +47,7 @@ fn moved(run: &Run) -> Vec<[f64; 6]> {
         .collect()
 }
 
-fn rms(moved: &[[f64; 6]]) -> [f64; 6] {
+pub fn rms(moved: &[[f64; 6]]) -> [f64; 6] {
     std::array::from_fn(|i| (moved.iter().map(|m| m[i] * m[i]).sum::<f64>() / moved.len() as f64).sqrt())
 }
 

@@ -7,9 +7,15 @@
 //!
 //! with the energy U of a bladder's wall, the free energy A of its air beside the room, and mu, the work that a kilogram of
 //! the room's air takes at constant temperature. The bladders' forces are not in it: they only move energy.
+//!
+//! With contacts that roll, the walls' masses move along, sheared and twisted walls store energy, and sliding takes it.
 
 use nalgebra::SVector;
+use stillpoint_mechanics::plant::grip::Grip;
+use stillpoint_mechanics::plant::layouts::START_GAP;
 use stillpoint_mechanics::plant::{OneDof, Plant, State, ThreeDof};
+
+use super::rolling::{eight, step, three};
 
 /// Energy of the head on its bladders, J.
 fn energy<const D: usize, const B: usize, const N: usize>(
@@ -17,9 +23,15 @@ fn energy<const D: usize, const B: usize, const N: usize>(
     state: &State<D, B>,
 ) -> f64 {
     let (q, rate) = (&state.position, &state.rate);
-    let head = 0.5 * rate.component_mul(&plant.inertia).dot(rate)
-        + plant.weight.dot(q)
-        + 0.5 * q.dot(&(plant.stiffness * q));
+    let moving = plant.rolling.as_ref().map_or_else(
+        || 0.5 * rate.component_mul(&plant.inertia).dot(rate),
+        |rolling| {
+            let heights = rolling.met(q).slopes * rate;
+            let head = rolling.head_terms(&plant.inertia, q, rate).mass;
+            0.5 * (rate.dot(&(head * rate)) + rolling.wall * heights.norm_squared())
+        },
+    );
+    let head = moving + plant.weight.dot(q) + 0.5 * q.dot(&(plant.stiffness * q));
     let bladders = plant.bladders(q, &state.air);
     let stored = bladders.iter().map(|pressed| {
         let room = plant.air.atmosphere;
@@ -38,6 +50,8 @@ struct Minute {
     exchanged: f64,
     /// What the neck took.
     lost: f64,
+    /// What sliding took.
+    slid: f64,
     /// Least force of a bladder, N.
     force: f64,
 }
@@ -46,11 +60,13 @@ fn minute<const D: usize, const B: usize, const N: usize>(
     plant: &Plant<D, B, N>,
     start: State<D, B>,
     push: f64,
+    friction: f64,
 ) -> Minute {
     const STEP: f64 = 2e-3;
     let mut state = start;
+    let mut grip = Grip::<B>::new(friction, &plant.shell, START_GAP);
     let (begin, mut came, mut exchanged) = (energy(plant, &state), 0.0, 0.0);
-    let (mut taken, mut force) = (0.0, f64::INFINITY);
+    let (mut taken, mut slid, mut force) = (0.0, 0.0, f64::INFINITY);
     let work_per_air = |state: &State<D, B>| {
         let bladders = plant.bladders(&state.position, &state.air);
         let specific = plant.air.specific_energy();
@@ -66,7 +82,12 @@ fn minute<const D: usize, const B: usize, const N: usize>(
         }
         drive.force =
             SVector::from_fn(|i, _| push * libm::sin(time * (1.3 + i as f64)) / (1.0 + 20.0 * i as f64));
-        let next = plant.advance(&state, &drive, STEP);
+        let mut next = state;
+        if plant.rolling.is_some() {
+            slid += step(plant, &mut grip, &mut next, &drive, STEP);
+        } else {
+            next = plant.advance(&state, &drive, STEP);
+        }
         let lost = |state: &State<D, B>| state.rate.dot(&(plant.damping * state.rate));
         let mean = 0.5 * (work_per_air(&state) + work_per_air(&next));
         let parts = [
@@ -80,7 +101,8 @@ fn minute<const D: usize, const B: usize, const N: usize>(
         state = next;
         force = plant.bladders(&state.position, &state.air).iter().map(|p| p.force()).fold(force, f64::min);
     }
-    Minute { missing: energy(plant, &state) - begin - came, exchanged, lost: taken, force }
+    let missing = energy(plant, &state) + grip.energy() - begin - came + slid;
+    Minute { missing, exchanged: exchanged + slid, lost: taken, slid, force }
 }
 
 #[test]
@@ -88,7 +110,7 @@ fn the_energy_of_a_head_on_bladders_is_what_came_in_less_what_was_lost() {
     let plant = ThreeDof::rig(5.0);
     let air = plant.start_air();
     let rest = plant.equilibrium(&air, SVector::from([0.008, 0.037, 0.0])).unwrap();
-    let found = minute(&plant, State::at_rest(rest, air), 3.0);
+    let found = minute(&plant, State::at_rest(rest, air), 3.0, 0.0);
     assert!(found.exchanged > 10.0 && found.force > 1.0, "{} J, {} N", found.exchanged, found.force);
     let part = found.missing.abs() / found.exchanged;
     assert!(part < 2e-4, "{part}: {} of {} J", found.missing, found.exchanged);
@@ -101,8 +123,45 @@ fn the_same_holds_on_one_bladder() {
     let plant = OneDof::rig(5.0);
     let air = plant.start_air();
     let rest = plant.equilibrium(&air, SVector::from([0.085])).unwrap();
-    let found = minute(&plant, State::at_rest(rest, air), 10.0);
+    let found = minute(&plant, State::at_rest(rest, air), 10.0, 0.0);
     assert!(found.exchanged > 5.0 && found.force > 10.0, "{} J, {} N", found.exchanged, found.force);
     let part = found.missing.abs() / found.exchanged;
     assert!(part < 2e-4, "{part}: {} of {} J", found.missing, found.exchanged);
+}
+
+/// Contacts that slide freely, that stick and slide, and that stick.
+const FRICTIONS: [f64; 3] = [0.0, SLIPPERY, 1e3];
+const SLIPPERY: f64 = 0.02;
+
+#[test]
+fn the_same_holds_where_three_contacts_roll_slide_and_stick() {
+    for friction in FRICTIONS {
+        let (plant, start) = three();
+        holds(&minute(&plant, start, 3.0, friction), friction);
+    }
+}
+
+#[test]
+fn the_same_holds_where_eight_contacts_roll_slide_and_stick() {
+    for friction in FRICTIONS {
+        let (plant, start) = eight();
+        holds(&minute(&plant, start, 6.0, friction), friction);
+    }
+}
+
+fn holds(found: &Minute, friction: f64) {
+    eprintln!(
+        "{friction} {} {} {} {} {}",
+        found.missing, found.exchanged, found.lost, found.slid, found.force
+    );
+    assert!(
+        found.exchanged > 5.0 && found.force >= 0.0,
+        "{friction}: {} J, {} N",
+        found.exchanged,
+        found.force
+    );
+    assert_eq!(found.slid > 1e-2, friction == SLIPPERY, "{friction}: {}", found.slid);
+    let part = found.missing.abs() / found.exchanged;
+    assert!(part < 2e-4, "{friction}: {part}: {} of {} J", found.missing, found.exchanged);
+    assert!(found.missing.abs() < 0.01 * found.lost, "{friction}: {} of {} J", found.missing, found.lost);
 }
