@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A file, mapped read-only. Its bytes start at a page, so they are aligned for every number.
 ///
-/// The file must not be written to or cut while it is mapped; one that [`publish`] put there never is, for it is replaced
-/// as a whole. A file cut by other means ends the process with SIGBUS where its lost part is read.
+/// The file must not be written to or cut while it is mapped; one that [`publish`] or [`publish_derived`] put there never
+/// is, for it is replaced as a whole. A file cut by other means ends the process with SIGBUS where its lost part is read.
 #[derive(Debug)]
 pub struct MappedFile(memmap2::Mmap);
 
@@ -44,16 +44,25 @@ impl MappedFile {
 /// Writes a file beside `path` and, when it is whole, puts it there: a reader finds the old file, the new one or none.
 /// The file is the user's own (mode 0600). Its content is forced to the disk before it gets its name.
 pub fn publish(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+    replace(path, |file| {
+        write(file)?;
+        file.sync_all()
+    })
+}
+
+/// The same without waiting for the disk, for what can be made again: after a power failure the file may be cut or empty, so
+/// each process that opens it has to check its content.
+pub fn publish_derived(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
+    replace(path, write)
+}
+
+fn replace(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> io::Result<()> {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let mut name = path.file_name().ok_or_else(|| io::Error::from(ErrorKind::InvalidInput))?.to_owned();
     name.push(format!(".{}-{}.part", std::process::id(), NUMBER.fetch_add(1, Ordering::Relaxed)));
     let part = path.with_file_name(name);
-    let whole = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&part).and_then(
-        |mut file| {
-            write(&mut file)?;
-            file.sync_all()
-        },
-    );
+    let opened = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&part);
+    let whole = opened.and_then(|mut file| write(&mut file));
     whole.and_then(|()| std::fs::rename(&part, path)).inspect_err(|_| {
         // The first error is the one to tell; a part that cannot be removed either harms nobody.
         let _ = std::fs::remove_file(&part);
@@ -72,9 +81,12 @@ mod tests {
         let path = folder.path().join("file");
         publish(&path, |file| file.write_all(&[1; 10_000])).unwrap();
         let old = MappedFile::open(&path).unwrap();
-        publish(&path, |file| file.write_all(&[2; 20])).unwrap();
+        publish_derived(&path, |file| file.write_all(&[2; 20])).unwrap();
         assert_eq!(old.bytes(), [1; 10_000]);
-        assert_eq!(MappedFile::open(&path).unwrap().bytes(), [2; 20]);
+        let new = MappedFile::open(&path).unwrap();
+        publish(&path, |file| file.write_all(&[3; 30])).unwrap();
+        assert_eq!(new.bytes(), [2; 20]);
+        assert_eq!(MappedFile::open(&path).unwrap().bytes(), [3; 30]);
     }
 
     #[test]

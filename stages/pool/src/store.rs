@@ -6,7 +6,7 @@ use std::io::Write;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use stillpoint_map::{MappedFile, publish};
+use stillpoint_map::{MappedFile, publish_derived};
 
 use crate::Hash;
 
@@ -94,7 +94,8 @@ impl Store {
             return Ok(());
         }
         let path = self.path(&hash);
-        publish(&path, |file| file.write_all(bytes))
+        // A later process compares the file with its name before it uses it.
+        publish_derived(&path, |file| file.write_all(bytes))
             .map_err(|e| format!("the cache cannot write {}: {e}", path.display()))?;
         self.uses += 1;
         let length = bytes.len() as u64;

@@ -22,3 +22,4 @@ mod ros2;
 // The patient and the search of the tests of the pool itself.
 #[path = "../../../stages/pool/tests/water.rs"]
 mod water;
+mod workers;

@@ -23,7 +23,7 @@ const WARM: usize = 5;
 /// Points of the small problem: its answer has about 4 KiB.
 const POINTS: usize = 160;
 /// Spacing by which a dose has about 1 MiB, mm.
-const FINE_MM: f64 = 4.0;
+const FINE_MM: f64 = 6.4;
 
 struct Problem {
     calls: Vec<Call>,

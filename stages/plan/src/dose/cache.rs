@@ -110,7 +110,7 @@ impl DoseCache {
     /// The file cannot be written, or it is not the dose of this engine and angle.
     pub fn put(&self, engine: &DoseEngine, gantry_deg: f64, bytes: &[u8]) -> Result<(), CacheError> {
         let (key, path) = self.place(&engine_key(engine), gantry_deg);
-        stillpoint_map::publish(&path, |file| std::io::Write::write_all(file, bytes))
+        stillpoint_map::publish_derived(&path, |file| std::io::Write::write_all(file, bytes))
             .map_err(|source| CacheError::Write { path: path.clone(), source })?;
         match BeamFile::open(&path, &key) {
             Ok(_) => Ok(()),

@@ -18,7 +18,7 @@ use crate::{Rows, RowsError, RowsRef};
 use std::io::{self, Write};
 use std::ops::Range;
 use std::path::Path;
-use stillpoint_map::{MappedFile, publish};
+use stillpoint_map::{MappedFile, publish_derived};
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
@@ -245,7 +245,8 @@ fn numbers<T: FromBytes + KnownLayout + Immutable>(bytes: &[u8]) -> &[T] {
 
 /// Writes a beam's dose; `rows` is its matrix.
 pub(super) fn write(path: &Path, key: &Key, beam: &BeamInfluence, rows: &Rows) -> io::Result<()> {
-    publish(path, |file| write_to(file, key, beam, rows))
+    // Whoever opens it checks it.
+    publish_derived(path, |file| write_to(file, key, beam, rows))
 }
 
 /// The bytes of such a file.
