@@ -355,7 +355,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
 fn a_trained_network_chooses_from_the_image_and_only_its_beams_get_doses() {
     let folder = tempfile::tempdir().unwrap();
     // Numbers without meaning, but a network.
-    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2, set: 2 };
+    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2, set: 2, layers: 2 };
     let some = |n: usize| (0..n).map(|i| 0.3 + 0.1 * ((7 * i) % 5) as f32).collect::<Vec<f32>>();
     let numbers = sizes.tensors().into_iter().map(|(_, shape)| some(shape.iter().product())).collect();
     let model = Model::new(sizes, numbers).unwrap();
