@@ -348,6 +348,11 @@ impl Evaluated {
         Self { beams: set.clone(), cost: plan.certificate.objective, answer: None, starts, plan }
     }
 
+    /// The objective for which the fluence was solved: the cost, where no second player answered.
+    pub fn solved_cost(&self) -> f64 {
+        self.plan.certificate.objective
+    }
+
     /// Weights of one of its beams.
     pub fn weights_of(&self, beam: u16) -> Option<&[f64]> {
         let at = self.beams.beams().binary_search(&beam).ok()?;
