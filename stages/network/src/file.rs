@@ -6,6 +6,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sha2::{Digest, Sha256};
 
 use crate::eye::{PAIR, STRUCTURE, TARGET};
+use crate::groups::Group;
 use crate::model::{Model, ModelError, Sizes};
 
 /// The network that comes with the project; its card is `planner.md` beside it.
@@ -22,6 +23,9 @@ struct Meaning {
     version: u32,
     features: [usize; 3],
     sizes: Sizes,
+    /// Groups of features that the network was trained without.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    without: Vec<Group>,
 }
 
 /// Why a file is refused.
@@ -103,7 +107,20 @@ impl Model {
             Ok(view.data().as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())
         };
         let numbers = due.into_iter().map(read).collect::<Result<Vec<Vec<f32>>, _>>()?;
-        Ok(Self::new(meaning.sizes, numbers)?)
+        let model = Self::new(meaning.sizes, numbers)?;
+        if model.without() != meaning.without {
+            let names = |groups: &[Group]| match groups {
+                [] => "no features".to_owned(),
+                some => some.iter().map(|group| group.name()).collect::<Vec<_>>().join(", "),
+            };
+            let why = format!(
+                "it says that {} are left out, and its scales leave out {}",
+                names(&meaning.without),
+                names(&model.without())
+            );
+            return Err(ModelFileError::Meaning(why));
+        }
+        Ok(model)
     }
 
     /// SHA-256 of the model file, in hexadecimal digits.
@@ -116,7 +133,8 @@ impl Model {
 
     /// The bytes of the model file: the same for the same numbers.
     pub fn to_safetensors(&self) -> Result<Vec<u8>, ModelFileError> {
-        let meaning = Meaning { version: VERSION, features: [TARGET, STRUCTURE, PAIR], sizes: self.sizes() };
+        let (features, without) = ([TARGET, STRUCTURE, PAIR], self.without());
+        let meaning = Meaning { version: VERSION, features, sizes: self.sizes(), without };
         let text = serde_json::to_string(&meaning).map_err(|e| ModelFileError::Meaning(e.to_string()))?;
         let form = |e: safetensors::SafeTensorError| ModelFileError::Form(e.to_string());
         let bytes: Vec<Vec<u8>> = self

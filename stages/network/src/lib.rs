@@ -7,6 +7,7 @@
 //!
 //! - [`volume`]: density and structures of a case, and rays through them
 //! - [`eye`]: the features; [`view`]: what they are seen in; [`lattice`]: the bixels
+//! - [`groups`]: groups of features that a network can be trained without
 //! - [`model`]: the network's numbers and its forward pass
 //! - [`mod@file`]: the model file
 //! - [`problem`]: a case with goals and coarse doses; [`patient`]: phantoms and case files of training
@@ -18,6 +19,7 @@
 pub mod eye;
 pub mod file;
 pub mod game;
+pub mod groups;
 pub mod judgement;
 pub mod lattice;
 pub mod model;
@@ -29,6 +31,7 @@ pub mod volume;
 pub use eye::{Eye, EyeError};
 pub use file::ModelFileError;
 pub use game::{Due, Game, GameError, Rules};
+pub use groups::Group;
 pub use judgement::Judgement;
 pub use model::{Model, Sizes};
 pub use patient::{Patient, PatientError};

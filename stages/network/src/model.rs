@@ -1,8 +1,8 @@
 //! The network: its numbers, and the forward pass in plain code.
 //!
 //! For each angle: an embedding of each structure at risk, summed over them (so that their number and order do not matter);
-//! with the features of the target through two circular convolutions over the ring with symmetric taps (so that a mirrored
-//! patient gets mirrored answers), and beside the mean over the ring through a dense layer. For each pair of angles: a
+//! with the features of the target through circular convolutions over the ring with symmetric taps, two by default (so that
+//! a mirrored patient gets mirrored answers), and beside the mean over the ring through a dense layer. For each pair of angles: a
 //! perceptron over the pair's features and both angles, symmetric in them. Each of the two gives two numbers, for the value
 //! and for the policy. What a set costs beyond the sum of its parts, a perceptron says over the means of what is known of its
 //! angles and of its pairs.
@@ -10,10 +10,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::eye::{Eye, PAIR, STRUCTURE, TARGET};
+use crate::groups::{Group, left_out};
 use crate::judgement::{Judgement, SetHead};
 
-/// Distances of the taps of the first and of the second convolution, in steps of the ring.
-pub const TAPS: [[usize; 3]; 2] = [[0, 1, 2], [0, 4, 8]];
+/// Distances of the taps of each convolution, in steps of the ring; a network has as many of them as it has layers.
+pub const TAPS: [[usize; 3]; 4] = [[0, 1, 2], [0, 4, 8], [0, 1, 2], [0, 4, 8]];
+/// Layers of the default network.
+const LAYERS: usize = 2;
 
 /// Widths of the layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,18 +34,29 @@ pub struct Sizes {
     pub pair: usize,
     /// Hidden layer of the sets' perceptron.
     pub set: usize,
+    /// Convolutions over the ring, 1 to 4. Files of the default depth do not name it.
+    #[serde(default = "default_layers", skip_serializing_if = "is_default_depth")]
+    pub layers: usize,
+}
+
+fn default_layers() -> usize {
+    LAYERS
+}
+
+fn is_default_depth(layers: &usize) -> bool {
+    *layers == LAYERS
 }
 
 impl Default for Sizes {
     fn default() -> Self {
-        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24, set: 16 }
+        Self { structure: 16, ring: 32, angle: 24, beside: 12, pair: 24, set: 16, layers: LAYERS }
     }
 }
 
 /// Greatest width of a layer.
 pub const WIDEST: usize = 512;
 
-/// Place of each tensor in [`Sizes::tensors`].
+/// Place of each tensor in [`Sizes::tensors`] of the default depth. [`Sizes::place`] has it for any depth.
 #[allow(missing_docs)]
 pub mod place {
     pub const TARGET_MEAN: usize = 0;
@@ -55,8 +69,8 @@ pub mod place {
     pub const TRAINED: usize = 6;
     pub const STRUCTURE_1: usize = 6;
     pub const STRUCTURE_2: usize = 8;
-    pub const RING_1: usize = 10;
-    pub const RING_2: usize = 14;
+    /// The first convolution over the ring; each has four tensors.
+    pub const RING: usize = 10;
     pub const ANGLE: usize = 18;
     pub const SINGLE: usize = 20;
     pub const BESIDE: usize = 22;
@@ -68,12 +82,19 @@ pub mod place {
     pub const SET_OUT: usize = 30;
 }
 
+/// Names of the tensors of each convolution.
+const OF_RING: [[&str; 4]; 4] = [
+    ["ring.1.tap.0", "ring.1.tap.1", "ring.1.tap.2", "ring.1.bias"],
+    ["ring.2.tap.0", "ring.2.tap.1", "ring.2.tap.2", "ring.2.bias"],
+    ["ring.3.tap.0", "ring.3.tap.1", "ring.3.tap.2", "ring.3.bias"],
+    ["ring.4.tap.0", "ring.4.tap.1", "ring.4.tap.2", "ring.4.bias"],
+];
+
 impl Sizes {
     /// Name and shape of every tensor, in order. Matrices have a row for each output.
     pub fn tensors(&self) -> Vec<(&'static str, Vec<usize>)> {
-        let Self { structure, ring, angle, beside, pair, set } = *self;
-        let seen = TARGET + structure;
-        vec![
+        let Self { structure, ring, angle, beside, pair, set, layers } = *self;
+        let mut all = vec![
             ("target.mean", vec![TARGET]),
             ("target.scale", vec![TARGET]),
             ("structure.mean", vec![STRUCTURE]),
@@ -84,14 +105,13 @@ impl Sizes {
             ("structure.1.bias", vec![structure]),
             ("structure.2.weight", vec![structure, structure]),
             ("structure.2.bias", vec![structure]),
-            ("ring.1.tap.0", vec![ring, seen]),
-            ("ring.1.tap.1", vec![ring, seen]),
-            ("ring.1.tap.2", vec![ring, seen]),
-            ("ring.1.bias", vec![ring]),
-            ("ring.2.tap.0", vec![ring, ring]),
-            ("ring.2.tap.1", vec![ring, ring]),
-            ("ring.2.tap.2", vec![ring, ring]),
-            ("ring.2.bias", vec![ring]),
+        ];
+        for (layer, names) in OF_RING.iter().take(layers).enumerate() {
+            let seen = if layer == 0 { TARGET + structure } else { ring };
+            let shape = |tap: usize| if tap < 3 { vec![ring, seen] } else { vec![ring] };
+            all.extend(names.iter().enumerate().map(|(tap, name)| (*name, shape(tap))));
+        }
+        all.extend([
             ("angle.weight", vec![angle, 2 * ring]),
             ("angle.bias", vec![angle]),
             ("single.weight", vec![2, angle]),
@@ -105,13 +125,20 @@ impl Sizes {
             ("set.1.pair", vec![set, pair]),
             ("set.1.bias", vec![set]),
             ("set.2.weight", vec![1, set]),
-        ]
+        ]);
+        all
     }
 
-    /// Whether every width is from 1 to [`WIDEST`].
+    /// Where a tensor of [`place`] stands in [`tensors`](Self::tensors).
+    pub fn place(&self, of: usize) -> usize {
+        if of < place::ANGLE { of } else { of + 4 * self.layers - 4 * LAYERS }
+    }
+
+    /// Whether every width is from 1 to [`WIDEST`], and the depth from 1 to 4.
     pub fn are_sound(&self) -> bool {
-        let Self { structure, ring, angle, beside, pair, set } = *self;
-        [structure, ring, angle, beside, pair, set].iter().all(|width| (1..=WIDEST).contains(width))
+        let Self { structure, ring, angle, beside, pair, set, layers } = *self;
+        let widths = [structure, ring, angle, beside, pair, set];
+        widths.iter().all(|width| (1..=WIDEST).contains(width)) && (1..=TAPS.len()).contains(&layers)
     }
 }
 
@@ -126,7 +153,7 @@ pub struct Model {
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum ModelError {
     /// A width that cannot be.
-    #[error("the widths {0:?} are not all from 1 to {WIDEST}")]
+    #[error("the widths {0:?} are not all from 1 to {WIDEST}, or the layers not from 1 to 4")]
     Sizes(Sizes),
     /// Another number of tensors.
     #[error("there are {found} tensors, and the network has {expected}")]
@@ -192,6 +219,11 @@ impl Model {
         &self.numbers
     }
 
+    /// The groups of features that it was trained without.
+    pub fn without(&self) -> Vec<Group> {
+        left_out(&self.numbers)
+    }
+
     /// How many numbers training sets.
     pub fn parameters(&self) -> usize {
         self.numbers[place::TRAINED..].iter().map(Vec::len).sum()
@@ -202,11 +234,11 @@ impl Model {
         let angles = self.angles(eye);
         let beside: Vec<Vec<f32>> = angles
             .iter()
-            .map(|h| product(&self.numbers[place::BESIDE], h, vec![0.0; self.sizes.beside]))
+            .map(|h| product(self.tensor(place::BESIDE), h, vec![0.0; self.sizes.beside]))
             .collect();
         let single = angles.iter().map(|h| two(&self.dense(place::SINGLE, h))).collect();
         let (count, width) = (eye.angles, self.sizes.set);
-        let in_set = |layer: usize, x: &[f32]| product(&self.numbers[layer], x, vec![0.0; width]);
+        let in_set = |layer: usize, x: &[f32]| product(self.tensor(layer), x, vec![0.0; width]);
         let of_angles = angles.iter().flat_map(|h| in_set(place::SET_ANGLE, h)).collect();
         let mut of_pairs = vec![0.0; count * count * width];
         let mut pair = vec![[0.0; 2]; count * count];
@@ -227,7 +259,7 @@ impl Model {
                 }
             }
         }
-        let (bias, out) = (self.numbers[place::SET_BIAS].clone(), self.numbers[place::SET_OUT].clone());
+        let (bias, out) = (self.tensor(place::SET_BIAS).to_vec(), self.tensor(place::SET_OUT).to_vec());
         Judgement::new(single, pair, SetHead { bias, out, angles: of_angles, pairs: of_pairs })
     }
 
@@ -247,14 +279,14 @@ impl Model {
             }
             seen.push(x);
         }
-        let first = self.around(place::RING_1, TAPS[0], &seen);
-        let second = self.around(place::RING_2, TAPS[1], &first);
+        for (layer, taps) in TAPS.into_iter().take(self.sizes.layers).enumerate() {
+            seen = self.around(place::RING + 4 * layer, taps, &seen);
+        }
         let mut mean = vec![0.0; self.sizes.ring];
-        for of_angle in &second {
+        for of_angle in &seen {
             mean.iter_mut().zip(of_angle).for_each(|(sum, value)| *sum += value / count as f32);
         }
-        second
-            .iter()
+        seen.iter()
             .map(|of_angle| rectified(self.dense(place::ANGLE, &[&of_angle[..], &mean].concat())))
             .collect()
     }
@@ -276,8 +308,13 @@ impl Model {
         (0..count).map(one).collect()
     }
 
+    /// The numbers of a tensor of [`place`].
+    fn tensor(&self, of: usize) -> &[f32] {
+        &self.numbers[self.sizes.place(of)]
+    }
+
     fn dense(&self, first: usize, x: &[f32]) -> Vec<f32> {
-        product(&self.numbers[first], x, self.numbers[first + 1].clone())
+        product(self.tensor(first), x, self.tensor(first + 1).to_vec())
     }
 
     fn scaled(&self, mean: usize, features: &[f32], out: &mut [f32]) {

@@ -9,7 +9,7 @@ use stillpoint_plan::case::{Case, Role};
 use stillpoint_plan::distance::distances_mm;
 use stillpoint_plan::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, GoalsError, Wanted};
-use stillpoint_plan::objectives::{AimsError, ObjectiveTable};
+use stillpoint_plan::objectives::{AimsError, ObjectiveTable, follows};
 use thiserror::Error;
 
 /// Within this distance of a target more points of the patient count, mm.
@@ -115,18 +115,44 @@ impl Problem {
 
     /// The dose matrices of all beams of a ring.
     pub fn doses(&self, ring: Ring, threads: NonZeroUsize) -> Result<Vec<Rows>, ProblemError> {
-        let angles: Vec<f64> = (0..ring.count()).map(|beam| ring.angle_deg(beam)).collect();
-        let beams = self.engine.beams(&angles, threads)?;
-        let rows = |beam: &stillpoint_plan::dose::BeamInfluence| {
-            Rows::from_columns(beam.dose.view()).map_err(|e| ProblemError::Rows(e.to_string()))
+        of_ring(&self.engine, ring, threads)
+    }
+
+    /// The same to the patient moved by so much along his axes (mm), to the rows of what moves through the beams; 0 elsewhere.
+    pub fn displaced(
+        &self,
+        ring: Ring,
+        shift_mm: [f64; 3],
+        threads: NonZeroUsize,
+    ) -> Result<Vec<Rows>, ProblemError> {
+        let [moving, _] = self.parts()?;
+        let engine = self.engine.within(moving.voxels()).shifted(shift_mm)?;
+        of_ring(&engine, ring, threads)
+    }
+
+    /// The goals in two parts: of what moves through the beams with the patient, and of the outline, which counts as planned.
+    pub fn parts(&self) -> Result<[Goals; 2], GoalsError> {
+        let moves = |wanted: &&Wanted| role(&self.case, &wanted.name).is_some_and(follows);
+        let part = |of: bool| {
+            let wanted = self.wanted.iter().filter(|wanted| moves(wanted) == of).cloned();
+            Goals::new(wanted.collect(), self.rows())
         };
-        beams.iter().map(rows).collect()
+        Ok([part(true)?, part(false)?])
     }
 
     /// Rows of the dose matrices.
     pub fn rows(&self) -> usize {
         self.engine.rows()
     }
+}
+
+fn of_ring(engine: &DoseEngine, ring: Ring, threads: NonZeroUsize) -> Result<Vec<Rows>, ProblemError> {
+    let angles: Vec<f64> = (0..ring.count()).map(|beam| ring.angle_deg(beam)).collect();
+    let beams = engine.beams(&angles, threads)?;
+    let rows = |beam: &stillpoint_plan::dose::BeamInfluence| {
+        Rows::from_columns(beam.dose.view()).map_err(|e| ProblemError::Rows(e.to_string()))
+    };
+    beams.iter().map(rows).collect()
 }
 
 fn role(case: &Case, name: &str) -> Option<Role> {

@@ -4,11 +4,12 @@
 
 use proptest::prelude::*;
 use stillpoint_network::eye::{Eye, PAIR, STRUCTURE, TARGET};
+use stillpoint_network::groups::leave_out;
 use stillpoint_network::model::{ModelError, TAPS};
-use stillpoint_network::{Judgement, Model, ModelFileError, Sizes};
+use stillpoint_network::{Group, Judgement, Model, ModelFileError, Sizes};
 use stillpoint_plan::beams::{Prior, Ring, set_of_prior};
 
-const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, beside: 2, pair: 3, set: 4 };
+const SIZES: Sizes = Sizes { structure: 3, ring: 4, angle: 5, beside: 2, pair: 3, set: 4, layers: 2 };
 
 /// Numbers without order: the same for the same seed.
 fn noise(seed: u64) -> impl FnMut() -> f32 {
@@ -22,13 +23,17 @@ fn noise(seed: u64) -> impl FnMut() -> f32 {
 }
 
 fn model(seed: u64) -> Model {
+    model_of(SIZES, seed)
+}
+
+fn model_of(sizes: Sizes, seed: u64) -> Model {
     let mut next = noise(seed);
     let mut values = |(name, shape): (&'static str, Vec<usize>)| -> Vec<f32> {
         let scale = name.ends_with(".scale");
         (0..shape.iter().product()).map(|_| if scale { 1.5 + 0.5 * next() } else { next() }).collect()
     };
-    let numbers = SIZES.tensors().into_iter().map(&mut values).collect();
-    Model::new(SIZES, numbers).unwrap()
+    let numbers = sizes.tensors().into_iter().map(&mut values).collect();
+    Model::new(sizes, numbers).unwrap()
 }
 
 fn eye(seed: u64, angles: usize) -> Eye {
@@ -60,7 +65,7 @@ struct Naive {
 /// The network number by number, in f64, from the names of the tensors.
 fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
     let named: Vec<(&str, Vec<usize>, &Vec<f32>)> =
-        SIZES.tensors().into_iter().zip(model.numbers()).map(|((n, s), v)| (n, s, v)).collect();
+        model.sizes().tensors().into_iter().zip(model.numbers()).map(|((n, s), v)| (n, s, v)).collect();
     let get = |name: &str| named.iter().find(|(n, _, _)| *n == name).unwrap();
     let number = |name: &str, row: usize, column: usize| {
         let (_, shape, values) = get(name);
@@ -92,7 +97,7 @@ fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
         }
         x.push([scaled("target", &eye.target[a]), sum].concat());
     }
-    for (place, taps) in TAPS.iter().enumerate() {
+    for (place, taps) in TAPS.iter().take(model.sizes().layers).enumerate() {
         let name = format!("ring.{}", place + 1);
         let mut y = Vec::new();
         for a in 0..n {
@@ -164,8 +169,8 @@ fn naive(model: &Model, eye: &Eye, set: &[usize]) -> Naive {
 
 #[test]
 fn the_forward_pass_is_that_of_a_naive_network() {
-    for seed in 1..4 {
-        let (model, eye) = (model(seed), eye(seed + 10, 20));
+    for (seed, layers) in [(1, 2), (2, 2), (3, 2), (4, 1), (5, 3), (6, 4)] {
+        let (model, eye) = (model_of(Sizes { layers, ..SIZES }, seed), eye(seed + 10, 20));
         let set = [1, 6, 11, 17];
         let Naive { single, pair, value } = naive(&model, &eye, &set);
         let judged = model.judge(&eye);
@@ -270,7 +275,9 @@ fn numbers_that_make_no_network_are_refused() {
     assert!(matches!(Model::new(SIZES, numbers.clone()), Err(ModelError::Length { .. })));
     numbers.pop();
     assert!(matches!(Model::new(SIZES, numbers.clone()), Err(ModelError::Tensors { .. })));
-    assert!(matches!(Model::new(Sizes { ring: 0, ..SIZES }, numbers), Err(ModelError::Sizes(_))));
+    for sizes in [Sizes { ring: 0, ..SIZES }, Sizes { layers: 0, ..SIZES }, Sizes { layers: 5, ..SIZES }] {
+        assert!(matches!(Model::new(sizes, numbers.clone()), Err(ModelError::Sizes(_))));
+    }
     let mut flat = good.numbers().to_vec();
     flat[1][2] = 0.0;
     assert!(matches!(Model::new(SIZES, flat), Err(ModelError::Number { name: "target.scale", at: 2, .. })));
@@ -290,6 +297,58 @@ fn files_of_other_networks_are_refused_with_the_reason() {
     assert!(matches!(text("ring\\\":4", "ring\\\":5"), ModelFileError::Tensor { .. }));
     assert!(matches!(text("single.bias", "single.bios"), ModelFileError::Tensor { .. }));
     assert!(matches!(Model::from_safetensors(&vec![0; 6 << 20]), Err(ModelFileError::Form(_))));
+}
+
+#[test]
+fn features_that_are_left_out_change_nothing_that_the_network_says() {
+    let (whole, eye) = (model(3), eye(4, 20));
+    assert!(whole.without().is_empty());
+    for group in Group::ALL {
+        let mut numbers = whole.numbers().to_vec();
+        leave_out(&[group], &mut numbers);
+        let model = Model::new(SIZES, numbers).unwrap();
+        assert_eq!(model.without(), [group]);
+        let mut other = eye.clone();
+        // Each feature of the group, and no other, is another one.
+        let mut moved = 0;
+        let mut change = |tensor: usize, of: &mut [f32]| {
+            for (place, value) in of.iter_mut().enumerate() {
+                if model.numbers()[tensor][place] != whole.numbers()[tensor][place] {
+                    *value += 0.5;
+                    moved += 1;
+                }
+            }
+        };
+        other.target.iter_mut().for_each(|f| change(1, f));
+        other.structures.iter_mut().flatten().for_each(|f| change(3, f));
+        other.pairs.iter_mut().for_each(|f| change(5, f));
+        assert!(moved > 0, "{group:?}");
+        let of = |model: &Model, eye: &Eye| model.judge(eye).value(&[1, 6, 11, 17]);
+        assert_eq!(of(&model, &eye), of(&model, &other), "{group:?}");
+        assert_ne!(of(&whole, &eye), of(&whole, &other), "{group:?}");
+    }
+}
+
+#[test]
+fn a_file_says_what_its_network_does_without_and_how_deep_it_is() {
+    let mut numbers = model(3).numbers().to_vec();
+    leave_out(&[Group::Fit, Group::Apart], &mut numbers);
+    let model = Model::new(SIZES, numbers).unwrap();
+    let bytes = model.to_safetensors().unwrap();
+    assert_eq!(Model::from_safetensors(&bytes).unwrap(), model);
+    let swap = |bytes: &[u8], from: &str, to: &str| {
+        let mut bytes = bytes.to_vec();
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        Model::from_safetensors(&bytes).unwrap_err()
+    };
+    let message = swap(&bytes, "apart", "fit\\\",").to_string();
+    assert!(message.contains("metadata"), "{message}");
+    let message = swap(&bytes, "\\\"apart\\\"", "\\\"ways\\\" ").to_string();
+    assert!(message.contains("fit, ways are left out, and its scales leave out fit, apart"), "{message}");
+    let deep = model_of(Sizes { layers: 4, ..SIZES }, 5).to_safetensors().unwrap();
+    assert_eq!(Model::from_safetensors(&deep).unwrap().sizes().layers, 4);
+    assert!(matches!(swap(&deep, "layers\\\":4", "layers\\\":3"), ModelFileError::Tensor { .. }));
 }
 
 proptest! {

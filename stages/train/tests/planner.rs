@@ -6,7 +6,7 @@ use candle_core::{Device, Tensor, Var};
 use serde_json::Value;
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
 use stillpoint_network::patient::{Body, Table};
-use stillpoint_network::{Coarseness, Due, Eye, Game, Model, Patient, Rules, Sizes};
+use stillpoint_network::{Coarseness, Due, Eye, Game, Group, Model, Patient, Rules, Sizes};
 use stillpoint_plan::beams::Ring;
 use stillpoint_random::Random;
 use stillpoint_train::TrainError;
@@ -17,7 +17,7 @@ use stillpoint_train::planner::{
 
 const ANGLES: usize = 90;
 const COARSE: Coarseness = Coarseness { grid_mm: 10.0, bixel_mm: 20.0 };
-const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6 };
+const TINY: Sizes = Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6, layers: 2 };
 
 fn eye(random: &mut Random) -> Eye {
     let mut next = || random.normal() as f32;
@@ -111,12 +111,18 @@ fn options(passes: usize) -> Options {
         sets: 64,
         states: 4,
         seed: 3,
+        without: Vec::new(),
     }
 }
 
 /// Passes over examples, validated with the same.
 fn trained(examples: &[Example], passes: usize) -> Training {
-    let mut training = Training::new(String::new(), options(passes), scales(examples)).unwrap();
+    trained_by(options(passes), examples)
+}
+
+fn trained_by(options: Options, examples: &[Example]) -> Training {
+    let passes = options.passes;
+    let mut training = Training::new(String::new(), options, scales(examples)).unwrap();
     let ready: Vec<Ready> = examples.iter().map(|e| training.ready(e.clone()).unwrap()).collect();
     for _ in 0..passes {
         training.pass(&ready.iter().collect::<Vec<_>>(), &ready).unwrap();
@@ -144,10 +150,21 @@ fn a_tiny_network_overfits_two_patients() {
 
 #[test]
 fn the_tensors_say_what_the_plain_network_says() {
+    agrees(options(2));
+    agrees(Options { sizes: Sizes { layers: 1, ..TINY }, without: vec![Group::Overlap], ..options(2) });
+    agrees(Options {
+        sizes: Sizes { layers: 4, ..TINY },
+        without: vec![Group::Ways, Group::Fit],
+        ..options(2)
+    });
+}
+
+fn agrees(options: Options) {
     let case = example(4);
-    let model = trained(std::slice::from_ref(&case), 2).model().unwrap();
+    let model = trained_by(options.clone(), std::slice::from_ref(&case)).model().unwrap();
+    assert_eq!((model.sizes(), model.without()), (options.sizes, options.without));
     let fixed: Vec<Vec<f32>> = model.numbers()[..6].to_vec();
-    let network = Network::new(TINY, fixed, 1).unwrap();
+    let network = Network::new(options.sizes, fixed, 1).unwrap();
     network.set(&model.numbers()[6..]).unwrap();
     let said = network.forward(&network.load(&case).unwrap()).unwrap();
     let judged = model.judge(&case.eye);
@@ -278,6 +295,7 @@ fn options_that_cannot_be_are_refused() {
     };
     assert!(refused(Options { rate: 0.0, ..options(1) }).contains("learning rate"));
     assert!(refused(options(0)).contains("passes"));
+    assert!(refused(Options { sizes: Sizes { layers: 5, ..TINY }, ..options(1) }).contains("layers"));
     let mut training = Training::new(String::new(), options(1), scales(&case)).unwrap();
     assert!(training.pass(&[], &[]).unwrap_err().to_string().contains("train on"));
 }

@@ -46,7 +46,7 @@ fn schedule() -> Schedule {
 fn weights(players: &mut dyn Players) -> (Vec<u8>, Vec<String>) {
     let folder = tempfile::tempdir().unwrap();
     let options = Options {
-        sizes: Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6 },
+        sizes: Sizes { structure: 4, ring: 8, angle: 8, beside: 4, pair: 8, set: 6, layers: 2 },
         weights: Weights { mse: 100.0, ce: 0.3, lambda: 1e-6 },
         sets: 8,
         states: 2,

@@ -4,8 +4,9 @@ use std::num::NonZeroUsize;
 
 use super::evaluator::{Evaluated, Influence};
 use super::ring::Ring;
-use crate::Setups;
+use super::second::Displaced;
 use crate::dose::{BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
+use crate::{RowsRef, Setups};
 
 /// The doses of some beams of a ring. The other beams have no dose, and no plan can use them.
 #[derive(Debug)]
@@ -89,5 +90,16 @@ impl RingDoses {
 impl Influence for RingDoses {
     fn beam(&self, beam: u16) -> Setups<'_> {
         Setups::new(self.setups(beam).iter().map(|dose| dose.beam.dose()).collect()).unwrap_or_default()
+    }
+}
+
+/// Its set-ups are the errors.
+impl Displaced for RingDoses {
+    fn errors(&self) -> usize {
+        self.beams.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    fn beam(&self, beam: u16, error: usize) -> Option<RowsRef<'_>> {
+        self.setups(beam).get(error).map(|dose| dose.beam.dose())
     }
 }

@@ -7,9 +7,11 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use super::ring::{BeamSet, Ring};
+use super::second::{Answer, SecondPlayer};
 use super::solver::{Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance};
 use crate::dose::{BeamFile, CachedBeam};
 use crate::fluence::{Goals, GoalsError, Plan};
+use crate::threads::on_threads;
 use crate::{Rows, Setups};
 
 /// The dose matrices of the beams of a ring.
@@ -48,8 +50,10 @@ pub struct Budget {
 pub struct Evaluated {
     /// The beams.
     pub beams: BeamSet,
-    /// What the plan costs: its objective.
+    /// What the plan costs: its objective, or with a second player that under the worst set-up error.
     pub cost: f64,
+    /// What a second player answered.
+    pub answer: Option<Answer>,
     /// Where each beam's weights start in the plan's; one more at the end.
     pub starts: Vec<usize>,
     /// The fluence.
@@ -109,6 +113,8 @@ pub struct Evaluator<'a, I: Influence + ?Sized> {
     threads: NonZeroUsize,
     /// To which part of its optimum each set is solved.
     tolerance: f64,
+    /// Who answers each plan with a set-up error.
+    second: Option<&'a SecondPlayer<'a>>,
     /// Where sets are solved, if not on threads of this process.
     elsewhere: Option<&'a mut dyn Solver>,
     cache: BTreeMap<BeamSet, Arc<Evaluated>>,
@@ -131,6 +137,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             pause: usize::MAX,
             threads: NonZeroUsize::MIN,
             tolerance: SOLVE_TOLERANCE,
+            second: None,
             elsewhere: None,
             cache: BTreeMap::new(),
             memo: Memo::default(),
@@ -164,7 +171,15 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         self
     }
 
-    /// Takes what earlier runs with the same doses, goals and tolerance solved; it counts as solved and priced when it is asked for.
+    /// Plays the robust game: what a plan costs is what it costs under the set-up error that this player picks. Its answers
+    /// are counted in the budget, each as [`SecondPlayer::share`] of a solve.
+    #[must_use]
+    pub fn against(mut self, second: &'a SecondPlayer<'a>) -> Self {
+        self.second = Some(second);
+        self
+    }
+
+    /// Takes what earlier runs with the same doses, goals, second player and tolerance solved; it counts as solved and priced when it is asked for.
     #[must_use]
     pub fn with_memo(mut self, memo: Memo) -> Self {
         self.memo = memo;
@@ -208,7 +223,10 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
 
     /// Solves that are left.
     pub fn solves_left(&self) -> usize {
-        self.budget.solves.saturating_sub(self.solves())
+        let share = self.second.map_or(0.0, SecondPlayer::share);
+        let most = (self.budget.solves as f64 / (1.0 + share)) as usize;
+        // A plan takes one solve, whatever its answer takes.
+        most.max(self.budget.solves.min(1)).saturating_sub(self.solves())
     }
 
     /// Beams priced by a gradient until now.
@@ -268,10 +286,17 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
     }
 
     fn solve(&mut self, sets: &[&BeamSet], near: Option<&Evaluated>) -> Result<Vec<Evaluated>, Stop> {
-        match &mut self.elsewhere {
-            Some(solver) => solver.solve(sets, near, self.tolerance),
-            None => self.local().solve(sets, near, self.tolerance),
+        let mut solved = match &mut self.elsewhere {
+            Some(solver) => solver.solve(sets, near, self.tolerance)?,
+            None => self.local().solve(sets, near, self.tolerance)?,
+        };
+        if let Some(second) = self.second {
+            let answers = on_threads(&solved, self.threads, |plan| second.answer(plan))?;
+            for (plan, (cost, answer)) in solved.iter_mut().zip(answers) {
+                (plan.cost, plan.answer) = (cost, Some(answer));
+            }
         }
+        Ok(solved)
     }
 
     fn local(&self) -> Local<'a, I> {
@@ -320,7 +345,12 @@ impl Evaluated {
         for columns in columns {
             starts.push(starts[starts.len() - 1] + columns);
         }
-        Self { beams: set.clone(), cost: plan.certificate.objective, starts, plan }
+        Self { beams: set.clone(), cost: plan.certificate.objective, answer: None, starts, plan }
+    }
+
+    /// The objective for which the fluence was solved: the cost, where no second player answered.
+    pub fn solved_cost(&self) -> f64 {
+        self.plan.certificate.objective
     }
 
     /// Weights of one of its beams.

@@ -31,6 +31,7 @@
 //! - `price`: what a beam promises beside a plan
 //! - `prior`: what is thought of a beam without a solve; `geometry`: from the image
 //! - [`search`]: tree search: exchanges, games
+//! - `second`: the second player of the robust game, who picks a set-up error
 //! - `method`: the ways to choose; `greedy`, `exchange`, `random`, `annealing`, `columns`
 
 mod annealing;
@@ -46,6 +47,7 @@ mod prior;
 mod random;
 mod ring;
 pub mod search;
+mod second;
 mod solver;
 
 pub use doses::RingDoses;
@@ -56,6 +58,7 @@ pub use prior::{ClassAngles, Mixture, Prior, PriorError, Uniform, checked_scores
 pub use random::set as random_set;
 pub use ring::{BeamSet, Ring, RingError};
 pub use search::{BeamGame, SearchOptions};
+pub use second::{Answer, Displaced, SHARE_OF_A_SOLVE, SecondPlayer};
 pub use solver::{
     COARSEST_TOLERANCE, Local, SOLVE_TOLERANCE, Solver, ToleranceError, checked_tolerance, price_beams,
     solve_beams, start_weights,

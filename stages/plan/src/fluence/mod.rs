@@ -2,7 +2,7 @@
 //!
 //! - `objective`: the objectives of a structure; `goals`: the objectives of all structures, and the problem that they
 //!   make of dose matrices
-//! - `plan`: its solution, DVH points included
+//! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid
 //! - `rows`: the dose matrix of a plan by rows
@@ -16,6 +16,7 @@ mod bounded;
 mod certificate;
 mod cholesky;
 mod coordinates;
+mod cost;
 mod curvature;
 mod goals;
 mod gram;

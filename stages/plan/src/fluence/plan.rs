@@ -84,7 +84,7 @@ fn rough_start(goals: &PlanProblem) -> Option<Vec<f64>> {
 
 impl DvhPoint {
     /// The rows that cost at these doses, rising, with their volumes: those that would cost least.
-    fn costing(&self, dose: &[f64]) -> Vec<(u32, f64)> {
+    pub(super) fn costing(&self, dose: &[f64]) -> Vec<(u32, f64)> {
         let over = self.side == Side::Over;
         let mut rows = self.rows.clone();
         rows.sort_by(|(a, _), (b, _)| {

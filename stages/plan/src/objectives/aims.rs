@@ -145,6 +145,16 @@ impl Aims {
         Ok(Goals::new(wanted, setups * self.rows)?)
     }
 
+    /// The goals of one set-up in two parts, whose objectives add up to that of `goals(1)`: of structures that are followed
+    /// through every set-up, and of the outline.
+    pub fn parts(&self) -> Result<[Goals; 2], AimsError> {
+        let part = |moves: bool| -> Result<Goals, AimsError> {
+            let of = self.wanted.iter().zip(&self.moves).filter(|(_, of)| **of == moves);
+            Ok(Goals::new(of.map(|(wanted, _)| wanted.clone()).collect(), self.rows)?)
+        };
+        Ok([part(true)?, part(false)?])
+    }
+
     /// Adds a wish for a part of a structure, of which all points outside targets count, also those of organs.
     fn add_region(
         &mut self,

@@ -1,5 +1,7 @@
 //! The ways to choose beams, on a disc with a target and an organ beside it.
 
+mod robust;
+
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
 
@@ -19,13 +21,13 @@ fn centre(voxel: usize) -> [f64; 2] {
     [voxel % SIDE, voxel / SIDE].map(|i| i as f64 - (SIDE / 2) as f64)
 }
 
-/// Parallel beams through a disc of radius 10, attenuated by depth, five bixels wide.
-fn disc() -> (Vec<Rows>, Goals) {
-    let inside =
-        |at: [f64; 2], middle: [f64; 2], radius: f64| (at[0] - middle[0]).hypot(at[1] - middle[1]) <= radius;
-    let voxels = |middle, radius| {
-        (0..(SIDE * SIDE) as u32).filter(|v| inside(centre(*v as usize), middle, radius)).collect::<Vec<_>>()
-    };
+fn voxels(middle: [f64; 2], radius: f64) -> Vec<u32> {
+    let inside = |at: [f64; 2]| (at[0] - middle[0]).hypot(at[1] - middle[1]) <= radius;
+    (0..(SIDE * SIDE) as u32).filter(|v| inside(centre(*v as usize))).collect()
+}
+
+/// Parallel beams through a disc of radius 10, attenuated by depth, five bixels wide; the disc is moved beneath them.
+fn disc_moved(by: [f64; 2]) -> Vec<Rows> {
     let beam = |b: u16| {
         let (sin, cos) = f64::from(4 * b).to_radians().sin_cos();
         let (mut starts, mut row, mut value) = (vec![0], Vec::new(), Vec::new());
@@ -33,6 +35,7 @@ fn disc() -> (Vec<Rows>, Goals) {
             for voxel in voxels([0.0, 0.0], 10.0) {
                 let [x, y] = centre(voxel as usize);
                 let (across, along) = (x * cos + y * sin, y * cos - x * sin);
+                let across = across + by[0] * cos + by[1] * sin;
                 let off = across - 1.5 * f64::from(bixel);
                 let dose = (-0.05 * (10.0 - along) - off * off).exp();
                 if dose > 1e-3 {
@@ -44,6 +47,10 @@ fn disc() -> (Vec<Rows>, Goals) {
         }
         Rows::from_columns(Csc::new(SIDE * SIDE, starts, row, value).unwrap().view()).unwrap()
     };
+    (0..90).map(beam).collect()
+}
+
+fn disc() -> (Vec<Rows>, Goals) {
     let structure = |name: &str, voxels, objectives| Wanted {
         name: name.into(),
         voxels,
@@ -72,7 +79,7 @@ fn disc() -> (Vec<Rows>, Goals) {
         SIDE * SIDE,
     )
     .unwrap();
-    ((0..90).map(beam).collect(), goals)
+    (disc_moved([0.0; 2]), goals)
 }
 
 /// The threads of this process; it keeps the tolerances that it is asked for.

@@ -23,6 +23,11 @@ fn solve(wanted: &[Wanted], matrix: &Csc) -> (Plan, Vec<f64>) {
     for (row, voxel) in goals.voxels().iter().enumerate() {
         assert!((plan.dose[row] - dose[*voxel as usize]).abs() < 1e-9 * (1.0 + dose[*voxel as usize]));
     }
+    if wanted.iter().all(|structure| structure.volumes.is_empty()) {
+        let (told, expected) = (goals.cost(&dose).unwrap(), cost(wanted, &dose));
+        assert!((told - expected).abs() < 1e-9 * (1.0 + expected), "{told} {expected}");
+    }
+    assert!(goals.cost(&dose[1..]).is_err());
     (plan, dose)
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 use stillpoint_network::patient::{Body, Patient, Table};
-use stillpoint_network::{Coarseness, Rules};
+use stillpoint_network::{Coarseness, Rules, Sizes};
 
 use super::exam::{Exam, Summary};
 use super::selfplay::{Schedule, Trained};
@@ -119,6 +119,13 @@ impl Card {
         let mut text = format!("# Prior of beams\n\n{}\n{}\n\n", self.purpose, self.limits);
         let _ = writeln!(text, "Made by {} with\n\n```sh\n{}\n```\n", a.program, a.command);
         let _ = writeln!(text, "SHA-256 of the file: `{}`. {} numbers.\n", a.sha256, self.parameters);
+        if !o.without.is_empty() {
+            let names: Vec<&str> = o.without.iter().map(|group| group.name()).collect();
+            let _ = writeln!(text, "Trained without these features: {}.\n", names.join(", "));
+        }
+        if o.sizes.layers != Sizes::default().layers {
+            let _ = writeln!(text, "It has {} convolutions over the angles.\n", o.sizes.layers);
+        }
         let [opening, game, ..] = &self.rules;
         let _ = writeln!(
             text,

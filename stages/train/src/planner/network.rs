@@ -105,7 +105,7 @@ impl Network {
             Ok(Tensor::from_vec(all.clone(), all.len(), device)?)
         };
         let mut turned = Vec::new();
-        for distance in TAPS.into_iter().flatten() {
+        for distance in TAPS.into_iter().take(self.sizes.layers).flatten() {
             turned.push(index((0..n).map(|a| (a + distance) % n).collect())?);
             turned.push(index((0..n).map(|a| (a + n - distance % n) % n).collect())?);
         }
@@ -124,7 +124,7 @@ impl Network {
 
     /// What it says of an example.
     pub fn forward(&self, x: &Loaded) -> Result<Said, TrainError> {
-        let at = |place: usize| -> &Tensor { &self.vars[place - place::TRAINED] };
+        let at = |of: usize| -> &Tensor { &self.vars[self.sizes.place(of) - place::TRAINED] };
         let dense = |x: &Tensor, first: usize| -> Result<Tensor, TrainError> {
             Ok(x.matmul(&at(first).t()?)?.broadcast_add(at(first + 1))?)
         };
@@ -132,7 +132,7 @@ impl Network {
         let structures = dense(&structures, place::STRUCTURE_2)?.relu()?;
         let count = structures.dim(0)? / x.angles;
         let summed = structures.reshape((count, x.angles, self.sizes.structure))?.sum(0)?;
-        let seen = Tensor::cat(&[&x.target, &summed], 1)?;
+        let mut seen = Tensor::cat(&[&x.target, &summed], 1)?;
         let around = |input: &Tensor, first: usize, turned: &[Tensor]| -> Result<Tensor, TrainError> {
             let mut sum = input.matmul(&at(first).t()?)?.broadcast_add(at(first + 3))?;
             for tap in 1..3 {
@@ -142,10 +142,11 @@ impl Network {
             }
             Ok(sum.relu()?)
         };
-        let first = around(&seen, place::RING_1, &x.turned[..6])?;
-        let second = around(&first, place::RING_2, &x.turned[6..])?;
-        let mean = second.mean_keepdim(0)?.broadcast_as(second.shape())?;
-        let angles = dense(&Tensor::cat(&[&second, &mean], 1)?, place::ANGLE)?.relu()?;
+        for (layer, turned) in x.turned.chunks_exact(6).enumerate() {
+            seen = around(&seen, place::RING + 4 * layer, turned)?;
+        }
+        let mean = seen.mean_keepdim(0)?.broadcast_as(seen.shape())?;
+        let angles = dense(&Tensor::cat(&[&seen, &mean], 1)?, place::ANGLE)?.relu()?;
         let single = dense(&angles, place::SINGLE)?;
         let beside = angles.matmul(&at(place::BESIDE).t()?)?;
         let (a, b) = (beside.index_select(&x.first, 0)?, beside.index_select(&x.second, 0)?);

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
-use stillpoint_network::{Model, Sizes};
+use stillpoint_network::groups::leave_out;
+use stillpoint_network::{Group, Model, Sizes};
 use stillpoint_random::Random;
 
 use super::adam::Adam;
@@ -35,6 +36,9 @@ pub struct Options {
     pub states: usize,
     /// Of first numbers, order and draws.
     pub seed: u64,
+    /// Groups of features that are left out.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub without: Vec<Group>,
 }
 
 impl Default for Options {
@@ -47,6 +51,7 @@ impl Default for Options {
             sets: 96,
             states: 8,
             seed: 1,
+            without: Vec::new(),
         }
     }
 }
@@ -87,8 +92,9 @@ impl Training {
     ///
     /// # Errors
     /// An option that cannot be.
-    pub fn new(about: String, options: Options, scales: Vec<Vec<f32>>) -> Result<Self, TrainError> {
+    pub fn new(about: String, options: Options, mut scales: Vec<Vec<f32>>) -> Result<Self, TrainError> {
         check(&options)?;
+        leave_out(&options.without, &mut scales);
         let network = Network::new(options.sizes, scales, options.seed)?;
         let adam = Adam::new(network.vars());
         Ok(Self { about, options, network, adam, passes: Vec::new() })
@@ -186,7 +192,12 @@ fn check(options: &Options) -> Result<(), TrainError> {
         ("the number of passes", options.passes as f64, "at least 1", options.passes > 0),
         ("the number of sets of a step", options.sets as f64, "at least 1", options.sets > 0),
         ("the number of states of a step", options.states as f64, "at least 1", options.states > 0),
-        ("the widest layer", 0.0, "from 1 to 512", options.sizes.are_sound()),
+        (
+            "the depth or the widest layer",
+            0.0,
+            "sound: 1 to 4 layers of 1 to 512 numbers",
+            options.sizes.are_sound(),
+        ),
     ] {
         if !holds {
             return Err(TrainError::Option { what, value, must });

@@ -156,7 +156,8 @@ pub fn run(
     Ok(Some(Ran { best, cpu_s }))
 }
 
-fn cpu_seconds() -> f64 {
+/// CPU-seconds of this thread.
+pub fn cpu_seconds() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }

@@ -5,11 +5,15 @@
 //! - `prove`: the best set, proved; `kept`: proofs of earlier runs
 //! - `compare`: methods at the same numbers of solves
 //! - `paired`: differences of two methods on the same patients
+//! - `robust`: the robust game against the nominal one
+//! - `networks`: the sets of several networks
 
 mod compare;
 mod kept;
+mod networks;
 mod paired;
 mod prove;
+mod robust;
 mod subject;
 
 use std::path::PathBuf;
@@ -22,7 +26,9 @@ use stillpoint_network::{Coarseness, Model, Patient};
 use stillpoint_plan::beams::Ring;
 
 use compare::{ENTRIES, Entry, run};
+use networks::Networks;
 use paired::Paired;
+use robust::Robust;
 use subject::Subject;
 
 /// The method that the others are compared with.
@@ -73,6 +79,13 @@ pub struct Optimum {
     /// Folder in which proved optima are kept, so that another run need not prove them again.
     #[arg(long, value_name = "DIR")]
     kept: Option<PathBuf>,
+    /// Compare the robust game with the nominal one instead: beams for the worst of six set-up errors, shifts of the patient
+    /// by so many mm along each axis, against beams for none. Both are judged as planned and under the worst error.
+    #[arg(long, value_name = "MM", conflicts_with_all = ["networks", "only_proofs"])]
+    set_up_error: Option<f64>,
+    /// Compare the sets of these networks instead: the first set of each, and the best of five.
+    #[arg(long, value_delimiter = ',', value_name = "FILES")]
+    networks: Vec<PathBuf>,
     /// Prove the optima and compare nothing. Only with `--ring 18` and `--kept`.
     #[arg(long, requires = "kept")]
     only_proofs: bool,
@@ -109,7 +122,13 @@ impl Optimum {
         let ring = ring.map_err(Failure::failed)?;
         ring.check_room(self.beams).map_err(|e| Failure::wrong(e.to_string()))?;
         let at = if self.solves.is_empty() { default.to_vec() } else { self.solves.clone() };
+        if !self.networks.is_empty() {
+            return self.judge_networks(ring);
+        }
         let model = self.model()?;
+        if let Some(shift_mm) = self.set_up_error {
+            return self.play_robust(&model, ring, shift_mm, &at);
+        }
         let (mut rows, mut best_known) = (Vec::new(), Vec::new());
         for patient in self.patients() {
             let subject = Subject::new(&patient, &model, ring, self.beams).map_err(failed)?;
@@ -135,10 +154,29 @@ impl Optimum {
     }
 
     fn model(&self) -> Result<Model, Failure> {
-        let Some(path) = &self.network else { return Model::shipped().map_err(Failure::failed) };
-        let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
-        let bytes = std::fs::read(path).map_err(|e| fault(&e))?;
-        Model::from_safetensors(&bytes).map_err(|e| fault(&e))
+        match &self.network {
+            Some(path) => networks::read(path),
+            None => Model::shipped().map_err(Failure::failed),
+        }
+    }
+
+    fn play_robust(&self, model: &Model, ring: Ring, shift_mm: f64, at: &[usize]) -> Ended {
+        let mut robust = Robust::default();
+        for patient in self.patients() {
+            let subject = Subject::new(&patient, model, ring, self.beams).map_err(failed)?;
+            robust.play(&subject, self.beams, shift_mm, at)?;
+        }
+        robust.tell();
+        Ok(Exit::Done)
+    }
+
+    fn judge_networks(&self, ring: Ring) -> Ended {
+        let mut networks = Networks::new(&self.networks)?;
+        for patient in self.patients() {
+            networks.judge(&patient, ring, self.beams)?;
+        }
+        networks.tell();
+        Ok(Exit::Done)
     }
 
     fn patients(&self) -> Vec<Patient> {

@@ -8,7 +8,7 @@ use stillpoint_plan::beams::{Ring, pelvis_solutions};
 use stillpoint_plan::dose::Machine;
 
 /// Angles at which the network looks.
-const ANGLES: usize = 90;
+pub const ANGLES: usize = 90;
 
 /// A patient with the doses of a ring.
 pub struct Subject {

@@ -90,6 +90,34 @@ fn every_method_is_compared_with_one_budget_and_set_ups_are_told() {
     );
 }
 
+#[test]
+fn the_robust_game_is_played_by_any_method_and_tells_its_worst_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "9", "--method", "search", "--robust", "5mm"];
+    let game = [&asked[..], &["--robust-by", "worst"]].concat();
+    let told = plan(folder.path(), &[&game[..], &["--out", "one", "--threads", "1"]].concat());
+    plan(folder.path(), &[&game[..], &["--out", "three", "--threads", "3"]].concat());
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(read("one/plan.json") == read("three/plan.json"));
+    // Nine solves less the six answers to each, of a fiftieth of a solve.
+    assert_eq!(told["searches"][0]["solves"], 8);
+    let answer = &told["robust_game"];
+    let costs: Vec<f64> =
+        answer["objectives_of_setups"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
+    assert_eq!((costs.len(), told["setups"].as_array().unwrap().len()), (6, 6));
+    let worst = answer["worst_objective"].as_f64().unwrap();
+    let planned = told["objective"].as_f64().unwrap();
+    assert_eq!(costs.iter().copied().fold(planned, f64::max), worst);
+    assert!(worst > planned, "5 mm off the target's edge costs: {worst} {planned}");
+    assert_eq!(told["searches"][0]["objective"].as_f64().unwrap(), worst);
+    let page = String::from_utf8(read("one/plan.html")).unwrap();
+    assert!(page.contains("Robust game: the objective is"));
+    // Without the game the same options plan for the mean, and without a shift there is none to play.
+    assert!(plan(folder.path(), &[&asked[..], &["--out", "mean"]].concat())["robust_game"].is_null());
+    let alone = stillpoint(folder.path(), &["plan", "--robust-by", "worst"]);
+    assert!(!alone.status.success() && text(&alone.stderr).contains("--robust"), "{}", text(&alone.stderr));
+}
+
 /// What pydicom reads of a plan and its dose.
 const PRINT: &str = r#"
 import sys, json, warnings, pydicom
@@ -355,7 +383,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
 fn a_trained_network_chooses_from_the_image_and_only_its_beams_get_doses() {
     let folder = tempfile::tempdir().unwrap();
     // Numbers without meaning, but a network.
-    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2, set: 2 };
+    let sizes = Sizes { structure: 2, ring: 3, angle: 3, beside: 2, pair: 2, set: 2, layers: 2 };
     let some = |n: usize| (0..n).map(|i| 0.3 + 0.1 * ((7 * i) % 5) as f32).collect::<Vec<f32>>();
     let numbers = sizes.tensors().into_iter().map(|(_, shape)| some(shape.iter().product())).collect();
     let model = Model::new(sizes, numbers).unwrap();

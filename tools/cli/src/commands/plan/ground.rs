@@ -1,14 +1,14 @@
 //! The case made ready: what is wanted of it, and the doses of the beams it may get.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use stillpoint_plan::beams::RingDoses;
+use stillpoint_plan::beams::{RingDoses, SecondPlayer};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::Aims;
 use stillpoint_plan::sampling::Sampling;
 
 use super::pooled::Pooled;
-use super::request::Request;
+use super::request::{Request, RobustBy};
 use crate::exit::Failure;
 
 /// Doses at which volumes are told, gray; those up to the highest prescription.
@@ -20,8 +20,10 @@ pub struct Ground {
     pub sampling: Sampling,
     /// What is wanted of each structure: objectives in gray, on the points that count for it.
     pub aims: Aims,
-    /// The same over all set-ups.
+    /// The same as plans are solved for: over all set-ups, or in the robust game for the planned one.
     pub goals: Goals,
+    /// The second player of the robust game.
+    pub opponent: Option<Opponent>,
     /// The engines of the points, of each set-up, the planned one first.
     pub engines: Vec<DoseEngine>,
     /// Doses of the beams.
@@ -32,6 +34,14 @@ pub struct Ground {
     pub prescribed_gy: f64,
     /// What people should know.
     pub notes: Vec<String>,
+}
+
+/// What the second player of the robust game needs.
+pub struct Opponent {
+    /// Doses of the beams under each set-up error.
+    doses: RingDoses,
+    /// Goals of what moves with the patient, and of what counts as planned.
+    parts: [Goals; 2],
 }
 
 impl Ground {
@@ -45,7 +55,9 @@ impl Ground {
         let engine = DoseEngine::of_case(case, request.machine.clone(), params).map_err(Failure::failed)?;
         let engine = sampling.engine(&engine);
         let mut aims = request.objectives.for_points(case, &sampling).map_err(Failure::failed)?;
-        let goals = aims.goals(request.setups_mm.len()).map_err(Failure::failed)?;
+        let is_game = request.robust_by == RobustBy::Worst;
+        let solved_for = if is_game { 1 } else { request.setups_mm.len() };
+        let goals = aims.goals(solved_for).map_err(Failure::failed)?;
         let moving = engine.within(aims.followed());
         let mut engines = vec![engine];
         for shift_mm in &request.setups_mm[1..] {
@@ -59,9 +71,17 @@ impl Ground {
             pooled.fill(&cache, &engines, &angles, || bar.inc(1));
             bar.set_position(0);
         }
-        let doses = RingDoses::load(&cache, &engines, request.ring, &beams, request.threads, || bar.inc(1));
+        let load = |engines: &[DoseEngine]| {
+            RingDoses::load(&cache, engines, request.ring, &beams, request.threads, || bar.inc(1))
+                .map_err(Failure::failed)
+        };
+        let (solved, errors) = engines.split_at(solved_for);
+        let doses = load(solved)?;
+        let opponent = match is_game {
+            true => Some(Opponent { doses: load(errors)?, parts: aims.parts().map_err(Failure::failed)? }),
+            false => None,
+        };
         bar.finish_and_clear();
-        let doses = doses.map_err(Failure::failed)?;
         let prescribed_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
         let mut notes = std::mem::take(&mut aims.notes);
         notes.extend(doses.replaced().map(|fault| format!("a cached dose was computed again: {fault}")));
@@ -74,11 +94,18 @@ impl Ground {
             volumes_at_gy: VOLUMES_AT_GY.into_iter().filter(|gray| *gray <= prescribed_gy).collect(),
             aims,
             goals,
+            opponent,
             engines,
             doses,
             prescribed_gy,
             notes,
         })
+    }
+
+    /// The second player of the robust game, where it is played.
+    pub fn second_player(&self) -> Option<SecondPlayer<'_>> {
+        let Opponent { doses, parts: [moving, still] } = self.opponent.as_ref()?;
+        Some(SecondPlayer { doses, moving, still, all: &self.goals })
     }
 
     /// The engine of the points in the planned set-up.

@@ -55,7 +55,7 @@ impl<'a> Leaves<'a> {
             least_weight: collimator.least_mu / mu_per_weight,
             ..LeafOptions::PLAN
         };
-        let sequenced = sequence(&ground.goals, &beams, collimator, best.cost, options);
+        let sequenced = sequence(&ground.goals, &beams, collimator, best.solved_cost(), options);
         let sequenced = sequenced.map_err(|e| {
             Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
         })?;
@@ -96,7 +96,7 @@ impl<'a> Leaves<'a> {
 
     /// All of it, for `plan.json`.
     pub fn told(&self, request: &Request, run: &Run) -> Value {
-        let [opaque, loss] = self.losses(run.choice.best.cost);
+        let [opaque, loss] = self.losses(run.choice.best.solved_cost());
         let (segments, monitor_units) = self.totals();
         let beam = |(number, beam): (&u16, &LeafBeam)| {
             let segment = |segment: &stillpoint_plan::leaves::Segment| {
@@ -119,7 +119,7 @@ impl<'a> Leaves<'a> {
             "objective": self.sequenced.plan.certificate.objective,
             "loss": loss,
             "loss_without_transmission": opaque,
-            "loss_before_segments_were_added": self.sequenced.divided / run.choice.best.cost - 1.0,
+            "loss_before_segments_were_added": self.sequenced.divided / run.choice.best.solved_cost() - 1.0,
             "added_segments": self.sequenced.added,
             "segments": segments,
             "monitor_units": monitor_units,

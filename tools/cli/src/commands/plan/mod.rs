@@ -45,7 +45,7 @@ use ground::Ground;
 use guide::Guide;
 use outcome::Outcome;
 use pooled::Pooled;
-use request::Request;
+use request::{Request, RobustBy};
 use search::Run;
 use way::Way;
 
@@ -88,10 +88,13 @@ pub struct Plan {
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]
     compare: bool,
-    /// Optimise the mean over set-ups: the planned one, and the patient shifted by this length along each axis in both
+    /// Plan for several set-ups: the planned one, and the patient shifted by this length along each axis in both
     /// directions. Without a length, the shift is 3 mm.
     #[arg(long, value_name = "SHIFT", num_args = 0..=1, default_missing_value = "3mm")]
     robust: Option<String>,
+    /// What is optimised with `--robust`.
+    #[arg(long, value_enum, default_value_t = RobustBy::Mean, requires = "robust")]
+    robust_by: RobustBy,
     /// JSON table of objectives; its entries take precedence over the built-in table.
     #[arg(long, value_name = "FILE")]
     objectives: Option<PathBuf>,

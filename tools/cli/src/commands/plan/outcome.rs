@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use stillpoint_plan::Grid;
-use stillpoint_plan::beams::Progress;
+use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::case::Structure;
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
@@ -101,6 +101,24 @@ impl<'a> Outcome<'a> {
         &self.grid
     }
 
+    /// What the robust game found, in words; nothing where it was not played.
+    pub fn worst_case(&self, request: &Request) -> Option<String> {
+        let best = &self.run.choice.best;
+        let answer = best.answer.as_ref()?;
+        let where_from = match answer.error.and_then(|error| request.setups_mm.get(error + 1)) {
+            Some([x, y, z]) => format!("where the patient is moved by ({x}, {y}, {z}) mm"),
+            None => "as planned".to_owned(),
+        };
+        Some(format!(
+            "Robust game: the objective is {:.4} in the worst of {} set-ups, {where_from}, and {:.4} as planned. The search \
+             minimised the worst; the fluence is that for the planned set-up. Each answer was counted as {:.2} solves.",
+            best.cost,
+            request.setups_mm.len(),
+            best.solved_cost(),
+            SHARE_OF_A_SOLVE * answer.costs.len() as f64,
+        ))
+    }
+
     /// Everything, as it is written to `plan.json`; nothing in it depends on a clock.
     pub fn told(&self, request: &Request, ground: &Ground, runs: &[Run]) -> Value {
         let best = &self.run.choice.best;
@@ -134,7 +152,12 @@ impl<'a> Outcome<'a> {
             "wanted": ground.aims.wanted.iter().map(wanted).collect::<Vec<_>>(),
             "method": self.run.way,
             "seed": request.seed,
-            "objective": best.cost,
+            "objective": best.solved_cost(),
+            "robust_game": best.answer.as_ref().map(|answer| json!({
+                "worst_objective": best.cost,
+                "worst_setup": answer.error,
+                "objectives_of_setups": answer.costs,
+            })),
             "excess_at_most": certificate.excess,
             "kkt": certificate.kkt,
             "newton_steps": best.plan.steps,

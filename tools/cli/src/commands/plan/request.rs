@@ -4,6 +4,8 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
+use serde::Serialize;
 use stillpoint_dicom::Identity;
 use stillpoint_network::Judgement;
 use stillpoint_network::game::APART;
@@ -33,6 +35,18 @@ const PROPOSALS: usize = 5;
 /// Exchanges of the game of two players.
 const EXCHANGES: usize = 2;
 
+/// What is optimised where there are several set-ups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobustBy {
+    /// The mean over the set-ups, by beams and by fluence.
+    Mean,
+    /// The worst set-up, by beams: the robust game. The fluence is that for the planned set-up; a second player answers each
+    /// set of beams with the set-up under which it costs most, and the search minimises that cost. Its answers are counted in
+    /// the budget, each set-up as 0.02 solves.
+    Worst,
+}
+
 /// A consistent request.
 pub struct Request {
     /// The patient.
@@ -53,6 +67,8 @@ pub struct Request {
     mixture: Option<Mixture<'static>>,
     /// Shifts of the patient (mm), the planned set-up first.
     pub setups_mm: Vec<[f64; 3]>,
+    /// What is optimised where there are several.
+    pub robust_by: RobustBy,
     /// The objectives.
     pub objectives: ObjectiveTable,
     /// The limits that the plan is compared with.
@@ -124,6 +140,7 @@ impl Request {
             caution,
             mixture,
             setups_mm: setups(given.robust.as_deref())?,
+            robust_by: given.robust_by,
             objectives,
             protocol: protocol::of(&case, given.protocol.as_deref())?,
             machine,

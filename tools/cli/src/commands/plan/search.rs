@@ -54,6 +54,11 @@ fn run(
     let bar = bar(request.budget as u64, way.word(), request.quiet);
     let budget = Budget { solves: request.budget };
     let evaluator = Evaluator::new(&ground.doses, &ground.goals, request.ring, request.beams, budget);
+    let second = ground.second_player();
+    let evaluator = match &second {
+        Some(second) => evaluator.against(second),
+        None => evaluator,
+    };
     let evaluator = match solver {
         Some(solver) => evaluator.with_solver(solver),
         None => evaluator,

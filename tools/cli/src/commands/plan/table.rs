@@ -23,11 +23,14 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
         request.case.name(),
         angles(&outcome.angles_deg),
         outcome.run.way.word(),
-        best.cost,
-        best.plan.certificate.excess / best.cost,
+        best.solved_cost(),
+        best.plan.certificate.excess / best.solved_cost(),
         outcome.run.history.len(),
         outcome.run.prices
     );
+    if let Some(text) = outcome.worst_case(request) {
+        outln!("{text}");
+    }
     outln!();
     outln!("dose recomputed on a grid of {:.2} mm:\n", outcome.grid().spacing_mm[0]);
     structures(&outcome.figures, &ground.volumes_at_gy);
@@ -54,7 +57,7 @@ pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome
 /// What the leaves give.
 fn leaves(request: &Request, ground: &Ground, outcome: &Outcome<'_>, leaves: &Leaves<'_>) {
     let (segments, monitor_units) = leaves.totals();
-    let [opaque, loss] = leaves.losses(outcome.run.choice.best.cost).map(|part| 100.0 * part);
+    let [opaque, loss] = leaves.losses(outcome.run.choice.best.solved_cost()).map(|part| 100.0 * part);
     let transmission = request.collimator().map_or(0.0, |c| 100.0 * c.transmission);
     outln!(
         "\nsequenced for step and shoot: {segments} segments, {monitor_units:.0} monitor units a fraction; the objective \

@@ -30,7 +30,7 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
         let weights = best.weights_of(*beam).unwrap_or_default();
         let share = weights.iter().sum::<f64>() / whole;
         let without = match without(ground, outcome, *beam)? {
-            Some(cost) => format!("+{:.0} %", 100.0 * (cost / best.cost - 1.0)),
+            Some(cost) => format!("+{:.0} %", 100.0 * (cost / best.solved_cost() - 1.0)),
             None => "-".to_owned(),
         };
         let angle = request.ring.angle_deg(*beam);

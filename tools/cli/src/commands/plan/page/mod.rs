@@ -76,7 +76,7 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
     }
     if let Some(leaves) = &outcome.leaves {
         let (segments, units) = leaves.totals();
-        let [opaque, loss] = leaves.losses(outcome.run.choice.best.cost).map(|part| 100.0 * part);
+        let [opaque, loss] = leaves.losses(outcome.run.choice.best.solved_cost()).map(|part| 100.0 * part);
         tiles.push(Tile::plain("segments", segments.to_string()));
         tiles.push(Tile::plain("monitor units a fraction", format!("{units:.0}")));
         tiles.push(Tile::plain(
@@ -176,7 +176,9 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
         themed(&chart),
         "Objective of each set of beams, in the order of the solves.".to_owned(),
     );
-    section("search", "Search and certificate", vec![drawing, Block::Text(found), Block::Text(proved)])
+    let mut blocks = vec![drawing, Block::Text(found), Block::Text(proved)];
+    blocks.extend(outcome.worst_case(request).map(Block::Text));
+    section("search", "Search and certificate", blocks)
 }
 
 fn figures(outcome: &Outcome<'_>) -> Result<Section, Failure> {

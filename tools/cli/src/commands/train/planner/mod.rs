@@ -16,7 +16,7 @@ use std::time::Instant;
 use clap::Args;
 use sha2::{Digest, Sha256};
 use stillpoint_network::patient::Body;
-use stillpoint_network::{Coarseness, Patient, Rules};
+use stillpoint_network::{Coarseness, Group, Patient, Rules, Sizes};
 use stillpoint_train::planner::{About, Card, Options, Pooled, Schedule, train};
 
 use super::publish;
@@ -102,6 +102,12 @@ pub struct Planner {
     /// Seed of the network's first numbers and of all draws.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Groups of features that the network does without, to find out what they are worth.
+    #[arg(long, value_name = "GROUP", value_delimiter = ',', value_parser = group)]
+    without: Vec<Group>,
+    /// Circular convolutions over the angles: the depth of the network, 1 to 4.
+    #[arg(long, value_name = "N", default_value_t = Sizes::default().layers)]
+    layers: usize,
     /// Print the card as JSON.
     #[arg(long)]
     json: bool,
@@ -111,7 +117,16 @@ impl Planner {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let schedule = self.schedule()?;
-        let options = Options { rate: self.learning_rate, seed: self.seed, ..Options::default() };
+        let mut without = self.without.clone();
+        without.sort_unstable();
+        without.dedup();
+        let options = Options {
+            sizes: Sizes { layers: self.layers, ..Sizes::default() },
+            rate: self.learning_rate,
+            seed: self.seed,
+            without,
+            ..Options::default()
+        };
         let cores = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
         let began = Instant::now();
         let bars = Bars::new(&schedule)?;
@@ -207,8 +222,15 @@ impl Planner {
             || format!("--first {}", self.first),
             |folder| format!("--cases {}", folder.display()),
         );
+        let mut changed = String::new();
+        for group in &self.without {
+            changed += &format!(" --without {}", group.name());
+        }
+        if self.layers != Sizes::default().layers {
+            changed += &format!(" --layers {}", self.layers);
+        }
         format!(
-            "stillpoint train planner {cases} --train {} --validate {} --test {} --start {} --rounds {} --games {} --passes {} --end {} --buffer {} --grid {} --bixel {} --neck-bixel {} --learning-rate {} --seed {} --data {} --out {}",
+            "stillpoint train planner {cases}{changed} --train {} --validate {} --test {} --start {} --rounds {} --games {} --passes {} --end {} --buffer {} --grid {} --bixel {} --neck-bixel {} --learning-rate {} --seed {} --data {} --out {}",
             self.train,
             self.validate,
             self.test,
@@ -227,6 +249,13 @@ impl Planner {
             self.out.display()
         )
     }
+}
+
+/// A group of features by its name.
+fn group(text: &str) -> Result<Group, String> {
+    let names = Group::ALL.map(Group::name).join(", ");
+    let found = Group::ALL.into_iter().find(|group| group.name() == text);
+    found.ok_or_else(|| format!("the groups of features are {names}"))
 }
 
 /// The case files of a folder, by the numbers and words of their names.
