@@ -29,6 +29,8 @@ pub enum PoseStatus {
     NoFace = 7,
     /// The frame fits the reference, and checks of its identity fail: no pose.
     Doubted = 8,
+    /// No frame became the reference within the time for which a command holds: it has to be asked for again.
+    CaptureLapsed = 9,
 }
 
 impl PoseStatus {
@@ -43,6 +45,7 @@ impl PoseStatus {
         ("capture refused", PoseStatus::CaptureRefused),
         ("no face", PoseStatus::NoFace),
         ("doubted", PoseStatus::Doubted),
+        ("capture lapsed", PoseStatus::CaptureLapsed),
     ];
 
     /// The status of this number.

@@ -46,8 +46,11 @@ pub struct Candidate {
     pub height: f64,
     /// Depth of the ridge's saddle between it and what lies footwards, over its radius.
     pub valley: f64,
-    /// Lesser of its width and that of what lies footwards, over the least width between.
+    /// Lesser of its width (of at most a head of its ball) and that of what lies footwards, over the least width between.
     pub neck: f64,
+    /// How far the surface of a head of this ball and this width is from the centre, m: the greater of the ball's radius
+    /// and half the width, as far as nothing lies beside it.
+    pub reach: f64,
     /// Its size over that of an adult's head, as far as its width, its length and its ball tell: the greatest.
     pub size: f64,
     /// Surface seen footwards of it, m2.
@@ -90,8 +93,9 @@ impl IdentityParams {
     #[must_use]
     pub fn is_stray(&self, candidate: &Candidate, place: &Vector3<f64>) -> bool {
         let offset = self.couch_from_cloud.rotation * (place - candidate.ball.centre);
-        let radius = candidate.ball.radius;
-        self.needs_body && offset.norm() > FAR * radius && offset.y > -NECKWARDS * radius
+        self.needs_body
+            && offset.norm() > FAR * candidate.reach
+            && offset.y > -NECKWARDS * candidate.ball.radius
     }
 }
 
@@ -104,10 +108,14 @@ const NECK_KEPT: f64 = 0.5;
 const HALF_WIDTH: f64 = 1.6;
 /// The same above its centre.
 const TOP: f64 = 2.2;
-/// In radii of the ball: the surface of a head is hardly farther from the centre than this, except its neck, which is
-/// farther footwards than the other.
+/// In reaches: the surface of a head is hardly farther from the centre than this, except its neck, which is farther
+/// footwards than the other, in radii of the ball.
 const FAR: f64 = 1.5;
 const NECKWARDS: f64 = 0.8;
+/// In diameters of the ball: no head is wider than the first, and what is wider than the second has arms, pads or
+/// shoulders beside it.
+const WIDE: f64 = 1.3;
+const BESIDES: f64 = 1.6;
 /// Balls are of one thing if they are no farther apart than this across the couch and along it, in radii of the larger.
 const BESIDE: f64 = 0.7;
 const LENGTH: f64 = 2.2;
@@ -243,11 +251,7 @@ impl Identity {
         self.candidates.clear();
         for ball in balls {
             let candidate = self.candidate(&ball, patches, plane, params, side);
-            match self.candidates.iter_mut().find(|c| is_one_thing(c, &candidate, radius)) {
-                Some(other) if is_better(other, &candidate, params.margin) => {}
-                Some(other) => *other = candidate,
-                None => self.candidates.push(candidate),
-            }
+            self.join(candidate, params.margin, radius);
         }
         self.candidates.sort_by(|a, b| b.certainty().total_cmp(&a.certainty()));
         let certainty = |number: usize| self.candidates.get(number).map(Candidate::certainty);
@@ -257,6 +261,18 @@ impl Identity {
             (Some(_), _) => Choice::Head(0),
             (None, _) => Choice::None(None),
         }
+    }
+
+    /// Adds a candidate. Of all that are of one thing with it, the one that stands for the thing stays.
+    fn join(&mut self, mut candidate: Candidate, margin: f64, radius: f64) {
+        // The one that stays may be of one thing with others than the one that was added.
+        while let Some(at) = self.candidates.iter().position(|c| is_one_thing(c, &candidate, radius)) {
+            let other = self.candidates.swap_remove(at);
+            if is_better(&other, &candidate, margin) {
+                candidate = other;
+            }
+        }
+        self.candidates.push(candidate);
     }
 
     fn candidate(
@@ -275,6 +291,7 @@ impl Identity {
             height,
             valley: f64::NAN,
             neck: f64::NAN,
+            reach: ball.radius,
             size: 1.0,
             body_area: f64::NAN,
             body_width: f64::NAN,
@@ -367,7 +384,10 @@ impl Identity {
         candidate.midline = if shoulders > 0.0 { left.min(right) / left.max(right) } else { 0.0 };
         let narrow =
             self.slices[between].iter().map(Slice::width).filter(|w| *w > 0.0).fold(f64::INFINITY, f64::min);
-        candidate.neck = if narrow.is_finite() { head.min(shoulders) / narrow } else { 0.0 };
+        // Two shoulders with a dent between are no neck: the width of what is not the candidate's does not count.
+        let own_width = head.min(WIDE * 2.0 * radius);
+        candidate.neck = if narrow.is_finite() { own_width.min(shoulders) / narrow } else { 0.0 };
+        candidate.reach = if head <= BESIDES * 2.0 * radius { radius.max(head / 2.0) } else { radius };
         candidate.size = (head / ADULT_WIDTH).max(length / ADULT_LENGTH).max(2.0 * radius / ADULT_BALL);
         candidate.body_area = area;
         candidate.body_width = shoulders / (2.0 * radius);

@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use crate::observability::Observability;
 use crate::planned::{Foreign, Planned};
+use crate::sightings::{Sightings, middle};
 use crate::surface::SurfaceError;
 use crate::tracker::HeadTracker;
 
@@ -22,6 +23,20 @@ pub enum CaptureError {
     /// It makes no surface.
     #[error(transparent)]
     Surface(#[from] SurfaceError),
+    /// Too few of the last frames show a face where it lies.
+    #[error("the last frames show {seen} faces where it lies, a capture needs {needed}")]
+    Unsteady {
+        /// Faces at its place.
+        seen: usize,
+        /// Faces needed.
+        needed: usize,
+    },
+    /// A capture was asked for longer ago than it holds. It has to be asked for again.
+    #[error("no face became the reference within {} ms of the command", .within / 1_000_000)]
+    Lapsed {
+        /// How long a command holds, ns.
+        within: u64,
+    },
     /// Its surface does not hold every direction of a movement.
     #[error("the face holds {} of 6 directions of a movement: too little of the head is seen, or it is round like a ball", .0.constrained)]
     Loose(Box<Observability>),
@@ -44,10 +59,21 @@ enum State {
     Idle,
     /// The next face is to be the reference.
     Awaited,
+    /// A person has asked for a reference; with the time of the first frame since, ns.
+    Asked(Option<u64>),
     /// So many frames are still to be added to it.
     Gathering(u32),
     /// It is complete and has not been sent.
     Complete,
+}
+
+/// When a face is taken that a person has asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Asking {
+    /// So many of the last frames, with it, show a face where it lies.
+    pub seen: usize,
+    /// For so long from the first frame after it a command holds, ns.
+    pub within: u64,
 }
 
 /// Makes references. The first frame is one at once; those that follow are brought onto it and make its surface finer.
@@ -56,6 +82,8 @@ pub struct Capture {
     frames: u32,
     most: usize,
     needs_all: bool,
+    asking: Asking,
+    sightings: Sightings,
     state: State,
     /// Frames behind the surface; 0 where it is known without one.
     behind: u32,
@@ -69,12 +97,14 @@ impl Capture {
     /// References of `frames` frames and at most `most` points. If it `needs_all` directions, a face whose surface does not
     /// hold each of the six directions of a movement is refused.
     #[must_use]
-    pub fn new(frames: u32, most: usize, needs_all: bool) -> Self {
+    pub fn new(frames: u32, most: usize, needs_all: bool, asking: Asking) -> Self {
         let nowhere = Vector3::zeros();
         Self {
             frames: frames.max(1),
             most,
             needs_all,
+            asking,
+            sightings: Sightings::default(),
             state: State::Idle,
             behind: 0,
             number: 0,
@@ -85,8 +115,33 @@ impl Capture {
     }
 
     /// The next face that is fit for it becomes the reference.
-    pub fn command(&mut self) {
+    pub fn take_next(&mut self) {
         self.state = State::Awaited;
+    }
+
+    /// A person asks for a reference: a face becomes it that is fit for it and was seen in the frames before. What comes
+    /// later than the command holds has to be asked for again.
+    pub fn command(&mut self) {
+        self.state = State::Asked(None);
+    }
+
+    /// Notes what a new frame shows: the points of its face, m, if it has one. A frame that is the one before again is none.
+    pub fn note(&mut self, face: Option<&[Vector3<f64>]>) {
+        self.sightings.note(face.and_then(middle));
+    }
+
+    /// A frame was acquired at `time`, ns.
+    ///
+    /// # Errors
+    /// A command lapsed with this frame, which is told once.
+    pub fn pass(&mut self, time: u64) -> Result<(), CaptureError> {
+        let State::Asked(first) = &mut self.state else { return Ok(()) };
+        let within = self.asking.within;
+        if time.saturating_sub(*first.get_or_insert(time)) < within {
+            return Ok(());
+        }
+        self.state = State::Idle;
+        Err(CaptureError::Lapsed { within })
     }
 
     /// Starts with a reference from elsewhere, in the frame of the faces. Where the head is, a search finds.
@@ -119,11 +174,18 @@ impl Capture {
         time: u64,
         needed: usize,
     ) -> Result<Offer, CaptureError> {
-        if self.state != State::Awaited {
+        if !self.awaits() {
             return Ok(Offer::NotAwaited);
         }
         if cloud.len() < needed {
             return Err(CaptureError::TooFewPoints { found: cloud.len(), needed });
+        }
+        if let State::Asked(_) = self.state {
+            let seen = middle(cloud).map_or(0, |place| self.sightings.at(&place));
+            let needed = self.asking.seen;
+            if seen < needed {
+                return Err(CaptureError::Unsteady { seen, needed });
+            }
         }
         let surface = tracker.surface_of(cloud)?;
         let observability = tracker.observability(&surface, cloud);
@@ -153,7 +215,7 @@ impl Capture {
         time: u64,
         needed: usize,
     ) -> Result<Option<Isometry3<f64>>, CaptureError> {
-        if self.state != State::Awaited {
+        if !self.awaits() {
             return Ok(None);
         }
         if cloud.len() < needed {
@@ -228,6 +290,10 @@ impl Capture {
     #[must_use]
     pub fn centre(&self) -> Vector3<f64> {
         self.centre
+    }
+
+    fn awaits(&self) -> bool {
+        matches!(self.state, State::Awaited | State::Asked(_))
     }
 
     fn settle(&mut self, tracker: &HeadTracker) {

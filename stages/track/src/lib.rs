@@ -13,6 +13,7 @@
 //! - [`tracker`]: a head followed frame by frame.
 //! - [`planned`]: a reference from the planning CT, and where it is found.
 //! - `capture`: when a face becomes the reference.
+//! - `sightings`: in how many frames a face was seen at one place.
 //! - `identity`: whether what is followed is still what was captured.
 //! - `uncertainty`: what is known of a pose.
 //! - `operator`, `track.centroid`; [`head`], `track.head`.
@@ -35,6 +36,7 @@ mod patch;
 pub mod planned;
 pub mod quaternion;
 mod search;
+mod sightings;
 pub mod summit;
 mod summit_operator;
 pub mod surface;

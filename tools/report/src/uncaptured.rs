@@ -18,20 +18,29 @@ pub struct Uncaptured {
     pub unfit: u64,
     /// Frames without a face.
     pub without_a_face: u64,
+    /// Commands after which no face was captured in time.
+    pub lapsed: u64,
     /// The topic of its commands, if it is connected to one.
     pub command: Option<String>,
 }
 
 impl std::fmt::Display for Uncaptured {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { operator, frames, unfit, without_a_face, command } = self;
+        let Self { operator, frames, unfit, without_a_face, lapsed, command } = self;
         write!(f, "{operator}: NO REFERENCE was captured, so none of {frames} frames has a pose")?;
         match (unfit, command) {
             (1.., _) => write!(f, "; {unfit} of them were refused as a reference")?,
             (0, Some(topic)) => write!(f, ": stillpoint send {topic} takes the next face")?,
             (0, None) => {}
         }
-        if *without_a_face > 0 { write!(f, "; {without_a_face} of them show no face") } else { Ok(()) }
+        if *without_a_face > 0 {
+            write!(f, "; {without_a_face} of them show no face")?;
+        }
+        match lapsed {
+            0 => Ok(()),
+            1 => write!(f, "; no face was captured in time after the command, send it again"),
+            _ => write!(f, "; after {lapsed} commands no face was captured in time, send one again"),
+        }
     }
 }
 
@@ -50,6 +59,7 @@ pub fn of_session(session: &Session, graph: &Graph) -> Vec<Uncaptured> {
                 frames: 0,
                 unfit: 0,
                 without_a_face: 0,
+                lapsed: 0,
                 command: command_of(graph, operator),
             })
         });
@@ -61,6 +71,7 @@ pub fn of_session(session: &Session, graph: &Graph) -> Vec<Uncaptured> {
             tracker.frames += 1;
             tracker.unfit += is(PoseStatus::CaptureRefused);
             tracker.without_a_face += is(PoseStatus::NoFace);
+            tracker.lapsed += is(PoseStatus::CaptureLapsed);
         }
     }
     waiting.into_values().flatten().collect()

@@ -11,7 +11,7 @@ use stillpoint_samples::{
 
 use super::params::{CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams};
 use super::report;
-use crate::capture::{Capture, CaptureError, Offer};
+use crate::capture::{Asking, Capture, CaptureError, Offer};
 use crate::identity::{ENOUGH, Frame, Identity, Needed};
 use crate::output_frame::output_from_face;
 use crate::planned::{Limits, Planned};
@@ -99,7 +99,7 @@ impl Operator for TrackHead {
                 sample: ConsoleCommand::KIND,
                 policy: Policy::Queue(8),
                 required: false,
-                about: "`capture` makes the next face the reference; other commands are ignored.",
+                about: "`capture` makes the next face the reference that is fit for it; other commands are ignored.",
             },
             Input {
                 name: "rejection",
@@ -172,13 +172,14 @@ impl Operator for TrackHead {
             params.capture_frames,
             params.max_points as usize,
             params.directions == Directions::All,
+            Asking { seen: params.capture_seen as usize, within: params.capture_within },
         );
         match start {
             Some(name) => {
                 let cloud = reference_file(name, setup)?;
                 capture.start_with(&mut tracker, cloud).map_err(|e| SetupError(format!("{name}: {e}")))?;
             }
-            None if params.capture == CaptureBy::First => capture.command(),
+            None if params.capture == CaptureBy::First => capture.take_next(),
             None => {}
         }
         Ok(Self {
@@ -211,7 +212,11 @@ impl Operator for TrackHead {
         if let Some(command) = activation.fresh::<ConsoleCommand>(COMMAND)
             && command.first().is_some_and(|c| c.verb == Verb::Capture as u32)
         {
-            self.capture.command();
+            match self.known {
+                // The surface itself says whose face it is.
+                Some(_) => self.capture.take_next(),
+                None => self.capture.command(),
+            }
         }
         if let Some(command) = activation.fresh::<ConsoleCommand>(CONFIRM)
             && command.first().is_some_and(|c| c.verb == Verb::Confirm as u32)
@@ -222,8 +227,12 @@ impl Operator for TrackHead {
             if let Some((_, identity)) = &mut self.identity {
                 identity.pass(rejection.header.origin);
             }
+            self.capture.note(None);
+            let standing = self.capture.pass(rejection.header.origin);
             // Where the head was last stays the best guess of where it is.
-            return outputs.send::<PoseReport>(REPORT, &self.without_a_face());
+            let report = self.without_a_face();
+            let report = if standing.is_err() { report::of_lapsed(report) } else { report };
+            return outputs.send::<PoseReport>(REPORT, &report);
         }
         let Some(face) = activation.fresh::<PointCloud>(FACE) else { return Ok(()) };
         let finite = |p: &&Point| p.xyz.iter().all(|c| c.is_finite());
@@ -231,8 +240,12 @@ impl Operator for TrackHead {
         self.cloud.clear();
         self.cloud.extend(face.elements.iter().filter(finite).map(|p| Vector3::from(p.xyz.map(f64::from))));
         let time = face.header.origin;
-        let captured = self.offer(time);
-        let is_repeated = self.cloud == self.before && captured != Ok(Offer::Taken);
+        let is_same = self.cloud == self.before;
+        if !is_same {
+            self.capture.note(Some(&self.cloud));
+        }
+        let captured = self.capture.pass(time).and_then(|()| self.offer(time));
+        let is_repeated = is_same && captured != Ok(Offer::Taken);
         // The search begins at the last pose and ends a little nearer: with the same face again it would be another pose
         // each time, and nobody would notice that the camera is frozen.
         let again = self.found.take().filter(|_| is_repeated);

@@ -127,6 +127,15 @@ pub struct HeadParams {
     /// Number of frames of a reference. The head may move: each frame is aligned with the first.
     #[param(default = 1, min = 1, max = 16)]
     pub capture_frames: u32,
+    /// Of the last ten frames, so many must show a face where it lies, before a person's command takes one. Noise makes a
+    /// shoulder or a fist pass for a head in single frames. Frames without a face count if `rejection` is connected. With
+    /// the surface of a planning CT, and for `capture: first`, one face is enough.
+    #[param(default = 4, min = 1, max = 10)]
+    pub capture_seen: u32,
+    /// For so long, from the first frame after it, a person's command holds. A face that comes later was not there when
+    /// the person asked: it has to be asked for again. With the surface of a planning CT a command holds until it is met.
+    #[param(unit = "ns", default = "1200 ms", min = "100 ms", max = "60 s")]
+    pub capture_within: u64,
     /// Origin of the head where no known surface gives an isocentre. The axes of the head are those of the pose's frame at
     /// the capture.
     #[param(default = "centroid")]

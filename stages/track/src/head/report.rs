@@ -56,6 +56,11 @@ pub fn of_foreign(said: PoseReportElement, why: &Foreign) -> PoseReportElement {
     }
 }
 
+/// Says that nobody waits for a capture any more.
+pub fn of_lapsed(said: PoseReportElement) -> PoseReportElement {
+    PoseReportElement { status: PoseStatus::CaptureLapsed as u32, ..said }
+}
+
 /// Says which directions a face does not hold that was refused for it.
 pub fn of_loose(said: PoseReportElement, held: &Observability) -> PoseReportElement {
     let refused = (held.constrained..6).fold(0, |bits, i| bits | 1 << i);
@@ -65,6 +70,7 @@ pub fn of_loose(said: PoseReportElement, held: &Observability) -> PoseReportElem
 /// What became of a frame.
 pub fn status(captured: &Result<Offer, CaptureError>, tracked: &Result<TrackedPose, Loss>) -> PoseStatus {
     match (captured, tracked) {
+        (Err(CaptureError::Lapsed { .. }), _) => PoseStatus::CaptureLapsed,
         (Err(_), _) => PoseStatus::CaptureRefused,
         (Ok(Offer::Taken), _) => PoseStatus::Captured,
         (_, Ok(pose)) if pose.way == Way::Tracked => PoseStatus::Tracked,

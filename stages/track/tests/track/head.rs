@@ -188,7 +188,7 @@ fn the_pose_of_another_point_of_the_head_is_that_of_its_origin_seen_from_there()
 
 #[test]
 fn before_a_command_there_is_no_pose_and_it_is_said() {
-    let mut bench = bench(|t| t.replace("capture: first", "capture: command"));
+    let mut bench = bench(|t| t.replace("capture: first", "capture: command, capture_seen: 1"));
     let cloud = head(&camera_from_body());
     for verb in [Verb::Arm, Verb::Capture] {
         let said = feed(&mut bench, &cloud);
@@ -201,9 +201,44 @@ fn before_a_command_there_is_no_pose_and_it_is_said() {
     assert!(said.pose.is_some() && said.reference.is_some());
 }
 
+/// Frames of a head that breathes: no two are the same.
+fn breathing(k: u32) -> Vec<Vector3<f64>> {
+    head(&moved([1e-4 * f64::from(k), 0.0, 0.0], [0.0; 3]))
+}
+
+#[test]
+fn a_person_captures_a_face_that_was_seen_in_the_frames_before() {
+    let mut bench = bench(|t| t.replace("capture: first", "capture: command"));
+    feed(&mut bench, &breathing(0));
+    // Elsewhere, and nowhere.
+    feed(&mut bench, &head(&moved([0.05, 0.0, 0.0], [0.0; 3])));
+    reject(&mut bench);
+    command(&mut bench, Verb::Capture);
+    let mut statuses = Vec::new();
+    for k in [1, 2, 2, 3] {
+        statuses.push(feed(&mut bench, &breathing(k)).status());
+    }
+    // The third is the second again, which is no new frame.
+    let refused = PoseStatus::CaptureRefused;
+    assert_eq!(statuses, [refused, refused, refused, PoseStatus::Captured]);
+}
+
+#[test]
+fn a_command_lapses_before_a_face_that_comes_later() {
+    let within = "capture: command, capture_seen: 1, capture_within: 100 ms";
+    let mut bench = bench(|t| t.replace("capture: first", within));
+    command(&mut bench, Verb::Capture);
+    // Frames come every 10 ms.
+    let without: Vec<PoseStatus> = (0..12).map(|_| reject(&mut bench).status()).collect();
+    assert_eq!(without.iter().filter(|s| **s == PoseStatus::CaptureLapsed).count(), 1, "{without:?}");
+    assert_eq!(feed(&mut bench, &breathing(0)).status(), PoseStatus::NoReference);
+    command(&mut bench, Verb::Capture);
+    assert_eq!(feed(&mut bench, &breathing(1)).status(), PoseStatus::Captured);
+}
+
 #[test]
 fn another_command_makes_another_reference() {
-    let mut bench = bench(str::to_owned);
+    let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_seen: 1"));
     feed(&mut bench, &head(&camera_from_body()));
     let cloud = head(&moved([0.005, 0.0, 0.0], [0.0, 0.1, 0.0]));
     let before = feed(&mut bench, &cloud);
@@ -310,7 +345,8 @@ fn a_lost_head_stays_lost_in_the_same_face_again() {
 
 #[test]
 fn the_same_face_again_is_captured_where_that_is_asked_for() {
-    let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_frames: 3"));
+    let mut bench =
+        bench(|t| t.replace("capture: first", "capture: first, capture_frames: 3, capture_seen: 1"));
     feed(&mut bench, &head(&camera_from_body()));
     let still = head(&moved([0.005, 0.0, 0.0], [0.0, 0.1, 0.0]));
     (0..4).for_each(|_| drop(feed(&mut bench, &still)));

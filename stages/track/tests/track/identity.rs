@@ -199,7 +199,7 @@ fn a_reference_is_proven_by_a_movement_of_all_its_parts_and_fails_without() {
 
 #[test]
 fn a_reference_is_confirmed_by_a_person_and_each_one_anew() {
-    let mut bench = bench(str::to_owned);
+    let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_seen: 1"));
     let cloud = head(&camera_from_body());
     assert_eq!(feed(&mut bench, &cloud).report.confirmed, 0);
     confirm(&mut bench, Verb::Arm);
