@@ -342,7 +342,7 @@ fn a_file_says_what_its_network_does_without_and_how_deep_it_is() {
         bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
         Model::from_safetensors(&bytes).unwrap_err()
     };
-    let message = swap(&bytes, "apart", "fit\\\",").to_string();
+    let message = swap(&bytes, "apart", "apert").to_string();
     assert!(message.contains("metadata"), "{message}");
     let message = swap(&bytes, "\\\"apart\\\"", "\\\"ways\\\" ").to_string();
     assert!(message.contains("fit, ways are left out, and its scales leave out fit, apart"), "{message}");
