@@ -124,7 +124,8 @@ impl Network {
 
     /// What it says of an example.
     pub fn forward(&self, x: &Loaded) -> Result<Said, TrainError> {
-        let at = |of: usize| -> &Tensor { &self.vars[self.sizes.place(of) - place::TRAINED] };
+        let exactly = |at: usize| -> &Tensor { &self.vars[at - place::TRAINED] };
+        let at = |of: usize| exactly(self.sizes.place(of));
         let dense = |x: &Tensor, first: usize| -> Result<Tensor, TrainError> {
             Ok(x.matmul(&at(first).t()?)?.broadcast_add(at(first + 1))?)
         };
@@ -134,11 +135,11 @@ impl Network {
         let summed = structures.reshape((count, x.angles, self.sizes.structure))?.sum(0)?;
         let mut seen = Tensor::cat(&[&x.target, &summed], 1)?;
         let around = |input: &Tensor, first: usize, turned: &[Tensor]| -> Result<Tensor, TrainError> {
-            let mut sum = input.matmul(&at(first).t()?)?.broadcast_add(at(first + 3))?;
+            let mut sum = input.matmul(&exactly(first).t()?)?.broadcast_add(exactly(first + 3))?;
             for tap in 1..3 {
                 let sides = (input.index_select(&turned[2 * tap], 0)?
                     + input.index_select(&turned[2 * tap + 1], 0)?)?;
-                sum = (sum + sides.matmul(&at(first + tap).t()?)?)?;
+                sum = (sum + sides.matmul(&exactly(first + tap).t()?)?)?;
             }
             Ok(sum.relu()?)
         };
