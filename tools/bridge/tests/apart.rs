@@ -12,7 +12,7 @@ const LIMIT: u64 = 100_000_000;
 
 /// The example at ports that nobody has, with its key, and with a head that is held where it is.
 fn pipeline(bench: &Bench) -> String {
-    let mut yaml = PIPELINE.replace("at: 2.5 s, z:", "at: 1 h, z:");
+    let mut yaml = PIPELINE.replace("at: 5 s, z:", "at: 1 h, z:");
     let free = udp_ports::<3>();
     for (own, free) in ["5005", "5006", "5008"].iter().zip(free) {
         let link = format!("udp: 127.0.0.1:{own}");
