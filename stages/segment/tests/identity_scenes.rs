@@ -129,6 +129,41 @@ fn a_head_that_cannot_be_cut_from_an_arm_or_a_pad_is_refused() {
     }
 }
 
+/// A body without a head: as wide as its shoulders, it narrowed like a neck at the dent between them.
+#[test]
+fn two_shoulders_with_a_dent_between_are_not_taken_for_a_head() {
+    for seed in [13, 25, 27] {
+        assert!(shares(11_459, Worn::Nothing, seed).is_err(), "{seed}");
+    }
+}
+
+#[test]
+fn a_ball_beside_a_head_is_not_taken_for_it() {
+    let found: Vec<f64> = [0, 5, 9, 14]
+        .into_iter()
+        .filter_map(|seed| shares(11_237, Worn::Nothing, seed).ok())
+        .map(|[pure, _]| pure)
+        .collect();
+    assert!(found.len() > 1 && found.iter().all(|pure| *pure > 0.8), "{found:.2?}");
+}
+
+#[test]
+fn thick_hair_beside_a_ball_is_no_arm() {
+    for number in [10_442, 10_536, 10_756] {
+        let [pure, whole] = shares(number, Worn::Hair, 0).unwrap();
+        assert!(pure > 0.9 && whole > 0.9, "{number}: purity {pure:.2}, {whole:.2} of the head");
+    }
+}
+
+/// One of them is of one thing with the next, and that one with a third.
+#[test]
+fn of_three_balls_of_one_head_no_two_are_rivals() {
+    for number in [10_027, 10_081, 10_086] {
+        let [pure, whole] = shares(number, Worn::Hair, 0).unwrap();
+        assert!(pure > 0.9 && whole > 0.9, "{number}: purity {pure:.2}, {whole:.2} of the head");
+    }
+}
+
 /// Whether wrong and missed scenes are told with their candidates.
 fn tells() -> bool {
     std::env::var_os("STILLPOINT_TELL").is_some()
