@@ -129,7 +129,7 @@ pub struct PoseReportElement {
     /// Root mean square, along the normals, of how far two parts of the surface move against each other.
     #[unit("m")]
     pub apart: f64,
-    /// How far the less moved of the two parts has moved since the capture, in multiples of its noise; the greatest so far.
+    /// Share of the reference that was seen to move with the rest of it since the capture, over the share that is a proof.
     pub moved: f64,
     /// A [`PoseStatus`] as its number.
     pub status: u32,

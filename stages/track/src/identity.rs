@@ -30,13 +30,12 @@ const APART: f64 = 0.5;
 const APART_LEAST: f64 = 0.3e-3;
 /// Least part of a quarter's points that must lie on the surface.
 const QUARTER: f64 = 0.35;
-/// A movement, which is a mean over frames, counts from so many standard deviations of one frame on, and from so far, m.
-const MOVED: f64 = 2.0;
-const MOVED_LEAST: f64 = 0.04e-3;
-/// Frames whose mean is where the movement starts.
+/// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
+/// not to.
+const WITH: f64 = 0.5;
+const AGAINST: f64 = 0.05;
+/// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
-/// Weight of a new frame in the mean movement.
-const NEW: f64 = 0.25;
 /// How long the parts have after the capture to be seen to move together, ns.
 const PROOF_TIME: u64 = 10_000_000_000;
 
@@ -91,11 +90,6 @@ pub struct Identity {
     /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
-    /// Frames behind `start`.
-    frames: u32,
-    /// How far both ends of the surface were from where they were captured, m: in the mean of the first frames, and of the last.
-    start: [Vector3<f64>; 2],
-    now: [Vector3<f64>; 2],
 }
 
 impl Identity {
@@ -110,9 +104,6 @@ impl Identity {
             moved: 0.0,
             density: 0.0,
             dense_frames: 0,
-            frames: 0,
-            start: Default::default(),
-            now: Default::default(),
         }
     }
 
@@ -138,13 +129,13 @@ impl Identity {
             below(shift.norm(), REGION).min(below(motion.rotation.angle(), REGION_TURN));
         let apart = below(seen.apart, (APART * noise).max(APART_LEAST));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
-        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moved, 1.0));
+        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moves.most, 1.0));
         let judged = Judged { certainty, agreement: seen };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
             self.density += (seen.density - self.density) / f64::from(self.dense_frames);
         }
-        self.prove(&judged, frame, &middle, surface.length());
+        self.prove(&judged, frame.time);
         judged
     }
 
@@ -154,6 +145,9 @@ impl Identity {
         self.density = 0.0;
         self.dense_frames = 0;
         self.pieces = Pieces::of(surface);
+        if self.proof != Proof::Waiting {
+            self.pieces.settle();
+        }
     }
 
     /// The certainty that no part of the captured surface is gone.
@@ -165,30 +159,16 @@ impl Identity {
         if certainty.is_finite() { certainty.clamp(0.0, 1.0) } else { 0.0 }
     }
 
-    fn prove(&mut self, judged: &Judged, frame: &Frame<'_>, middle: &Vector3<f64>, length: f64) {
-        let Frame { alignment, motion, time, .. } = *frame;
+    fn prove(&mut self, judged: &Judged, time: u64) {
         self.since.get_or_insert(time);
-        if judged.confidence() >= ENOUGH && self.proof == Proof::Waiting {
-            // Each half is as far from the middle as the length that makes a turn a movement.
-            let shifts = [1.0, -1.0].map(|side| {
-                let end = middle + self.axes.longest() * (side * length);
-                (motion * nalgebra::Point3::from(end)).coords - end
-            });
-            // One frame that errs is no movement, and neither is the error of the captured frame.
-            if self.frames < FIRST {
-                self.frames += 1;
-                let part = 1.0 / f64::from(self.frames);
-                self.start = [0, 1].map(|end| self.start[end] + part * (shifts[end] - self.start[end]));
-                self.now = self.start;
-            }
-            self.now = [0, 1].map(|end| self.now[end] + NEW * (shifts[end] - self.now[end]));
-            let ends = [0, 1].map(|end| self.now[end] - self.start[end]);
-            let variance = alignment.covariance.fixed_view::<3, 3>(0, 0).trace().max(0.0);
-            let noise = (MOVED * variance.sqrt()).max(MOVED_LEAST);
-            self.moved = self.moved.max(ends[0].norm().min(ends[1].norm()) / noise);
-            if self.moved >= 1.0 {
-                self.proof = Proof::Proven;
-            }
+        if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
+            return;
+        }
+        let moves = &judged.agreement.moves;
+        self.moved = if moves.against > AGAINST { 0.0 } else { moves.with / WITH };
+        if self.moved >= 1.0 {
+            self.proof = Proof::Proven;
+            self.pieces.settle();
         }
     }
 
@@ -197,6 +177,7 @@ impl Identity {
         let is_over = self.since.is_some_and(|since| time.saturating_sub(since) > PROOF_TIME);
         if self.proof == Proof::Waiting && is_over {
             self.proof = Proof::Failed;
+            self.pieces.settle();
         }
     }
 
@@ -206,7 +187,8 @@ impl Identity {
         self.proof
     }
 
-    /// How far the less moved end has moved, over what counts as movement.
+    /// Share of the points in pieces that were seen to move with the rest, over the share that proves the head; zero while
+    /// too many lie in pieces that were seen not to. Of the last frame before the proof was complete or failed.
     #[must_use]
     pub fn moved(&self) -> f64 {
         self.moved

@@ -9,6 +9,7 @@
 //! - `equations`: the normal equations.
 //! - `parts`: how parts of the surface agree.
 //! - `pieces`: whether each piece of the surface moves with the rest.
+//! - `together`: whether a piece was seen to move as the rest does.
 //! - `misfit`: how far a cloud is from the surface.
 
 mod aligner;
@@ -17,6 +18,7 @@ mod misfit;
 mod parts;
 mod pieces;
 mod robust;
+mod together;
 
 pub use aligner::{AlignParams, Aligner, Alignment, Approach, Effort};
 pub use misfit::misfit;

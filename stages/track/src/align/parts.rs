@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
 use super::equations::Sums;
 use super::misfit::spread;
-use super::pieces::Pieces;
+use super::pieces::{Moves, Pieces};
 use crate::patch::{Patch, Place};
 use crate::surface::Surface;
 
@@ -42,12 +42,6 @@ impl PartAxes {
         Self { middle, axes: [axis(0), axis(1)] }
     }
 
-    /// The longest axis.
-    #[must_use]
-    pub fn longest(&self) -> Vector3<f64> {
-        self.axes[0]
-    }
-
     fn part(&self, at: &Vector3<f64>) -> usize {
         let is_over = |axis: &Vector3<f64>| usize::from(axis.dot(&(at - self.middle)) > 0.0);
         is_over(&self.axes[0]) | is_over(&self.axes[1]) << 1
@@ -67,9 +61,8 @@ pub struct Agreement {
     /// Number of points on the surface for the solid angle under which its patches are seen. One camera keeps it for one
     /// surface at any distance, unless a part of the surface is gone. Infinite or not a number where no patch is seen.
     pub density: f64,
-    /// Largest movement of a piece of the surface against the rest since the first frames, over its limit; zero without
-    /// pieces.
-    pub moved: f64,
+    /// How the pieces of the surface move; zeros without pieces.
+    pub moves: Moves,
 }
 
 /// The sums of one quarter.
@@ -152,10 +145,10 @@ pub fn agreement(
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
         / solid_angle(surface, surface_from_cloud);
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
-    let moved = pieces.map_or(0.0, |(pieces, noise)| pieces.end(noise));
+    let moves = pieces.map_or(Moves::default(), |(pieces, noise)| pieces.end(noise, surface_from_cloud));
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
-    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moved }
+    Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moves }
 }
 
 /// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2.

@@ -2,11 +2,13 @@
 //! move with the head is a piece that does not.
 //!
 //! A piece and the rest of the surface are fitted apart. How far the piece lies off in the first frames is an error of
-//! the reference. A later change is a movement against the rest.
+//! the reference. A later change is a movement against the rest. Until the head is proven, the movements of both are
+//! compared, too: see [`super::together`].
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Vector3, Vector6};
 
 use super::equations::Sums;
+use super::together::{Together, Verdict};
 use crate::buckets::Buckets;
 use crate::surface::Surface;
 
@@ -61,11 +63,18 @@ impl Part {
         self.information.fixed_view::<3, 3>(0, 0).into_owned()
     }
 
+    /// Where this part fits best.
+    fn fit(&self) -> Option<Fit> {
+        let hold = HOLD_REST * self.information.trace() / 6.0;
+        let held = self.information + Matrix6::from_diagonal_element(hold.max(f64::MIN_POSITIVE));
+        let information = held.cholesky()?;
+        let movement = information.solve(&self.right);
+        Some(Fit { information, movement })
+    }
+
     /// The translation (m) that brings this part onto the surface where the `rest` fits best.
-    fn off(&self, rest: &Self) -> Option<Vector3<f64>> {
-        let hold = HOLD_REST * rest.information.trace() / 6.0;
-        let held = rest.information + Matrix6::from_diagonal_element(hold.max(f64::MIN_POSITIVE));
-        let left = self.right - self.information * held.cholesky()?.solve(&rest.right);
+    fn off(&self, rest: &Fit) -> Option<Vector3<f64>> {
+        let left = self.right - self.information * rest.movement;
         let along = self.along();
         let hold = HOLD * along.trace() / 3.0;
         let held = (along + Matrix3::from_diagonal_element(hold.max(f64::MIN_POSITIVE))).cholesky()?;
@@ -73,14 +82,33 @@ impl Part {
     }
 }
 
+/// Where a part of the surface fits best.
+struct Fit {
+    information: Cholesky<f64, Const<6>>,
+    /// The movement that brings it there: translation, m, and turn times the length of the surface, m.
+    movement: Vector6<f64>,
+}
+
+impl Fit {
+    /// How far the part lies off at a place of the surface, m, and its covariance for points of unit noise.
+    fn at(&self, place: &Vector3<f64>, length: f64) -> (Vector3<f64>, Matrix3<f64>) {
+        let turn = -place.cross_matrix() / length;
+        let mut of = Matrix3x6::identity();
+        of.fixed_view_mut::<3, 3>(0, 3).copy_from(&turn);
+        (-of * self.movement, of * self.information.solve(&of.transpose()))
+    }
+}
+
 /// A part of the surface, in all frames so far.
 #[derive(Debug, Clone)]
 struct Piece {
     cells: Vec<u32>,
+    middle: Vector3<f64>,
     /// How far it lies off in the mean of the first frames, and in that of the last ones, m.
     start: Vector3<f64>,
     now: Vector3<f64>,
     frames: u32,
+    together: Together,
 }
 
 impl Piece {
@@ -98,6 +126,17 @@ impl Piece {
     }
 }
 
+/// What a frame tells of the pieces of a surface.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Moves {
+    /// Largest movement of a piece against the rest since the first frames, over its limit.
+    pub most: f64,
+    /// Share of the points in pieces that were seen to move with the rest, and in pieces that were seen not to.
+    pub with: f64,
+    /// See `with`.
+    pub against: f64,
+}
+
 /// The overlapping pieces of a surface.
 #[derive(Debug, Clone)]
 pub struct Pieces {
@@ -105,6 +144,11 @@ pub struct Pieces {
     sums: Vec<(Sums, u32)>,
     cells: Vec<Part>,
     pieces: Vec<Piece>,
+    length: f64,
+    /// Where the first frame lay on the surface.
+    first: Option<Isometry3<f64>>,
+    /// Whether it is still to be seen that the pieces move together.
+    is_open: bool,
 }
 
 impl Pieces {
@@ -123,7 +167,8 @@ impl Pieces {
         let about = |middle: &Vector3<f64>| {
             let near = (0..).zip(&middles).filter(|(_, other)| (*other - middle).norm() < RADIUS);
             let cells = near.map(|(cell, _)| cell).collect();
-            Piece { cells, start: Vector3::zeros(), now: Vector3::zeros(), frames: 0 }
+            let [start, now] = [Vector3::zeros(); 2];
+            Piece { cells, middle: *middle, start, now, frames: 0, together: Together::default() }
         };
         let pieces = middles.iter().map(about).collect();
         Self {
@@ -131,7 +176,15 @@ impl Pieces {
             sums: vec![(Sums::default(), 0); count],
             cells: vec![Part::empty(); count],
             pieces,
+            length: surface.length(),
+            first: None,
+            is_open: true,
         }
+    }
+
+    /// Notes that the question whether the pieces move together is settled: their movements are compared no more.
+    pub fn settle(&mut self) {
+        self.is_open = false;
     }
 
     /// Begins a frame.
@@ -148,24 +201,37 @@ impl Pieces {
         }
     }
 
-    /// Ends a frame whose points have this noise (standard deviation along the normals, m). Returns the largest
-    /// movement of a piece against the rest, as root mean square along its normals, over its limit. Zero in the first
-    /// frames.
-    pub(super) fn end(&mut self, noise: f64) -> f64 {
-        let Self { sums, cells, pieces, .. } = self;
+    /// Ends a frame whose points have this noise (standard deviation along the normals, m), where all of them fit best.
+    pub(super) fn end(&mut self, noise: f64, surface_from_cloud: &Isometry3<f64>) -> Moves {
+        let Self { sums, cells, pieces, length, first, is_open, .. } = self;
         for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
             *cell = Part { information: sums.information(), right: sums.right, points: *points };
         }
+        let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
         let whole = Part::sum(cells.iter());
         let mut most: f64 = 0.0;
+        let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
         for piece in pieces.iter_mut() {
             let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
             let rest = whole.without(&own);
             if own.points < POINTS_LEAST || rest.points < 3 * POINTS_LEAST {
                 continue;
             }
-            let Some(movements) = own.off(&rest).and_then(|off| piece.add(&off)) else { continue };
+            let Some(rest) = rest.fit() else { continue };
+            let Some(off) = own.off(&rest) else { continue };
             let (along, points) = (own.along(), f64::from(own.points));
+            if *is_open {
+                let (rest_off, covariance) = rest.at(&piece.middle, *length);
+                let moved = (since * Point3::from(piece.middle)).coords - piece.middle + rest_off;
+                piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
+                all += points;
+                match piece.together.verdict(noise) {
+                    Verdict::Open => {}
+                    Verdict::With => with += points,
+                    Verdict::Against => against += points,
+                }
+            }
+            let Some(movements) = piece.add(&off) else { continue };
             // Three unknowns are fitted to the points of the piece.
             let feigned = noise * (3.0 / points).sqrt();
             for (movement, [times, least]) in movements.iter().zip([ONCE, LASTING]) {
@@ -173,6 +239,7 @@ impl Pieces {
                 most = most.max(size / (times * feigned).max(least));
             }
         }
-        most
+        let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
+        Moves { most, with: share(with), against: share(against) }
     }
 }

@@ -197,6 +197,30 @@ fn a_reference_is_proven_by_a_movement_of_all_its_parts_and_fails_without() {
     assert_eq!(proof(&late.report), Proof::Failed as u32);
 }
 
+/// The head breathes for 6 s while a fist lies on its chin, at rest or as a part of the head. Returns the proof then.
+fn breathe_under_a_fist(is_at_rest: bool) -> u32 {
+    let mut bench = bench(str::to_owned);
+    let fist = Point3::new(0.0, -0.075, 0.085);
+    let mut last = None;
+    for frame in 0..60_u64 {
+        bench.at(frame * 100 * MS);
+        let phase = std::f64::consts::TAU * 0.25 * 0.1 * frame as f64;
+        let camera_from_head = moved([0.0, 0.0, 0.3e-3 * phase.sin()], [1.7e-3 * phase.sin(), 0.0, 0.0]);
+        let shift = match is_at_rest {
+            true => camera_from_head.inverse() * (camera_from_body() * fist) - fist,
+            false => Vector3::zeros(),
+        };
+        last = Some(proof(&feed(&mut bench, &with_fist(&camera_from_head, shift)).report));
+    }
+    last.unwrap()
+}
+
+#[test]
+fn a_breath_proves_a_head_and_none_with_a_fist_at_rest_on_it() {
+    assert_eq!(breathe_under_a_fist(false), Proof::Proven as u32);
+    assert_eq!(breathe_under_a_fist(true), Proof::Waiting as u32);
+}
+
 #[test]
 fn a_reference_is_confirmed_by_a_person_and_each_one_anew() {
     let mut bench = bench(|t| t.replace("capture: first", "capture: first, capture_seen: 1"));
