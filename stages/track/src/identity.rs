@@ -9,8 +9,10 @@ use crate::surface::Surface;
 
 /// A part of the confidence at its limit. Below it the frame has no pose.
 pub const ENOUGH: f64 = 0.5;
-/// Points that the parts are judged by.
+/// Points that the parts are judged by; and until it is known whether they move together, which is sooner the more there
+/// are.
 const POINTS: usize = 3000;
+const POINTS_UNPROVEN: usize = 12_000;
 /// Relative deviation of the size: its limit.
 const SIZE: f64 = 0.05;
 /// Over the least overlap that a pose needs: how far from there to full certainty.
@@ -115,7 +117,8 @@ impl Identity {
         let noise = surface.noise_sd();
         let pieces = Some((&mut self.pieces, noise.max(alignment.sd)));
         let pose = &alignment.surface_from_cloud;
-        let seen = agreement(surface, &self.axes, pieces, cloud, pose, tolerance, POINTS);
+        let points = if self.proof == Proof::Waiting { POINTS_UNPROVEN } else { POINTS };
+        let seen = agreement(surface, &self.axes, pieces, cloud, pose, tolerance, points);
         let shift = (motion * nalgebra::Point3::from(middle)).coords - middle;
         let mut certainty = [0.0; 5];
         // A size that the surface does not tell is no reason to doubt.
