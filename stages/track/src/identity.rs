@@ -36,6 +36,8 @@ const QUARTER: f64 = 0.35;
 /// not to.
 const WITH: f64 = 0.5;
 const AGAINST: f64 = 0.05;
+/// Until then no piece may ever have moved against the rest by this part of the limit that holds later.
+const MOVED_BEFORE: f64 = 0.5;
 /// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
 /// How long the parts have after the capture to be seen to move together, ns.
@@ -89,6 +91,8 @@ pub struct Identity {
     since: Option<u64>,
     proof: Proof,
     moved: f64,
+    /// Largest movement of a piece against the rest since the capture, over its limit.
+    most: f64,
     /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
@@ -104,6 +108,7 @@ impl Identity {
             since: None,
             proof: Proof::Waiting,
             moved: 0.0,
+            most: 0.0,
             density: 0.0,
             dense_frames: 0,
         }
@@ -164,11 +169,13 @@ impl Identity {
 
     fn prove(&mut self, judged: &Judged, time: u64) {
         self.since.get_or_insert(time);
+        let moves = &judged.agreement.moves;
+        self.most = self.most.max(moves.most);
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }
-        let moves = &judged.agreement.moves;
-        self.moved = if moves.against > AGAINST { 0.0 } else { moves.with / WITH };
+        let is_apart = moves.against > AGAINST || self.most > MOVED_BEFORE;
+        self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;
             self.pieces.settle();
@@ -191,7 +198,7 @@ impl Identity {
     }
 
     /// Share of the points in pieces that were seen to move with the rest, over the share that proves the head; zero while
-    /// too many lie in pieces that were seen not to. Of the last frame before the proof was complete or failed.
+    /// too many lie in pieces that were seen not to, or if one has moved against the rest. Of the last frame before the proof was complete or failed.
     #[must_use]
     pub fn moved(&self) -> f64 {
         self.moved
