@@ -14,8 +14,8 @@ use stillpoint_testing::Run;
 
 use crate::default_pipeline::{beam_off_after, default_pipeline_of, seconds, tracked_point_moved};
 
-/// When it happens, s: 1 ms behind the frame of 4.0 s.
-const EVENT: f64 = 4.001;
+/// When it happens, s: 1 ms behind the frame of 5.0 s.
+const EVENT: f64 = 5.001;
 /// 1.5 frame periods of 100 ms, and 20 ms.
 const BOUND: f64 = 0.17;
 const SMALL: (&str, &str) = (
@@ -145,7 +145,7 @@ fn shown(what: &str) -> Run {
     );
     let changes =
         [SMALL, NO_STEP, ("cloud: { use: ingest.depth, inputs: { image: rig.depth }", screen.as_str())];
-    default_pipeline_of(KINDS, &changes, 4_300)
+    default_pipeline_of(KINDS, &changes, 5_300)
 }
 
 /// Statuses of the frames from the event on.
@@ -188,9 +188,9 @@ fn a_confidence_that_is_lost_ends_the_beam_in_time() {
 fn a_head_that_moves_beyond_the_limits_ends_the_beam_in_time() {
     let pushed = (
         "motion: breathes,",
-        "motion: breathes, pushes: [{ at: 4001 ms, shift: [0 mm, 0 mm, 2.5 mm], turn: [0 deg, 0 deg, 0 deg] }],",
+        "motion: breathes, pushes: [{ at: 5001 ms, shift: [0 mm, 0 mm, 2.5 mm], turn: [0 deg, 0 deg, 0 deg] }],",
     );
-    let run = default_pipeline_of(&[], &[SMALL, NO_STEP, pushed], 4_800);
+    let run = default_pipeline_of(&[], &[SMALL, NO_STEP, pushed], 5_800);
     // By the truth, from where the gate saw it last.
     let moved = tracked_point_moved(&run);
     let truth: Vec<u64> = run.samples::<Pose>("rig.truth").iter().map(|t| t.header.stamp).collect();
