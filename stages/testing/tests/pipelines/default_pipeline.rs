@@ -279,13 +279,15 @@ fn a_head_that_never_moves_is_never_proven_and_the_gate_says_so() {
 #[test]
 fn nothing_arms_and_no_beam_is_allowed_on_a_reference_that_nobody_confirmed() {
     let unconfirmed = ("{ at: 1 s, say: confirm }, ", "");
-    let run = default_pipeline(&[unconfirmed, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 4_000);
+    let run = default_pipeline(&[unconfirmed, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
     let states = run.samples::<Actuation>("valves.state");
     let last = states.last().unwrap().first().unwrap();
     assert_eq!((last.state, last.lacking), (ActuationState::Disarmed as u32, ActuationReason::UNCONFIRMED));
     let gates = run.samples::<Gate>("gate.state");
     assert!(gates.iter().all(|g| g.first().unwrap().beam == 0));
-    assert_ne!(gates.last().unwrap().first().unwrap().reasons & GateReason::UNCONFIRMED, 0);
+    let reasons = gates.last().unwrap().first().unwrap().reasons;
+    assert_ne!(reasons & GateReason::UNCONFIRMED, 0);
+    assert_eq!(reasons & GateReason::UNPROVEN, 0, "the head was seen to move by then");
 }
 
 #[test]
