@@ -48,6 +48,52 @@ fn a_live_capture_makes_the_reference_and_the_session_replays_bit_for_bit() {
     }
 }
 
+#[test]
+fn a_capture_is_proposed_with_its_numbers_and_its_picture_and_a_person_confirms_it() {
+    let bench = Bench::new();
+    let run = bench.run(&pipeline("seeing.yaml"));
+    bench.wait_for_samples("head.report", 4);
+    let early = bench.call(&["send", "console.confirm"]);
+    assert!(early.code() == 1 && early.out.contains("no reference to confirm: capture one"), "{}", early.out);
+    let proposed = bench.call(&["send", "console.capture"]);
+    assert_eq!(proposed.code(), 0, "{}{}", proposed.out, proposed.err);
+    let said = [
+        "head.report: proposed as reference 1: a face of ",
+        " points, ",
+        "confidence ",
+        "(size 1.00",
+        "picture: ",
+    ];
+    assert!(said.iter().all(|words| proposed.out.contains(words)), "{}", proposed.out);
+    let confirmed = bench.call(&["send", "console.confirm"]);
+    assert!(
+        confirmed.code() == 0 && confirmed.out.contains("head.report: reference 1 is confirmed"),
+        "{}",
+        confirmed.out
+    );
+    let report = run.stop().good();
+    let session = report["session"].as_str().unwrap();
+    let picture = std::fs::read(bench.path(&format!("{session}.head-reference-1.png"))).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
+    let path = proposed.out.split("picture: ").nth(1).unwrap().trim();
+    assert_eq!(std::fs::read(path).unwrap(), picture, "the path that was printed");
+    assert_eq!(bench.call(&["report", session]).code(), 0);
+    let page = std::fs::read_to_string(bench.path(&format!("{session}.html"))).unwrap();
+    assert!(page.contains("captured as reference 1: is it the head"), "the page shows the proposal");
+}
+
+#[test]
+fn a_capture_without_a_face_says_why_and_fails() {
+    let bench = Bench::new();
+    let file = pipeline("seeing.yaml");
+    let run = bench.start(&["run", text(&file), "--set", "face.head_radius=300 mm", "--json"]);
+    bench.wait_for_samples("head.report", 2);
+    let none = bench.call(&["send", "console.capture"]);
+    assert_eq!(none.code(), 1, "{}{}", none.out, none.err);
+    assert!(none.out.contains("nothing was captured: no face was found in enough frames: "), "{}", none.out);
+    run.stop().good();
+}
+
 /// Runs a command where libraries may take so many threads.
 fn on_threads(bench: &Bench, threads: &str, arguments: &[&str]) -> Done {
     let mut command = bench.command(arguments);

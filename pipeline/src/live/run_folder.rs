@@ -124,6 +124,8 @@ pub struct RunCard {
     pub root: PathBuf,
     /// Prefix of the domain.
     pub prefix: String,
+    /// The session that is recorded, from the root of the file system; `None`: none.
+    pub session: Option<PathBuf>,
 }
 
 /// The folder of all runs of this user, by name.

@@ -184,6 +184,7 @@ impl Supervisor {
             files: self.source.files.clone(),
             root: self.folder.root(),
             prefix: self.folder.prefix().to_string(),
+            session: self.options.session.as_ref().and_then(|s| std::path::absolute(s).ok()),
         })?;
         run.started(&self.process_numbers());
         self.epoch = self.clock.now();

@@ -1,11 +1,12 @@
-//! The answers of operators to a target that a person asks for.
+//! The answers of operators to what a person asks for, and to targets.
 
 use std::time::{Duration, Instant};
 
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_samples::{Refusal, Sample, Target, TargetElement, Verb};
-use stillpoint_shm::{Subscriber, Topic};
+use stillpoint_samples::{Refusal, Sample, SampleKind, Target, TargetElement, Verb};
+use stillpoint_shm::{Received, Subscriber, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
@@ -14,13 +15,46 @@ use stillpoint_report::target_refusals::words;
 /// Time within which an operator has to answer.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Interval at which its topic is read.
-const LOOK: Duration = Duration::from_millis(5);
+pub const LOOK: Duration = Duration::from_millis(5);
+
+/// A topic of a running pipeline that is read without being a part of it.
+pub struct Tap {
+    /// Name of the topic.
+    pub name: String,
+    subscriber: Subscriber,
+    _topic: Topic,
+}
+
+impl Tap {
+    /// Opens the topic of an operator's output.
+    pub fn open(attached: &Attached, operator: usize, output: usize) -> Result<Self, Failure> {
+        let contract = contracts::output(&attached.graph, operator, output);
+        let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
+        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
+        subscriber.connect().map_err(Failure::failed)?;
+        Ok(Self { name: contract.topic, subscriber, _topic: topic })
+    }
+
+    /// The next sample, if there is one.
+    pub fn next(&self) -> Result<Option<Received>, Failure> {
+        self.subscriber.receive().map_err(Failure::failed)
+    }
+}
+
+/// The operators that take a command of a console and answer with samples of a kind, with that output.
+pub fn answering(graph: &Graph, console: &str, verb: Verb, kind: &SampleKind) -> Vec<(usize, usize)> {
+    let port = Verb::ALL.iter().position(|(_, v)| *v == verb).unwrap_or_default();
+    let Some(console) = graph.operator(console) else { return Vec::new() };
+    let output = |operator: usize| {
+        let outputs = graph.operators[operator].stage.kind.outputs;
+        Some((operator, outputs.iter().position(|o| *o.sample == *kind)?))
+    };
+    graph.consumers(console, port).filter_map(|(operator, _)| output(operator)).collect()
+}
 
 /// Reads the answers of one operator that takes targets of people.
 pub struct Listener {
-    name: String,
-    subscriber: Subscriber,
-    _topic: Topic,
+    tap: Tap,
     /// Targets that it had been asked for before; none if it was silent.
     asked: Option<u32>,
 }
@@ -52,19 +86,10 @@ impl Answer {
 
 /// Opens a listener for each operator that takes targets of a console, before a target is sent.
 pub fn listen(registry: &Registry, which: &Which, console: &str) -> Result<Vec<Listener>, Failure> {
-    let Attached { graph, domain, .. } = which.attach(registry)?;
-    let port = Verb::ALL.iter().position(|(_, verb)| *verb == Verb::Target).unwrap_or_default();
-    let Some(console) = graph.operator(console) else { return Ok(Vec::new()) };
+    let attached = which.attach(registry)?;
     let mut listeners = Vec::new();
-    for (operator, _) in graph.consumers(console, port) {
-        let outputs = graph.operators[operator].stage.kind.outputs;
-        let Some(output) = outputs.iter().position(|o| o.sample.name == Target::NAME) else { continue };
-        let contract = contracts::output(&graph, operator, output);
-        let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
-        let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
-        subscriber.connect().map_err(Failure::failed)?;
-        let name = contract.topic;
-        let mut listener = Listener { name, subscriber, _topic: topic, asked: None };
+    for (operator, output) in answering(&attached.graph, console, Verb::Target, Target::KIND) {
+        let mut listener = Listener { tap: Tap::open(&attached, operator, output)?, asked: None };
         listener.asked = listener.wait(|_| true)?.map(|target| target.asked);
         listeners.push(listener);
     }
@@ -74,7 +99,7 @@ pub fn listen(registry: &Registry, which: &Which, console: &str) -> Result<Vec<L
 impl Listener {
     /// The topic that it reads.
     pub fn topic(&self) -> &str {
-        &self.name
+        &self.tap.name
     }
 
     /// The answer of the operator to the target that was sent since.
@@ -88,7 +113,7 @@ impl Listener {
     fn wait(&self, is_so: impl Fn(&TargetElement) -> bool) -> Result<Option<TargetElement>, Failure> {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
-            while let Some(sample) = self.subscriber.receive().map_err(Failure::failed)? {
+            while let Some(sample) = self.tap.next()? {
                 let view = sample.pieces().view::<Target>().map_err(Failure::failed)?;
                 if let Some(target) = view.first().filter(|target| is_so(target)) {
                     return Ok(Some(*target));

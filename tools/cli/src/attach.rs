@@ -27,6 +27,8 @@ pub struct Attached {
     pub domain: Domain,
     /// Root folder of the domain; it is removed when the run ends.
     pub root: std::path::PathBuf,
+    /// The session that it records; `None`: none.
+    pub session: Option<std::path::PathBuf>,
 }
 
 impl Which {
@@ -61,7 +63,7 @@ impl Which {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
         let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;
-        Ok(Attached { graph: graph.live(), domain, root: card.root.clone() })
+        Ok(Attached { graph: graph.live(), domain, root: card.root.clone(), session: card.session.clone() })
     }
 }
 

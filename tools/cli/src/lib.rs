@@ -15,7 +15,7 @@
 //! - `exit`, `output`, `signals`: exit codes and failures, the two output streams, Ctrl-C
 //! - `pipeline_file`, `compress`, `quantity`: arguments of several subcommands
 //! - `simulate`, `status_line`, `summary`: parts of `run`
-//! - `attach`, `answer`: parts of `echo` and `send`
+//! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `pool`: the options of `plan` and `train planner` for a pool of workers
@@ -34,6 +34,7 @@ mod picture;
 mod pipeline_file;
 mod pool;
 mod program;
+mod proposal;
 mod quantity;
 mod series;
 mod show;

@@ -8,6 +8,7 @@
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
 //! - `ramp`: the effect of a filter's gains on noise and on a ramp
+//! - `proposal`: the picture of a captured face
 //! - `views`, `camera`, `again`, `overlay`: images with their detections; detections that a replay computes; both as pictures
 //! - `sections`: one file for each section
 //! - `page`, `html`, `escape`, `drawings`, `page.css`: sections and blocks; the page; its text, charts and style
@@ -37,6 +38,7 @@ mod offset;
 mod overlay;
 pub mod page;
 mod picture;
+pub mod proposal;
 mod ramp;
 mod ranking;
 mod recording;

@@ -11,6 +11,8 @@ const BARE: u8 = 0;
 const PLANE: u8 = SHADES;
 const FACE: u8 = 2 * SHADES;
 const HULL: u8 = 3 * SHADES;
+/// The colour of the outline of a reference.
+const OUTLINE: u8 = HULL + 1;
 /// Depths that belong to one surface lie this close together, m.
 const SURFACE: f32 = 0.02;
 /// Pixels of an image at most: those of a larger one are no image of a depth camera.
@@ -48,6 +50,8 @@ pub struct View {
     pub hull_area: Option<f64>,
     /// Why there is no face.
     pub rejection: Option<String>,
+    /// Number of the reference that the face became, if it did.
+    pub captured: Option<u32>,
 }
 
 impl Image {
@@ -182,7 +186,7 @@ fn fit(points: impl Iterator<Item = (f64, f64)>) -> Option<(f64, f64)> {
     (a.is_finite() && a > 0.0).then(|| (a, (sy - a * sx) / n))
 }
 
-/// The picture of an image with what was found in it.
+/// The picture of an image with what was found in it. A face that became a reference has an outline.
 pub fn paint(view: &View) -> Indexed {
     let image = &view.image;
     let (width, height) = (image.width, image.height);
@@ -205,6 +209,9 @@ pub fn paint(view: &View) -> Indexed {
             picture.pixels[pixel] = FACE + shades[pixel].max(4);
         }
     }
+    if view.captured.is_some() {
+        outline(&mut picture);
+    }
     let corners: Vec<[f64; 2]> = view.hull.iter().filter_map(|c| image.project(*c)).collect();
     // A hull with a corner behind the camera has no outline in the image.
     if corners.len() == view.hull.len() && corners.len() > 2 {
@@ -213,6 +220,26 @@ pub fn paint(view: &View) -> Indexed {
         }
     }
     picture
+}
+
+/// Draws a line about what is painted as a face. Gaps of a few pixels within it are no edge.
+fn outline(picture: &mut Indexed) {
+    const GAP: i64 = 2;
+    let (width, height) = (picture.width as i64, picture.height as i64);
+    let pixels = picture.pixels.clone();
+    let is_face = |x: i64, y: i64| {
+        let inside = (0..width).contains(&x) && (0..height).contains(&y);
+        inside && (FACE..HULL).contains(&pixels[(x + width * y) as usize])
+    };
+    for y in 0..height {
+        for x in 0..width {
+            let is_near = |dx: i64, dy: i64| (1..=GAP).any(|step| is_face(x + step * dx, y + step * dy));
+            let sides = [(1, 0), (-1, 0), (0, 1), (0, -1)];
+            if !is_face(x, y) && sides.iter().any(|(dx, dy)| is_near(*dx, *dy) && !is_near(-dx, -dy)) {
+                picture.paint(x, y, OUTLINE);
+            }
+        }
+    }
 }
 
 fn colours() -> Vec<[u8; 3]> {
@@ -224,7 +251,7 @@ fn colours() -> Vec<[u8; 3]> {
     let plane = ramp([0.0, 10.0, 50.0], [120.0, 190.0, 255.0]);
     let face = ramp([60.0, 20.0, 0.0], [255.0, 190.0, 90.0]);
     debug_assert!(BARE == 0 && HULL as usize == 3 * SHADES as usize);
-    bare.chain(plane).chain(face).chain([[0, 214, 130]]).collect()
+    bare.chain(plane).chain(face).chain([[0, 214, 130], [255, 64, 96]]).collect()
 }
 
 #[cfg(test)]
@@ -283,6 +310,7 @@ mod tests {
             hull: vec![[-side, -side, 0.5], [side, -side, 0.5], [side, side, 0.5], [-side, side, 0.5]],
             hull_area: None,
             rejection: None,
+            captured: None,
         };
         let picture = paint(&view);
         let count = |from: u8, to: u8| picture.pixels.iter().filter(|p| (from..to).contains(*p)).count();
@@ -290,7 +318,13 @@ mod tests {
         // Of the outline the upper and lower sides lie outside: two sides, two pixels wide.
         assert_eq!(count(HULL, 255), 2 * 2 * 48);
         assert_eq!(count(PLANE, FACE), 64 * 48 - 400 - 2 * 2 * 48);
-        assert_eq!(picture.colours.len(), usize::from(HULL) + 1);
+        assert_eq!(picture.colours.len(), usize::from(OUTLINE) + 1);
+        assert_eq!(count(OUTLINE, 255), 0);
+        // The outline of a reference of 20 x 20 pixels lies just outside, two pixels wide.
+        let reference = paint(&View { captured: Some(1), ..view });
+        let count = |of: u8| reference.pixels.iter().filter(|p| **p == of).count();
+        assert_eq!(count(OUTLINE), 4 * 2 * 20);
+        assert_eq!(reference.pixels.iter().filter(|p| (FACE..HULL).contains(p)).count(), 400);
     }
 
     #[test]

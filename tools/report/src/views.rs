@@ -3,13 +3,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use stillpoint_recorder::Topic;
 use stillpoint_samples::{
-    DepthImage, Hull, Pieces, Plane, PointCloud, RefKind, Rejection, Sample, SampleKind,
+    DepthImage, Hull, Pieces, Plane, PointCloud, PoseReport, RefKind, Rejection, Sample, SampleKind,
 };
 
 use super::again::made_again;
 use super::camera::{Camera, Found};
-use super::overlay::{Image, View};
+use super::overlay::Image;
+use super::overlay::View;
 use super::recording::{Recording, is_any_of};
 use super::source::Source;
 
@@ -102,7 +104,8 @@ fn fill(source: &Source<'_>, camera: &mut Camera) {
     let all_kept =
         is_kept(&camera.image) && needed.iter().all(|kind| camera.results.get(kind).is_none_or(is_kept));
     let choice = if all_kept { &looked_at[..] } else { &looked_at[..looked_at.len().min(REPLAYED)] };
-    let wanted = chosen(choice, source.pictures, is_refused);
+    let captured = captures(recording, camera);
+    let wanted = chosen(choice, source.pictures, is_refused, |origin| captured.contains_key(origin));
     let mut found = kept(recording, camera, &images, &results, &wanted);
     if !all_kept && !wanted.is_empty() {
         match made_again(source, camera, &wanted, &mut found) {
@@ -112,27 +115,54 @@ fn fill(source: &Source<'_>, camera: &mut Camera) {
     }
     for origin in &wanted {
         match view(source, camera, *origin, &found) {
-            Ok(view) => camera.views.push(view),
+            Ok(view) => camera.views.push(View { captured: captured.get(origin).copied(), ..view }),
             Err(reason) => camera.missing = Some(reason),
         }
     }
 }
 
-/// Evenly spaced images from the first to the last, with one refused image among them if there is any.
-fn chosen(origins: &[u64], most: usize, is_refused: impl Fn(&u64) -> bool) -> Vec<u64> {
+/// The numbers of the references that were captured from faces of a camera, by the origin of the image.
+fn captures(recording: &Recording<'_>, camera: &Camera) -> BTreeMap<u64, u32> {
+    let Some(face) = camera.results.get(PointCloud::NAME) else { return BTreeMap::new() };
+    let trackers: BTreeSet<&String> = recording.wiring.consumers(face).flat_map(|s| &s.outputs).collect();
+    let mut captured = BTreeMap::new();
+    let mut last: BTreeMap<usize, u32> = BTreeMap::new();
+    let is_report = |t: &Topic| is_any_of(t, &[PoseReport::KIND]) && trackers.contains(&t.name);
+    for recorded in recording.session.samples_where(is_report).flatten() {
+        let Ok(pieces) = Pieces::split(PoseReport::KIND, &recorded.sample) else { continue };
+        let Some(report) = pieces.view::<PoseReport>().ok().and_then(|v| v.first().copied()) else {
+            continue;
+        };
+        if report.reference != 0 && last.insert(recorded.topic, report.reference) != Some(report.reference) {
+            captured.insert(pieces.header().origin, report.reference);
+        }
+    }
+    captured
+}
+
+/// Evenly spaced images from the first to the last. Among them are the last that became references, and one refused image
+/// if there is any.
+fn chosen(
+    origins: &[u64],
+    most: usize,
+    is_refused: impl Fn(&u64) -> bool,
+    is_captured: impl Fn(&u64) -> bool,
+) -> Vec<u64> {
     let count = most.min(origins.len());
     let place = |i: usize| if count > 1 { i * (origins.len() - 1) / (count - 1) } else { 0 };
     let mut chosen: Vec<u64> = (0..count).map(|i| origins[place(i)]).collect();
-    if count > 0
-        && !chosen.iter().any(&is_refused)
-        && let Some(refused) = origins.iter().find(|o| is_refused(o))
-    {
+    let refused = origins.iter().find(|o| is_refused(o)).filter(|_| !chosen.iter().any(&is_refused));
+    let captured = origins.iter().rev().filter(|o| is_captured(o)).take(count);
+    let mut kept = BTreeSet::new();
+    for origin in captured.chain(refused) {
         // In place of its nearest neighbour.
-        if let Some(nearest) = chosen.iter_mut().min_by_key(|o| o.abs_diff(*refused)) {
-            *nearest = *refused;
+        let free = chosen.iter_mut().filter(|o| !kept.contains(*o));
+        if let Some(nearest) = free.min_by_key(|o| o.abs_diff(*origin)) {
+            *nearest = *origin;
+            kept.insert(*origin);
         }
-        chosen.sort_unstable();
     }
+    chosen.sort_unstable();
     chosen
 }
 
@@ -195,7 +225,7 @@ fn view(source: &Source<'_>, camera: &Camera, origin: u64, found: &Found) -> Res
             Pieces::split(Rejection::KIND, bytes).and_then(|p| p.view::<Rejection>()).map_err(broken)?;
         rejection = view.first().map(|r| r.reason().to_owned());
     }
-    Ok(View { origin, image, face, plane, hull, hull_area, rejection })
+    Ok(View { origin, image, face, plane, hull, hull_area, rejection, captured: None })
 }
 
 fn moved(p: [f32; 3], transform: Option<stillpoint_operator::frames::Rigid>) -> [f32; 3] {
@@ -209,10 +239,21 @@ mod tests {
     #[test]
     fn images_are_chosen_evenly_and_a_refused_one_is_among_them() {
         let origins: Vec<u64> = (0..101).collect();
-        assert_eq!(chosen(&origins, 5, |_| false), [0, 25, 50, 75, 100]);
-        assert_eq!(chosen(&origins, 5, |o| *o == 53), [0, 25, 53, 75, 100]);
-        assert_eq!(chosen(&origins, 1, |_| false), [0]);
-        assert_eq!(chosen(&origins[..2], 5, |_| false), [0, 1]);
-        assert!(chosen(&origins, 0, |_| true).is_empty() && chosen(&[], 5, |_| true).is_empty());
+        let none = |_: &u64| false;
+        assert_eq!(chosen(&origins, 5, none, none), [0, 25, 50, 75, 100]);
+        assert_eq!(chosen(&origins, 5, |o| *o == 53, none), [0, 25, 53, 75, 100]);
+        assert_eq!(chosen(&origins, 1, none, none), [0]);
+        assert_eq!(chosen(&origins[..2], 5, none, none), [0, 1]);
+        assert!(chosen(&origins, 0, |_| true, none).is_empty() && chosen(&[], 5, |_| true, none).is_empty());
+    }
+
+    #[test]
+    fn images_that_became_references_are_among_the_chosen() {
+        let origins: Vec<u64> = (0..101).collect();
+        let none = |_: &u64| false;
+        assert_eq!(chosen(&origins, 5, none, |o| *o == 5), [5, 25, 50, 75, 100]);
+        assert_eq!(chosen(&origins, 5, |o| *o == 6, |o| *o == 5), [5, 6, 50, 75, 100]);
+        assert_eq!(chosen(&origins, 3, none, |o| [1, 2, 3, 4].contains(o)), [2, 3, 4]);
+        assert_eq!(chosen(&origins, 1, |o| *o == 6, |o| *o == 5), [5]);
     }
 }

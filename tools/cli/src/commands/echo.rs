@@ -69,7 +69,7 @@ impl Echo {
     }
 
     fn live(&self, registry: &Registry) -> Ended {
-        let Attached { graph, domain, root } = self.which.attach(registry)?;
+        let Attached { graph, domain, root, .. } = self.which.attach(registry)?;
         let (contract, kind) = find(&graph, &self.topic)?;
         let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
         let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;

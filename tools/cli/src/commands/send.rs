@@ -14,12 +14,14 @@ use zerocopy::IntoBytes;
 use crate::answer::{self, Answer};
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
+use crate::proposal;
 
 /// Time within which the console has to send a command on.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Send a command to a running pipeline. The command becomes a sample that is recorded and replayed. For a target, the
-/// command prints whether the target was taken or refused, and why; a refusal exits with 1.
+/// command prints whether the target was taken or refused, and why; a refusal exits with 1. For a capture it prints the
+/// numbers of the proposed reference and writes its picture beside the session, or says why nothing was captured.
 #[derive(Args)]
 pub struct Send {
     /// Console and verb, such as `console.arm`.
@@ -54,8 +56,22 @@ impl Send {
             Verb::Target => answer::listen(registry, &self.which, console)?,
             _ => Vec::new(),
         };
+        let mut trackers = match verb {
+            Verb::Capture | Verb::Confirm => proposal::watch(registry, &self.which, console, verb)?,
+            _ => Vec::new(),
+        };
         outln!("{}", deliver(registry, &self.which, console, verb, &values)?);
         let mut exit = Exit::Done;
+        for tracker in &mut trackers {
+            let outcome = match verb {
+                Verb::Capture => tracker.captured()?,
+                _ => tracker.confirmed()?,
+            };
+            outln!("{}: {}", tracker.topic(), outcome.text);
+            if !outcome.is_done {
+                exit = Exit::Failed;
+            }
+        }
         for listener in &listeners {
             let answer = listener.answer()?;
             outln!("{}", answer.line(listener.topic()));

@@ -38,6 +38,8 @@ struct Shown {
     plane_inliers: Option<u32>,
     hull_area_cm2: Option<f64>,
     rejection: Option<String>,
+    /// Number of the reference that the face became, if it did.
+    captured: Option<u32>,
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
@@ -50,7 +52,7 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         return Ok(section.nothing(said));
     }
     section.blocks.push(Block::Text(
-        "Depth images as reliefs: the face is orange, the supporting plane is blue, and its hull is a green line.".into(),
+        "Depth images as reliefs: the face is orange, the supporting plane is blue, and its hull is a green line. A face that was captured as a reference has a red outline.".into(),
     ));
     for (camera, figures) in cameras.iter().zip(&figures.cameras) {
         section.blocks.push(Block::Heading(format!("{} on {}", camera.stage, camera.image)));
@@ -96,6 +98,7 @@ fn figures(camera: &Camera, at: impl Fn(&View) -> f64) -> CameraFigures {
         plane_inliers: view.plane.map(|p| p.inliers),
         hull_area_cm2: view.hull_area.map(|a| a * 1e4),
         rejection: view.rejection.clone(),
+        captured: view.captured,
     });
     CameraFigures {
         operator: camera.stage.clone(),
@@ -113,6 +116,11 @@ fn caption(shown: &Shown) -> String {
     match &shown.rejection {
         Some(reason) => said.push_str(&format!("no face: {reason}")),
         None => said.push_str(&format!("face of {} points", count(shown.face_points as u64))),
+    }
+    if let Some(number) = shown.captured {
+        said.push_str(&format!(
+            "; captured as reference {number}: is it the head, all of it, and nothing else?"
+        ));
     }
     if let Some(rms) = shown.plane_rms_mm {
         said.push_str(&format!(

@@ -1,0 +1,329 @@
+//! What a capture proposes as a reference, for the person who confirms it: its numbers, and its picture as a file.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use stillpoint_operator::Registry;
+use stillpoint_pipeline::graph::Graph;
+use stillpoint_report::proposal::picture;
+use stillpoint_samples::{
+    AlignedBytes, DepthImage, IdentityPart, PointCloud, PoseReport, PoseReportElement, PoseStatus, Rejection,
+    Sample, SampleKind, Verb,
+};
+
+use crate::answer::{LOOK, Tap, answering};
+use crate::attach::{Attached, Which};
+use crate::exit::Failure;
+
+/// Time within which a tracker has to report on a frame.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Time that a capture may take: a command lapses after `capture_within`, and a registration with a planning CT takes long.
+const CAPTURE: Duration = Duration::from_secs(4);
+/// Frames that are kept until the tracker has reported on them.
+const KEPT: usize = 8;
+
+/// Watches a tracker from before a person captures.
+pub struct Proposal {
+    report: Tap,
+    rejection: Option<Tap>,
+    shown: Option<Shown>,
+    /// The last report before the capture; none if the tracker was silent.
+    before: Option<PoseReportElement>,
+    /// The session, or what stands for it: pictures are written beside it.
+    beside: PathBuf,
+}
+
+/// The topics from which the picture is made, and their last samples with the times of their images.
+struct Shown {
+    image: (Tap, &'static SampleKind),
+    face: Tap,
+    image_from_face: Option<stillpoint_operator::frames::Rigid>,
+    images: VecDeque<(u64, AlignedBytes)>,
+    faces: VecDeque<(u64, AlignedBytes)>,
+}
+
+/// What became of a capture or a confirmation.
+pub struct Outcome {
+    /// What a person reads.
+    pub text: String,
+    /// Whether the tracker did as was asked.
+    pub is_done: bool,
+}
+
+impl Outcome {
+    fn done(text: String) -> Self {
+        Self { text, is_done: true }
+    }
+
+    fn refused(text: String) -> Self {
+        Self { text, is_done: false }
+    }
+}
+
+/// Watches each tracker that takes the command of a console, before it is sent.
+pub fn watch(
+    registry: &Registry,
+    which: &Which,
+    console: &str,
+    verb: Verb,
+) -> Result<Vec<Proposal>, Failure> {
+    let attached = which.attach(registry)?;
+    let mut trackers = Vec::new();
+    for (operator, output) in answering(&attached.graph, console, verb, PoseReport::KIND) {
+        let mut tracker = Proposal::open(&attached, operator, output)?;
+        tracker.before = tracker.wait(PATIENCE, |_| true)?;
+        trackers.push(tracker);
+    }
+    Ok(trackers)
+}
+
+impl Proposal {
+    fn open(attached: &Attached, operator: usize, output: usize) -> Result<Self, Failure> {
+        let graph = &attached.graph;
+        let input = |kind: &SampleKind| input_of(graph, operator, kind);
+        let rejection = match input(Rejection::KIND) {
+            Some((operator, output)) => Some(Tap::open(attached, operator, output)?),
+            None => None,
+        };
+        let shown = match input(PointCloud::KIND) {
+            Some(face) => Shown::open(attached, face)?,
+            None => None,
+        };
+        // Without a session: beside nothing, in the folder of the person who asks.
+        let beside = attached.session.clone().unwrap_or_else(|| PathBuf::from(&graph.name));
+        Ok(Self { report: Tap::open(attached, operator, output)?, rejection, shown, before: None, beside })
+    }
+
+    /// The topic of the tracker's reports.
+    pub fn topic(&self) -> &str {
+        &self.report.name
+    }
+
+    /// What became of the capture that was asked for since.
+    pub fn captured(&mut self) -> Result<Outcome, Failure> {
+        let Some(before) = self.before else { return Ok(Outcome::refused(silent())) };
+        let begun = Instant::now();
+        let (mut last, mut refused, mut reason) = (before, None, None);
+        while begun.elapsed() < CAPTURE {
+            self.collect()?;
+            if let Some(tap) = &self.rejection
+                && let Some(sample) = tap.next()?
+            {
+                let said = sample.pieces().view::<Rejection>().map_err(Failure::failed)?;
+                reason = said.first().map(|r| r.reason().to_owned());
+            }
+            let Some((origin, report)) = self.next_report()? else {
+                std::thread::sleep(LOOK);
+                continue;
+            };
+            last = report;
+            if report.reference != 0 && report.reference != before.reference {
+                return Ok(Outcome::done(self.proposed(&report, origin)?));
+            }
+            match PoseStatus::from_number(report.status) {
+                Some(PoseStatus::CaptureRefused) => refused = Some(report),
+                Some(PoseStatus::CaptureLapsed) => {
+                    return Ok(Outcome::refused(not_captured(refused.as_ref(), &report, reason.as_deref())));
+                }
+                _ => {}
+            }
+        }
+        Ok(Outcome::refused(format!(
+            "{}; a face that comes may still be captured",
+            not_captured(refused.as_ref(), &last, reason.as_deref())
+        )))
+    }
+
+    /// What became of the confirmation that was sent since.
+    pub fn confirmed(&mut self) -> Result<Outcome, Failure> {
+        if self.before.is_none() {
+            return Ok(Outcome::refused(silent()));
+        }
+        let told = self.wait(PATIENCE, |report| report.confirmed == 1)?;
+        Ok(match (told, self.before) {
+            (Some(report), _) => Outcome::done(format!("reference {} is confirmed", report.reference)),
+            (None, Some(before)) if before.reference == 0 => {
+                Outcome::refused("there is no reference to confirm: capture one first".into())
+            }
+            _ => Outcome::refused(format!(
+                "the reference was not confirmed within {} s; `stillpoint echo {}` shows `confirmed`",
+                PATIENCE.as_secs(),
+                self.topic()
+            )),
+        })
+    }
+
+    /// The numbers of a proposal, and where its picture is.
+    fn proposed(&mut self, report: &PoseReportElement, origin: u64) -> Result<String, Failure> {
+        let mut lines = vec![format!("proposed as reference {}: {}", report.reference, self.size(origin))];
+        lines.extend(numbers(report).map(|line| format!("  {line}")));
+        lines.push(match self.write_picture(report, origin) {
+            Ok(Some(path)) => format!("  picture: {}", path.display()),
+            Ok(None) => "  no picture: the tracker's faces do not come from images of a camera".into(),
+            Err(reason) => format!("  no picture: {reason}"),
+        });
+        Ok(lines.join("\n"))
+    }
+
+    /// Points and extent of the captured face.
+    fn size(&mut self, origin: u64) -> String {
+        let face = self.shown.as_ref().and_then(|shown| of(&shown.faces, origin));
+        let extent = face.and_then(|bytes| {
+            let pieces = stillpoint_samples::Pieces::split(PointCloud::KIND, bytes).ok()?;
+            let points = pieces.view::<PointCloud>().ok()?;
+            let [x, y, z] = [0, 1, 2].map(|axis| {
+                let along = points.elements.iter().map(|p| p.xyz[axis]);
+                1e3 * (along.clone().fold(f32::NEG_INFINITY, f32::max) - along.fold(f32::INFINITY, f32::min))
+            });
+            let count = points.elements.len();
+            Some(format!("a face of {count} points, {x:.0} x {y:.0} x {z:.0} mm along the camera's axes"))
+        });
+        extent.unwrap_or_else(|| "a face".into())
+    }
+
+    fn write_picture(&mut self, report: &PoseReportElement, origin: u64) -> Result<Option<PathBuf>, String> {
+        let Some(shown) = &self.shown else { return Ok(None) };
+        let (Some(image), Some(face)) = (of(&shown.images, origin), of(&shown.faces, origin)) else {
+            return Err("its image passed before it was read".into());
+        };
+        let png = picture(shown.image.1, image, face, shown.image_from_face.as_ref())?;
+        let tracker = self.topic().split('.').next().unwrap_or_default();
+        let path = self.beside.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));
+        std::fs::write(&path, png).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(Some(path))
+    }
+
+    /// The next report for which `is_so` holds, within a time.
+    fn wait(
+        &mut self,
+        patience: Duration,
+        is_so: impl Fn(&PoseReportElement) -> bool,
+    ) -> Result<Option<PoseReportElement>, Failure> {
+        let begun = Instant::now();
+        while begun.elapsed() < patience {
+            self.collect()?;
+            match self.next_report()? {
+                Some((_, report)) if is_so(&report) => return Ok(Some(report)),
+                Some(_) => {}
+                None => std::thread::sleep(LOOK),
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_report(&self) -> Result<Option<(u64, PoseReportElement)>, Failure> {
+        let Some(sample) = self.report.next()? else { return Ok(None) };
+        let view = sample.pieces().view::<PoseReport>().map_err(Failure::failed)?;
+        Ok(view.first().map(|report| (view.header.origin, *report)))
+    }
+
+    /// Keeps the last images and faces.
+    fn collect(&mut self) -> Result<(), Failure> {
+        let Some(Shown { image, face, images, faces, .. }) = &mut self.shown else { return Ok(()) };
+        for (tap, kept) in [(&image.0, images), (&*face, faces)] {
+            while let Some(sample) = tap.next()? {
+                let pieces = sample.pieces();
+                if kept.len() == KEPT {
+                    kept.pop_front();
+                }
+                kept.push_back((pieces.header().origin, AlignedBytes::joined(pieces.meta, pieces.payload)));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Shown {
+    /// The topics behind a face; `None` where there is no image.
+    fn open(attached: &Attached, face: (usize, usize)) -> Result<Option<Self>, Failure> {
+        let graph = &attached.graph;
+        let Some((image, kind)) = image_behind(graph, face) else { return Ok(None) };
+        let frame =
+            |(operator, output): (usize, usize)| graph.operators[operator].outputs[output].frame.clone();
+        let image_from_face = match (frame(image), frame(face)) {
+            (Some(to), Some(from)) if to != from => graph.frames.transform(&to, &from),
+            _ => None,
+        };
+        Ok(Some(Self {
+            image: (Tap::open(attached, image.0, image.1)?, kind),
+            face: Tap::open(attached, face.0, face.1)?,
+            image_from_face,
+            images: VecDeque::new(),
+            faces: VecDeque::new(),
+        }))
+    }
+}
+
+/// The sample of the image of this time.
+fn of(kept: &VecDeque<(u64, AlignedBytes)>, origin: u64) -> Option<&AlignedBytes> {
+    kept.iter().find(|(of, _)| *of == origin).map(|(_, bytes)| bytes)
+}
+
+/// The output that feeds the first connected input of a kind.
+fn input_of(graph: &Graph, operator: usize, kind: &SampleKind) -> Option<(usize, usize)> {
+    let node = &graph.operators[operator];
+    let ports = node.stage.kind.inputs.iter().zip(&node.inputs);
+    let edge = ports.filter(|(port, _)| *port.sample == *kind).find_map(|(_, input)| input.edge)?;
+    Some((edge.operator, edge.output))
+}
+
+/// The nearest depth image upstream of a face; if there is none, the nearest cloud.
+fn image_behind(graph: &Graph, face: (usize, usize)) -> Option<((usize, usize), &'static SampleKind)> {
+    let mut clouds = None;
+    let mut at = face.0;
+    // Each step goes upstream, and a cycle ends at the number of operators.
+    for _ in 0..graph.operators.len() {
+        if let Some(image) = input_of(graph, at, DepthImage::KIND) {
+            return Some((image, DepthImage::KIND));
+        }
+        let Some(cloud) = input_of(graph, at, PointCloud::KIND) else { break };
+        clouds = Some((cloud, PointCloud::KIND));
+        at = cloud.0;
+    }
+    clouds
+}
+
+fn silent() -> String {
+    format!("no answer: the tracker reported on no frame within {} s", PATIENCE.as_secs())
+}
+
+fn numbers(report: &PoseReportElement) -> impl Iterator<Item = String> {
+    let [x, y, z] = report.centre.map(|c| 1e3 * c);
+    let parts = IdentityPart::ALL.iter().map(|(word, part)| {
+        format!("{word} {:.2}", report.certainty.get(*part as usize).copied().unwrap_or(f64::NAN))
+    });
+    let parts: Vec<String> = parts.collect();
+    let sd = report.direction_sd.iter().copied().fold(0.0, f64::max) * 1e3;
+    [
+        format!("centre of its surface at x {x:.1}, y {y:.1}, z {z:.1} mm"),
+        format!("confidence {:.2} ({})", report.confidence, parts.join(", ")),
+        format!("one frame tells its pose to {sd:.2} mm in the least certain direction"),
+    ]
+    .into_iter()
+}
+
+/// Why nothing was captured.
+fn not_captured(
+    refused: Option<&PoseReportElement>,
+    last: &PoseReportElement,
+    reason: Option<&str>,
+) -> String {
+    let why = match (refused, PoseStatus::from_number(last.status)) {
+        (Some(report), _) if report.refused != 0 => format!(
+            "faces were refused: their surface leaves {} of the six directions of a movement open",
+            report.refused.count_ones()
+        ),
+        (Some(report), _) if report.overlap.is_finite() => format!(
+            "faces were refused: {:.0} % of their points lie on the planned surface, and they differ by {:.2} mm",
+            100.0 * report.overlap,
+            1e3 * report.residual_rms
+        ),
+        (Some(_), _) => "faces were refused".into(),
+        _ => match reason {
+            Some(reason) => format!("no face was found in enough frames: {reason}"),
+            None => "no face was found in enough frames".into(),
+        },
+    };
+    format!("nothing was captured: {why}")
+}

@@ -1,0 +1,37 @@
+//! The picture of a face that was captured as a reference, for the person who confirms it.
+
+use stillpoint_operator::frames::Rigid;
+use stillpoint_samples::{DepthImage, Pieces, PointCloud, Sample, SampleKind};
+
+use crate::overlay::{Image, View, paint};
+
+/// A PNG file of an image (a sample of a depth image or of an organised cloud) with a face (a sample of a cloud) and its
+/// outline. `image_from_face` leads from the face's frame to that of the image where they differ.
+///
+/// # Errors
+/// A sample is none of its kind, or the image cannot be drawn.
+pub fn picture(
+    kind: &SampleKind,
+    image: &[u8],
+    face: &[u8],
+    image_from_face: Option<&Rigid>,
+) -> Result<Vec<u8>, String> {
+    let points = Pieces::split(PointCloud::KIND, face).and_then(|p| p.view::<PointCloud>());
+    let points = points.map_err(|e| format!("the face: {e}"))?;
+    let place = |p: [f32; 3]| match image_from_face {
+        Some(t) => t.apply(p.map(f64::from)).map(|c| c as f32),
+        None => p,
+    };
+    let image = if *kind == *DepthImage::KIND { Image::of_depth(image) } else { Image::of_cloud(image) };
+    let view = View {
+        origin: 0,
+        image: image.map_err(|e| format!("the image: {e}"))?,
+        face: points.elements.iter().map(|p| place(p.xyz)).collect(),
+        plane: None,
+        hull: Vec::new(),
+        hull_area: None,
+        rejection: None,
+        captured: Some(1),
+    };
+    paint(&view).png().map_err(|e| e.to_string())
+}
