@@ -1,6 +1,8 @@
 //! A head followed live against a reference that a person captures, recorded and replayed; and by two cameras, on any number
 //! of threads.
 
+use std::os::unix::fs::PermissionsExt;
+
 use serde_json::Value;
 
 use crate::bench::{Bench, Done, pipeline, text};
@@ -75,6 +77,11 @@ fn a_capture_is_proposed_with_its_numbers_and_its_picture_and_a_person_confirms_
     let session = report["session"].as_str().unwrap();
     let picture = std::fs::read(bench.path(&format!("{session}.head-reference-1.png"))).unwrap();
     assert!(picture.starts_with(b"\x89PNG"));
+    let mode = std::fs::metadata(bench.path(&format!("{session}.head-reference-1.png")))
+        .unwrap()
+        .permissions()
+        .mode();
+    assert_eq!(mode & 0o777, 0o600, "it shows a patient");
     let path = proposed.out.split("picture: ").nth(1).unwrap().trim();
     assert_eq!(std::fs::read(path).unwrap(), picture, "the path that was printed");
     assert_eq!(bench.call(&["report", session]).code(), 0);

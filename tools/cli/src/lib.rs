@@ -18,6 +18,7 @@
 //! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
 //! - `columns`: tables for a terminal
+//! - `private`: files that only their owner may read
 //! - `pool`: the options of `plan` and `train planner` for a pool of workers
 
 // The first module: the others use its macros.
@@ -33,6 +34,7 @@ mod exit;
 mod picture;
 mod pipeline_file;
 mod pool;
+mod private;
 mod program;
 mod proposal;
 mod quantity;

@@ -1,6 +1,7 @@
 //! What a capture proposes as a reference, for the person who confirms it: its numbers, and its picture as a file.
 
 use std::collections::VecDeque;
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,7 @@ use stillpoint_samples::{
 use crate::answer::{LOOK, Tap, answering};
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
+use crate::private;
 
 /// Time within which a tracker has to report on a frame.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -190,7 +192,8 @@ impl Proposal {
         let png = picture(shown.image.1, image, face, shown.image_from_face.as_ref())?;
         let tracker = self.topic().split('.').next().unwrap_or_default();
         let path = self.beside.with_added_extension(format!("{tracker}-reference-{}.png", report.reference));
-        std::fs::write(&path, png).map_err(|e| format!("{}: {e}", path.display()))?;
+        let written = private::create(&path).and_then(|mut file| file.write_all(&png));
+        written.map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(Some(path))
     }
 

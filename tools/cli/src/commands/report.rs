@@ -1,8 +1,6 @@
 //! `stillpoint report`
 
-use std::fs::{OpenOptions, Permissions};
 use std::io::Write;
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -12,6 +10,7 @@ use stillpoint_recorder::Session;
 use stillpoint_report::{Section, html, sections_of};
 
 use crate::exit::{Ended, Exit, Failure};
+use crate::private;
 
 /// Write a report of a session: tracks against the truth, pictures, rates, latencies, ledger, faults, provenance.
 ///
@@ -47,7 +46,7 @@ impl Report {
             let path = self.out.clone().unwrap_or_else(|| beside(&self.session));
             let about = format!("Report of a session of stillpoint {}", env!("CARGO_PKG_VERSION"));
             let page = html::page(&name, &about, &sections);
-            write(&path, &page).map_err(|e| {
+            private::create(&path).and_then(|mut file| file.write_all(page.as_bytes())).map_err(|e| {
                 Failure::failed(format!("{}: {e}; choose another file with --out", path.display()))
             })?;
             if !self.json {
@@ -75,14 +74,4 @@ fn beside(session: &Path) -> PathBuf {
         Some(_) => session.parent().map_or_else(|| PathBuf::from(&file), |folder| folder.join(&file)),
         None => PathBuf::from(file),
     }
-}
-
-/// Writes the page readable by its owner only, and replaces an existing one.
-fn write(path: &Path, page: &str) -> std::io::Result<()> {
-    let mut file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
-    // One that is there keeps its mode when it is opened; a device has none of its own to set.
-    if file.metadata()?.is_file() {
-        file.set_permissions(Permissions::from_mode(0o600))?;
-    }
-    file.write_all(page.as_bytes())
 }

@@ -8,6 +8,7 @@ use stillpoint_plan::case::read;
 use stillpoint_plan::outline::{Placing, outline, write_ply, write_stl};
 
 use crate::exit::{Ended, Exit, Failure};
+use crate::private;
 
 /// Write the outline of a case as a mesh of triangles, in mm in the DICOM patient frame. The file holds the isocentre.
 #[derive(Args)]
@@ -35,7 +36,7 @@ impl Surface {
         let mesh = outline(&case).map_err(|e| Failure::failed(format!("{}: {e}", self.case.display())))?;
         let placing = Placing { isocentre_mm: case.isocentre_mm(), position: case.position() };
         let fault = |e: std::io::Error| Failure::failed(format!("{}: {e}", self.out.display()));
-        let mut file = BufWriter::new(private(&self.out).map_err(fault)?);
+        let mut file = BufWriter::new(private::create(&self.out).map_err(fault)?);
         match is_ply {
             true => write_ply(&mesh, &placing, &mut file).map_err(fault)?,
             false => write_stl(&mesh, &placing, &mut file).map_err(fault)?,
@@ -50,12 +51,4 @@ impl Surface {
         );
         Ok(Exit::Done)
     }
-}
-
-/// A file that only its owner may read, as a case file is.
-fn private(path: &std::path::Path) -> std::io::Result<std::fs::File> {
-    use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
-    let file = std::fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
-    file.set_permissions(std::fs::Permissions::from_mode(0o600))?;
-    Ok(file)
 }
