@@ -55,8 +55,8 @@ impl Drive {
         let seconds = ns as f64 * 1e-9;
         match order {
             Order::Follow => {
-                let sent = self.shaper.sent().map(f64::from);
-                self.pressure.advance(seconds, sent.get(..self.driven.valves).unwrap_or(&sent));
+                let open = self.shaper.openings();
+                self.pressure.advance(seconds, open.get(..self.driven.valves).unwrap_or(&open));
             }
             Order::Vent => self.pressure.vent(seconds, self.driven.valves / 2),
             Order::Hold => {}

@@ -1,7 +1,7 @@
 //! Pressures of bladders, estimated from the duties that were sent, for rigs that do not measure them.
 //!
 //! Air flows through an inlet from the supply and through an outlet to the exhaust (the orifice law of SCIENCE C3; the
-//! opening of a valve is its duty, at once). The volume of a bladder is linear in the pressure, `V = V0 (1 + g / D)`,
+//! opening of a valve is its duty beyond the dead band, at once). The volume of a bladder is linear in the pressure, `V = V0 (1 + g / D)`,
 //! so `(P_atm + g) V = m R_s T` is a quadratic in the gauge pressure `g`. With the defaults, incoming air raises the
 //! pressure more than in the rig's bladders under a head. So the estimate errs upwards above the pressure at the start,
 //! and downwards below it, where no limit is near. A bladder never counts as emptier than `V0` at the room's pressure.

@@ -1,4 +1,5 @@
-//! From the duties that a controller asks for to those that are sent: within bounds, and grown no faster than allowed.
+//! From the openings that a controller asks for to the duties that are sent: within bounds, grown no faster than allowed,
+//! and beyond the dead band of the valves.
 
 use stillpoint_samples::ActuationReason;
 
@@ -9,8 +10,22 @@ use crate::message::VALVES;
 pub struct Bounds {
     /// Greatest duty, up to 1.
     pub greatest: f64,
-    /// Largest growth of a duty, 1/s. A valve may shut at once, because shut valves are safe.
+    /// Largest growth of an opening, 1/s. A valve may shut at once, because shut valves are safe.
     pub slew: f64,
+    /// Duty up to which a valve stays shut; above it the opening grows in proportion, to full opening at full duty.
+    pub dead_band: f64,
+}
+
+impl Bounds {
+    /// How far a valve is open at a duty.
+    fn opening(&self, duty: f64) -> f64 {
+        ((duty - self.dead_band) / (1.0 - self.dead_band)).max(0.0)
+    }
+
+    /// The duty at which a valve is open so far.
+    fn duty(&self, opening: f64) -> f64 {
+        if opening > 0.0 { self.dead_band + (1.0 - self.dead_band) * opening } else { 0.0 }
+    }
 }
 
 /// What was sent last, and what is sent next.
@@ -42,28 +57,37 @@ impl Shaper {
         &self.sent
     }
 
+    /// How far the valves are open with the duties that were sent last.
+    #[must_use]
+    pub fn openings(&self) -> [f64; VALVES] {
+        self.sent.map(|duty| self.bounds.opening(f64::from(duty)))
+    }
+
     /// Takes the valves for shut: what follows grows from there.
     pub fn rest(&mut self) {
         self.sent = [0.0; VALVES];
     }
 
-    /// Shapes finite duties, `seconds` after the last ones. `ceiling` says for each inlet how far it may be open.
+    /// Shapes finite openings, `seconds` after the last ones. `ceiling` says for each inlet how far it may be open.
     pub fn shape(&mut self, asked: &[f64], seconds: f64, ceiling: impl Fn(usize) -> f64) -> Shaped {
         let mut shaped = Shaped::default();
-        let growth = self.bounds.slew * seconds.max(0.0);
+        let bounds = self.bounds;
+        let greatest = bounds.opening(bounds.greatest);
+        let growth = bounds.slew * seconds.max(0.0);
         for (valve, (sent, asked)) in self.sent.iter_mut().zip(asked).enumerate() {
-            let mut duty = asked.clamp(0.0, self.bounds.greatest);
-            let mut limits = if duty == *asked { 0 } else { ActuationReason::DUTY_LIMITED };
-            let grown = f64::from(*sent) + growth;
-            if duty > grown {
-                duty = grown;
+            let mut opening = asked.clamp(0.0, greatest);
+            let mut limits = if opening == *asked { 0 } else { ActuationReason::DUTY_LIMITED };
+            let grown = bounds.opening(f64::from(*sent)) + growth;
+            if opening > grown {
+                opening = grown;
                 limits |= ActuationReason::SLEW_LIMITED;
             }
             let least = if valve % 2 == 0 { ceiling(valve / 2) } else { 1.0 };
-            if duty > least {
-                duty = least;
+            if opening > least {
+                opening = least;
                 limits |= ActuationReason::PRESSURE_LIMITED;
             }
+            let duty = bounds.duty(opening);
             // Rounded towards shut, so that bounds hold for what is sent, too; no number becomes a shut valve.
             *sent = if duty > 0.0 { floor(duty) } else { 0.0 };
             shaped.reasons |= limits;
@@ -92,17 +116,23 @@ mod tests {
             slew in 0.1..100.0f64,
             seconds in prop::collection::vec(0.0..0.1f64, 30),
             ceiling in 0.0..=1.0f64,
+            dead_band in prop_oneof![Just(0.0), 0.0..0.3f64],
         ) {
-            let mut shaper = Shaper::new(Bounds { greatest, slew });
+            let bounds = Bounds { greatest, slew, dead_band };
+            let mut shaper = Shaper::new(bounds);
             for (asked, seconds) in asked.iter().zip(seconds) {
-                let before = *shaper.sent();
+                let before = shaper.openings();
                 let shaped = shaper.shape(asked, seconds, |_| ceiling);
                 for (valve, asked) in asked.iter().enumerate() {
-                    let (was, is) = (f64::from(before[valve]), f64::from(shaper.sent()[valve]));
-                    prop_assert!((0.0..=greatest).contains(&is));
-                    prop_assert!(is <= was + slew * seconds);
-                    prop_assert!(valve % 2 == 1 || is <= ceiling);
-                    prop_assert!(is <= asked.max(0.0));
+                    let (was, is) = (before[valve], shaper.openings()[valve]);
+                    let sent = f64::from(shaper.sent()[valve]);
+                    prop_assert!((0.0..=greatest).contains(&sent));
+                    prop_assert!(is > 0.0 || sent <= dead_band);
+                    // The duty is rounded down; the opening that is computed from it may have one rounding more.
+                    prop_assert!(is <= was + slew * seconds + 1e-15);
+                    prop_assert!(valve % 2 == 1 || is <= ceiling + 1e-15);
+                    prop_assert!(is <= asked.max(0.0) + 1e-15);
+                    prop_assert!(dead_band > 0.0 || is == sent);
                     // Where nothing limits it, the command is what is sent, but for the rounding.
                     let free = shaped.limited >> valve & 1 == 0;
                     prop_assert!(!free || (asked - is).abs() <= 1e-7);
@@ -114,7 +144,7 @@ mod tests {
 
     #[test]
     fn a_valve_shuts_at_once_and_opens_by_and_by() {
-        let mut shaper = Shaper::new(Bounds { greatest: 1.0, slew: 10.0 });
+        let mut shaper = Shaper::new(Bounds { greatest: 1.0, slew: 10.0, dead_band: 0.0 });
         for step in 1..=20 {
             let shaped = shaper.shape(&[1.0, 0.0], 0.01, |_| 1.0);
             let duty = f64::from(shaper.sent()[0]);

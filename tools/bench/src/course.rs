@@ -203,9 +203,13 @@ struct Watch {
 
 impl Watch {
     fn new(graph: Arc<Graph>) -> Self {
+        let of = |operator: usize| graph.operators[operator].params.resolved["dead_band"].as_f64();
+        let monitor = Monitor::of(graph.operator("valves").and_then(of).unwrap_or(0.0));
+        let course =
+            Course { least_force: f64::INFINITY, least_margin: f64::INFINITY, monitor, ..Course::default() };
         Self {
             graph,
-            course: Course { least_force: f64::INFINITY, least_margin: f64::INFINITY, ..Course::default() },
+            course,
             truths: VecDeque::new(),
             capturing: false,
             reference: None,

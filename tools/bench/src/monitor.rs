@@ -14,7 +14,7 @@ pub const PRESSURE: f64 = 40e3;
 const POSE_TIME: u64 = 170_000_000;
 /// Time within which the beam is off after actuation stopped following: `lead`, ns.
 const LEAD: u64 = 40_000_000;
-/// Maximum growth of a duty, 1/s: `slew`.
+/// Maximum growth of an opening, 1/s: `slew`.
 const SLEW: f64 = 10.0;
 /// Maximum duty.
 const DUTY: f64 = 1.0;
@@ -34,7 +34,7 @@ pub enum Rule {
     BeamAstray,
     /// A duty below 0, above 1, or not a number.
     Duty,
-    /// A duty grew faster than the slew limit.
+    /// An opening grew faster than the slew limit.
     Slew,
     /// A pressure above the limit, or not a number.
     Pressure,
@@ -65,12 +65,19 @@ pub struct Monitor {
     /// Acquisition time of the newest measurement.
     measured: Option<u64>,
     order: Option<(u64, ActuationElement)>,
+    /// Dead band of the valves as the sender knows it: up to this duty they count as shut.
+    dead_band: f64,
     broken: std::collections::BTreeSet<Rule>,
     /// Number of samples of the far end with the beam on.
     pub beams: u64,
 }
 
 impl Monitor {
+    /// Watches a sender that knows of this dead band.
+    pub fn of(dead_band: f64) -> Self {
+        Self { dead_band, ..Self::default() }
+    }
+
     /// Names of the rules that were broken.
     pub fn broken(&self) -> Vec<&'static str> {
         self.broken.iter().map(|rule| rule.name()).collect()
@@ -105,7 +112,9 @@ impl Monitor {
             let most = SLEW * time.saturating_sub(*before) as f64 * 1e-9 + ROUNDING;
             // An open outlet of a vent is no duty of a controller: duties grow from zero after it.
             let vents = [now, last].into_iter().any(|a| a.state() == ActuationState::Venting);
-            if !vents && follows && now.duty.iter().zip(&last.duty).any(|(now, last)| now - last > most) {
+            let open = |duty: &f64| ((duty - self.dead_band) / (1.0 - self.dead_band)).max(0.0);
+            let grew = |(now, last): (&f64, &f64)| open(now) - open(last) > most;
+            if !vents && follows && now.duty.iter().zip(&last.duty).any(grew) {
                 self.broken.insert(Rule::Slew);
             }
         }

@@ -65,7 +65,11 @@ pub struct ValvesParams {
     /// Largest duty.
     #[param(default = 1, above = 0, max = 1)]
     pub max_duty: f64,
-    /// Largest growth of a duty per second. A valve may shut at once.
+    /// Dead band of the valves: the duty up to which one stays shut. Any opening that is asked for is sent as a duty beyond
+    /// it, and the estimate of the pressures counts what is beyond it.
+    #[param(default = 0, min = 0, max = 0.5)]
+    pub dead_band: f64,
+    /// Largest growth of an opening per second: of the duty, where there is no dead band. A valve may shut at once.
     #[param(unit = "1/s", default = "10 1/s", above = "0 1/s", max = "1000 1/s")]
     pub slew: f64,
     /// Limits and estimate of the pressures.
@@ -179,6 +183,12 @@ impl Operator for ActuateValves {
     };
 
     fn validate(params: &ValvesParams) -> Result<(), ParamConflict> {
+        if params.max_duty <= params.dead_band {
+            return Err(ParamConflict::inside(
+                &["max_duty"],
+                SetupError("it is within the dead band, so that no valve would ever open".into()),
+            ));
+        }
         let (starts, bladders) = (params.pressure.start.len(), params.bladders as usize);
         if starts == 1 || starts == bladders {
             return Ok(());
@@ -215,7 +225,7 @@ impl Operator for ActuateValves {
             life: params.life,
             every: setup.every.unwrap_or(params.life / 2),
         };
-        let bounds = Bounds { greatest: params.max_duty, slew: params.slew };
+        let bounds = Bounds { greatest: params.max_duty, slew: params.slew, dead_band: params.dead_band };
         let drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&params.pressure));
         Ok(Self {
             watch,
