@@ -150,18 +150,19 @@ pub struct BladderParams {
     /// Safe state of the valves when duties stop.
     #[param(default = "vent")]
     pub safe: Safe,
-    /// Duty up to which a valve stays shut; above it the opening grows in proportion, to full opening at full duty.
-    #[param(default = 0, min = 0, max = 0.5)]
+    /// Duty up to which a valve stays shut; above it the opening grows in proportion, to full opening at full duty. Tell
+    /// `actuate.valves` of it.
+    #[param(default = 0.07, min = 0, max = 0.5)]
     pub dead_band: f64,
     /// Time after which a valve begins to follow its duty, in the mean of the valves. Its lag of 20 ms comes on top.
-    #[param(unit = "ns", default = "0 ms", min = "0 ms", max = "50 ms")]
+    #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "50 ms")]
     pub valve_delay: u64,
     /// Greatest deviation of a valve's delay from the mean, as a part of it. Which valve has which delay follows from
     /// `seed`.
     #[param(default = 0.5, min = 0, max = 1)]
     pub valve_spread: f64,
     /// Creep of the rubber: the part by which the pressure of a bladder falls in each tenfold of time after a stretch.
-    #[param(default = 0, min = 0, max = 0.2)]
+    #[param(default = 0.03, min = 0, max = 0.2)]
     pub creep: f64,
     /// Where the bladders touch the head. The contact of the rig with one bladder is the same either way.
     #[param(default = "fixed")]
