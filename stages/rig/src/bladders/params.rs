@@ -155,7 +155,7 @@ pub struct BladderParams {
     #[param(default = 0.07, min = 0, max = 0.5)]
     pub dead_band: f64,
     /// Time after which a valve begins to follow its duty, in the mean of the valves. Its lag of 20 ms comes on top.
-    #[param(unit = "ns", default = "5 ms", min = "0 ms", max = "50 ms")]
+    #[param(unit = "ns", default = "0 ms", min = "0 ms", max = "50 ms")]
     pub valve_delay: u64,
     /// Greatest deviation of a valve's delay from the mean, as a part of it. Which valve has which delay follows from
     /// `seed`.

@@ -79,7 +79,7 @@ pub const CAMERA: &str = "camera: { width: 160 px, height: 120 px, focal_length:
 /// A rig of this kind with these params besides its camera, driven by a script with these params.
 pub fn text(kind: &str, params: &str, script: &str) -> String {
     // Valves and rubber are ideal, but for what the test names.
-    let ideal = ["dead_band: 0", "valve_delay: 0 ms", "creep: 0"];
+    let ideal = ["dead_band: 0", "creep: 0"];
     let named = |param: &&&str| param.split(':').next().is_some_and(|name| params.contains(name));
     let ideal: String =
         ideal.iter().filter(|param| !named(param)).map(|param| format!(", {param}")).collect();
