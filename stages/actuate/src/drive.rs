@@ -113,3 +113,41 @@ impl Drive {
         std::array::from_fn(|i| if counts(i) { self.pressure.pressure(i) } else { 0.0 })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pressure::PressureParams;
+    use crate::shaping::Bounds;
+
+    /// Duty of the first inlet and pressure of its bladder after a tenth of a second in which it was to be half open.
+    fn filled(dead_band: f64) -> (f64, f64) {
+        let pressure = PressureParams {
+            limit: 40e3,
+            taper: 4e3,
+            start: vec![10e3],
+            volume: 0.52e-3,
+            doubles_at: 50e3,
+            supply: 103e3,
+            vacuum: 83e3,
+            orifice: 1e-3,
+            discharge: 0.8,
+        };
+        let driven = Driven { valves: 6, safe: Safe::Vent, life: 60_000_000, every: 10_000_000 };
+        let bounds = Bounds { greatest: 1.0, slew: 1000.0, dead_band };
+        let mut drive = Drive::new(driven, Shaper::new(bounds), PressureEstimator::new(&pressure));
+        for tick in 0..=10 {
+            drive.pass(tick * 10_000_000);
+            drive.tell(tick * 10_000_000, Order::Follow, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        }
+        (f64::from(drive.duties()[0]), drive.pressures()[0])
+    }
+
+    #[test]
+    fn pressures_are_estimated_from_openings_and_not_from_duties() {
+        let (duty, pressure) = filled(0.0);
+        let (beyond, same) = filled(0.1);
+        assert!((duty - 0.5).abs() < 1e-6 && (beyond - 0.55).abs() < 1e-6, "{duty} {beyond}");
+        assert!(pressure > 10.5e3 && (pressure - same).abs() < 1.0, "{pressure} {same}");
+    }
+}

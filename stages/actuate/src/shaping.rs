@@ -5,6 +5,10 @@ use stillpoint_samples::ActuationReason;
 
 use crate::message::VALVES;
 
+/// Behind a dead band, the least opening to which a shut valve is opened; an open one shuts below half of it. Less would
+/// switch valves with the noise of the pose, and moves a head by some hundredths of a millimetre.
+const LEAST: f64 = 0.002;
+
 /// Bounds of duties.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
@@ -22,9 +26,11 @@ impl Bounds {
         ((duty - self.dead_band) / (1.0 - self.dead_band)).max(0.0)
     }
 
-    /// The duty at which a valve is open so far.
-    fn duty(&self, opening: f64) -> f64 {
-        if opening > 0.0 { self.dead_band + (1.0 - self.dead_band) * opening } else { 0.0 }
+    /// The duty at which a valve is open so far; it `was` open so far before.
+    fn duty(&self, opening: f64, was: f64) -> f64 {
+        let least = if was > 0.0 { 0.5 * LEAST } else { LEAST };
+        let is_shut = opening <= 0.0 || self.dead_band > 0.0 && opening < least;
+        if is_shut { 0.0 } else { self.dead_band + (1.0 - self.dead_band) * opening }
     }
 }
 
@@ -77,7 +83,8 @@ impl Shaper {
         for (valve, (sent, asked)) in self.sent.iter_mut().zip(asked).enumerate() {
             let mut opening = asked.clamp(0.0, greatest);
             let mut limits = if opening == *asked { 0 } else { ActuationReason::DUTY_LIMITED };
-            let grown = bounds.opening(f64::from(*sent)) + growth;
+            let was = bounds.opening(f64::from(*sent));
+            let grown = was + growth;
             if opening > grown {
                 opening = grown;
                 limits |= ActuationReason::SLEW_LIMITED;
@@ -87,7 +94,7 @@ impl Shaper {
                 opening = least;
                 limits |= ActuationReason::PRESSURE_LIMITED;
             }
-            let duty = bounds.duty(opening);
+            let duty = bounds.duty(opening, was);
             // Rounded towards shut, so that bounds hold for what is sent, too; no number becomes a shut valve.
             *sent = if duty > 0.0 { floor(duty) } else { 0.0 };
             shaped.reasons |= limits;
@@ -135,11 +142,26 @@ mod tests {
                     prop_assert!(dead_band > 0.0 || is == sent);
                     // Where nothing limits it, the command is what is sent, but for the rounding.
                     let free = shaped.limited >> valve & 1 == 0;
-                    prop_assert!(!free || (asked - is).abs() <= 1e-7);
+                    let is_shut = dead_band > 0.0 && is == 0.0 && *asked < LEAST;
+                    prop_assert!(!free || is_shut || (asked - is).abs() <= 1e-7);
                 }
                 prop_assert!(shaper.sent()[6..].iter().all(|d| *d == 0.0));
             }
         }
+    }
+
+    #[test]
+    fn noise_about_zero_does_not_switch_a_valve_with_a_dead_band() {
+        let mut shaper = Shaper::new(Bounds { greatest: 1.0, slew: 100.0, dead_band: 0.07 });
+        let mut sent = |asked: f64| {
+            shaper.shape(&[asked, 0.0], 0.01, |_| 1.0);
+            f64::from(shaper.sent()[0])
+        };
+        assert_eq!([0.0019, -0.001, 0.0005].map(&mut sent), [0.0; 3]);
+        // Once it is open it stays so for less.
+        assert!([0.0021, 0.0011, 0.0019].map(&mut sent).iter().all(|duty| *duty > 0.07));
+        assert_eq!([0.0009, 0.0019].map(&mut sent), [0.0; 2]);
+        assert!((sent(0.5) - 0.535).abs() < 1e-6);
     }
 
     #[test]

@@ -204,7 +204,7 @@ struct Watch {
 impl Watch {
     fn new(graph: Arc<Graph>) -> Self {
         let of = |operator: usize| graph.operators[operator].params.resolved["dead_band"].as_f64();
-        let monitor = Monitor::of(graph.operator("valves").and_then(of).unwrap_or(0.0));
+        let monitor = Monitor::of(graph.operator("rig").and_then(of).unwrap_or(0.0));
         let course =
             Course { least_force: f64::INFINITY, least_margin: f64::INFINITY, monitor, ..Course::default() };
         Self {

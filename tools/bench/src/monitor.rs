@@ -65,7 +65,7 @@ pub struct Monitor {
     /// Acquisition time of the newest measurement.
     measured: Option<u64>,
     order: Option<(u64, ActuationElement)>,
-    /// Dead band of the valves as the sender knows it: up to this duty they count as shut.
+    /// Dead band of the rig's valves: up to this duty they are shut.
     dead_band: f64,
     broken: std::collections::BTreeSet<Rule>,
     /// Number of samples of the far end with the beam on.
@@ -73,7 +73,7 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Watches a sender that knows of this dead band.
+    /// Watches a rig whose valves have this dead band, whatever the sender knows of it.
     pub fn of(dead_band: f64) -> Self {
         Self { dead_band, ..Self::default() }
     }
@@ -109,7 +109,9 @@ impl Monitor {
             self.broken.insert(Rule::Duty);
         }
         if let Some((before, last)) = &self.order {
-            let most = SLEW * time.saturating_sub(*before) as f64 * 1e-9 + ROUNDING;
+            // A sender that knows nothing of the dead band limits duties, whose openings grow faster.
+            let slew = SLEW / (1.0 - self.dead_band);
+            let most = slew * time.saturating_sub(*before) as f64 * 1e-9 + ROUNDING;
             // An open outlet of a vent is no duty of a controller: duties grow from zero after it.
             let vents = [now, last].into_iter().any(|a| a.state() == ActuationState::Venting);
             let open = |duty: &f64| ((duty - self.dead_band) / (1.0 - self.dead_band)).max(0.0);

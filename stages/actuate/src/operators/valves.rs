@@ -65,8 +65,9 @@ pub struct ValvesParams {
     /// Largest duty.
     #[param(default = 1, above = 0, max = 1)]
     pub max_duty: f64,
-    /// Dead band of the valves: the duty up to which one stays shut. Any opening that is asked for is sent as a duty beyond
-    /// it, and the estimate of the pressures counts what is beyond it.
+    /// Dead band of the valves: the duty up to which one stays shut. An opening that is asked for is sent as a duty beyond
+    /// it, and the estimate of the pressures counts what is beyond it. Rather too small than too large: valves that open
+    /// sooner than that let more air pass than was asked for and is counted.
     #[param(default = 0, min = 0, max = 0.5)]
     pub dead_band: f64,
     /// Largest growth of an opening per second: of the duty, where there is no dead band. A valve may shut at once.

@@ -67,6 +67,9 @@ fn what_cannot_work_is_refused_when_it_is_made() {
     assert!(slow.contains("`life` is 60 ms and the timer ticks every 40 ms"), "{slow}");
     let slow = fault("use: gate.beam\n    every: 10 ms", "use: gate.beam\n    every: 60 ms", "gate");
     assert!(slow.contains("`lease` is 100 ms and the timer ticks every 60 ms"), "{slow}");
+    let shut = text(&Said { valves: "dead_band: 0.1, max_duty: 0.1", ..Said::default() });
+    let shut = bench(&shut, "valves").err().unwrap_or_default();
+    assert!(shut.contains("no valve would ever open"), "{shut}");
     let lone = fault("reference: head.report, ", "", "valves");
     assert!(lone.contains("say `reference: waived`"), "{lone}");
     let blind = fault("actuation: valves.state, report: head.report", "actuation: valves.state", "gate");

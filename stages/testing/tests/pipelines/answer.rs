@@ -65,7 +65,8 @@ fn lost_orders_an_empty_supply_and_leaks_become_a_fault_with_its_reason_and_end_
 #[test]
 fn a_pressure_estimate_at_its_limit_during_an_error_is_the_sooner_fault() {
     // The supply is empty, so the estimate fills bladders that stay as they are.
-    let slow = "params: { key: examples/data/rig.key, dead_band: 0.07, answer: { error_patience: 1 min } }\n  gate:";
+    let slow =
+        "params: { key: examples/data/rig.key, dead_band: 0.07, answer: { error_patience: 1 min } }\n  gate:";
     let run = broken(
         "kind: weak_supply, left: 0",
         40_000,
