@@ -30,8 +30,14 @@ pub struct Proposal {
     report: Tap,
     rejection: Option<Tap>,
     shown: Option<Shown>,
-    /// The last report before the capture; none if the tracker was silent.
+    /// The last report before the command; none if the tracker was silent.
     before: Option<PoseReportElement>,
+    /// The last report since, the last that refused a face, and why the last frame without one had none.
+    last: Option<PoseReportElement>,
+    refused: Option<PoseReportElement>,
+    reason: Option<String>,
+    /// Root folder of the run's domain.
+    root: PathBuf,
     /// The session, or what stands for it: pictures are written beside it.
     beside: PathBuf,
 }
@@ -73,11 +79,45 @@ pub fn watch(
     let attached = which.attach(registry)?;
     let mut trackers = Vec::new();
     for (operator, output) in answering(&attached.graph, console, verb, PoseReport::KIND) {
-        let mut tracker = Proposal::open(&attached, operator, output)?;
-        tracker.before = tracker.wait(PATIENCE, |_| true)?;
-        trackers.push(tracker);
+        trackers.push(Proposal::open(&attached, operator, output)?);
+    }
+    let begun = Instant::now();
+    while begun.elapsed() < PATIENCE && trackers.iter().any(|tracker| tracker.before.is_none()) {
+        for tracker in &mut trackers {
+            tracker.collect()?;
+            if let Some((_, report)) = tracker.next_report()? {
+                tracker.before = Some(report);
+            }
+        }
+        std::thread::sleep(LOOK);
     }
     Ok(trackers)
+}
+
+/// What became of the capture, or of the confirmation, at each tracker since it was sent.
+pub fn outcomes(trackers: &mut [Proposal], which: &Which, verb: Verb) -> Result<Vec<Outcome>, Failure> {
+    let patience = if verb == Verb::Capture { CAPTURE } else { PATIENCE };
+    let mut outcomes: Vec<Option<Outcome>> = trackers.iter().map(|_| None).collect();
+    let begun = Instant::now();
+    while begun.elapsed() < patience && outcomes.iter().any(Option::is_none) {
+        for (tracker, outcome) in trackers.iter_mut().zip(&mut outcomes) {
+            if !which.is_going_on(&tracker.root) {
+                return Err(Failure::failed("the run ended before the tracker answered"));
+            }
+            // All are read, so that none falls behind.
+            tracker.collect()?;
+            while let Some((origin, report)) = tracker.next_report()? {
+                if outcome.is_none() {
+                    *outcome = tracker.look(verb, origin, report)?;
+                }
+            }
+        }
+        std::thread::sleep(LOOK);
+    }
+    let given_up = |(tracker, outcome): (&Proposal, Option<Outcome>)| {
+        outcome.unwrap_or_else(|| Outcome::refused(tracker.given_up(verb)))
+    };
+    Ok(trackers.iter().zip(outcomes).map(given_up).collect())
 }
 
 impl Proposal {
@@ -94,7 +134,17 @@ impl Proposal {
         };
         // Without a session: beside nothing, in the folder of the person who asks.
         let beside = attached.session.clone().unwrap_or_else(|| PathBuf::from(&graph.name));
-        Ok(Self { report: Tap::open(attached, operator, output)?, rejection, shown, before: None, beside })
+        Ok(Self {
+            report: Tap::open(attached, operator, output)?,
+            rejection,
+            shown,
+            before: None,
+            last: None,
+            refused: None,
+            reason: None,
+            root: attached.root.clone(),
+            beside,
+        })
     }
 
     /// The topic of the tracker's reports.
@@ -102,62 +152,78 @@ impl Proposal {
         &self.report.name
     }
 
-    /// What became of the capture that was asked for since.
-    pub fn captured(&mut self) -> Result<Outcome, Failure> {
-        let Some(before) = self.before else { return Ok(Outcome::refused(silent())) };
-        let begun = Instant::now();
-        let (mut last, mut refused, mut reason) = (before, None, None);
-        while begun.elapsed() < CAPTURE {
-            self.collect()?;
-            if let Some(tap) = &self.rejection
-                && let Some(sample) = tap.next()?
-            {
-                let said = sample.pieces().view::<Rejection>().map_err(Failure::failed)?;
-                reason = said.first().map(|r| r.reason().to_owned());
-            }
-            let Some((origin, report)) = self.next_report()? else {
-                std::thread::sleep(LOOK);
-                continue;
-            };
-            last = report;
-            if report.reference != 0 && report.reference != before.reference {
-                return Ok(Outcome::done(self.proposed(&report, origin)?));
-            }
-            match PoseStatus::from_number(report.status) {
-                Some(PoseStatus::CaptureRefused) => refused = Some(report),
-                Some(PoseStatus::CaptureLapsed) => {
-                    return Ok(Outcome::refused(not_captured(refused.as_ref(), &report, reason.as_deref())));
-                }
-                _ => {}
-            }
+    /// What a report tells of the capture, or of the confirmation; `None`: nothing yet.
+    fn look(
+        &mut self,
+        verb: Verb,
+        origin: u64,
+        report: PoseReportElement,
+    ) -> Result<Option<Outcome>, Failure> {
+        let Some(before) = self.before else { return Ok(None) };
+        self.last = Some(report);
+        if verb == Verb::Confirm {
+            let said = || Outcome::done(format!("reference {} is confirmed", report.reference));
+            return Ok((report.confirmed == 1).then(said));
         }
-        Ok(Outcome::refused(format!(
-            "{}; a face that comes may still be captured",
-            not_captured(refused.as_ref(), &last, reason.as_deref())
-        )))
+        let status = PoseStatus::from_number(report.status);
+        if report.reference != 0 && report.reference != before.reference {
+            return Ok(Some(Outcome::done(match status {
+                Some(PoseStatus::Captured) => self.proposed(&report, origin),
+                _ => format!(
+                    "proposed as reference {}; its frame passed unread: `stillpoint report` shows it",
+                    report.reference
+                ),
+            })));
+        }
+        match status {
+            Some(PoseStatus::CaptureRefused) => self.refused = Some(report),
+            Some(PoseStatus::CaptureLapsed) => return Ok(Some(Outcome::refused(self.not_captured(&report)))),
+            _ => {}
+        }
+        Ok(None)
     }
 
-    /// What became of the confirmation that was sent since.
-    pub fn confirmed(&mut self) -> Result<Outcome, Failure> {
-        if self.before.is_none() {
-            return Ok(Outcome::refused(silent()));
+    /// What is said when the time for an answer is over.
+    fn given_up(&self, verb: Verb) -> String {
+        let Some(last) = self.last.or(self.before).filter(|_| self.before.is_some()) else { return silent() };
+        if verb == Verb::Capture {
+            return format!("{}; a face that comes may still be captured", self.not_captured(&last));
         }
-        let told = self.wait(PATIENCE, |report| report.confirmed == 1)?;
-        Ok(match (told, self.before) {
-            (Some(report), _) => Outcome::done(format!("reference {} is confirmed", report.reference)),
-            (None, Some(before)) if before.reference == 0 => {
-                Outcome::refused("there is no reference to confirm: capture one first".into())
-            }
-            _ => Outcome::refused(format!(
-                "the reference was not confirmed within {} s; `stillpoint echo {}` shows `confirmed`",
-                PATIENCE.as_secs(),
-                self.topic()
-            )),
-        })
+        if last.reference == 0 {
+            return "there is no reference to confirm: capture one first".into();
+        }
+        format!(
+            "the reference was not confirmed within {} s; `stillpoint echo {}` shows `confirmed`",
+            PATIENCE.as_secs(),
+            self.topic()
+        )
+    }
+
+    /// Why nothing was captured.
+    fn not_captured(&self, last: &PoseReportElement) -> String {
+        let why = match &self.refused {
+            Some(report) if report.refused != 0 => format!(
+                "faces were refused: their surface leaves {} of the six directions of a movement open",
+                report.refused.count_ones()
+            ),
+            Some(report) if report.overlap.is_finite() => format!(
+                "faces were refused: {:.0} % of their points lie on the planned surface, and they differ by {:.2} mm",
+                100.0 * report.overlap,
+                1e3 * report.residual_rms
+            ),
+            Some(_) => "faces were refused".into(),
+            None => match &self.reason {
+                Some(reason) if last.status != PoseStatus::Tracked as u32 => {
+                    format!("no face was found in enough frames: {reason}")
+                }
+                _ => "no face was found in enough frames".into(),
+            },
+        };
+        format!("nothing was captured: {why}")
     }
 
     /// The numbers of a proposal, and where its picture is.
-    fn proposed(&mut self, report: &PoseReportElement, origin: u64) -> Result<String, Failure> {
+    fn proposed(&self, report: &PoseReportElement, origin: u64) -> String {
         let mut lines = vec![format!("proposed as reference {}: {}", report.reference, self.size(origin))];
         lines.extend(numbers(report).map(|line| format!("  {line}")));
         lines.push(match self.write_picture(report, origin) {
@@ -165,11 +231,11 @@ impl Proposal {
             Ok(None) => "  no picture: the tracker's faces do not come from images of a camera".into(),
             Err(reason) => format!("  no picture: {reason}"),
         });
-        Ok(lines.join("\n"))
+        lines.join("\n")
     }
 
     /// Points and extent of the captured face.
-    fn size(&mut self, origin: u64) -> String {
+    fn size(&self, origin: u64) -> String {
         let face = self.shown.as_ref().and_then(|shown| of(&shown.faces, origin));
         let extent = face.and_then(|bytes| {
             let pieces = stillpoint_samples::Pieces::split(PointCloud::KIND, bytes).ok()?;
@@ -184,7 +250,7 @@ impl Proposal {
         extent.unwrap_or_else(|| "a face".into())
     }
 
-    fn write_picture(&mut self, report: &PoseReportElement, origin: u64) -> Result<Option<PathBuf>, String> {
+    fn write_picture(&self, report: &PoseReportElement, origin: u64) -> Result<Option<PathBuf>, String> {
         let Some(shown) = &self.shown else { return Ok(None) };
         let (Some(image), Some(face)) = (of(&shown.images, origin), of(&shown.faces, origin)) else {
             return Err("its image passed before it was read".into());
@@ -197,32 +263,20 @@ impl Proposal {
         Ok(Some(path))
     }
 
-    /// The next report for which `is_so` holds, within a time.
-    fn wait(
-        &mut self,
-        patience: Duration,
-        is_so: impl Fn(&PoseReportElement) -> bool,
-    ) -> Result<Option<PoseReportElement>, Failure> {
-        let begun = Instant::now();
-        while begun.elapsed() < patience {
-            self.collect()?;
-            match self.next_report()? {
-                Some((_, report)) if is_so(&report) => return Ok(Some(report)),
-                Some(_) => {}
-                None => std::thread::sleep(LOOK),
-            }
-        }
-        Ok(None)
-    }
-
     fn next_report(&self) -> Result<Option<(u64, PoseReportElement)>, Failure> {
         let Some(sample) = self.report.next()? else { return Ok(None) };
         let view = sample.pieces().view::<PoseReport>().map_err(Failure::failed)?;
         Ok(view.first().map(|report| (view.header.origin, *report)))
     }
 
-    /// Keeps the last images and faces.
+    /// Keeps the last images and faces, and why the last frame without a face had none.
     fn collect(&mut self) -> Result<(), Failure> {
+        if let Some(tap) = &self.rejection {
+            while let Some(sample) = tap.next()? {
+                let said = sample.pieces().view::<Rejection>().map_err(Failure::failed)?;
+                self.reason = said.first().map(|r| r.reason().to_owned());
+            }
+        }
         let Some(Shown { image, face, images, faces, .. }) = &mut self.shown else { return Ok(()) };
         for (tap, kept) in [(&image.0, images), (&*face, faces)] {
             while let Some(sample) = tap.next()? {
@@ -304,29 +358,4 @@ fn numbers(report: &PoseReportElement) -> impl Iterator<Item = String> {
         format!("one frame tells its pose to {sd:.2} mm in the least certain direction"),
     ]
     .into_iter()
-}
-
-/// Why nothing was captured.
-fn not_captured(
-    refused: Option<&PoseReportElement>,
-    last: &PoseReportElement,
-    reason: Option<&str>,
-) -> String {
-    let why = match (refused, PoseStatus::from_number(last.status)) {
-        (Some(report), _) if report.refused != 0 => format!(
-            "faces were refused: their surface leaves {} of the six directions of a movement open",
-            report.refused.count_ones()
-        ),
-        (Some(report), _) if report.overlap.is_finite() => format!(
-            "faces were refused: {:.0} % of their points lie on the planned surface, and they differ by {:.2} mm",
-            100.0 * report.overlap,
-            1e3 * report.residual_rms
-        ),
-        (Some(_), _) => "faces were refused".into(),
-        _ => match reason {
-            Some(reason) => format!("no face was found in enough frames: {reason}"),
-            None => "no face was found in enough frames".into(),
-        },
-    };
-    format!("nothing was captured: {why}")
 }

@@ -62,11 +62,8 @@ impl Send {
         };
         outln!("{}", deliver(registry, &self.which, console, verb, &values)?);
         let mut exit = Exit::Done;
-        for tracker in &mut trackers {
-            let outcome = match verb {
-                Verb::Capture => tracker.captured()?,
-                _ => tracker.confirmed()?,
-            };
+        let outcomes = proposal::outcomes(&mut trackers, &self.which, verb)?;
+        for (tracker, outcome) in trackers.iter().zip(outcomes) {
             outln!("{}: {}", tracker.topic(), outcome.text);
             if !outcome.is_done {
                 exit = Exit::Failed;
