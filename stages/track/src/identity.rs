@@ -36,8 +36,10 @@ const QUARTER: f64 = 0.35;
 /// not to.
 const WITH: f64 = 0.5;
 const AGAINST: f64 = 0.05;
-/// Until then no piece may ever have moved against the rest by this part of the limit that holds later.
+/// Until then no piece may ever have moved against the rest by this part of the limit that holds later. A head that moves
+/// far in its set-up does so by the misfit of a surface from a CT, and then nearly all pieces are seen to move with it.
 const MOVED_BEFORE: f64 = 0.5;
+const NEARLY_ALL: f64 = 0.95;
 /// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
 /// How long the parts have after the capture to be seen to move together, ns.
@@ -174,7 +176,8 @@ impl Identity {
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }
-        let is_apart = moves.against > AGAINST || self.most > MOVED_BEFORE;
+        let has_moved = self.most > MOVED_BEFORE && moves.with < NEARLY_ALL;
+        let is_apart = moves.against > AGAINST || has_moved;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;

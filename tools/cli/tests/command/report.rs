@@ -280,7 +280,9 @@ fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() 
 #[test]
 fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let folder = tempfile::tempdir().unwrap();
-    let (session, said) = run(folder.path(), "pipeline.yaml", "6s", &[]);
+    // The first beam comes before the step: the breath proves the head within 4 s.
+    let later = "target.moves=[{ at: 4 s, z: 11.5 mm, pitch: 1.35 deg, roll: 10 deg }]";
+    let (session, said) = run(folder.path(), "pipeline.yaml", "7500ms", &[later]);
     let (json, page) = report(folder.path(), &session);
     stands_alone(&page);
     let figures = |id: &str| json["sections"][id]["figures"].clone();
@@ -289,7 +291,7 @@ fn a_closed_loop_shows_its_targets_duties_pressures_and_gate() {
     let off = held["targets"][0]["channels"].as_array().unwrap();
     let names: Vec<&str> = off.iter().map(|c| c["channel"].as_str().unwrap()).collect();
     assert_eq!(names, ["z", "pitch", "roll"]);
-    // Half of its way: the step was asked for at 3.5 s.
+    // Half of its way: the step was asked for at 5 s.
     let [now, worst] = ["now", "worst"].map(|k| off[0][k].as_f64().unwrap());
     assert!(now < -1.0 && now > -11.0 && (11.0..12.0).contains(&worst), "{off:?}");
     assert_eq!((&held["valves"][0]["state"], &held["valves"][0]["faults"]), (&"armed".into(), &0.into()));
