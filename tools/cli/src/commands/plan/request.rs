@@ -98,6 +98,12 @@ pub struct Request {
 impl Request {
     /// Checks it.
     pub fn new(given: &Plan) -> Result<Self, Failure> {
+        if given.prior != [Guide::Price] && !given.compare && !given.method.takes_prior() {
+            return Err(Failure::wrong(format!(
+                "--method {} takes no --prior; the methods search, prior, construction and two-player do",
+                given.method.word()
+            )));
+        }
         let case = match &given.case {
             Some(path) => read(path).map_err(Failure::failed)?,
             None => phantom(0).map_err(Failure::failed)?,
@@ -130,7 +136,7 @@ impl Request {
         }
         if budget == 0 {
             return Err(Failure::wrong(
-                "--budget 0 solves nothing; allow at least one solve per beam",
+                "--budget 0 solves nothing; allow at least 1, and for some methods one for each beam",
             ));
         }
         Ok(Self {
