@@ -212,8 +212,7 @@ impl<'a> Solved<'a> {
         seed: u64,
     ) -> Result<Game, GameError> {
         let Rules { beams, .. } = self.rules;
-        let pelvis = ["Rectum", "Bladder"].iter().any(|name| self.problem.case.structure(name).is_some());
-        let habits = if pelvis { pelvis_solutions(beams) } else { Vec::new() };
+        let habits = if self.problem.case.is_pelvis() { pelvis_solutions(beams) } else { Vec::new() };
         let class = match habits.first().filter(|_| self.rules.class) {
             Some(angles) => {
                 let places: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();

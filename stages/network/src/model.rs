@@ -56,7 +56,7 @@ impl Default for Sizes {
 /// Greatest width of a layer.
 pub const WIDEST: usize = 512;
 
-/// Place of each tensor in [`Sizes::tensors`] of the default depth. [`Sizes::place`] has it for any depth.
+/// Places in [`Sizes::tensors`] up to the first convolution. [`Sizes::behind`] has those behind the last one.
 #[allow(missing_docs)]
 pub mod place {
     pub const TARGET_MEAN: usize = 0;
@@ -71,15 +71,21 @@ pub mod place {
     pub const STRUCTURE_2: usize = 8;
     /// The first convolution over the ring; each has four tensors.
     pub const RING: usize = 10;
-    pub const ANGLE: usize = 18;
-    pub const SINGLE: usize = 20;
-    pub const BESIDE: usize = 22;
-    pub const PAIR_1: usize = 23;
-    pub const PAIR_2: usize = 25;
-    pub const SET_ANGLE: usize = 27;
-    pub const SET_PAIR: usize = 28;
-    pub const SET_BIAS: usize = 29;
-    pub const SET_OUT: usize = 30;
+}
+
+/// Places in [`Sizes::tensors`] behind the last convolution.
+#[allow(missing_docs)]
+#[derive(Clone, Copy, Debug)]
+pub struct Behind {
+    pub angle: usize,
+    pub single: usize,
+    pub beside: usize,
+    pub pair_1: usize,
+    pub pair_2: usize,
+    pub set_angle: usize,
+    pub set_pair: usize,
+    pub set_bias: usize,
+    pub set_out: usize,
 }
 
 /// Names of the tensors of each convolution.
@@ -129,9 +135,20 @@ impl Sizes {
         all
     }
 
-    /// Where a tensor of [`place`] stands in [`tensors`](Self::tensors).
-    pub fn place(&self, of: usize) -> usize {
-        if of < place::ANGLE { of } else { of + 4 * self.layers - 4 * LAYERS }
+    /// The places of [`tensors`](Self::tensors) that depend on the number of convolutions.
+    pub fn behind(&self) -> Behind {
+        let angle = place::RING + 4 * self.layers;
+        Behind {
+            angle,
+            single: angle + 2,
+            beside: angle + 4,
+            pair_1: angle + 5,
+            pair_2: angle + 7,
+            set_angle: angle + 9,
+            set_pair: angle + 10,
+            set_bias: angle + 11,
+            set_out: angle + 12,
+        }
     }
 
     /// Whether every width is from 1 to [`WIDEST`], and the depth from 1 to 4.
@@ -231,15 +248,15 @@ impl Model {
 
     /// What the network says of a case.
     pub fn judge(&self, eye: &Eye) -> Judgement {
-        let angles = self.angles(eye);
+        let (angles, at) = (self.angles(eye), self.sizes.behind());
         let beside: Vec<Vec<f32>> = angles
             .iter()
-            .map(|h| product(self.tensor(place::BESIDE), h, vec![0.0; self.sizes.beside]))
+            .map(|h| product(&self.numbers[at.beside], h, vec![0.0; self.sizes.beside]))
             .collect();
-        let single = angles.iter().map(|h| two(&self.dense(place::SINGLE, h))).collect();
+        let single = angles.iter().map(|h| two(&self.dense(at.single, h))).collect();
         let (count, width) = (eye.angles, self.sizes.set);
-        let in_set = |layer: usize, x: &[f32]| product(self.tensor(layer), x, vec![0.0; width]);
-        let of_angles = angles.iter().flat_map(|h| in_set(place::SET_ANGLE, h)).collect();
+        let in_set = |layer: usize, x: &[f32]| product(&self.numbers[layer], x, vec![0.0; width]);
+        let of_angles = angles.iter().flat_map(|h| in_set(at.set_angle, h)).collect();
         let mut of_pairs = vec![0.0; count * count * width];
         let mut pair = vec![[0.0; 2]; count * count];
         let mut input = vec![0.0; PAIR + 2 * self.sizes.beside];
@@ -250,16 +267,16 @@ impl Model {
                     input[PAIR + i] = x + y;
                     input[PAIR + self.sizes.beside + i] = (x - y).abs();
                 }
-                let hidden = rectified(self.dense(place::PAIR_1, &input));
-                let said = two(&self.dense(place::PAIR_2, &hidden));
-                let known = in_set(place::SET_PAIR, &hidden);
+                let hidden = rectified(self.dense(at.pair_1, &input));
+                let said = two(&self.dense(at.pair_2, &hidden));
+                let known = in_set(at.set_pair, &hidden);
                 for place in [a * count + b, b * count + a] {
                     pair[place] = said;
                     of_pairs[width * place..width * (place + 1)].copy_from_slice(&known);
                 }
             }
         }
-        let (bias, out) = (self.tensor(place::SET_BIAS).to_vec(), self.tensor(place::SET_OUT).to_vec());
+        let (bias, out) = (self.numbers[at.set_bias].clone(), self.numbers[at.set_out].clone());
         Judgement::new(single, pair, SetHead { bias, out, angles: of_angles, pairs: of_pairs })
     }
 
@@ -286,9 +303,8 @@ impl Model {
         for of_angle in &seen {
             mean.iter_mut().zip(of_angle).for_each(|(sum, value)| *sum += value / count as f32);
         }
-        seen.iter()
-            .map(|of_angle| rectified(self.dense(place::ANGLE, &[&of_angle[..], &mean].concat())))
-            .collect()
+        let last = self.sizes.behind().angle;
+        seen.iter().map(|of_angle| rectified(self.dense(last, &[&of_angle[..], &mean].concat()))).collect()
     }
 
     /// A circular convolution with symmetric taps, rectified.
@@ -308,13 +324,8 @@ impl Model {
         (0..count).map(one).collect()
     }
 
-    /// The numbers of a tensor of [`place`].
-    fn tensor(&self, of: usize) -> &[f32] {
-        &self.numbers[self.sizes.place(of)]
-    }
-
     fn dense(&self, first: usize, x: &[f32]) -> Vec<f32> {
-        product(self.tensor(first), x, self.tensor(first + 1).to_vec())
+        product(&self.numbers[first], x, self.numbers[first + 1].clone())
     }
 
     fn scaled(&self, mean: usize, features: &[f32], out: &mut [f32]) {

@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 use stillpoint_network::eye::{Eye, PAIR, STRUCTURE, TARGET};
 use stillpoint_network::groups::leave_out;
-use stillpoint_network::model::{ModelError, TAPS};
+use stillpoint_network::model::{ModelError, TAPS, place};
 use stillpoint_network::{Group, Judgement, Model, ModelFileError, Sizes};
 use stillpoint_plan::beams::{Prior, Ring, set_of_prior};
 
@@ -184,6 +184,29 @@ fn the_forward_pass_is_that_of_a_naive_network() {
         near(judged.single(), &single);
         near(judged.pair(), &pair);
         assert!(single.iter().flatten().any(|v| v.abs() > 0.01));
+    }
+}
+
+#[test]
+fn every_place_has_its_tensor_at_any_depth() {
+    for layers in 1..=4 {
+        let sizes = Sizes { layers, ..SIZES };
+        let tensors = sizes.tensors();
+        let named = |place: usize, name: &str| assert_eq!(tensors[place].0, name);
+        let at = sizes.behind();
+        named(place::TRAINED, "structure.1.weight");
+        named(place::RING, "ring.1.tap.0");
+        named(at.angle - 1, &format!("ring.{layers}.bias"));
+        named(at.angle, "angle.weight");
+        named(at.single, "single.weight");
+        named(at.beside, "beside.weight");
+        named(at.pair_1, "pair.1.weight");
+        named(at.pair_2, "pair.2.weight");
+        named(at.set_angle, "set.1.angle");
+        named(at.set_pair, "set.1.pair");
+        named(at.set_bias, "set.1.bias");
+        named(at.set_out, "set.2.weight");
+        assert_eq!(at.set_out + 1, tensors.len());
     }
 }
 

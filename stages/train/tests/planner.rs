@@ -298,6 +298,16 @@ fn options_that_cannot_be_are_refused() {
     assert!(refused(Options { sizes: Sizes { layers: 5, ..TINY }, ..options(1) }).contains("layers"));
     let mut training = Training::new(String::new(), options(1), scales(&case)).unwrap();
     assert!(training.pass(&[], &[]).unwrap_err().to_string().contains("train on"));
+
+    // A training refuses them before a game is played.
+    let folder = tempfile::tempdir().unwrap();
+    for wrong in
+        [Options { rate: 2.0, ..options(1) }, Options { sizes: Sizes { layers: 0, ..TINY }, ..options(1) }]
+    {
+        let mut players = Faked { until: usize::MAX, played: 0 };
+        let why = train(&schedule(), &wrong, folder.path(), &mut players, &|_| ()).unwrap_err().to_string();
+        assert!(players.played == 0 && why.contains("must be"), "{why}");
+    }
 }
 
 #[test]

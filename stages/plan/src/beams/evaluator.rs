@@ -88,6 +88,8 @@ pub struct Progress {
     pub best: f64,
     /// The set just solved.
     pub beams: BeamSet,
+    /// The solved set from whose fluence it began: the one that the search was at.
+    pub from: Option<BeamSet>,
 }
 
 /// What earlier runs solved and priced. A search of the same budget that begins again with it takes the same way at once,
@@ -280,7 +282,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         let found: Vec<Option<Arc<Evaluated>>> = missing.iter().map(|set| known(set)).collect();
         let mut solved = self.solve(&unknown, near)?.into_iter().map(Arc::new);
         for known in found {
-            known.or_else(|| solved.next()).into_iter().for_each(|solved| self.take(solved));
+            known.or_else(|| solved.next()).into_iter().for_each(|solved| self.take(solved, near));
         }
         Ok(sets[..within].iter().filter_map(|set| self.cache.get(set).cloned()).collect())
     }
@@ -303,7 +305,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
         Local { influence: self.influence, goals: self.goals, threads: self.threads }
     }
 
-    fn take(&mut self, solved: Arc<Evaluated>) {
+    fn take(&mut self, solved: Arc<Evaluated>, near: Option<&Evaluated>) {
         let better = self.best.as_ref().is_none_or(|best| solved.cost < best.cost);
         if better && solved.beams.beams().len() == self.beams {
             self.best = Some(Arc::clone(&solved));
@@ -314,6 +316,7 @@ impl<'a, I: Influence + ?Sized> Evaluator<'a, I> {
             cost: solved.cost,
             best: self.best.as_ref().map_or(f64::INFINITY, |best| best.cost),
             beams: solved.beams.clone(),
+            from: near.map(|near| near.beams.clone()),
         };
         (self.on_progress)(&progress);
         self.history.push(progress);

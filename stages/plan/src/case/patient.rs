@@ -211,6 +211,11 @@ impl Case {
         self.parts.structures.iter().find(|s| s.name == name)
     }
 
+    /// Whether it is a pelvis: it has a rectum or a bladder.
+    pub fn is_pelvis(&self) -> bool {
+        ["Rectum", "Bladder"].into_iter().any(|name| self.structure(name).is_some())
+    }
+
     /// The targets.
     pub fn targets(&self) -> impl Iterator<Item = &Structure> {
         self.parts.structures.iter().filter(|s| s.role == Role::Target)

@@ -320,6 +320,16 @@ fn search_improves_on_its_start_and_follows_the_best_set() {
     assert_eq!(told[0].beams.beams(), [0, 18, 36, 54, 72]);
     assert_eq!(told[1].beams.beams().len(), BEAMS - 1, "a set without one beam is solved and priced");
     assert!(prices > 0 && choice.best.cost < 0.99 * told[0].cost, "{} {}", choice.best.cost, told[0].cost);
+    // Each set is a move from a set that was solved before: one beam less, or another one in its place.
+    let told_of = |from: &BeamSet| told.iter().position(|earlier| earlier.beams == *from);
+    let moved = |to: &BeamSet, from: &BeamSet| {
+        to.beams().iter().filter(|beam| !from.beams().contains(beam)).count() <= 1
+    };
+    for (place, progress) in told.iter().enumerate().filter(|(_, progress)| progress.from.is_some()) {
+        let from = progress.from.as_ref().unwrap();
+        assert!(told_of(from).unwrap() < place && moved(&progress.beams, from), "{progress:?}");
+    }
+    assert!(told.iter().filter(|progress| progress.from.is_none()).count() < 10);
     // Without prices no smaller set is solved, and nothing is priced.
     let plain = SearchOptions { price: 0.0, ..options };
     let (choice, told, prices) = run(&Method::Search(plain), 60, 1);

@@ -124,8 +124,8 @@ impl Network {
 
     /// What it says of an example.
     pub fn forward(&self, x: &Loaded) -> Result<Said, TrainError> {
-        let exactly = |at: usize| -> &Tensor { &self.vars[at - place::TRAINED] };
-        let at = |of: usize| exactly(self.sizes.place(of));
+        let at = |place: usize| -> &Tensor { &self.vars[place - place::TRAINED] };
+        let behind = self.sizes.behind();
         let dense = |x: &Tensor, first: usize| -> Result<Tensor, TrainError> {
             Ok(x.matmul(&at(first).t()?)?.broadcast_add(at(first + 1))?)
         };
@@ -135,11 +135,11 @@ impl Network {
         let summed = structures.reshape((count, x.angles, self.sizes.structure))?.sum(0)?;
         let mut seen = Tensor::cat(&[&x.target, &summed], 1)?;
         let around = |input: &Tensor, first: usize, turned: &[Tensor]| -> Result<Tensor, TrainError> {
-            let mut sum = input.matmul(&exactly(first).t()?)?.broadcast_add(exactly(first + 3))?;
+            let mut sum = input.matmul(&at(first).t()?)?.broadcast_add(at(first + 3))?;
             for tap in 1..3 {
                 let sides = (input.index_select(&turned[2 * tap], 0)?
                     + input.index_select(&turned[2 * tap + 1], 0)?)?;
-                sum = (sum + sides.matmul(&exactly(first + tap).t()?)?)?;
+                sum = (sum + sides.matmul(&at(first + tap).t()?)?)?;
             }
             Ok(sum.relu()?)
         };
@@ -147,16 +147,16 @@ impl Network {
             seen = around(&seen, place::RING + 4 * layer, turned)?;
         }
         let mean = seen.mean_keepdim(0)?.broadcast_as(seen.shape())?;
-        let angles = dense(&Tensor::cat(&[&seen, &mean], 1)?, place::ANGLE)?.relu()?;
-        let single = dense(&angles, place::SINGLE)?;
-        let beside = angles.matmul(&at(place::BESIDE).t()?)?;
+        let angles = dense(&Tensor::cat(&[&seen, &mean], 1)?, behind.angle)?.relu()?;
+        let single = dense(&angles, behind.single)?;
+        let beside = angles.matmul(&at(behind.beside).t()?)?;
         let (a, b) = (beside.index_select(&x.first, 0)?, beside.index_select(&x.second, 0)?);
         let input = Tensor::cat(&[&x.pairs, &(&a + &b)?, &(&a - &b)?.abs()?], 1)?;
-        let hidden = dense(&input, place::PAIR_1)?.relu()?;
-        let pair = dense(&hidden, place::PAIR_2)?;
-        let of_angles = angles.matmul(&at(place::SET_ANGLE).t()?)?;
-        let of_pairs = hidden.matmul(&at(place::SET_PAIR).t()?)?;
-        let set = [of_angles, of_pairs, at(place::SET_BIAS).clone(), at(place::SET_OUT).t()?];
+        let hidden = dense(&input, behind.pair_1)?.relu()?;
+        let pair = dense(&hidden, behind.pair_2)?;
+        let of_angles = angles.matmul(&at(behind.set_angle).t()?)?;
+        let of_pairs = hidden.matmul(&at(behind.set_pair).t()?)?;
+        let set = [of_angles, of_pairs, at(behind.set_bias).clone(), at(behind.set_out).t()?];
         Ok(Said { single, pair, set, angles: x.angles })
     }
 }

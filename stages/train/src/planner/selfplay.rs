@@ -14,7 +14,7 @@ use super::examples::{Example, scales};
 use super::features::Features;
 use super::plan;
 use super::players::{Kept, Players, file};
-use super::training::{Options, Pass, Ready, Training};
+use super::training::{Options, Pass, Ready, Training, check};
 use crate::TrainError;
 
 /// Patients, games and passes of a training.
@@ -97,6 +97,9 @@ pub fn train(
     players: &mut dyn Players,
     tell: Tell<'_>,
 ) -> Result<Trained, TrainError> {
+    let options = &Options { passes: schedule.all_passes(), ..options.clone() };
+    // Before hours of games.
+    check(options)?;
     let games = folder.join("games");
     loop {
         let mut run = Run {
@@ -109,7 +112,7 @@ pub fn train(
             tell,
             played: (0, 0),
         };
-        let trained = run.all(&Options { passes: schedule.all_passes(), ..options.clone() });
+        let trained = run.all(options);
         let Err(TrainError::Doubtful(names)) = trained else { return trained };
         for path in names.iter().map(|name| file(&games, name)).chain([checkpoint(folder)]) {
             remove(&path)?;

@@ -5,6 +5,7 @@ use std::path::Path;
 use candle_core::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 use stillpoint_network::groups::leave_out;
+use stillpoint_network::model::{TAPS, WIDEST};
 use stillpoint_network::{Group, Model, Sizes};
 use stillpoint_random::Random;
 
@@ -186,18 +187,17 @@ impl Training {
     }
 }
 
-fn check(options: &Options) -> Result<(), TrainError> {
+/// Refuses options that cannot be.
+pub fn check(options: &Options) -> Result<(), TrainError> {
+    let Sizes { structure, ring, angle, beside, pair, set, layers } = options.sizes;
+    let wrong = [structure, ring, angle, beside, pair, set].into_iter().find(|n| !(1..=WIDEST).contains(n));
     for (what, value, must, holds) in [
         ("the learning rate", options.rate, "above 0, up to 1", options.rate > 0.0 && options.rate <= 1.0),
         ("the number of passes", options.passes as f64, "at least 1", options.passes > 0),
         ("the number of sets of a step", options.sets as f64, "at least 1", options.sets > 0),
         ("the number of states of a step", options.states as f64, "at least 1", options.states > 0),
-        (
-            "the depth or the widest layer",
-            0.0,
-            "sound: 1 to 4 layers of 1 to 512 numbers",
-            options.sizes.are_sound(),
-        ),
+        ("the number of layers", layers as f64, "1 to 4", (1..=TAPS.len()).contains(&layers)),
+        ("a width of a layer", wrong.unwrap_or(1) as f64, "1 to 512", wrong.is_none()),
     ] {
         if !holds {
             return Err(TrainError::Option { what, value, must });

@@ -37,8 +37,7 @@ impl Subject {
         let problem = patient.problem()?;
         let machine = Machine::shipped()?;
         let eye = Eye::of_case(&problem.case, &problem.wanted, &machine, ANGLES, patient.coarse.bixel_mm)?;
-        let is_pelvis = ["Rectum", "Bladder"].iter().any(|name| problem.case.structure(name).is_some());
-        let class = if is_pelvis { pelvis_solutions(beams) } else { Vec::new() };
+        let class = if problem.case.is_pelvis() { pelvis_solutions(beams) } else { Vec::new() };
         Ok(Self {
             name: patient.name(),
             ring,

@@ -37,6 +37,7 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
         "plan.html",
         "dvh.svg",
         "objective.svg",
+        "tree.svg",
         "axial.png",
         "coronal.png",
         "sagittal.png",
@@ -369,14 +370,15 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     assert!(out.contains("give another folder with --out"), "{out}");
     assert!(!folder.path().join("doses").exists(), "nothing is computed before it is known where to write");
     assert!(said(&["--robust", "0mm"]).contains("above 0 mm"));
-    assert!(said(&["--budget", "0"]).contains("at least one solve per beam"));
+    assert!(said(&["--budget", "0"]).contains("allow at least 1"));
     assert!(said(&["--objectives", "wrong.json"]).contains("line 1 of the objectives"));
     assert!(said(&["--keep-identity", "."]).contains("does not come from DICOM"));
-    let out = said(&["--prior", "network", "--network", "file"]);
+    let out = said(&["--method", "search", "--prior", "network", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
     let out = said(&["--compare", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
     assert!(said(&["--network", "file"]).contains("give one of them, too"));
+    assert!(said(&["--method", "annealing", "--prior", "geometry"]).contains("annealing takes no --prior"));
 }
 
 #[test]

@@ -241,6 +241,7 @@ mod tests {
         assert!(seen.len() == 10 && seen.values().all(|times| (2..60).contains(times)), "{seen:?}");
         for seed in 0..10 {
             let case = varied_phantom(seed).unwrap();
+            assert!(case.is_pelvis());
             let variety = Variety::of_seed(seed);
             let site = case.provenance().split("target: ").nth(1).unwrap();
             assert!(site.starts_with(variety.site.word()), "seed {seed}: {site}");

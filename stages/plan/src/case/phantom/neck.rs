@@ -342,6 +342,7 @@ mod tests {
         assert!(seen.len() == 13 && seen.values().all(|times| (2..70).contains(times)), "{seen:?}");
         for seed in 0..8 {
             let case = neck(seed).unwrap();
+            assert!(!case.is_pelvis());
             let volume = |name: &str| case.structure(name).map_or(0.0, |s| case.volume_cm3(s));
             assert!((30.0..420.0).contains(&volume("PTV70")), "seed {seed}: {}", volume("PTV70"));
             assert!((4_000.0..16_000.0).contains(&volume("Body")), "seed {seed}: {}", volume("Body"));

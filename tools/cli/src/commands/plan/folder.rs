@@ -12,6 +12,7 @@ use super::outcome::Outcome;
 use super::page;
 use super::request::Request;
 use super::search::Run;
+use super::tree;
 use crate::exit::Failure;
 use crate::picture::{Plane, Wash, wash};
 
@@ -41,6 +42,9 @@ pub fn write(
     let svg = |text: Result<String, String>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
+    if let Some(tree) = tree::drawing(request.ring, request.beams, &outcome.run.history) {
+        files.push(folder.put("tree.svg", tree.as_bytes())?);
+    }
     if runs.len() > 1 {
         files.push(folder.put("compare.svg", svg(charts::comparison(request, runs))?.as_bytes())?);
     }

@@ -12,7 +12,7 @@
 //! - `table`: figures for people
 //! - `page`: plan.html
 //! - `compare`: two plans side by side
-//! - `charts`: histograms and searches as SVG
+//! - `charts`: histograms and searches as SVG; `tree`: the sets that a search went through
 //! - `export`: RTPLAN, RTDOSE and RTSTRUCT
 //! - `folder`: the files of a plan
 
@@ -31,6 +31,7 @@ mod protocol;
 mod request;
 mod search;
 mod table;
+mod tree;
 mod way;
 
 use std::path::PathBuf;
@@ -56,7 +57,7 @@ pub(super) use request::machine as machine_of;
 /// Choose the beams of a case and optimise their fluence.
 ///
 /// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.
-/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, the dose over the slices through the isocentre (PNG),
+/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
 /// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]

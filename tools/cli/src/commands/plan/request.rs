@@ -98,6 +98,12 @@ pub struct Request {
 impl Request {
     /// Checks it.
     pub fn new(given: &Plan) -> Result<Self, Failure> {
+        if given.prior != [Guide::Price] && !given.compare && !given.method.takes_prior() {
+            return Err(Failure::wrong(format!(
+                "--method {} takes no --prior; the methods search, prior, construction and two-player do",
+                given.method.word()
+            )));
+        }
         let case = match &given.case {
             Some(path) => read(path).map_err(Failure::failed)?,
             None => phantom(0).map_err(Failure::failed)?,
@@ -117,7 +123,7 @@ impl Request {
         let uses_network =
             given.prior.contains(&Guide::Network) || given.method == Way::Network || given.compare;
         let uses_shipped = uses_network && network.is_none();
-        let caution = uses_shipped.then(|| learned::caution(pelvis(&case), beams)).flatten();
+        let caution = uses_shipped.then(|| learned::caution(case.is_pelvis(), beams)).flatten();
         if network.is_some() && !uses_network {
             return Err(Failure::wrong(
                 "--network is the model of --method network, --prior network and --compare; give one of them, too",
@@ -129,7 +135,9 @@ impl Request {
             ));
         }
         if budget == 0 {
-            return Err(Failure::wrong("--budget 0 solves nothing; allow at least one solve per beam"));
+            return Err(Failure::wrong(
+                "--budget 0 solves nothing; allow at least 1, and for some methods one for each beam",
+            ));
         }
         Ok(Self {
             hash: content_hash(&case).map_err(Failure::failed)?,
@@ -192,11 +200,6 @@ impl Request {
     }
 }
 
-/// Whether a case has an organ of the pelvis.
-fn pelvis(case: &Case) -> bool {
-    ["Rectum", "Bladder"].iter().any(|name| case.structure(name).is_some())
-}
-
 fn methods(
     given: &Plan,
     ring: Ring,
@@ -230,7 +233,7 @@ fn methods(
             Way::Random => Method::Random,
             Way::Greedy => Method::Greedy,
             Way::Exchange => {
-                Method::Exchange(if pelvis(case) { pelvis_solutions(given.beams) } else { Vec::new() })
+                Method::Exchange(if case.is_pelvis() { pelvis_solutions(given.beams) } else { Vec::new() })
             }
             Way::Annealing => Method::Annealing,
             Way::Columns => Method::ColumnGeneration,
@@ -253,7 +256,7 @@ fn methods(
 fn search_options(given: &Plan, case: &Case) -> SearchOptions {
     let by_price = given.prior.contains(&Guide::Price);
     let mixed = given.prior.iter().any(|guide| *guide != Guide::Price);
-    let starts = if mixed || !pelvis(case) { Vec::new() } else { pelvis_solutions(given.beams) };
+    let starts = if mixed || !case.is_pelvis() { Vec::new() } else { pelvis_solutions(given.beams) };
     SearchOptions {
         starts: starts.into_iter().take(1).collect(),
         price: if by_price { 1.0 } else { 0.0 },

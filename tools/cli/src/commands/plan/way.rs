@@ -52,6 +52,11 @@ impl Way {
         Self::Network,
     ];
 
+    /// Whether it uses what is known of beams before they are solved.
+    pub fn takes_prior(self) -> bool {
+        matches!(self, Self::Search | Self::Prior | Self::Construction | Self::TwoPlayer)
+    }
+
     /// Its name.
     pub fn word(self) -> &'static str {
         match self {

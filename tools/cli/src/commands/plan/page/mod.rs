@@ -23,6 +23,7 @@ use super::ground::Ground;
 use super::outcome::Outcome;
 use super::request::Request;
 use super::table::angles;
+use super::tree;
 use crate::exit::Failure;
 use crate::picture::Plane;
 use slices::{Dosed, ISODOSES};
@@ -176,7 +177,13 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
         themed(&chart),
         "Objective of each set of beams, in the order of the solves.".to_owned(),
     );
-    let mut blocks = vec![drawing, Block::Text(found), Block::Text(proved)];
+    let mut blocks = vec![drawing];
+    if let Some(tree) = tree::drawing(request.ring, request.beams, &run.history) {
+        let said = "Sets from which others were solved, each below the set from which it was reached by exchanging beams; bold: \
+                    the way to the best set. Bars: solves below each set.";
+        blocks.push(Block::Drawing(themed(&tree), said.to_owned()));
+    }
+    blocks.extend([Block::Text(found), Block::Text(proved)]);
     blocks.extend(outcome.worst_case(request).map(Block::Text));
     section("search", "Search and certificate", blocks)
 }
