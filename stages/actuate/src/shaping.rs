@@ -7,7 +7,7 @@ use crate::message::VALVES;
 
 /// Behind a dead band, the least opening to which a shut valve is opened; an open one shuts below half of it. Less would
 /// switch valves with the noise of the pose, and moves a head by some hundredths of a millimetre.
-const LEAST: f64 = 0.002;
+const LEAST: f64 = 0.001;
 
 /// Bounds of duties.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,10 +157,10 @@ mod tests {
             shaper.shape(&[asked, 0.0], 0.01, |_| 1.0);
             f64::from(shaper.sent()[0])
         };
-        assert_eq!([0.0019, -0.001, 0.0005].map(&mut sent), [0.0; 3]);
+        assert_eq!([0.0009, -0.001, 0.0005].map(&mut sent), [0.0; 3]);
         // Once it is open it stays so for less.
-        assert!([0.0021, 0.0011, 0.0019].map(&mut sent).iter().all(|duty| *duty > 0.07));
-        assert_eq!([0.0009, 0.0019].map(&mut sent), [0.0; 2]);
+        assert!([0.0011, 0.0006, 0.0009].map(&mut sent).iter().all(|duty| *duty > 0.07));
+        assert_eq!([0.0004, 0.0009].map(&mut sent), [0.0; 2]);
         assert!((sent(0.5) - 0.535).abs() < 1e-6);
     }
 
