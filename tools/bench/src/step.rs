@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn the_adaptive_law_stays_where_it_should_and_rises_almost_as_the_reference_model_says() {
-        let row = tenth(Some(Law::Mrac), "20 s", 46.0, 2);
+        let row = tenth(Some(Law::Mrac), "20 s", 46.0, 2, &IDEAL);
         assert_eq!(row.held, 2, "{:?}", row.outcomes);
         // Judged at the centre of the head, its pitch rises 11 to 13 % slower than the model: docs/control.md.
         let mut rises = row.outcomes.iter().flat_map(|o| o.rise_s);
@@ -250,11 +250,11 @@ mod tests {
 
     #[test]
     fn the_adaptive_law_over_the_network_does_so_too() {
-        let row = tenth(Some(Law::MracLstm), "20 s", 46.0, 1);
+        let row = tenth(Some(Law::MracLstm), "20 s", 46.0, 1, &IDEAL);
         assert_eq!((row.rose, row.held), (1, 1), "{:?}", row.outcomes);
         // The law over the features of the network differs from the law over the pose.
-        let plain = tenth(Some(Law::Mrac), "20 s", 6.0, 1);
-        let network = tenth(Some(Law::MracLstm), "20 s", 6.0, 1);
+        let plain = tenth(Some(Law::Mrac), "20 s", 6.0, 1, &[]);
+        let network = tenth(Some(Law::MracLstm), "20 s", 6.0, 1, &[]);
         assert!(plain.outcomes[0].from_model != network.outcomes[0].from_model);
     }
 
