@@ -39,18 +39,17 @@ impl BixelKernel {
                 STEP_MM * STEP_MM * at_distance(&machine.file().kernel_pos_mm, kernel, distance_mm)
             };
             // One axis after the other; the kernel is even along both, so its positive half is enough.
-            let mut row = vec![0.0; reach];
+            let (mut row, mut folded) = (vec![0.0; reach], vec![0.0; side]);
             let mut along_x = vec![0.0; reach * side];
             for z in 0..reach {
                 row.iter_mut().enumerate().for_each(|(x, value)| *value = radial(x, z));
-                for x in 0..side {
-                    along_x[x * reach + z] = fold(&row, &edge, x as isize - first);
-                }
+                fold(&row, &edge, first, &mut folded);
+                folded.iter().enumerate().for_each(|(x, value)| along_x[x * reach + z] = *value);
             }
-            for z in 0..side {
-                for x in 0..side {
-                    let column = &along_x[x * reach..(x + 1) * reach];
-                    places[z * side + x][component] = fold(column, &edge, z as isize - first) as f32;
+            for (x, column) in along_x.chunks_exact(reach).enumerate() {
+                fold(column, &edge, first, &mut folded);
+                for (z, value) in folded.iter().enumerate() {
+                    places[z * side + x][component] = *value as f32;
                 }
             }
         }
@@ -108,14 +107,20 @@ fn edge_profile(width_mm: f64, fwhm_mm: f64) -> Vec<f64> {
     (-reach..cells + reach).map(blurred).collect()
 }
 
-/// The convolution of an even sequence, given from its middle on, with the edge profile. With an odd profile `at` counts
-/// from the middle; with an even one from half a step before it.
-fn fold(even: &[f64], edge: &[f64], at: isize) -> f64 {
-    let half = (edge.len() / 2) as isize;
-    edge.iter()
-        .enumerate()
-        .map(|(i, &w)| w * even.get((at + half - i as isize).unsigned_abs()).copied().unwrap_or(0.0))
-        .sum()
+/// The convolution of an even sequence, given from its middle on, with the edge profile, at each place from `-first` on.
+/// With an odd profile places count from the middle; with an even one from half a step before it.
+fn fold(even: &[f64], edge: &[f64], first: isize, out: &mut [f64]) {
+    let behind = edge.len() as isize - 1;
+    let low = (edge.len() / 2) as isize - first - behind;
+    let mirrored: Vec<f64> = (low..low + out.len() as isize + behind)
+        .map(|at| even.get(at.unsigned_abs()).copied().unwrap_or(0.0))
+        .collect();
+    // All places at once for each number of the profile: every sum keeps its order.
+    out.fill(0.0);
+    for (i, weight) in edge.iter().enumerate() {
+        let seen = &mirrored[edge.len() - 1 - i..];
+        out.iter_mut().zip(seen).for_each(|(sum, value)| *sum += weight * value);
+    }
 }
 
 /// A radial kernel, linear between its positions and 0 beyond the last.
@@ -149,6 +154,25 @@ mod tests {
             kernel[0] = 4.0;
         }
         Machine::new(file).unwrap()
+    }
+
+    #[test]
+    fn a_fold_is_the_convolution_of_the_whole_sequence_to_the_bit() {
+        let number = |i: usize| libm::sin(1.7 * i as f64 + 0.3) + 1.1;
+        for (count, width, first) in [(9, 5, 0), (9, 4, 1), (3, 8, 1), (20, 1, 0)] {
+            let (even, edge): (Vec<f64>, Vec<f64>) =
+                ((0..count).map(number).collect(), (0..width).map(|i| number(i + 50)).collect());
+            let mut found = vec![f64::NAN; 12];
+            fold(&even, &edge, first, &mut found);
+            for (place, found) in found.into_iter().enumerate() {
+                let mut expected = 0.0;
+                for (i, weight) in edge.iter().enumerate() {
+                    let at = place as isize - first + (width / 2) as isize - i as isize;
+                    expected += weight * even.get(at.unsigned_abs()).copied().unwrap_or(0.0);
+                }
+                assert_eq!(found.to_bits(), expected.to_bits(), "{count} {width} {place}");
+            }
+        }
     }
 
     #[test]
