@@ -36,8 +36,9 @@ const QUARTER: f64 = 0.35;
 /// not to.
 const WITH: f64 = 0.5;
 const AGAINST: f64 = 0.05;
-/// Until then no piece may ever have moved against the rest by this part of the limit that holds later. A head that moves
-/// far in its set-up does so by the misfit of a surface from a CT, and then nearly all pieces are seen to move with it.
+/// Until then no piece may ever have moved against the rest by this part of the limit that holds later. On a surface from a
+/// CT pieces do so by its misfit when the head is brought to its set-up, and then nearly all are seen to move with it. A
+/// mask with a head behind it moves as a whole, too, but it is no surface of a CT.
 const MOVED_BEFORE: f64 = 0.5;
 const NEARLY_ALL: f64 = 0.95;
 /// Frames whose mean density of points is that of the captured surface.
@@ -89,6 +90,8 @@ impl Judged {
 pub struct Identity {
     axes: PartAxes,
     pieces: Pieces,
+    /// Whether the reference is a surface from a CT.
+    is_planned: bool,
     /// When the head was first found after the capture, ns.
     since: Option<u64>,
     proof: Proof,
@@ -101,12 +104,13 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Of a reference, before its first frame.
+    /// Of a reference, before its first frame; it `is_planned` where it is a surface from a CT.
     #[must_use]
-    pub fn new(surface: &Surface) -> Self {
+    pub fn new(surface: &Surface, is_planned: bool) -> Self {
         Self {
             axes: PartAxes::of(surface),
             pieces: Pieces::of(surface),
+            is_planned,
             since: None,
             proof: Proof::Waiting,
             moved: 0.0,
@@ -176,7 +180,8 @@ impl Identity {
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }
-        let has_moved = self.most > MOVED_BEFORE && moves.with < NEARLY_ALL;
+        let by_misfit = self.is_planned && moves.with >= NEARLY_ALL;
+        let has_moved = self.most > MOVED_BEFORE && !by_misfit;
         let is_apart = moves.against > AGAINST || has_moved;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {

@@ -371,7 +371,7 @@ impl TrackHead {
         let Some(surface) = self.tracker.surface() else { return false };
         let number = self.capture.number();
         if self.identity.as_ref().is_none_or(|(of, _)| *of != number) {
-            self.identity = Some((number, Identity::new(surface)));
+            self.identity = Some((number, Identity::new(surface, self.known.is_some())));
         }
         let Some((_, identity)) = &mut self.identity else { return false };
         let frame = Frame {
