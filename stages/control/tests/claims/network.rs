@@ -97,6 +97,7 @@ fn meaning() -> Meaning {
         channels: Channels::new(&[Channel::Z, Channel::Pitch, Channel::Roll]).unwrap(),
         scale: vec![0.0115, 0.02356, 0.1745],
         change: vec![0.01, 0.02, 0.03],
+        ahead: vec![1],
         duty_scale: 0.1,
         bladders: 3,
         sample_time: 100_000_000,
