@@ -105,13 +105,13 @@ impl Batch {
         squares.iter().map(|sum| libm::sqrt(sum / self.count as f64)).collect()
     }
 
-    /// The windows of some runs.
+    /// Some of the windows, by their run and their last sample there.
     #[must_use]
-    pub fn of_runs(&self, is_kept: impl Fn(usize) -> bool) -> Self {
+    pub fn only(&self, is_kept: impl Fn(usize, usize) -> bool) -> Self {
         let (width, outputs) =
             (self.inputs.len() / self.count.max(1), self.changes.len() / self.count.max(1));
         let mut kept = Self { count: 0, inputs: Vec::new(), changes: Vec::new(), ends: Vec::new() };
-        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, _))| is_kept(*run)) {
+        for (window, end) in self.ends.iter().enumerate().filter(|(_, (run, last))| is_kept(*run, *last)) {
             kept.count += 1;
             kept.inputs.extend_from_slice(&self.inputs[window * width..(window + 1) * width]);
             kept.changes.extend_from_slice(&self.changes[window * outputs..(window + 1) * outputs]);

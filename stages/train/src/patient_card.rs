@@ -50,8 +50,10 @@ pub struct PatientCard {
 /// Root mean square errors of the predictions of one channel, mm or degrees.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Prediction {
-    /// Which patients.
+    /// Which patients, and whether there is a cough in the window or until the predicted pose.
     pub patients: &'static str,
+    /// Windows.
+    pub windows: usize,
     /// Height or pitch.
     pub channel: &'static str,
     /// mm or degrees.
@@ -88,8 +90,15 @@ pub fn predictions(
         }
     }
     let mut found = Vec::new();
-    for (name, nods) in [("breathe and drift", false), ("breathe, nod, drift and cough", true)] {
-        let batch = test.of_runs(|run| Patients::nods(run) == nods);
+    let farthest = ahead.iter().copied().max().unwrap_or(0);
+    let coughs = |run, last: usize| patients.coughs(run, last + 1 - data.window()..=last + farthest);
+    for (name, nods, coughing) in
+        [("breathe", false, false), ("nod and breathe", true, false), ("the same, with a cough", true, true)]
+    {
+        let batch = test.only(|run, last| Patients::nods(run) == nods && coughs(run, last) == coughing);
+        if batch.count == 0 {
+            continue;
+        }
         let rows = [
             batch.errors(data.outputs(), |_, _, said| said.fill(0.0)),
             velocity(data, &batch, ahead),
@@ -107,6 +116,7 @@ pub fn predictions(
                 [0, 1, 2, 3, 4].map(|row| rows[row][place] * scale);
             found.push(Prediction {
                 patients: name,
+                windows: batch.count,
                 channel,
                 unit,
                 ahead_s: SAMPLE_TIME * ahead[place / CHANNELS.len()] as f64,

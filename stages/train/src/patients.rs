@@ -56,6 +56,13 @@ impl Patients {
         number % 2 == 1
     }
 
+    /// Whether a patient coughs between two samples of its run, both within.
+    #[must_use]
+    pub fn coughs(&self, number: usize, samples: core::ops::RangeInclusive<usize>) -> bool {
+        let (person, ticks) = (self.person(number), (SAMPLE_TIME / TICK).round() as usize);
+        (samples.start() * ticks..=samples.end() * ticks).any(|tick| person.coughs(LEAD + TICK * tick as f64))
+    }
+
     fn person(&self, number: usize) -> Involuntary {
         let mut random = Random::stream(self.seed, number as u64);
         let habit = if Self::nods(number) { Habit::Nods } else { Habit::Breathes };

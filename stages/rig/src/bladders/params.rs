@@ -127,7 +127,7 @@ pub struct BladderParams {
     /// The involuntary motion of the person: how far the head would move without control.
     #[param(default = "nods")]
     pub motion: Motion,
-    /// Seed of drift and coughs. The camera's noise comes from the pipeline's seed.
+    /// Seed of drift, coughs and irregular motion. The camera's noise comes from the pipeline's seed.
     #[param(default = 7)]
     pub seed: u64,
     /// Factor of the motion.
