@@ -148,7 +148,7 @@ impl Patients {
 fn sampled<T: Clone>(poses: &[T]) -> impl Iterator<Item = T> {
     let (lead, step) =
         ((LEAD / (TICK * TICKS as f64)) as usize, (SAMPLE_TIME / (TICK * TICKS as f64)).round());
-    poses.iter().cloned().skip(lead).step_by(step as usize)
+    poses.iter().skip(lead).step_by(step as usize).cloned()
 }
 
 /// Height and pitch that a person would give a free head, in parts of [`SCALE`].
