@@ -15,14 +15,13 @@ pub struct Linear {
 }
 
 impl Linear {
-    /// The weights that predict the windows to train on best.
+    /// The weights that predict these windows of a data set best.
     ///
     /// # Errors
     /// The inputs are not finite.
-    pub fn new(data: &Dataset) -> Result<Self, TrainError> {
+    pub fn new(data: &Dataset, batch: &Batch) -> Result<Self, TrainError> {
         let (width, outputs) = (data.inputs() * data.window() + 1, data.outputs());
         let (mut squares, mut products) = (DMatrix::zeros(width, width), DMatrix::zeros(width, outputs));
-        let batch = data.training();
         let (mut inputs, mut changes) = (DVector::repeat(width, 1.0), DVector::zeros(outputs));
         for (row, to) in batch.inputs.chunks_exact(width - 1).zip(batch.changes.chunks_exact(outputs)) {
             inputs.iter_mut().zip(row).for_each(|(input, value)| *input = f64::from(*value));
@@ -56,5 +55,10 @@ impl Linear {
 pub fn left(data: &Dataset) -> Result<Vec<f64>, TrainError> {
     let batch = data.validation();
     let hold = batch.errors(data.outputs(), |_, _, said| said.fill(0.0));
-    Ok(Linear::new(data)?.errors(&batch).iter().zip(&hold).map(|(error, hold)| error / hold).collect())
+    Ok(Linear::new(data, &data.training())?
+        .errors(&batch)
+        .iter()
+        .zip(&hold)
+        .map(|(error, hold)| error / hold)
+        .collect())
 }

@@ -66,6 +66,8 @@ pub struct Prediction {
     pub velocity: f64,
     /// Least squares over the window.
     pub linear: f64,
+    /// Least squares over windows without coughs.
+    pub calm: f64,
     /// Tracked tones.
     pub tones: f64,
     /// The network.
@@ -82,7 +84,7 @@ pub fn predictions(
     patients: &Patients,
     ahead: &[usize],
 ) -> Result<Vec<Prediction>, TrainError> {
-    let (linear, test) = (Linear::new(data)?, data.test());
+    let (train, test) = (data.training(), data.test());
     let mut tones: Vec<Vec<Vec<f64>>> = vec![Vec::new(); patients.count];
     for (run, _) in &test.ends {
         if tones[*run].is_empty() {
@@ -92,6 +94,8 @@ pub fn predictions(
     let mut found = Vec::new();
     let farthest = ahead.iter().copied().max().unwrap_or(0);
     let coughs = |run, last: usize| patients.coughs(run, last + 1 - data.window()..=last + farthest);
+    let linear = Linear::new(data, &train)?;
+    let calm = Linear::new(data, &train.only(|run, last| !coughs(run, last)))?;
     for (name, nods, coughing) in
         [("breathe", false, false), ("nod and breathe", true, false), ("the same, with a cough", true, true)]
     {
@@ -103,6 +107,7 @@ pub fn predictions(
             batch.errors(data.outputs(), |_, _, said| said.fill(0.0)),
             velocity(data, &batch, ahead),
             linear.errors(&batch),
+            calm.errors(&batch),
             batch.errors(data.outputs(), |window, _, said| {
                 let (run, last) = batch.ends[window];
                 let changes = tones[run][last].iter().zip(data.scale());
@@ -112,8 +117,8 @@ pub fn predictions(
         ];
         for (place, scale) in data.scale().iter().enumerate() {
             let (channel, unit) = CHANNELS[place % CHANNELS.len()];
-            let [hold, velocity, linear, tones, network] =
-                [0, 1, 2, 3, 4].map(|row| rows[row][place] * scale);
+            let [hold, velocity, linear, calm, tones, network] =
+                [0, 1, 2, 3, 4, 5].map(|row| rows[row][place] * scale);
             found.push(Prediction {
                 patients: name,
                 windows: batch.count,
@@ -123,6 +128,7 @@ pub fn predictions(
                 hold,
                 velocity,
                 linear,
+                calm,
                 tones,
                 network,
             });
@@ -204,14 +210,14 @@ impl PatientCard {
                 best.validation
             );
         }
-        text.push_str("Root mean square error, and part of the change's squares that is explained:\n\n| patients | channel | ahead | pose stays | speed stays | least squares | tracked tones | network |\n| --- | --- | --- | --- | --- | --- | --- | --- |\n");
+        text.push_str("Root mean square error, and part of the change's squares that is explained:\n\n| patients | channel | ahead | pose stays | speed stays | least squares | least squares without coughs | tracked tones | network |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n");
         for p in &self.predictions {
             let cell = |error: f64| {
                 format!("{error:.4}, {:.1} %", 100.0 * (1.0 - (error / p.hold) * (error / p.hold)))
             };
             let _ = writeln!(
                 text,
-                "| {} | {}, {} | {:.1} s | {:.4} | {} | {} | {} | {} |",
+                "| {} | {}, {} | {:.1} s | {:.4} | {} | {} | {} | {} | {} |",
                 p.patients,
                 p.channel,
                 p.unit,
@@ -219,6 +225,7 @@ impl PatientCard {
                 p.hold,
                 cell(p.velocity),
                 cell(p.linear),
+                cell(p.calm),
                 cell(p.tones),
                 cell(p.network)
             );

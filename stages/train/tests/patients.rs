@@ -79,7 +79,7 @@ fn least_squares_are_those_of_the_closed_form() {
         )
     };
     let (rows, unseen) = (matrix(&train.inputs), matrix(&test.inputs));
-    let found = Linear::new(&data).unwrap().errors(&test);
+    let found = Linear::new(&data, &data.training()).unwrap().errors(&test);
     let svd = rows.svd(true, true);
     for (place, found) in found.iter().enumerate() {
         let of = |changes: &[f32]| {
@@ -114,7 +114,7 @@ fn a_small_network_and_least_squares_predict_sines_that_they_have_not_seen() {
     let fitted = fit(&data, &small(10), |_| {}).unwrap();
     let test = data.test();
     let hold = test.errors(4, |_, _, said| said.fill(0.0));
-    let linear = Linear::new(&data).unwrap().errors(&test);
+    let linear = Linear::new(&data, &data.training()).unwrap().errors(&test);
     for (place, network) in errors(&fitted.network, &test).iter().enumerate() {
         assert!(*network < 0.3 * hold[place], "{place}: {network} of {}", hold[place]);
         assert!(linear[place] < 0.1 * hold[place], "{place}: {} of {}", linear[place], hold[place]);
@@ -148,7 +148,7 @@ fn the_card_has_the_errors_of_all_predictions_and_tones_follow_a_regular_breath(
     let batch = data.test().only(|run, _| !Patients::nods(run));
     let height = errors(&fitted.network, &batch)[0] * data.scale()[0];
     assert!((found[0].network - height).abs() < 1e-12, "{height} {:?}", found[0]);
-    let height = Linear::new(&data).unwrap().errors(&batch)[0] * data.scale()[0];
+    let height = Linear::new(&data, &data.training()).unwrap().errors(&batch)[0] * data.scale()[0];
     assert!((found[0].linear - height).abs() < 1e-12, "{height} {:?}", found[0]);
     let text = PatientCard::of(&fitted, &data, &patients, &options, found.clone()).markdown();
     let row = |p: &Prediction| {
