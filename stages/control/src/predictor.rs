@@ -16,11 +16,12 @@ const VERSION: &str = "1";
 /// Most layers.
 const MOST_LAYERS: usize = 16;
 
-/// A network that predicts how a pose changes within one sample time.
+/// A network that predicts how a pose changes within one sample time, or several.
 ///
 /// A sample that goes in has the pose, counted from where control began, in parts of `scale`, then for each bladder the
-/// duties of its inlet and outlet, in parts of `duty_scale`. What comes out is the change of the pose, in parts of
-/// `scale * change`.
+/// duties of its inlet and outlet, in parts of `duty_scale`. What comes out is the change of the pose for each time
+/// ahead, in parts of `scale * change`. Without bladders it predicts what a patient does, and the pose is counted from the
+/// newest sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
     network: Lstm,
@@ -34,8 +35,10 @@ pub struct Meaning {
     pub channels: Channels,
     /// Scale of each channel, m or rad.
     pub scale: Vec<f64>,
-    /// Root mean square of the change of each channel in the training data, in parts of its scale.
+    /// Root mean square of the change of each channel in the training data, in parts of its scale; for each time ahead.
     pub change: Vec<f64>,
+    /// How many samples ahead the changes are predicted.
+    pub ahead: Vec<usize>,
     /// Scale of the duties.
     pub duty_scale: f64,
     /// Bladders.
@@ -66,7 +69,11 @@ impl Predictor {
         let metadata =
             |name, reason: String| PredictorError::File(TensorFileError::Metadata { name, reason });
         let n = meaning.channels.count();
-        for (name, scale) in [("scale", &meaning.scale), ("change", &meaning.change)] {
+        if meaning.ahead.is_empty() || meaning.ahead.iter().any(|a| !(1..=1000).contains(a)) {
+            return Err(metadata("ahead", "must have numbers from 1 to 1000".into()));
+        }
+        let outputs = n * meaning.ahead.len();
+        for (name, scale, n) in [("scale", &meaning.scale, n), ("change", &meaning.change, outputs)] {
             if scale.len() != n || scale.iter().any(|v| !(v.is_finite() && *v > 0.0)) {
                 return Err(metadata(name, format!("must have {n} numbers above 0")));
             }
@@ -80,12 +87,12 @@ impl Predictor {
         if !(1..=1000).contains(&meaning.window) {
             return Err(metadata("window", "must be from 1 to 1000".into()));
         }
-        if !(1..=8).contains(&meaning.bladders) {
-            return Err(metadata("bladders", "must be from 1 to 8".into()));
+        if meaning.bladders > 8 {
+            return Err(metadata("bladders", "must be at most 8".into()));
         }
         for (name, found, due) in [
             ("the network's inputs", network.inputs(), n + 2 * meaning.bladders),
-            ("the network's outputs", network.outputs(), n),
+            ("the network's outputs", network.outputs(), outputs),
         ] {
             if found != due {
                 return Err(NetworkError::Size { what: name.into(), found, due }.into());
@@ -184,6 +191,10 @@ impl Predictor {
             ("sample_time_ns", self.meaning.sample_time.to_string()),
             ("window", self.meaning.window.to_string()),
         ]);
+        if self.meaning.ahead != [1] {
+            let ahead: Vec<String> = self.meaning.ahead.iter().map(ToString::to_string).collect();
+            metadata.insert("ahead", ahead.join(","));
+        }
         header.insert("__metadata__".into(), json!(metadata));
         let mut numbers = Vec::new();
         for (name, shape, values) in self.network.tensors() {
@@ -214,11 +225,15 @@ impl Meaning {
         let channels: Option<Vec<Channel>> = names.map(Channel::named).collect();
         let channels =
             channels.ok_or_else(|| wrong("channels", "names a channel that does not exist".into()))?;
+        // Files of the first programs have no times ahead: they predict the next sample.
+        let ahead: Result<_, _> = file.text("ahead").unwrap_or("1").split(',').map(str::parse).collect();
+        let ahead = ahead.map_err(|_| wrong("ahead", "is not a list of whole numbers".into()))?;
         Ok(Self {
             channels: Channels::new(&channels)
                 .map_err(|e| wrong("channels", format!("cannot be used: {e}")))?,
             scale: file.numbers("scale")?,
             change: file.numbers("change")?,
+            ahead,
             duty_scale: file.number("duty_scale")?,
             bladders: file.number("bladders")?,
             sample_time: file.number("sample_time_ns")?,

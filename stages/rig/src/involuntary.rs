@@ -1,6 +1,9 @@
 //! The involuntary motion of a person: breathing, nodding off, drift, coughs. A pure function of time and seed.
 //!
 //! Offsets are the distances by which a free head would move: metres in the couch frame, and angles (pitch, roll, yaw).
+//!
+//! A breath that is not regular is the model of Lujan et al. (Med. Phys. 26, 1999) with n = 2, a second harmonic of a
+//! quarter, so that the head rests where breath is out; its frequency and size wander about those of the person.
 
 use core::f64::consts::TAU;
 
@@ -26,6 +29,8 @@ pub struct Involuntary {
     pub seed: u64,
     /// Factor of every offset.
     pub strength: f64,
+    /// 0: breath and nods are sines of 0.25 and 0.1 Hz. 1: those of a person drawn from the seed, which wander.
+    pub irregularity: f64,
 }
 
 impl Involuntary {
@@ -40,13 +45,38 @@ impl Involuntary {
         let t = if t > 0.0 { t.min(1e9) } else { 0.0 };
         let (breath, nod, cough) = match self.habit {
             Habit::Still => return (Vector3::zeros(), Vector3::zeros()),
-            Habit::Breathes => (libm::sin(TAU * 0.25 * t), 0.0, 0.0),
-            Habit::Nods => (libm::sin(TAU * 0.25 * t), libm::sin(TAU * 0.1 * t), cough(self.seed, t)),
+            Habit::Breathes => (self.swing(BREATH, 0.25, t), 0.0, 0.0),
+            Habit::Nods => (self.swing(BREATH, 0.25, t), self.swing(NOD, 0.1, t), cough(self.seed, t)),
         };
         let translation =
             drift(self.seed, t) + Vector3::new(0.0, 1e-3 * cough, 0.3e-3 * breath + 2e-3 * cough);
         let pitch = (1.5 * nod + 0.1 * breath + 0.6 * cough).to_radians();
         (translation * self.strength, Vector3::new(pitch, 0.0, 0.0) * self.strength)
+    }
+
+    /// A motion about `hertz` of size about 1, zero at the start; a sine where it is regular.
+    ///
+    /// With irregularity r, frequency and size of the person are up to exp(r / 4) and exp(0.7 r) times as large or as small,
+    /// and wander with standard deviations of 10 % and 20 % of r within 15 to 60 s.
+    fn swing(&self, index: u64, hertz: f64, t: f64) -> f64 {
+        let r = self.irregularity;
+        if r == 0.0 {
+            return libm::sin(TAU * hertz * t);
+        }
+        let draw = |number| uniform(self.seed, index, number);
+        let own = |spread: f64, number| libm::exp(r * spread * (2.0 * draw(number) - 1.0));
+        // Of a wandering sine its frequency, rad/s, and its phase.
+        let wander = |number: u64| (TAU / (15.0 + 45.0 * draw(number)), TAU * draw(number + 1));
+        let ahead: f64 = [2, 4]
+            .map(wander)
+            .iter()
+            .map(|(w, phase)| (libm::sin(w * t + phase) - libm::sin(*phase)) * 0.1 * r / w)
+            .sum();
+        let larger: f64 =
+            [6, 8].map(wander).iter().map(|(w, phase)| 0.2 * r * libm::sin(w * t + phase)).sum();
+        let angle = TAU * hertz * own(0.25, 0) * (t + ahead);
+        let rest = if index == BREATH { 0.25 * r * (1.0 - libm::cos(2.0 * angle)) } else { 0.0 };
+        own(0.7, 1) * (1.0 + larger) * (libm::sin(angle) + rest)
     }
 }
 
@@ -82,6 +112,8 @@ pub(crate) fn cough(seed: u64, t: f64) -> f64 {
 }
 
 const DRIFT: u64 = u64::MAX;
+const BREATH: u64 = u64::MAX - 1;
+const NOD: u64 = u64::MAX - 2;
 const COUGH: u64 = 0x636f_7567_6821;
 
 /// A number from 0 up to 1 for each (seed, index, draw), by the finaliser of splitmix64
@@ -114,11 +146,38 @@ mod tests {
     #[test]
     fn every_habit_starts_at_rest_and_grows_with_its_strength() {
         for habit in [Habit::Still, Habit::Breathes, Habit::Nods] {
-            let of = |strength, t| Involuntary { habit, seed: 7, strength }.offset(t);
+            let of = |strength, t| Involuntary { habit, seed: 7, strength, irregularity: 0.6 }.offset(t);
             assert_eq!(of(1.0, 0.0), (Vector3::zeros(), Vector3::zeros()), "{habit:?}");
             let ((one, turned), (two, _)) = (of(1.0, 2.3), of(2.0, 2.3));
             assert!((one * 2.0 - two).norm() < 1e-15, "{habit:?}");
             assert_eq!(turned.norm() > 0.0, habit != Habit::Still, "{habit:?}");
+        }
+    }
+
+    #[test]
+    fn an_irregular_breath_wanders_about_that_of_its_person_and_rests_where_it_is_out() {
+        let person =
+            |seed, irregularity| Involuntary { habit: Habit::Nods, seed, strength: 1.0, irregularity };
+        assert_eq!(person(7, 0.0).swing(BREATH, 0.25, 1.7), libm::sin(TAU * 0.25 * 1.7));
+        assert_ne!(person(7, 1.0).offset(9.0).1, person(8, 1.0).offset(9.0).1);
+        for seed in 0..20 {
+            let of = |t: f64| person(seed, 1.0).swing(BREATH, 0.25, t);
+            let values: Vec<f64> = (0..60_000).map(|k| of(0.01 * f64::from(k))).collect();
+            let begins: Vec<usize> =
+                (1..values.len()).filter(|&k| values[k - 1] < 0.0 && values[k] >= 0.0).collect();
+            let periods: Vec<f64> = begins.windows(2).map(|pair| 0.01 * (pair[1] - pair[0]) as f64).collect();
+            let mean = periods.iter().sum::<f64>() / periods.len() as f64;
+            let variance =
+                periods.iter().map(|p| (p - mean) * (p - mean)).sum::<f64>() / periods.len() as f64;
+            let spread = libm::sqrt(variance) / mean;
+            // 4 s times or over exp(1 / 4).
+            assert!((2.9..5.5).contains(&mean), "{seed}: {mean} s");
+            assert!((0.04..0.18).contains(&spread), "{seed}: {spread}");
+            // In is further than out, 1.0 from 0.5 up and down, so more than half of the time is spent below the middle.
+            let [low, high] = [f64::min, f64::max].map(|of| values.iter().copied().reduce(of).unwrap_or(0.0));
+            let middle = 0.5 * (low + high);
+            let below = values.iter().filter(|v| **v < middle).count() as f64 / values.len() as f64;
+            assert!(below > 0.55, "{seed}: {below}");
         }
     }
 }

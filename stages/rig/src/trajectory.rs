@@ -106,7 +106,8 @@ impl Trajectory {
     }
 
     fn nods(&self, t: f64) -> Offset {
-        let involuntary = Involuntary { habit: Habit::Nods, seed: self.seed, strength: 1.0 };
+        let involuntary =
+            Involuntary { habit: Habit::Nods, seed: self.seed, strength: 1.0, irregularity: 0.0 };
         let (translation, angles) = involuntary.offset(t);
         Offset { translation, angles }
     }

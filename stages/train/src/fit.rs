@@ -6,7 +6,7 @@ use stillpoint_control::lstm::Lstm;
 use stillpoint_random::Random;
 
 use crate::TrainError;
-use crate::dataset::Dataset;
+use crate::dataset::{Batch, Dataset};
 use crate::network::{Dropout, Network};
 
 /// How the gradient is followed.
@@ -158,8 +158,7 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
             sum += f64::from(loss.to_scalar::<f32>()?);
             batches += 1;
         }
-        let said = network.forward(&validation.inputs, data.window(), None)?;
-        let loss = f64::from(network.loss(&said, &validation.changes)?.to_scalar::<f32>()?);
+        let loss = validated(&network, data, &validation)?;
         let epoch = Epoch { number, training: sum / batches.max(1) as f64, validation: loss };
         if !(epoch.training.is_finite() && epoch.validation.is_finite()) {
             return Err(TrainError::RanAway(number));
@@ -175,30 +174,35 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
     }
     let best = best.ok_or(TrainError::RanAway(0))?;
     let network = network.plain(&best.numbers).map_err(|e| TrainError::Predictor(e.into()))?;
-    let left = left(&network, data);
+    let hold = validation.errors(data.outputs(), |_, _, said| said.fill(0.0));
+    let left = errors(&network, &validation).iter().zip(&hold).map(|(error, hold)| error / hold).collect();
     Ok(Fitted { network, epochs, best: best.number, left })
 }
 
-/// What a network leaves of the changes, by the plain code that controllers run.
-fn left(network: &Lstm, data: &Dataset) -> Vec<f64> {
-    let validation = data.validation();
-    let (inputs, outputs, window) = (data.inputs(), data.outputs(), data.window());
-    let (mut memory, mut said) = (network.memory(), vec![0.0; outputs]);
-    let mut squares = vec![[0.0_f64; 2]; outputs];
-    for (row, changes) in
-        validation.inputs.chunks_exact(inputs * window).zip(validation.changes.chunks_exact(outputs))
-    {
-        memory.clear();
-        for sample in row.chunks_exact(inputs) {
-            let sample: Vec<f64> = sample.iter().map(|v| f64::from(*v)).collect();
-            network.step(&sample, &mut memory);
-        }
-        network.output(&memory, &mut said);
-        for ((sum, said), change) in squares.iter_mut().zip(&said).zip(changes) {
-            let change = f64::from(*change);
-            sum[0] += (said - change) * (said - change);
-            sum[1] += change * change;
-        }
+/// The loss over windows that are not trained on, some of them at a time, because tensors keep all steps in memory.
+fn validated(network: &Network, data: &Dataset, batch: &Batch) -> Result<f64, TrainError> {
+    const ROWS: usize = 2000;
+    let (width, outputs) = (data.inputs() * data.window(), data.outputs());
+    let mut sum = 0.0;
+    for (inputs, changes) in batch.inputs.chunks(ROWS * width).zip(batch.changes.chunks(ROWS * outputs)) {
+        let said = network.forward(inputs, data.window(), None)?;
+        let loss = f64::from(network.loss(&said, changes)?.to_scalar::<f32>()?);
+        sum += loss * (changes.len() / outputs) as f64;
     }
-    squares.iter().map(|[left, all]| libm::sqrt(left / all)).collect()
+    Ok(sum / batch.count as f64)
+}
+
+/// The root mean square of the error of a network for each change, in parts of the change's scale, by the plain code that
+/// controllers run. A batch has windows of samples of as many numbers as the network has inputs.
+#[must_use]
+pub fn errors(network: &Lstm, batch: &Batch) -> Vec<f64> {
+    let (mut memory, mut x) = (network.memory(), vec![0.0; network.inputs()]);
+    batch.errors(network.outputs(), |_, window, said| {
+        memory.clear();
+        for sample in window.chunks_exact(x.len()) {
+            x.iter_mut().zip(sample).for_each(|(x, value)| *x = f64::from(*value));
+            network.step(&x, &mut memory);
+        }
+        network.output(&memory, said);
+    })
 }

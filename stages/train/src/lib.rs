@@ -1,13 +1,14 @@
 //! Trains what is learned offline. The one crate that stands on candle: what was trained is run by plain code elsewhere.
 //!
 //! - [`excite`]: data of a head on the simulated rig, excited by its valves
+//! - [`patients`]: data of patients who breathe, nod, drift and cough, and tracked tones as a prediction
 //! - [`dataset`]: samples, windows of them, and what is to be predicted
 //! - [`network`]: the network of `stillpoint-control` as tensors, with gradients
 //! - [`fit`]: descent, validation and early stop
 //! - [`linear`]: least squares over the same windows, to compare with
 //! - [`planner`]: the prior of beam angles of `stillpoint-network`
 //! - [`tower`]: the dissertation's residual tower
-//! - [`card`]: what a model was trained on, and how well it predicts
+//! - [`card`], [`patient_card`]: what a model was trained on, and how well it predicts
 
 #![forbid(unsafe_code)]
 
@@ -17,6 +18,8 @@ pub mod excite;
 pub mod fit;
 pub mod linear;
 pub mod network;
+pub mod patient_card;
+pub mod patients;
 pub mod planner;
 pub mod tower;
 

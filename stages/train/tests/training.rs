@@ -4,7 +4,7 @@
 
 use serde_json::Value;
 use stillpoint_train::TrainError;
-use stillpoint_train::dataset::{Dataset, Sample};
+use stillpoint_train::dataset::{Cut, Dataset, Sample};
 use stillpoint_train::excite::{Excitation, record};
 use stillpoint_train::fit::{Optimiser, Options, fit};
 use stillpoint_train::linear;
@@ -83,7 +83,7 @@ fn the_plain_network_says_what_the_tensors_say() {
 
 #[test]
 fn a_network_learns_how_the_rig_moves_and_the_same_seed_learns_the_same() {
-    let data = Dataset::new(&few(3), 6, 0.1, 0.2).unwrap();
+    let data = Dataset::new(&few(3), Cut::default()).unwrap();
     let options = Options {
         optimiser: Optimiser::AdamW,
         learning_rate: 1e-2,
@@ -115,18 +115,18 @@ fn least_squares_leave_nothing_of_a_linear_motion_and_little_of_the_rigs() {
         };
         (0..100).map(step).collect()
     };
-    let data = Dataset::new(&(0..5).map(run).collect::<Vec<_>>(), 6, 0.1, 0.2).unwrap();
+    let data = Dataset::new(&(0..5).map(run).collect::<Vec<_>>(), Cut::default()).unwrap();
     let left = linear::left(&data).unwrap();
     assert!(left.iter().all(|left| *left < 1e-3), "{left:?}");
 
-    let data = Dataset::new(&few(3), 6, 0.1, 0.2).unwrap();
+    let data = Dataset::new(&few(3), Cut::default()).unwrap();
     let left = linear::left(&data).unwrap();
     assert!(left.iter().all(|left| (0.01..0.5).contains(left)), "{left:?}");
 }
 
 #[test]
 fn training_stops_where_validation_does_not_get_better() {
-    let data = Dataset::new(&few(4), 6, 0.1, 0.2).unwrap();
+    let data = Dataset::new(&few(4), Cut::default()).unwrap();
     // A learning rate of next to nothing: no epoch is better than the first but by rounding.
     let options = Options { learning_rate: 1e-12, epochs: 50, patience: 3, ..Options::default() };
     let fitted = fit(&data, &options, |_| {}).unwrap();
@@ -136,10 +136,13 @@ fn training_stops_where_validation_does_not_get_better() {
 #[test]
 fn what_cannot_be_trained_on_is_refused() {
     let still = vec![vec![Sample { pose: vec![0.0; 3], duty: vec![0.0; 6] }; 400]; 5];
-    assert!(matches!(Dataset::new(&still, 6, 0.1, 0.2), Err(TrainError::Still(_))));
-    assert!(matches!(Dataset::new(&few(1)[..1], 6, 0.1, 0.2), Err(TrainError::TooLittle { .. })));
-    assert!(matches!(Dataset::new(&few(1), 6, 0.1, 1.0), Err(TrainError::Option { .. })));
-    let data = Dataset::new(&few(1), 6, 0.1, 0.2).unwrap();
+    assert!(matches!(Dataset::new(&still, Cut::default()), Err(TrainError::Still(_))));
+    assert!(matches!(Dataset::new(&few(1)[..1], Cut::default()), Err(TrainError::TooLittle { .. })));
+    assert!(matches!(
+        Dataset::new(&few(1), Cut { validation: 1.0, ..Cut::default() }),
+        Err(TrainError::Option { .. })
+    ));
+    let data = Dataset::new(&few(1), Cut::default()).unwrap();
     for options in [
         Options { learning_rate: f64::NAN, ..Options::default() },
         Options { dropout: 1.0, ..Options::default() },

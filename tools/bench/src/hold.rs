@@ -115,7 +115,7 @@ impl Hold {
         if let Some(name) = course.failed.first() {
             return Err(Failure::failed(format!("seed {seed}: {name} failed")));
         }
-        let person = Involuntary { habit: Habit::Nods, seed, strength: 1.0 };
+        let person = Involuntary { habit: Habit::Nods, seed, strength: 1.0, irregularity: 0.0 };
         judge(&course, seed, &person, self.seconds)
             .ok_or_else(|| Failure::failed(format!("seed {seed}: there was no target from {FROM} s on")))
     }
@@ -218,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_cough_ends_once_and_the_head_is_back_when_it_stays_within() {
-        let person = Involuntary { habit: Habit::Nods, seed: 7, strength: 1.0 };
+        let person = Involuntary { habit: Habit::Nods, seed: 7, strength: 1.0, irregularity: 0.0 };
         let ends = ends(&person, 0.0, 600.0);
         assert!((8..=22).contains(&ends.len()), "{ends:?}");
         assert!(ends.windows(2).all(|w| w[1] - w[0] > 1.0), "{ends:?}");

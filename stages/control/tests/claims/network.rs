@@ -97,6 +97,7 @@ fn meaning() -> Meaning {
         channels: Channels::new(&[Channel::Z, Channel::Pitch, Channel::Roll]).unwrap(),
         scale: vec![0.0115, 0.02356, 0.1745],
         change: vec![0.01, 0.02, 0.03],
+        ahead: vec![1],
         duty_scale: 0.1,
         bladders: 3,
         sample_time: 100_000_000,
@@ -111,6 +112,25 @@ fn a_predictor_comes_back_from_its_file() {
     let bytes = predictor.to_safetensors(&more);
     assert_eq!(Predictor::from_safetensors(&bytes).unwrap(), predictor);
     assert!(bytes.len() < 8000, "{}", bytes.len());
+}
+
+#[test]
+fn a_network_without_bladders_and_with_two_times_ahead_comes_back_and_others_are_refused() {
+    let made = |outputs| made(2, &[4], outputs, &mut || 0.25);
+    let meaning = Meaning {
+        channels: Channels::new(&[Channel::Z, Channel::Pitch]).unwrap(),
+        scale: vec![1e-3, 0.0175],
+        change: vec![0.1, 0.2, 0.3, 0.4],
+        ahead: vec![1, 2],
+        bladders: 0,
+        ..meaning()
+    };
+    let predictor = Predictor::new(made(4), meaning.clone()).unwrap();
+    assert_eq!(Predictor::from_safetensors(&predictor.to_safetensors(&BTreeMap::new())).unwrap(), predictor);
+    assert!(Predictor::new(made(2), meaning.clone()).is_err());
+    for ahead in [vec![], vec![0, 1], vec![1]] {
+        assert!(Predictor::new(made(4), Meaning { ahead, ..meaning.clone() }).is_err());
+    }
 }
 
 #[test]

@@ -127,12 +127,15 @@ pub struct BladderParams {
     /// The involuntary motion of the person: how far the head would move without control.
     #[param(default = "nods")]
     pub motion: Motion,
-    /// Seed of drift and coughs. The camera's noise comes from the pipeline's seed.
+    /// Seed of drift, coughs and irregular motion. The camera's noise comes from the pipeline's seed.
     #[param(default = 7)]
     pub seed: u64,
     /// Factor of the motion.
     #[param(default = 1, min = 0, max = 10)]
     pub strength: f64,
+    /// How far breath and nods differ from person to person and wander; 0 are sines of 0.25 and 0.1 Hz.
+    #[param(default = 0, min = 0, max = 1)]
+    pub irregularity: f64,
     /// Mass of the head.
     #[param(unit = "kg", default = "5 kg", min = "2 kg", max = "8 kg")]
     pub head_mass: f64,
@@ -223,7 +226,8 @@ impl BladderParams {
             Touch::Fixed => rigs::Contacts::Fixed,
             Touch::Rolling => rigs::Contacts::Rolling,
         };
-        let involuntary = Involuntary { habit, seed: self.seed, strength: self.strength };
+        let involuntary =
+            Involuntary { habit, seed: self.seed, strength: self.strength, irregularity: self.irregularity };
         let faults = self.faults.iter().flatten().map(FaultParams::scheduled).collect();
         let pushes = self.pushes.iter().flatten().map(PushParams::push).collect();
         Ok(rigs::Setup {

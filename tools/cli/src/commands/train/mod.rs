@@ -1,5 +1,6 @@
 //! `stillpoint train`
 
+mod patient;
 mod planner;
 mod sessions;
 
@@ -13,9 +14,9 @@ use sha2::{Digest, Sha256};
 use stillpoint_control::channels::{Channel, Channels};
 use stillpoint_control::predictor::{Meaning, Predictor};
 use stillpoint_train::card::{About, Card, Data};
-use stillpoint_train::dataset::{Dataset, Sample};
+use stillpoint_train::dataset::{Cut, Dataset, Sample};
 use stillpoint_train::excite::{Excitation, SCALE, record};
-use stillpoint_train::fit::{Epoch, Optimiser, Options, fit};
+use stillpoint_train::fit::{Epoch, Fitted, Optimiser, Options, fit};
 use stillpoint_train::linear::left;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -32,6 +33,8 @@ pub struct Train {
 enum What {
     /// Train the network whose features `control.mrac` adapts over.
     Controller(Controller),
+    /// Train a network that predicts what patients do, beside predictions without a network.
+    Patient(patient::Patient),
     /// Train the prior of beam angles that `plan --prior network` uses.
     Planner(Box<planner::Planner>),
     #[command(hide = true)]
@@ -43,6 +46,7 @@ impl Train {
     pub fn execute(&self) -> Ended {
         match &self.what {
             What::Controller(controller) => controller.execute(),
+            What::Patient(patient) => patient.execute(),
             What::Planner(planner) => planner.execute(),
             What::Player(player) => player.execute(),
         }
@@ -72,6 +76,22 @@ struct Controller {
     /// Of sessions: what the valves were told, a topic of duties.
     #[arg(long, value_name = "TOPIC", default_value = "law.duties")]
     duties: String,
+    #[command(flatten)]
+    descent: Descent,
+    /// Runs of the rig.
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    runs: usize,
+    /// Length of a run, s.
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    seconds: f64,
+    /// Print the card as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How a network of long short-term memory is trained.
+#[derive(Args)]
+struct Descent {
     /// How the gradient is followed.
     #[arg(long, value_enum, default_value_t)]
     optimiser: Follow,
@@ -90,18 +110,9 @@ struct Controller {
     /// Epochs without a better validation after which training stops.
     #[arg(long, value_name = "N", default_value_t = 20)]
     patience: usize,
-    /// Runs of the rig.
-    #[arg(long, value_name = "N", default_value_t = 30)]
-    runs: usize,
-    /// Length of a run, s.
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
-    seconds: f64,
     /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Print the card as JSON.
-    #[arg(long)]
-    json: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -113,11 +124,9 @@ enum Follow {
     Adamw,
 }
 
-impl Controller {
-    fn execute(&self) -> Ended {
-        let sample_time = Excitation::default().sample_time;
-        let (runs, data) = self.data(sample_time)?;
-        let options = Options {
+impl Descent {
+    fn options(&self) -> Options {
+        Options {
             optimiser: if self.optimiser == Follow::Sgd { Optimiser::Sgd } else { Optimiser::AdamW },
             learning_rate: self.learning_rate,
             batch: self.batch,
@@ -126,21 +135,46 @@ impl Controller {
             patience: self.patience,
             seed: self.seed,
             ..Options::default()
-        };
-        let set = Dataset::new(&runs, WINDOW, DUTY_SCALE, 0.2).map_err(Failure::failed)?;
+        }
+    }
+
+    /// Trains with a bar.
+    fn fit(&self, set: &Dataset, options: &Options) -> Result<Fitted, Failure> {
         let bar = progress(self.epochs as u64, "epoch")?;
-        let fitted = fit(&set, &options, |epoch| {
+        let fitted = fit(set, options, |epoch| {
             bar.set_message(format!("loss {:.4}, validation {:.4}", epoch.training, epoch.validation));
             bar.inc(1);
         })
         .map_err(Failure::failed)?;
         bar.finish_and_clear();
+        Ok(fitted)
+    }
+
+    /// The flags that make the same model again.
+    fn words(&self) -> String {
+        let optimiser = if self.optimiser == Follow::Sgd { "sgd" } else { "adamw" };
+        format!(
+            "--optimiser {optimiser} --learning-rate {} --batch {} --dropout {} --epochs {} --patience {} --seed {}",
+            self.learning_rate, self.batch, self.dropout, self.epochs, self.patience, self.seed
+        )
+    }
+}
+
+impl Controller {
+    fn execute(&self) -> Ended {
+        let sample_time = Excitation::default().sample_time;
+        let (runs, data) = self.data(sample_time)?;
+        let options = self.descent.options();
+        let set = Dataset::new(&runs, Cut { window: WINDOW, duty_scale: DUTY_SCALE, ..Cut::default() })
+            .map_err(Failure::failed)?;
+        let fitted = self.descent.fit(&set, &options)?;
         let channels =
             Channels::new(&[Channel::Z, Channel::Pitch, Channel::Roll]).map_err(Failure::failed)?;
         let meaning = Meaning {
             channels,
             scale: SCALE.to_vec(),
             change: set.scale().to_vec(),
+            ahead: vec![1],
             duty_scale: DUTY_SCALE,
             bladders: 3,
             sample_time: (sample_time * 1e9).round() as u64,
@@ -149,15 +183,22 @@ impl Controller {
         let predictor = Predictor::new(fitted.network.clone(), meaning).map_err(Failure::failed)?;
         let bytes = predictor.to_safetensors(&Default::default());
         let about = About {
-            program: format!("stillpoint {}", env!("CARGO_PKG_VERSION")),
+            program: program(),
             command: self.command(),
-            sha256: Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect(),
+            sha256: sha256(&bytes),
             data,
             windows: set.counts(),
             linear: left(&set).map_err(Failure::failed)?,
         };
         let card = Card::of(&predictor, &fitted, &options, about);
-        publish(&self.out, bytes, &card, &card.markdown(), losses(&fitted.epochs)?, self.json)
+        publish(
+            &self.out,
+            bytes,
+            &card,
+            &card.markdown(),
+            losses("Training of the controller's network", &fitted.epochs)?,
+            self.json,
+        )
     }
 
     fn data(&self, sample_time: f64) -> Result<(Vec<Vec<Sample>>, Data), Failure> {
@@ -173,7 +214,7 @@ impl Controller {
             runs: self.runs,
             seconds: self.seconds,
             sample_time,
-            seed: self.seed,
+            seed: self.descent.seed,
             ..Excitation::default()
         };
         let bar = progress(self.runs as u64, "run of the rig")?;
@@ -190,13 +231,18 @@ impl Controller {
             true => words.push(format!("--runs {} --seconds {}", self.runs, self.seconds)),
             false => words.push(format!("--state {} --duties {}", self.state, self.duties)),
         }
-        let optimiser = if self.optimiser == Follow::Sgd { "sgd" } else { "adamw" };
-        words.push(format!("--optimiser {optimiser} --learning-rate {}", self.learning_rate));
-        words.push(format!("--batch {} --dropout {}", self.batch, self.dropout));
-        words.push(format!("--epochs {} --patience {} --seed {}", self.epochs, self.patience, self.seed));
+        words.push(self.descent.words());
         words.push(format!("--out {}", self.out.display()));
         words.join(" ")
     }
+}
+
+fn program() -> String {
+    format!("stillpoint {}", env!("CARGO_PKG_VERSION"))
+}
+
+fn sha256(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn progress(length: u64, what: &str) -> Result<ProgressBar, Failure> {
@@ -235,14 +281,14 @@ fn write(out: &Path, ending: &str, content: &[u8]) -> Result<(), Failure> {
 }
 
 /// The losses over the epochs.
-fn losses(epochs: &[Epoch]) -> Result<String, Failure> {
+fn losses(title: &str, epochs: &[Epoch]) -> Result<String, Failure> {
     let series = |name: &str, style, of: fn(&Epoch) -> f64| Series {
         name: name.to_owned(),
         points: epochs.iter().map(|e| (e.number as f64, of(e))).collect(),
         style,
     };
     let chart = Chart {
-        title: "Training of the controller's network".into(),
+        title: title.into(),
         x: "epoch".into(),
         y: "half the mean sum of squares".into(),
         series: vec![
