@@ -4,7 +4,7 @@
 use nalgebra::{Isometry3, Vector3};
 use stillpoint_samples::{IdentityPart, Proof};
 
-use crate::align::{Agreement, Alignment, PartAxes, Pieces, agreement};
+use crate::align::{Agreement, Alignment, PartAxes, Pieces, Verdict, agreement};
 use crate::surface::Surface;
 
 /// A part of the confidence at its limit. Below it the frame has no pose.
@@ -98,6 +98,8 @@ pub struct Identity {
     moved: f64,
     /// Largest movement of a piece against the rest since the capture, over its limit.
     most: f64,
+    /// Whether the patches were once seen not to move alike: a mask over a face.
+    is_mixed: bool,
     /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
@@ -115,6 +117,7 @@ impl Identity {
             proof: Proof::Waiting,
             moved: 0.0,
             most: 0.0,
+            is_mixed: false,
             density: 0.0,
             dense_frames: 0,
         }
@@ -177,12 +180,13 @@ impl Identity {
         self.since.get_or_insert(time);
         let moves = &judged.agreement.moves;
         self.most = self.most.max(moves.most);
+        self.is_mixed |= moves.alike == Verdict::Against;
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }
         let by_misfit = self.is_planned && moves.with >= NEARLY_ALL;
         let has_moved = self.most > MOVED_BEFORE && !by_misfit;
-        let is_apart = moves.against > AGAINST || has_moved;
+        let is_apart = moves.against > AGAINST || has_moved || self.is_mixed || moves.alike != Verdict::With;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;

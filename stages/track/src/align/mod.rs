@@ -10,11 +10,13 @@
 //! - `parts`: how parts of the surface agree.
 //! - `pieces`: whether each piece of the surface moves with the rest.
 //! - `together`: whether a piece was seen to move as the rest does.
+//! - `mixture`: whether all its patches were seen to move alike.
 //! - `misfit`: how far a cloud is from the surface.
 
 mod aligner;
 mod equations;
 mod misfit;
+mod mixture;
 mod parts;
 mod pieces;
 mod robust;
@@ -25,3 +27,4 @@ pub use misfit::misfit;
 pub use parts::{Agreement, PartAxes, agreement};
 pub use pieces::Pieces;
 pub use robust::Robust;
+pub use together::Verdict;

@@ -145,7 +145,8 @@ pub fn agreement(
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
         / solid_angle(surface, surface_from_cloud);
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
-    let moves = pieces.map_or(Moves::default(), |(pieces, noise)| pieces.end(noise, surface_from_cloud));
+    let moves =
+        pieces.map_or(Moves::default(), |(pieces, noise)| pieces.end(noise, surface, surface_from_cloud));
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
     Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moves }

@@ -3,11 +3,12 @@
 //!
 //! A piece and the rest of the surface are fitted apart. How far the piece lies off in the first frames is an error of
 //! the reference. A later change is a movement against the rest. Until the head is proven, the movements of both are
-//! compared, too: see [`super::together`].
+//! compared, too (see [`super::together`]), and those of all patches (see [`super::mixture`]).
 
 use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Vector3, Vector6};
 
 use super::equations::Sums;
+use super::mixture::Mixture;
 use super::together::{Together, Verdict};
 use crate::buckets::Buckets;
 use crate::surface::Surface;
@@ -135,6 +136,8 @@ pub struct Moves {
     pub with: f64,
     /// See `with`.
     pub against: f64,
+    /// Whether the patches of the surface move alike, wherever they are.
+    pub alike: Verdict,
 }
 
 /// The overlapping pieces of a surface.
@@ -144,6 +147,7 @@ pub struct Pieces {
     sums: Vec<(Sums, u32)>,
     cells: Vec<Part>,
     pieces: Vec<Piece>,
+    mixture: Mixture,
     length: f64,
     /// Where the first frame lay on the surface.
     first: Option<Isometry3<f64>>,
@@ -176,6 +180,7 @@ impl Pieces {
             sums: vec![(Sums::default(), 0); count],
             cells: vec![Part::empty(); count],
             pieces,
+            mixture: Mixture::of(surface.patches().len()),
             length: surface.length(),
             first: None,
             is_open: true,
@@ -199,15 +204,27 @@ impl Pieces {
             sums.add(row, distance, 1.0);
             *points += 1;
         }
+        if self.is_open {
+            self.mixture.add(patch, distance);
+        }
     }
 
     /// Ends a frame whose points have this noise (standard deviation along the normals, m), where all of them fit best.
-    pub(super) fn end(&mut self, noise: f64, surface_from_cloud: &Isometry3<f64>) -> Moves {
-        let Self { sums, cells, pieces, length, first, is_open, .. } = self;
+    pub(super) fn end(
+        &mut self,
+        noise: f64,
+        surface: &Surface,
+        surface_from_cloud: &Isometry3<f64>,
+    ) -> Moves {
+        let Self { sums, cells, pieces, mixture, length, first, is_open, .. } = self;
         for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
             *cell = Part { information: sums.information(), right: sums.right, points: *points };
         }
         let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
+        let moved = |at: &Vector3<f64>| (since * Point3::from(*at)).coords - at;
+        if *is_open {
+            mixture.end(surface.patches().iter().map(|p| moved(&p.position).dot(&p.normal)));
+        }
         let whole = Part::sum(cells.iter());
         let mut most: f64 = 0.0;
         let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
@@ -222,7 +239,7 @@ impl Pieces {
             let (along, points) = (own.along(), f64::from(own.points));
             if *is_open {
                 let (rest_off, covariance) = rest.at(&piece.middle, *length);
-                let moved = (since * Point3::from(piece.middle)).coords - piece.middle + rest_off;
+                let moved = moved(&piece.middle) + rest_off;
                 piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
                 all += points;
                 match piece.together.verdict(noise) {
@@ -240,6 +257,6 @@ impl Pieces {
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, with: share(with), against: share(against) }
+        Moves { most, with: share(with), against: share(against), alike: mixture.verdict() }
     }
 }

@@ -13,14 +13,15 @@ const SURE: f64 = 3.0;
 /// a fit that are not noise.
 const LEAST: f64 = 0.04e-3;
 
-/// What the movements of a piece tell so far.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
+/// What the movements of parts of a surface tell so far.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Verdict {
     /// Not enough of them yet.
+    #[default]
     Open,
-    /// It moves with the rest.
+    /// They are those of one body.
     With,
-    /// It does not.
+    /// They are not.
     Against,
 }
 
