@@ -1,5 +1,5 @@
 //! CPU time of a whole frame on one core: from the depth image over cloud, voxels, plane, clusters and head to the dense
-//! pose. By CPU time it can be read on a machine that does other work, too, if with a grain of salt.
+//! pose and the check whose it is. By CPU time it can be read on a machine that does other work, too, if with a grain of salt.
 //!
 //! `cargo bench -p stillpoint-track --bench frame`
 //!
@@ -9,6 +9,7 @@
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
+use std::hint::black_box;
 use std::path::{Path, PathBuf};
 
 use chacha20::ChaCha8Rng;
@@ -24,14 +25,18 @@ use stillpoint_rig::render::Renderer;
 use stillpoint_rig::sensor::DepthSensor;
 use stillpoint_rig::setting::Setting;
 use stillpoint_rig::trajectory::{Motion, Trajectory};
+use stillpoint_samples::Proof;
 use stillpoint_segment::{Cloud, FaceParams, FaceSegmenter, SegmentationStep};
 use stillpoint_testing::reference;
 use stillpoint_track::HeadTracker;
+use stillpoint_track::identity::{self, Identity, Needed};
 
 /// Times that each sequence is gone through.
 const ROUNDS: usize = 5;
-/// Cloud, the steps of the segmentation, pose.
-const STEPS: usize = SegmentationStep::NAMES.len() + 2;
+/// Cloud, the steps of the segmentation, pose, identity.
+const STEPS: usize = SegmentationStep::NAMES.len() + 3;
+/// What a pose needs: as `track.head` by default.
+const NEEDED: Needed = Needed { overlap: 0.5, tolerance: 5e-3 };
 
 struct Frame {
     name: String,
@@ -110,6 +115,7 @@ fn median(times: &mut [f64]) -> f64 {
 fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Error>> {
     let mut segmenter = FaceSegmenter::new(FaceParams::default())?;
     let mut tracker = HeadTracker::default();
+    let mut identity = None;
     let mut steps: [Vec<f64>; STEPS] = Default::default();
     let (mut wholes, mut to_clusters, mut head) = (Vec::new(), Vec::new(), Vec::new());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
@@ -137,10 +143,21 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
             }
             let stamp = (round * sequence.frames.len() + number) as u64 * 100_000_000;
             if captured {
-                posed += usize::from(tracker.track(&head, stamp).is_ok());
-                let end = now();
-                spent[STEPS - 1] = end - before;
-                wholes.push(end - begin);
+                let pose = tracker.track(&head, stamp);
+                let tracked = now();
+                spent[STEPS - 2] = tracked - before;
+                if let (Ok(pose), Some(surface)) = (pose, tracker.surface()) {
+                    posed += 1;
+                    // A head that is not proven yet takes the longest.
+                    let unproven = identity.take().filter(|of: &Identity| of.proof() == Proof::Waiting);
+                    let identity = identity.insert(unproven.unwrap_or_else(|| Identity::new(surface, false)));
+                    let checked = now();
+                    let (alignment, motion) = (&pose.alignment, &pose.current_from_reference);
+                    let frame = identity::Frame { cloud: &head, alignment, motion, time: stamp };
+                    black_box(identity.judge(surface, &frame, &NEEDED));
+                    spent[STEPS - 1] = now() - checked;
+                }
+                wholes.push(tracked - begin + spent[STEPS - 1]);
             } else {
                 captured = tracker.capture(&head, stamp).is_ok();
                 continue;
@@ -159,7 +176,7 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
             steps.iter_mut().zip(spent).for_each(|(times, time)| times.push(time));
         }
     }
-    let names = ["cloud"].into_iter().chain(SegmentationStep::NAMES.iter().copied()).chain(["pose"]);
+    let names = ["cloud"].into_iter().chain(SegmentationStep::NAMES.iter().copied()).chain(["pose", "identity"]);
     println!("{}: {posed} poses of {} frames", sequence.name, wholes.len());
     let shown = names.zip(steps.iter_mut()).map(|(name, times)| (name, median(times)));
     for (name, time) in shown.filter(|(_, time)| *time > 0.0) {

@@ -27,7 +27,7 @@ pub mod centroid;
 pub mod forehead;
 mod forehead_operator;
 pub mod head;
-mod identity;
+pub mod identity;
 mod nearest;
 mod observability;
 mod operator;
