@@ -176,7 +176,8 @@ fn time(sequence: &Sequence, reference: Option<&Value>) -> Result<(), Box<dyn Er
             steps.iter_mut().zip(spent).for_each(|(times, time)| times.push(time));
         }
     }
-    let names = ["cloud"].into_iter().chain(SegmentationStep::NAMES.iter().copied()).chain(["pose", "identity"]);
+    let names =
+        ["cloud"].into_iter().chain(SegmentationStep::NAMES.iter().copied()).chain(["pose", "identity"]);
     println!("{}: {posed} poses of {} frames", sequence.name, wholes.len());
     let shown = names.zip(steps.iter_mut()).map(|(name, times)| (name, median(times)));
     for (name, time) in shown.filter(|(_, time)| *time > 0.0) {

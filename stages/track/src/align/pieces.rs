@@ -136,7 +136,7 @@ pub struct Moves {
     pub with: f64,
     /// See `with`.
     pub against: f64,
-    /// Whether the patches of the surface move alike, wherever they are.
+    /// Whether the patches of the surface move alike, wherever they are; `Open` once the question is settled.
     pub alike: Verdict,
 }
 
@@ -222,8 +222,10 @@ impl Pieces {
         }
         let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
         let moved = |at: &Vector3<f64>| (since * Point3::from(*at)).coords - at;
+        let mut alike = Verdict::Open;
         if *is_open {
             mixture.end(surface.patches().iter().map(|p| moved(&p.position).dot(&p.normal)));
+            alike = mixture.verdict();
         }
         let whole = Part::sum(cells.iter());
         let mut most: f64 = 0.0;
@@ -257,6 +259,6 @@ impl Pieces {
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, with: share(with), against: share(against), alike: mixture.verdict() }
+        Moves { most, with: share(with), against: share(against), alike }
     }
 }
