@@ -14,6 +14,7 @@
 
 pub mod card;
 pub mod dataset;
+pub mod device;
 pub mod excite;
 pub mod fit;
 pub mod linear;
@@ -26,6 +27,11 @@ pub mod tower;
 /// Why there is no trained model.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
+    /// There is no GPU to train on.
+    #[error(
+        "this build trains on a CUDA device, and the first one cannot be used: {0}; a build without the feature `cuda` trains on the processor"
+    )]
+    Device(String),
     /// Too little data.
     #[error(
         "there are {found} windows to {what}, and at least {needed} are needed: give more or longer runs"

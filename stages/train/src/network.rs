@@ -5,6 +5,7 @@ use stillpoint_control::lstm::{Layer, Lstm, NetworkError};
 use stillpoint_random::Random;
 
 use crate::TrainError;
+use crate::device::device;
 
 /// A layer: rows in the order i, f, g, o.
 struct Cells {
@@ -36,7 +37,7 @@ impl Network {
     /// # Errors
     /// An operation on tensors failed.
     pub fn new(inputs: usize, hidden: &[usize], outputs: usize, seed: u64) -> Result<Self, TrainError> {
-        let device = Device::Cpu;
+        let device = device()?.clone();
         let mut random = Random::stream(seed, u64::MAX);
         let mut uniform = |rows: usize, columns: usize, cells: usize| -> Result<Var, TrainError> {
             let bound = 1.0 / libm::sqrt(cells as f64);

@@ -1,12 +1,13 @@
 //! The network of `stillpoint_network` as tensors, with gradients.
 
-use candle_core::{D, Device, Tensor, Var};
+use candle_core::{D, Tensor, Var};
 use stillpoint_network::model::{TAPS, place};
 use stillpoint_network::{Model, Sizes};
 use stillpoint_random::Random;
 
 use super::examples::{Example, States};
 use crate::TrainError;
+use crate::device::device;
 
 /// What a beam that may not be added gets for a logit.
 const FORBIDDEN: f32 = -1e4;
@@ -57,7 +58,7 @@ impl Network {
             };
             let numbers =
                 (0..shape.iter().product()).map(|_| random.between(-1.0, 1.0) as f32 * bound as f32);
-            let tensor = Tensor::from_vec(numbers.collect::<Vec<f32>>(), shape, &Device::Cpu)?;
+            let tensor = Tensor::from_vec(numbers.collect::<Vec<f32>>(), shape, device()?)?;
             vars.push(Var::from_tensor(&tensor)?);
         }
         Ok(Self { sizes, fixed, vars })
@@ -76,7 +77,7 @@ impl Network {
     /// Puts numbers in, in the order and the sizes of [`numbers`](Self::numbers).
     pub fn set(&self, numbers: &[Vec<f32>]) -> Result<(), TrainError> {
         for (var, numbers) in self.vars.iter().zip(numbers) {
-            var.set(&Tensor::from_slice(numbers, var.dims(), &Device::Cpu)?)?;
+            var.set(&Tensor::from_slice(numbers, var.dims(), device()?)?)?;
         }
         Ok(())
     }
@@ -89,7 +90,7 @@ impl Network {
 
     /// An example as tensors.
     pub fn load(&self, example: &Example) -> Result<Loaded, TrainError> {
-        let (eye, device) = (&example.eye, &Device::Cpu);
+        let (eye, device) = (&example.eye, device()?);
         let n = eye.angles;
         let scaled = |values: &[f32], first: usize| -> Vec<f32> {
             let of = values.iter().zip(self.fixed[first].iter().zip(&self.fixed[first + 1]));
@@ -174,12 +175,12 @@ impl Said {
         }
         let each = beams * beams.saturating_sub(1) / 2;
         let mean = |all: &Tensor, places: Vec<u32>, width: usize| -> Result<Tensor, TrainError> {
-            let index = Tensor::from_vec(places.clone(), places.len(), &Device::Cpu)?;
+            let index = Tensor::from_vec(places.clone(), places.len(), device()?)?;
             let taken = all.narrow(1, 0, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
             Ok(taken.reshape((sets.len(), width))?.mean(D::Minus1)?)
         };
         let of_set = |all: &Tensor, places: &[u32], width: usize| -> Result<Tensor, TrainError> {
-            let index = Tensor::from_slice(places, places.len(), &Device::Cpu)?;
+            let index = Tensor::from_slice(places, places.len(), device()?)?;
             let units = all.dim(1)?;
             Ok(all.index_select(&index, 0)?.reshape((sets.len(), width, units))?.mean(1)?)
         };
@@ -197,7 +198,7 @@ impl Said {
         let own = self.single.narrow(1, 1, 1)?.squeeze(1)?.reshape((1, n))?.broadcast_as((rows, n))?;
         let forbidden: Vec<f32> =
             states.legal.iter().flatten().map(|legal| if *legal { 0.0 } else { FORBIDDEN }).collect();
-        let mut logits = (own + Tensor::from_vec(forbidden, (rows, n), &Device::Cpu)?)?;
+        let mut logits = (own + Tensor::from_vec(forbidden, (rows, n), device()?)?)?;
         if kept > 0 {
             let mut places = Vec::with_capacity(rows * n * kept);
             for beams in &states.kept {
@@ -206,7 +207,7 @@ impl Said {
                     places.extend(beams.iter().map(|b| if *b == a { 0 } else { self.place(a, *b) }));
                 }
             }
-            let index = Tensor::from_vec(places.clone(), places.len(), &Device::Cpu)?;
+            let index = Tensor::from_vec(places.clone(), places.len(), device()?)?;
             let taken = self.pair.narrow(1, 1, 1)?.squeeze(1)?.contiguous()?.index_select(&index, 0)?;
             logits = (logits + taken.reshape((rows, n, kept))?.mean(D::Minus1)?)?;
         }

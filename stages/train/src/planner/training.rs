@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use candle_core::{Device, Tensor};
+use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
 use stillpoint_network::groups::leave_out;
 use stillpoint_network::model::{TAPS, WIDEST};
@@ -15,6 +15,7 @@ use super::examples::Example;
 use super::loss::{Weights, loss};
 use super::network::{Loaded, Network};
 use crate::TrainError;
+use crate::device::device;
 
 /// Stream of the states by which a pass is validated: the same after every pass.
 const VALIDATION: u64 = u64::MAX - 1;
@@ -219,13 +220,14 @@ fn step_loss(
     chosen.truncate(options.sets);
     let sets: Vec<&Vec<u16>> = chosen.iter().map(|i| &example.sets[*i]).collect();
     let (zeta, shift, weight) = example.targets(&chosen);
-    let column = |values: Vec<f32>| Tensor::from_vec(values, chosen.len(), &Device::Cpu);
+    let device = device()?;
+    let column = |values: Vec<f32>| Tensor::from_vec(values, chosen.len(), device);
     let (zeta, weight) = (column(zeta)?, column(weight)?);
     let beams = sets.first().map_or(1, |set| set.len());
     let kept = ((beams as f64 * random.uniform()) as usize).min(beams - 1);
     let states = example.states(options.states, kept, random)?;
     let width = states.pi.first().map_or(0, Vec::len);
-    let pi = Tensor::from_vec(states.pi.concat(), (states.pi.len(), width), &Device::Cpu)?;
+    let pi = Tensor::from_vec(states.pi.concat(), (states.pi.len(), width), device)?;
     let said = network.forward(&ready.loaded)?;
     // Which set is better matters, not what a patient costs: the mean is that of the sets themselves.
     let values = said.values(&sets)?;

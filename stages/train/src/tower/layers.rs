@@ -1,11 +1,12 @@
 //! Stem, blocks and heads of the tower.
 
-use candle_core::{Device, Tensor, Var};
+use candle_core::{Tensor, Var};
 use stillpoint_random::Random;
 
 use super::convolution::convolve;
 use super::planes::PLANES;
 use crate::TrainError;
+use crate::device::device;
 
 /// Fewest slices that are halved.
 const HALVED_FROM: usize = 8;
@@ -110,7 +111,7 @@ impl Tower {
                     (0..shape.iter().product()).map(|_| (deviation * random.normal()) as f32).collect()
                 }
             };
-            vars.push(Var::from_tensor(&Tensor::from_vec(numbers, shape, &Device::Cpu)?)?);
+            vars.push(Var::from_tensor(&Tensor::from_vec(numbers, shape, device()?)?)?);
         }
         Ok(Self { config, vars })
     }

@@ -128,7 +128,7 @@ fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     );
     let out = stillpoint(folder.path(), &["case", "show", "tiny.json"]);
     assert!(
-        out.status.code() == Some(1) && text(&out.stderr).contains("stillpoint case import"),
+        out.status.code() == Some(2) && text(&out.stderr).contains("stillpoint case import"),
         "{}",
         text(&out.stderr)
     );

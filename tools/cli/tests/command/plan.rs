@@ -360,7 +360,16 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
         assert!(!out.status.success(), "{arguments:?}");
         text(&out.stderr)
     };
-    assert!(said(&["none.case"]).contains("none.case"));
+    // A file that is not there is an error of who gave it, whatever it should hold.
+    for missing in [
+        &["none.case"][..],
+        &["--objectives", "none.json"],
+        &["--prior", "network", "--network", "none.safetensors"],
+    ] {
+        let out = stillpoint(folder.path(), &[&["plan"], missing].concat());
+        let said = text(&out.stderr);
+        assert!(out.status.code() == Some(2) && said.contains("none."), "{missing:?}: {said}");
+    }
     assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
     assert!(said(&["--angles", "0,10"]).contains("--angles 10: angles must be multiples of 4 degrees"));
     assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));

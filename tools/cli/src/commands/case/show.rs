@@ -26,7 +26,7 @@ pub struct Show {
 impl Show {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        let case = read(&self.case).map_err(Failure::failed)?;
+        let case = read(&self.case).map_err(Failure::wrong)?;
         let hash = content_hash(&case).map_err(Failure::failed)?.to_string();
         match self.json {
             true => print_json(&told(&case, &hash))?,

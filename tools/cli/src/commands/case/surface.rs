@@ -32,7 +32,7 @@ impl Surface {
                 return Err(Failure::wrong(format!("{out}: end the name in .ply or .stl")));
             }
         };
-        let case = read(&self.case).map_err(Failure::failed)?;
+        let case = read(&self.case).map_err(Failure::wrong)?;
         let mesh = outline(&case).map_err(|e| Failure::failed(format!("{}: {e}", self.case.display())))?;
         let placing = Placing { isocentre_mm: case.isocentre_mm(), position: case.position() };
         let fault = |e: std::io::Error| Failure::failed(format!("{}: {e}", self.out.display()));

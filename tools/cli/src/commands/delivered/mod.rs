@@ -81,7 +81,7 @@ impl Delivered {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let width = self.width()?;
-        let case = read(&self.case).map_err(Failure::failed)?;
+        let case = read(&self.case).map_err(Failure::wrong)?;
         let plan = PlanFile::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
         let session = Session::open_any(&self.session).map_err(Failure::failed)?;
         let reference = Reference::of(&session, registry, self.poses.as_deref(), &case)?;

@@ -105,7 +105,7 @@ impl Request {
             )));
         }
         let case = match &given.case {
-            Some(path) => read(path).map_err(Failure::failed)?,
+            Some(path) => read(path).map_err(Failure::wrong)?,
             None => phantom(0).map_err(Failure::failed)?,
         };
         let (count, gap) = RING;

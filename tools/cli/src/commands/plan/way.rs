@@ -71,7 +71,7 @@ impl Way {
             Self::Prior => "prior",
             Self::Network => "network",
             Self::Construction => "construction",
-            Self::TwoPlayer => "two_player",
+            Self::TwoPlayer => "two-player",
             Self::Given => "given",
         }
     }
