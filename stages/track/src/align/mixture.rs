@@ -12,10 +12,11 @@ use super::together::Verdict;
 const FRAMES_LEAST: f64 = 5.0;
 /// Patches that are needed.
 const PATCHES_LEAST: usize = 50;
-/// Variance of the slopes: its limit. Heads alone have 0.02 behind a good camera and 0.2 behind a poor one; masks that hold
-/// a pose back had 0.7 and more.
-const LIMIT: f64 = 0.35;
-/// Standard deviations between the variance and its limit, where it is surely below and surely above.
+/// Variance of the slopes: surely below the first limit, patches move alike; surely above the second, they do not. Heads
+/// alone have 0.02 before a good camera, 0.13 without noise, and 0.2 before a poor one, which is not sure there; masks that
+/// hold a pose back had 0.7 and more, and 0.1 where little of them was seen.
+const LIMITS: [f64; 2] = [0.35, 0.2];
+/// Standard deviations between the variance and the limits, where it is sure.
 const SURE: [f64; 2] = [1.5, 4.0];
 
 /// Sums over the frames of a patch, each frame counted as often as it has points.
@@ -92,8 +93,8 @@ impl Mixture {
     /// Whether the patches move alike (`With`) or not (`Against`).
     pub fn verdict(&self) -> Verdict {
         match self.variance() {
-            Some((variance, sd)) if variance + SURE[0] * sd < LIMIT => Verdict::With,
-            Some((variance, sd)) if variance - SURE[1] * sd > LIMIT => Verdict::Against,
+            Some((variance, sd)) if variance - SURE[1] * sd > LIMITS[1] => Verdict::Against,
+            Some((variance, sd)) if variance + SURE[0] * sd < LIMITS[0] => Verdict::With,
             _ => Verdict::Open,
         }
     }
