@@ -210,7 +210,8 @@ impl Identity {
     }
 
     /// Share of the points in pieces that were seen to move with the rest, over the share that proves the head; zero while
-    /// too many lie in pieces that were seen not to, or if one has moved against the rest. Of the last frame before the proof was complete or failed.
+    /// too many lie in pieces that were seen not to, if one has moved against the rest, and unless all patches are seen to
+    /// move alike. Of the last frame before the proof was complete or failed.
     #[must_use]
     pub fn moved(&self) -> f64 {
         self.moved
