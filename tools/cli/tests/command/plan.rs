@@ -364,7 +364,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     for missing in [
         &["none.case"][..],
         &["--objectives", "none.json"],
-        &["--prior", "network", "--network", "none.safetensors"],
+        &["--method", "network", "--network", "none.safetensors"],
     ] {
         let out = stillpoint(folder.path(), &[&["plan"], missing].concat());
         let said = text(&out.stderr);
