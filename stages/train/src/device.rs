@@ -28,8 +28,7 @@ mod tests {
         match device() {
             Ok(device) => assert_eq!(device.is_cuda(), cfg!(feature = "cuda")),
             Err(error) => {
-                assert!(cfg!(feature = "cuda"));
-                assert!(error.to_string().contains("CUDA"), "{error}");
+                assert_eq!((cfg!(feature = "cuda"), error.to_string().contains("CUDA")), (true, true))
             }
         }
     }
