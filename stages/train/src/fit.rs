@@ -119,6 +119,7 @@ impl Descent {
 /// Options that cannot be, or a descent that leaves the finite numbers.
 pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> Result<Fitted, TrainError> {
     let Options { batch, dropout: probability, learning_rate, ref hidden, .. } = *options;
+    let odd_cells = hidden.iter().find(|cells| !(1..=4096).contains(*cells));
     for (what, value, must, holds) in [
         (
             "the batch",
@@ -135,6 +136,12 @@ pub fn fit(data: &Dataset, options: &Options, mut done: impl FnMut(&Epoch)) -> R
         ),
         ("the number of epochs", options.epochs as f64, "at least 1", options.epochs > 0),
         ("the number of layers", hidden.len() as f64, "from 1 to 16", (1..=16).contains(&hidden.len())),
+        (
+            "the number of cells of a layer",
+            odd_cells.map_or(f64::NAN, |cells| *cells as f64),
+            "from 1 to 4096",
+            odd_cells.is_none(),
+        ),
     ] {
         if !holds {
             return Err(TrainError::Option { what, value, must });

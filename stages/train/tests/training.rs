@@ -148,6 +148,9 @@ fn what_cannot_be_trained_on_is_refused() {
         Options { dropout: 1.0, ..Options::default() },
         Options { batch: 0, ..Options::default() },
         Options { epochs: 0, ..Options::default() },
+        Options { hidden: vec![], ..Options::default() },
+        Options { hidden: vec![8, 0], ..Options::default() },
+        Options { hidden: vec![1 << 40], ..Options::default() },
     ] {
         assert!(matches!(fit(&data, &options, |_| {}), Err(TrainError::Option { .. })), "{options:?}");
     }
