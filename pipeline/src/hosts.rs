@@ -1,7 +1,7 @@
 //! A pipeline in parts: the operators of one host, which run without the others.
 
+use crate::config::near::shown;
 use crate::graph::{Graph, OperatorNode, Part, Priority, ProcessNode, Record, Restart, Wire};
-use crate::spec::near::shown;
 
 /// The host of processes that name none.
 pub const MAIN: &str = "main";

@@ -4,7 +4,7 @@
 //! a placement (one process, threads, processes). The operators themselves are those of [`stillpoint_operator`].
 //!
 //! A pipeline:
-//! - `spec`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
+//! - `config`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
 //! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host; `ros2`: what it exchanges with ROS 2
 //! - `console`, `link`, `far_end`, `pool_client`: the kinds of operators that come with every pipeline
 //!
@@ -23,6 +23,7 @@
 //! - `files`, `session_files`: the files that params name, of a run and of a session
 
 pub mod clock;
+pub mod config;
 pub mod console;
 pub mod drafts;
 mod far_end;
@@ -49,7 +50,6 @@ pub mod session;
 pub mod session_files;
 pub mod session_recorder;
 pub mod simulated;
-pub mod spec;
 pub mod stdout;
 
 use stillpoint_operator as operator;

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::{self, Faults};
 use crate::files::Snapshot;
 use crate::graph::Graph;
 use crate::operator::Registry;
-use crate::spec::{self, Faults};
 
 /// What the graph of a run was checked from: every process of the run makes the same graph from it, and a session keeps
 /// it.
@@ -24,6 +24,6 @@ pub struct RunSource {
 impl RunSource {
     /// The graph, checked again.
     pub fn check(&self, registry: &Registry) -> Result<Graph, Faults> {
-        spec::check(&self.text, &self.file, &self.sets, registry, &self.files)
+        config::check(&self.text, &self.file, &self.sets, registry, &self.files)
     }
 }

@@ -262,7 +262,7 @@ mod tests {
         let text = "stillpoint: 1\nname: beats\noperators:\n  a: { use: test.beat, every: 1 ms }\n  b: { use: test.beat, \
                     every: 1 s }\n  c: { use: test.beat, every: 10 us }\n";
         let registry = Registry::new(&[&[Stage::of::<Beat>()]]);
-        crate::spec::check(text, "beats.yaml", &[], &registry, &MemoryFiles::default()).unwrap()
+        crate::config::check(text, "beats.yaml", &[], &registry, &MemoryFiles::default()).unwrap()
     }
 
     fn histories(contracts: &[Contract]) -> Vec<usize> {

@@ -12,13 +12,13 @@ use super::pipe::PipeError;
 use super::reservation::ReserveError;
 use super::run_folder::RunFolderError;
 use super::wire::LinkError;
+use crate::config::Faults;
 use crate::files::FileError;
 use crate::limits::StartError;
 use crate::operator::SetupError;
 use crate::placement::PlacementError;
 use crate::session::OpeningError;
 use crate::session_recorder::SessionError;
-use crate::spec::Faults;
 
 /// Why a process of operators ends.
 #[derive(Debug, thiserror::Error)]

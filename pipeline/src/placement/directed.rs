@@ -158,7 +158,7 @@ mod tests {
         let text = "stillpoint: 1\nname: short\noperators: { short: { use: test.short, every: 10 ms } }\n";
         let registry = Registry::new(&[&[Stage::of::<Short>()]]);
         let files = MemoryFiles::default();
-        let graph = crate::spec::check(text, "short.yaml", &[], &registry, &files).unwrap();
+        let graph = crate::config::check(text, "short.yaml", &[], &registry, &files).unwrap();
         let mut directed = Directed::new(Arc::new(graph), 0);
         directed.start(0, 0, &files).unwrap();
         let record = |time| Record {

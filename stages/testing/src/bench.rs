@@ -5,12 +5,12 @@ use std::sync::Arc;
 use stillpoint_operator::Files;
 use stillpoint_operator::outside::Outside;
 use stillpoint_operator::{Registry, Stage};
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::drafts::{Buffer, Lender};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::instance::OperatorInstance;
 use stillpoint_pipeline::record::Record;
 use stillpoint_pipeline::sample_store::OwnedSample;
-use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Cause, Header, JournalRef, Outcome, RefKind, Sample, SampleKind};
 
 use crate::feed;

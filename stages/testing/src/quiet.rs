@@ -4,8 +4,8 @@ use stillpoint_operator::Outputs;
 use stillpoint_operator::activation::{Activation, ActivationInput, Consumed, RandomKey};
 use stillpoint_operator::{ErasedOperator, Registry, Stage};
 use stillpoint_operator::{Files, Setup};
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::drafts::{Buffer, Draft, DraftBuffers, Lender};
-use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Cause, Pieces, Sample, SampleKind, View};
 
 use crate::feed;

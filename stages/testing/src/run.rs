@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use stillpoint_operator::Files;
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Events, Observer};
-use stillpoint_pipeline::spec::check;
 use stillpoint_samples::{Entry, Outcome, Sample, View};
 
 /// When runs start, ns since the epoch.

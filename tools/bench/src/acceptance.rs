@@ -7,10 +7,10 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use stillpoint::{Ended, Exit, Failure, print_json};
+use stillpoint_patient::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::beams::{
     Budget, Evaluated, Evaluator, Influence, Method, Ring, RingDoses, choose, class_solution,
 };
-use stillpoint_plan::case::{Case, NameTable, import_described, phantom};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseError, DoseParams, Machine};
 use stillpoint_plan::evaluation::{FallOff, OnGrid, StructureDose};
 use stillpoint_plan::fluence::Goals;

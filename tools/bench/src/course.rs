@@ -7,11 +7,11 @@ use nalgebra::Isometry3;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::MemoryFiles;
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::placement::Local;
 use stillpoint_pipeline::sample_store::OwnedSample;
 use stillpoint_pipeline::schedule::{Events, Observer};
-use stillpoint_pipeline::spec::check;
 use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{
     Actuation, ActuationElement, Contacts, Entry, FarEnd, Outcome, Pose, PoseElement, PoseReport, PoseStatus,
@@ -37,8 +37,8 @@ const REMEMBERED: usize = 400;
 
 /// The trained network of the project, by its path from the pipeline file.
 pub const NETWORK: (&str, &[u8]) = (
-    "stages/control/data/controller-3dof.safetensors",
-    include_bytes!("../../../stages/control/data/controller-3dof.safetensors"),
+    "stages/head/control/data/controller-3dof.safetensors",
+    include_bytes!("../../../stages/head/control/data/controller-3dof.safetensors"),
 );
 
 /// A pipeline, its changes, and the length of its run.

@@ -5,7 +5,7 @@ use clap::Args;
 use serde::Serialize;
 use stillpoint_control::response::{TargetStep, response};
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::spec::quantity;
+use stillpoint_pipeline::config::quantity;
 
 use super::course::{Course, STEP, from_model, worst};
 use super::crew;

@@ -7,10 +7,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, Run, RunOptions, RunReport, Supervisor, contracts};
 use stillpoint_pipeline::session::identity;
-use stillpoint_pipeline::spec;
 use stillpoint_recorder::Compression;
 
 use super::figures::Ages;
@@ -60,7 +60,8 @@ impl Window<'_> {
     pub fn run_watched(&self, stop: &AtomicBool, run: &mut dyn Run) -> Result<Outcome, Failure> {
         let file = "bench.yaml".to_string();
         let files = stillpoint_operator::files::DiskFiles::beside(Path::new(&file));
-        let graph = spec::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
+        let graph =
+            config::check(self.pipeline, &file, &[], self.registry, &files).map_err(Failure::failed)?;
         if let Some((session, _)) = self.session {
             stillpoint_recorder::create_session(session)
                 .map_err(|e| Failure::failed(format!("{}: {e}", session.display())))?;

@@ -6,7 +6,7 @@ use std::process::Stdio;
 use stillpoint_network::game::play;
 use stillpoint_network::patient::Body;
 use stillpoint_network::{Due, Patient, Rules};
-use stillpoint_plan::case::{varied_phantom, write};
+use stillpoint_patient::case::{varied_phantom, write};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, ClientSettings, Pool, PoolGames};
 

@@ -8,7 +8,7 @@
 mod apart;
 mod bench;
 // A network and patients of the tests of games.
-#[path = "../../../stages/network/tests/common/mod.rs"]
+#[path = "../../../stages/planning/network/tests/common/mod.rs"]
 mod common;
 mod cut;
 mod games;
@@ -20,6 +20,6 @@ mod pool;
 mod pool_pipeline;
 mod ros2;
 // The patient and the search of the tests of the pool itself.
-#[path = "../../../stages/pool/tests/water.rs"]
+#[path = "../../../stages/planning/pool/tests/water.rs"]
 mod water;
 mod workers;

@@ -5,9 +5,9 @@ use std::num::NonZeroUsize;
 use std::process::Stdio;
 use std::time::Instant;
 
-use stillpoint_plan::Grid;
+use stillpoint_patient::Grid;
 use stillpoint_plan::beams::{Influence, RingDoses, solve_beams};
-use stillpoint_plan::case::Mask;
+use stillpoint_patient::case::Mask;
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Wanted};
 use stillpoint_pool::pipe::ChildCourier;

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use clap::Args;
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::run_folder::{RunCard, going_on};
-use stillpoint_pipeline::spec;
 use stillpoint_shm::Domain;
 
 use crate::exit::Failure;
@@ -59,7 +59,7 @@ impl Which {
             }
         };
         let graph =
-            spec::check(&card.source, &card.file, &card.sets, registry, &card.files).map_err(|faults| {
+            config::check(&card.source, &card.file, &card.sets, registry, &card.files).map_err(|faults| {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
         let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;

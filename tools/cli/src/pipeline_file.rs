@@ -8,9 +8,9 @@ use std::sync::Arc;
 use clap::Args;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
+use stillpoint_pipeline::config::yaml::MOST_BYTES;
+use stillpoint_pipeline::config::{self, Code, Faults, Machine};
 use stillpoint_pipeline::graph::Graph;
-use stillpoint_pipeline::spec::yaml::MOST_BYTES;
-use stillpoint_pipeline::spec::{self, Code, Faults, Machine};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
@@ -118,7 +118,7 @@ impl PipelineFile {
             }
         };
         let bytes = read(&path).map_err(|reason| Refused::Unreadable { file: path.clone(), reason })?;
-        let text = spec::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
+        let text = config::text(bytes, &path.display().to_string()).map_err(Refused::Faults)?;
         let file = std::path::absolute(&path).unwrap_or(path);
         let files = DiskFiles::beside(&file);
         Ok(Source { text, file, files })
@@ -129,7 +129,7 @@ impl PipelineFile {
         let source = self.read()?;
         let shown = self.file.as_deref().unwrap_or(Path::new("pipeline.yaml"));
         let name = shown.display().to_string();
-        let graph = spec::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
+        let graph = config::check_for(machine, &source.text, &name, &self.sets, registry, &source.files)
             .map_err(Refused::Faults)?;
         Ok(Checked { source, graph: Arc::new(graph) })
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use sha2::{Digest, Sha256};
-use stillpoint_pipeline::spec::near::nearest;
+use stillpoint_pipeline::config::near::nearest;
 use stillpoint_recorder::{Session, session_parts};
 use stillpoint_samples::{Diagnostics, Field, Pieces, Primitive, Sample, SampleKind};
 

@@ -1,10 +1,10 @@
 //! The pipeline that a session keeps, checked against this build.
 
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config::{self, Faults};
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::session::{PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
-use stillpoint_pipeline::spec::{self, Faults};
 use stillpoint_recorder::Session;
 
 /// Why the pipeline of a session cannot be used.
@@ -44,6 +44,6 @@ pub fn pipeline_of(
         .map_err(|e| SessionPipelineError::Unreadable { name: SETS, reason: e.to_string() })?;
     let files = SessionFiles::of(session);
     let graph =
-        spec::check(&source, PIPELINE, &sets, registry, &files).map_err(SessionPipelineError::Faults)?;
+        config::check(&source, PIPELINE, &sets, registry, &files).map_err(SessionPipelineError::Faults)?;
     Ok((graph, files))
 }

@@ -1,8 +1,8 @@
 //! What live runs may take of shared memory.
 
 use stillpoint_operator::files::DiskFiles;
+use stillpoint_pipeline::config::check;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_pipeline::spec::check;
 
 use crate::{from_root, registry};
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Point3, Quaternion, UnitQuaternion, Vector3};
 use stillpoint_operator::files::DiskFiles;
-use stillpoint_pipeline::spec::check;
+use stillpoint_pipeline::config::check;
 use stillpoint_samples::{
     ConsoleCommand, Gate, PlanRefusal, PlanRequest, PlanStanding, PlanUpdate, PointCloud, Pose, PoseReport,
     PoseStatus, Rejection, Standing, Track, View,

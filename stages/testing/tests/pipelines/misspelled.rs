@@ -2,7 +2,7 @@
 
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_operator::{Registry, Stage};
-use stillpoint_pipeline::spec::{check, schema};
+use stillpoint_pipeline::config::{check, schema};
 
 use crate::registry;
 

@@ -1,6 +1,6 @@
 //! A console that speaks for a person.
 
-use stillpoint_pipeline::spec::{Machine, check, check_for};
+use stillpoint_pipeline::config::{Machine, check, check_for};
 use stillpoint_samples::ConsoleCommand;
 use stillpoint_testing::run;
 use stillpoint_testing::run::START;

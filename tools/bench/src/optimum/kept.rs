@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use stillpoint_plan::case::content_hash;
+use stillpoint_patient::case::content_hash;
 
 use super::prove::{Proved, prove};
 use super::subject::Subject;

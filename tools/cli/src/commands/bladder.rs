@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 use stillpoint_mechanics::shell::Shell;
-use stillpoint_pipeline::spec::quantity::si;
+use stillpoint_pipeline::config::quantity::si;
 use stillpoint_report::chart::{Chart, Series, Style};
 
 use crate::exit::{Ended, Exit, Failure, print_json};

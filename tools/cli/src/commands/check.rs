@@ -2,7 +2,7 @@
 
 use clap::Args;
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::spec::Machine;
+use stillpoint_pipeline::config::Machine;
 
 use crate::exit::{Ended, Exit, print_json};
 use crate::pipeline_file::PipelineFile;

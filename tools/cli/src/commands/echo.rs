@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config::near::nearest;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_pipeline::spec::near::nearest;
 use stillpoint_recorder::Session;
 use stillpoint_samples::{Diagnostics, Journal, Pieces, Sample, SampleKind};
 use stillpoint_shm::{Contract, Topic};

@@ -7,7 +7,7 @@ use serde_json::json;
 use stillpoint_identify::{
     Estimate, Found, InnovationModel, Pole, Provenance, Record, Resampled, Signal, Stability, fit, resample,
 };
-use stillpoint_pipeline::spec::quantity;
+use stillpoint_pipeline::config::quantity;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};

@@ -4,8 +4,8 @@ use clap::Args;
 use serde_json::{Value, json};
 use stillpoint_operator::params::{ParamField, ParamType};
 use stillpoint_operator::{Registry, Role, Stage, Timer};
-use stillpoint_pipeline::spec::near::nearest;
-use stillpoint_pipeline::spec::reference::{frame_of, policy_of, reference, reference_of, type_of};
+use stillpoint_pipeline::config::near::nearest;
+use stillpoint_pipeline::config::reference::{frame_of, policy_of, reference, reference_of, type_of};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 

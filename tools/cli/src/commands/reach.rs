@@ -5,7 +5,7 @@ use clap::builder::PossibleValuesParser;
 use serde::Serialize;
 use stillpoint_control::channels::{ALL, Channel};
 use stillpoint_control::rig::{InTheWay, RIGS, Rig, RigKind, RigSpec};
-use stillpoint_pipeline::spec::quantity::si;
+use stillpoint_pipeline::config::quantity::si;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 

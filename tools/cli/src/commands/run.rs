@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config::{Machine, quantity};
 use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
-use stillpoint_pipeline::spec::{Machine, quantity};
 use stillpoint_recorder::{METADATA_FILE, Session, write_metadata};
 use stillpoint_report::hold::Held;
 

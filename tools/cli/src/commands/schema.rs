@@ -2,7 +2,7 @@
 
 use clap::Args;
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::spec::schema::schema;
+use stillpoint_pipeline::config::schema::schema;
 
 use crate::exit::{Ended, Exit, print_json};
 

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use stillpoint_operator::Registry;
+use stillpoint_pipeline::config::near::nearest;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::contracts;
-use stillpoint_pipeline::spec::near::nearest;
 use stillpoint_samples::{Command, ConsoleCommand, HEADER_SIZE, Header, RigFault, Sample, Verb};
 use stillpoint_shm::Topic;
 use zerocopy::IntoBytes;

@@ -1,7 +1,7 @@
 //! Slices of a case with its structures, as radiologists look at them: the patient's left on the right.
 
-use stillpoint_plan::Grid;
-use stillpoint_plan::case::Case;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::Case;
 
 use super::canvas::{INK, LETTER, Picture};
 

@@ -1,7 +1,7 @@
 //! A dose over a slice, with the beams that give it.
 
-use stillpoint_plan::Grid;
-use stillpoint_plan::case::Case;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::Case;
 
 use super::canvas::{INK, LETTER, Picture};
 use super::slice::{Frame, Plane, marks, outlines, tissue};

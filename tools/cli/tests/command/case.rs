@@ -50,7 +50,7 @@ fn the_head_of_the_rigs_is_a_case_and_its_outline_a_mesh() {
     for name in ["head.ply", "head.stl"] {
         let said = run(&["case", "surface", "cases/head-0.case", "--out", name]);
         let bytes = std::fs::read(folder.path().join(name)).unwrap();
-        let surface = stillpoint_plan::outline::read_surface(&bytes, None, None).unwrap();
+        let surface = stillpoint_patient::outline::read_surface(&bytes, None, None).unwrap();
         let inside = surface.mesh.volume_cm3();
         assert!((inside / volume("Body") - 1.0).abs() < 0.01, "{said}: {inside} cm3 of {}", volume("Body"));
         let isocentre = told["isocentre_mm"].as_array().unwrap();

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::{stillpoint, text};
 
 #[allow(dead_code)]
-#[path = "../../../../stages/dicom/tests/fixture.rs"]
+#[path = "../../../../stages/planning/dicom/tests/fixture.rs"]
 mod fixture;
 
 /// What the patient's DICOM says of him.

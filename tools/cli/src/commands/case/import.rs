@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use stillpoint_dicom::{Request, import_folder};
-use stillpoint_plan::case::{Imported, NameTable, Prescription, Uid, import_described, write};
+use stillpoint_patient::case::{Imported, NameTable, Prescription, Uid, import_described, write};
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::quantity::quantity;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use stillpoint_plan::case::{
+use stillpoint_patient::case::{
     Case, HEAD_SPACING_MM, HEAD_SPACINGS_MM, Skin, head, neck, phantom, varied_phantom, write,
 };
 use stillpoint_rig::head::Head;

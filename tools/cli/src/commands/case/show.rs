@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_plan::case::{Case, Structure, content_hash, read};
+use stillpoint_patient::case::{Case, Structure, content_hash, read};
 
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};

@@ -4,8 +4,8 @@ use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
 use clap::Args;
-use stillpoint_plan::case::read;
-use stillpoint_plan::outline::{Placing, outline, write_ply, write_stl};
+use stillpoint_patient::case::read;
+use stillpoint_patient::outline::{Placing, outline, write_ply, write_stl};
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::private;

@@ -1,6 +1,6 @@
 //! Three histograms of each structure: planned, delivered, and without gating.
 
-use stillpoint_plan::case::{Role, Structure};
+use stillpoint_patient::case::{Role, Structure};
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_report::chart::{Chart, Series, Style};
 

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use stillpoint_operator::Registry;
-use stillpoint_plan::case::read;
+use stillpoint_patient::case::read;
 use stillpoint_plan::delivery::BinWidth;
 use stillpoint_recorder::Session;
 

@@ -3,8 +3,8 @@
 use std::num::NonZeroUsize;
 
 use serde_json::{Value, json};
-use stillpoint_plan::Grid;
-use stillpoint_plan::case::{Case, Structure};
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{Case, Structure};
 use stillpoint_plan::delivery::{BeamTime, Bin, BinWidth, MotionAt, bins, mean_dose, shifted_cloud};
 use stillpoint_plan::evaluation::{Evaluation, OnGrid, StructureDose};
 use stillpoint_plan::metrics::Dvh;

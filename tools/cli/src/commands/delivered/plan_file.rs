@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use stillpoint_plan::case::{Case, content_hash};
+use stillpoint_patient::case::{Case, content_hash};
 use stillpoint_plan::dose::{BixelSpec, Collimator, DoseParams};
 use stillpoint_plan::leaves::{LeafBeam, Segment};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};

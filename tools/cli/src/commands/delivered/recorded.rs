@@ -1,8 +1,8 @@
 //! Poses and beam-on time of a session.
 
 use nalgebra::{Isometry3, Vector3};
-use stillpoint_plan::case::{Case, PatientPosition};
-use stillpoint_plan::couch::patient_from_couch;
+use stillpoint_patient::case::{Case, PatientPosition};
+use stillpoint_patient::couch::patient_from_couch;
 use stillpoint_plan::delivery::{BeamTime, MotionAt, Stretch, beam_time};
 use stillpoint_pose::checked_isometry;
 use stillpoint_recorder::{Session, Topic};

@@ -1,6 +1,6 @@
 //! The figures of a delivered dose, for people.
 
-use stillpoint_plan::case::Role;
+use stillpoint_patient::case::Role;
 use stillpoint_plan::evaluation::StructureDose;
 
 use super::outcome::{INTERPLAY, MotionTime, Outcome};

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_operator::Registry;
 use stillpoint_operator::outside::ClockOffset;
+use stillpoint_pipeline::config;
 use stillpoint_pipeline::graph::{Graph, Wire};
 use stillpoint_pipeline::session::{PIPELINE, SETS};
 use stillpoint_pipeline::session_files::SessionFiles;
-use stillpoint_pipeline::spec;
 use stillpoint_recorder::{Recorded, Session};
 use stillpoint_report::pipeline_of;
 use stillpoint_samples::{Diagnostics, Pieces, Sample};
@@ -68,8 +68,8 @@ fn whole(
     sets: &[String],
     registry: &Registry,
     files: &SessionFiles,
-) -> Result<Graph, spec::Faults> {
-    spec::check(pipeline, PIPELINE, sets, registry, files)
+) -> Result<Graph, config::Faults> {
+    config::check(pipeline, PIPELINE, sets, registry, files)
 }
 
 /// The clocks of the hosts from which this host took samples.

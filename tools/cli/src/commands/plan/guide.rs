@@ -2,8 +2,8 @@
 
 use clap::ValueEnum;
 use stillpoint_network::Judgement;
+use stillpoint_patient::case::Case;
 use stillpoint_plan::beams::{ClassAngles, Geometry, Mixture, Prior, Ring, Uniform, pelvis_solutions};
-use stillpoint_plan::case::Case;
 
 use crate::exit::Failure;
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use stillpoint_network::{Eye, Judgement, Model};
-use stillpoint_plan::case::Case;
+use stillpoint_patient::case::Case;
 use stillpoint_plan::dose::{DoseParams, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 

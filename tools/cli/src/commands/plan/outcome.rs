@@ -1,9 +1,9 @@
 //! What a plan gives: doses, figures, and all of it as JSON.
 
 use serde_json::{Value, json};
-use stillpoint_plan::Grid;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
-use stillpoint_plan::case::Structure;
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::Wanted;
 use stillpoint_plan::metrics::Dvh;

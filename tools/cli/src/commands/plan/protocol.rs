@@ -6,7 +6,7 @@ use stillpoint_operator::config::faults::{Code, Faults, Findings};
 use stillpoint_operator::config::source::Sources;
 use stillpoint_operator::config::tree::{Entry, Keys, Node, TEXT, Value};
 use stillpoint_operator::config::{text, yaml};
-use stillpoint_plan::case::{Case, name_fits};
+use stillpoint_patient::case::{Case, name_fits};
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
 
 use crate::exit::Failure;
@@ -114,7 +114,7 @@ fn texts(entry: &Entry, findings: &Findings) -> Option<Vec<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_plan::case::phantom;
+    use stillpoint_patient::case::phantom;
 
     #[test]
     fn the_shipped_protocols_are_read_and_a_pelvis_gets_that_of_the_prostate() {

@@ -9,11 +9,11 @@ use serde::Serialize;
 use stillpoint_dicom::Identity;
 use stillpoint_network::Judgement;
 use stillpoint_network::game::APART;
+use stillpoint_patient::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::beams::{
     BeamGame, BeamSet, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions,
     set_of_prior,
 };
-use stillpoint_plan::case::{Case, ContentHash, content_hash, phantom, read};
 use stillpoint_plan::dose::{Collimator, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Protocol;

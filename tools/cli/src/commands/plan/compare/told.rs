@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use stillpoint_plan::case::Prescription;
+use stillpoint_patient::case::Prescription;
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::protocol::Judged;

@@ -1,6 +1,6 @@
 //! Histograms of the planned dose and that of the segments, with prescriptions and limits.
 
-use stillpoint_plan::case::{Prescription, Structure};
+use stillpoint_patient::case::{Prescription, Structure};
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_report::chart::{Chart, Series, Style};

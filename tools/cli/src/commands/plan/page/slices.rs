@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use stillpoint_plan::Grid;
-use stillpoint_plan::case::{Case, Role};
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{Case, Role};
 use stillpoint_report::chart::colour;
 use stillpoint_report::isolines::isolines;
 use stillpoint_report::page::Block;

@@ -1,0 +1,189 @@
+//! The schema accepts the good files and knows each parameter; the reference has a row for each.
+
+use regex_lite::Regex;
+use serde_json::{Value as Json, json};
+use stillpoint_operator::config::faults::Findings;
+use stillpoint_operator::config::tree::{Node, Value};
+use stillpoint_operator::config::yaml::parse;
+use stillpoint_pipeline::config::reference::reference;
+use stillpoint_pipeline::config::schema::schema;
+
+use crate::good::FILES;
+use crate::kinds::registry;
+
+/// A tree as an editor sees it.
+fn as_json(node: &Node) -> Json {
+    match &node.value {
+        Value::Nothing | Value::Refused => Json::Null,
+        Value::Switch(on) => json!(on),
+        Value::Text(text) => {
+            serde_json::from_str(text).ok().filter(|v: &Json| !v.is_string()).unwrap_or(json!(text))
+        }
+        Value::List(items) => items.iter().map(as_json).collect(),
+        Value::Map(entries) => {
+            Json::Object(entries.iter().map(|e| (e.key.value.clone(), as_json(&e.value))).collect())
+        }
+    }
+}
+
+/// The part of JSON Schema that the schema uses; the reasons why a value does not fit.
+fn misfits(root: &Json, schema: &Json, value: &Json, at: &str) -> Vec<String> {
+    let Some(schema) = schema.as_object() else {
+        return if schema == &json!(false) {
+            vec![format!("{at}: nothing may stand here")]
+        } else {
+            Vec::new()
+        };
+    };
+    let mut out = Vec::new();
+    for (key, rule) in schema {
+        let fits = |s: &Json| misfits(root, s, value, at).is_empty();
+        let rules = || rule.as_array().unwrap().iter();
+        let is_type = |t: &Json| match t.as_str().unwrap() {
+            "object" => value.is_object(),
+            "array" => value.is_array(),
+            "string" => value.is_string(),
+            "number" => value.is_number(),
+            "integer" => value.is_i64() || value.is_u64(),
+            "boolean" => value.is_boolean(),
+            "null" => value.is_null(),
+            other => panic!("unknown type {other}"),
+        };
+        let number = value.as_f64();
+        let ok = match key.as_str() {
+            "$schema" | "$defs" | "title" | "description" | "default" | "then" => true,
+            "$ref" => {
+                let target = root.pointer(rule.as_str().unwrap().trim_start_matches('#')).unwrap();
+                out.extend(misfits(root, target, value, at));
+                true
+            }
+            "type" => rule.as_array().map_or_else(|| is_type(rule), |types| types.iter().any(is_type)),
+            "const" => value == rule,
+            "enum" => rules().any(|v| v == value),
+            "oneOf" => rules().filter(|s| fits(s)).count() == 1,
+            "anyOf" => rules().any(fits),
+            "allOf" => {
+                out.extend(rules().flat_map(|s| misfits(root, s, value, at)));
+                true
+            }
+            "if" => {
+                if fits(rule) {
+                    out.extend(misfits(root, &schema["then"], value, at));
+                }
+                true
+            }
+            "pattern" => {
+                let pattern = Regex::new(rule.as_str().unwrap()).unwrap();
+                value.as_str().is_none_or(|v| pattern.is_match(v))
+            }
+            "minimum" => number.is_none_or(|n| n >= rule.as_f64().unwrap()),
+            "exclusiveMinimum" => number.is_none_or(|n| n > rule.as_f64().unwrap()),
+            "maximum" => number.is_none_or(|n| n <= rule.as_f64().unwrap()),
+            "minItems" => value.as_array().is_none_or(|v| v.len() as u64 >= rule.as_u64().unwrap()),
+            "maxItems" => value.as_array().is_none_or(|v| v.len() as u64 <= rule.as_u64().unwrap()),
+            "items" => {
+                for (i, item) in value.as_array().into_iter().flatten().enumerate() {
+                    out.extend(misfits(root, rule, item, &format!("{at}[{i}]")));
+                }
+                true
+            }
+            "required" => {
+                value.as_object().is_none_or(|v| rules().all(|k| v.contains_key(k.as_str().unwrap())))
+            }
+            "propertyNames" => value
+                .as_object()
+                .into_iter()
+                .flatten()
+                .all(|(k, _)| misfits(root, rule, &json!(k), at).is_empty()),
+            "properties" => {
+                for (name, item) in value.as_object().into_iter().flatten() {
+                    if let Some(rule) = rule.get(name) {
+                        out.extend(misfits(root, rule, item, &format!("{at}.{name}")));
+                    }
+                }
+                true
+            }
+            "additionalProperties" => {
+                let known = schema.get("properties").and_then(Json::as_object);
+                for (name, item) in value.as_object().into_iter().flatten() {
+                    if !known.is_some_and(|k| k.contains_key(name)) {
+                        out.extend(misfits(root, rule, item, &format!("{at}.{name}")));
+                    }
+                }
+                true
+            }
+            other => panic!("unknown rule {other}"),
+        };
+        if !ok {
+            out.push(format!("{at}: {key} {rule} does not hold for {value}"));
+        }
+    }
+    out
+}
+
+fn tree(text: &str) -> Json {
+    as_json(&parse(text, 0, 0, &Findings::default()).unwrap())
+}
+
+#[test]
+fn good_files_fit_the_schema() {
+    let schema = schema(&registry());
+    for (name, text) in FILES {
+        let misfits = misfits(&schema, &schema, &tree(text), name);
+        assert!(misfits.is_empty(), "{}", misfits.join("\n"));
+    }
+}
+
+#[test]
+fn wrong_keys_units_and_kinds_do_not_fit_the_schema() {
+    let schema = schema(&registry());
+    let good = FILES[0].1;
+    for (from, to) in [
+        ("leaf: 4 mm", "leaf: 4 ms"),
+        ("leaf: 4 mm", "laef: 4 mm"),
+        ("gain: 0.5", "gain: 50"),
+        ("motion: slow_sweep", "motion: fast"),
+        ("use: track.head", "use: track.haed"),
+        ("every: 100 ms, frame", "frame"),
+        ("image: rig.depth", "imag: rig.depth"),
+        ("fifo 50", "fifo 500"),
+        ("by: [11.5 mm, 0 mm, 10 mm]", "by: [11.5 mm, 0 mm]"),
+        ("stillpoint: 1", "stillpoint: 2"),
+    ] {
+        let broken = good.replacen(from, to, 1);
+        assert_ne!(broken, good, "{from}");
+        assert!(!misfits(&schema, &schema, &tree(&broken), "").is_empty(), "{to}");
+    }
+}
+
+#[test]
+fn schema_and_reference_know_each_parameter() {
+    let registry = registry();
+    let schema = schema(&registry);
+    let page = reference(&registry);
+    let rules = schema["$defs"]["operator"]["allOf"].as_array().unwrap();
+    for (stage, rule) in registry.iter().zip(rules) {
+        assert_eq!(rule["if"]["properties"]["use"]["const"], stage.kind.name);
+        for field in stage.fields {
+            let param = &rule["then"]["properties"]["params"]["properties"][field.name];
+            assert!(param["description"].as_str().unwrap().starts_with(field.about), "{}", field.name);
+            assert!(page.contains(&format!("| `{}` |", field.name)));
+        }
+    }
+    assert!(
+        page.contains("| `step.by` | 3 times a length (m) | required |  | By how much the target moves. |")
+    );
+    assert!(page.contains("| `leaf` | a length (m) | `4 mm` | from 0.5 mm to 50 mm | Edge of a voxel. |"));
+}
+
+#[test]
+fn defaults_and_ranges_stand_in_the_schema() {
+    let schema = schema(&registry());
+    let rules = schema["$defs"]["operator"]["allOf"].as_array().unwrap();
+    let face = rules.iter().find(|r| r["if"]["properties"]["use"]["const"] == "segment.face").unwrap();
+    let params = &face["then"]["properties"]["params"]["properties"];
+    assert_eq!(params["leaf"]["default"], "4 mm");
+    assert_eq!(params["iterations"]["default"], 500);
+    assert_eq!(params["iterations"]["maximum"], 100_000);
+    assert_eq!(params["crop"]["default"], true);
+}

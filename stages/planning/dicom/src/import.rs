@@ -1,0 +1,226 @@
+//! A folder to a case.
+
+use std::path::{Path, PathBuf};
+
+use dicom_dictionary_std::tags;
+use dicom_object::InMemDicomObject;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{
+    Case, CaseError, CaseParts, Imported, NameTable, Prescription, Structure, Uid, Uids,
+};
+use thiserror::Error;
+
+use crate::cut::{Cut, cut};
+use crate::dataset::ReadError;
+use crate::element::{TagError, uid};
+use crate::find::{DEEPEST, Found, find, read_error};
+use crate::names;
+use crate::raster::{Rastered, rasterise};
+use crate::roi::{self, Roi, Rois};
+use crate::series::{SeriesError, Volume, volume};
+use crate::slice::Slice;
+use crate::told::sentences;
+
+/// What the files do not say.
+#[derive(Clone, Debug)]
+pub struct Request<'a> {
+    /// How names of structures are matched.
+    pub names: &'a NameTable,
+    /// Name of the case; without it, `ct-` and the end of the series' UID.
+    pub name: Option<String>,
+    /// The series to take where there are several.
+    pub series: Option<Uid>,
+    /// Doses of the targets: CT and RTSTRUCT hold none.
+    pub prescription: Vec<Prescription>,
+    /// Number of fractions.
+    pub fractions: Option<u32>,
+    /// Isocentre, mm; without it, the centroid of all targets.
+    pub isocentre_mm: Option<[f64; 3]>,
+    /// How much of an organ may lie beyond the images, cm3; 0 refuses every organ that is cut.
+    pub allowed_cut_cm3: f64,
+}
+
+/// Why a folder makes no case.
+#[derive(Debug, Error)]
+pub enum ImportError {
+    /// A file or folder cannot be read.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// Path of the file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// A file is damaged, or of a kind that is not read.
+    #[error("{}: {source}", path.display())]
+    Read {
+        /// Path of the file.
+        path: PathBuf,
+        /// The underlying error.
+        source: ReadError,
+    },
+    /// The images make no volume.
+    #[error(transparent)]
+    Series(#[from] SeriesError),
+    /// Folders are too deep.
+    #[error("{}: folders nest more than {DEEPEST} deep: give the one with the series", .0.display())]
+    Deep(PathBuf),
+    /// There is nothing to read.
+    #[error("{}: no CT image is here, but {found}; give a folder with a CT series and its RTSTRUCT, or the JSON beside NRRD volumes", folder.display())]
+    NoImages {
+        /// The folder.
+        folder: PathBuf,
+        /// What is there.
+        found: String,
+    },
+    /// There is more than one series.
+    #[error("{} holds several CT series: choose one by --series UID:{}", folder.display(), list(series))]
+    SeveralSeries {
+        /// The folder.
+        folder: PathBuf,
+        /// Their UIDs.
+        series: Vec<String>,
+    },
+    /// The chosen series is not there.
+    #[error("{} has no CT series {series}: it has{}", folder.display(), list(found))]
+    NoSuchSeries {
+        /// The folder.
+        folder: PathBuf,
+        /// What was asked for.
+        series: Uid,
+        /// Their UIDs.
+        found: Vec<String>,
+    },
+    /// There is no structure set.
+    #[error("{}: no RTSTRUCT is here: add the one that was drawn on these images", .0.display())]
+    NoStructures(PathBuf),
+    /// There are several structure sets.
+    #[error("{} holds several RTSTRUCT of the series: leave one here:{}", folder.display(), list(files))]
+    SeveralStructures {
+        /// The folder.
+        folder: PathBuf,
+        /// The files.
+        files: Vec<String>,
+    },
+    /// The structure set belongs to other images.
+    #[error("{}: (3006,0010) ReferencedFrameOfReferenceSequence names other series than {series}: give the images that the structures were drawn on", path.display())]
+    OtherImages {
+        /// The structure set.
+        path: PathBuf,
+        /// The series of the images.
+        series: Uid,
+    },
+    /// The images end inside targets or organs.
+    #[error("the images end inside structures:{}", list(.0))]
+    Cut(Vec<String>),
+    /// No file is of the case's study.
+    #[error("{}: no file is of the study {study}: give the folder that the case was imported from", folder.display())]
+    OtherStudy {
+        /// The folder.
+        folder: PathBuf,
+        /// The study of the case.
+        study: Uid,
+    },
+    /// The parts make no case.
+    #[error("{}: {source}", folder.display())]
+    Case {
+        /// The folder.
+        folder: PathBuf,
+        /// The underlying error.
+        source: CaseError,
+    },
+}
+
+fn list(entries: &[String]) -> String {
+    entries.iter().flat_map(|entry| ["\n  ", entry]).collect()
+}
+
+/// The case in this folder and the folders in it: one CT series and the RTSTRUCT drawn on it.
+pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, ImportError> {
+    let mut notes = Vec::new();
+    let Found { images, series, structures } = find(folder, request.series.as_ref(), &mut notes)?;
+    let mut slices = Vec::with_capacity(images.len());
+    for (path, data) in images {
+        let slice = Slice::read(&data).map_err(|source| read_error(&path, source))?;
+        slices.push((path, slice));
+    }
+    let Volume { grid, hu, study, frame_of_reference: frame, position } = volume(slices)?;
+    let rois = structure_set(folder, structures, &series, &frame)?;
+    let drawn = drawn(&rois.rois, &grid, request, &mut notes)?;
+    let end: String = series.as_str().chars().rev().take(8).collect::<Vec<_>>().into_iter().rev().collect();
+    let parts = CaseParts {
+        name: request.name.clone().unwrap_or_else(|| format!("ct-{end}")),
+        grid,
+        hu,
+        structures: drawn,
+        isocentre_mm: request.isocentre_mm,
+        prescription: request.prescription.clone(),
+        fractions: request.fractions,
+        reference_dose_gy: None,
+        uids: Some(Uids { study, series, frame_of_reference: frame, structure_set: rois.uid }),
+        provenance: "DICOM CT and RTSTRUCT".to_owned(),
+    };
+    let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
+    Ok(Imported { case: case.lying(position), notes })
+}
+
+/// The structures as voxels, under the names and roles that they get.
+fn drawn(
+    rois: &[Roi],
+    grid: &Grid,
+    request: &Request<'_>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Structure>, ImportError> {
+    let unique = names::unique(rois.iter().map(|roi| roi.name.as_str()), notes);
+    let written: Vec<_> = unique.iter().map(String::as_str).zip(rois.iter().map(|roi| roi.role)).collect();
+    let named = request.names.apply(&written, notes);
+    let (mut structures, mut refused) = (Vec::new(), Vec::new());
+    for ((roi, own), (name, role)) in rois.iter().zip(&unique).zip(named) {
+        let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
+        match cut(own, role, &drawn, request.allowed_cut_cm3) {
+            Cut::Whole => {}
+            Cut::Said(text) => notes.push(text),
+            Cut::Refused(text) => {
+                refused.push(text);
+                continue;
+            }
+        }
+        notes.extend(sentences(own, &drawn, roi.lines));
+        if mask.is_empty() {
+            let volume_cm3 = drawn.drawn_cm3;
+            notes.push(format!("{:?} holds no voxel ({volume_cm3:.2} cm3) and is left out", own));
+            continue;
+        }
+        structures.push(Structure { name, role, mask });
+    }
+    if refused.is_empty() { Ok(structures) } else { Err(ImportError::Cut(refused)) }
+}
+
+/// The one structure set that was drawn on the series.
+fn structure_set(
+    folder: &Path,
+    found: Vec<(PathBuf, InMemDicomObject)>,
+    series: &Uid,
+    frame: &Uid,
+) -> Result<Rois, ImportError> {
+    let mut fitting = Vec::new();
+    let mut strangers = Vec::new();
+    for (path, object) in found {
+        let tag = |source: TagError| read_error(&path, source);
+        uid(&object, tags::SOP_INSTANCE_UID).map_err(tag)?;
+        let named = roi::series(&object).map_err(tag)?;
+        match named.is_empty() || named.contains(series) {
+            true => fitting.push((path, object)),
+            false => strangers.push(path),
+        }
+    }
+    if fitting.len() > 1 {
+        let files = fitting.iter().map(|(path, _)| path.display().to_string()).collect();
+        return Err(ImportError::SeveralStructures { folder: folder.to_owned(), files });
+    }
+    match (fitting.pop(), strangers.pop()) {
+        (Some((path, object)), _) => Rois::read(&object, frame).map_err(|source| read_error(&path, source)),
+        (None, Some(path)) => Err(ImportError::OtherImages { path, series: series.clone() }),
+        (None, None) => Err(ImportError::NoStructures(folder.to_owned())),
+    }
+}

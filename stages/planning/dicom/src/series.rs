@@ -1,0 +1,132 @@
+//! CT images to a volume.
+
+use std::path::PathBuf;
+
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{PatientPosition, Uid};
+use thiserror::Error;
+
+use crate::slice::Slice;
+
+/// How far places and distances that should be one may lie apart, mm.
+const SAME_MM: f64 = 1e-3;
+/// How far the distance of two slices may be from the others, as a part of it.
+const GAP: f64 = 0.01;
+
+/// Why images make no volume.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SeriesError {
+    /// There are none, or one.
+    #[error("{0} CT images make no volume: give a folder with a whole series")]
+    Few(usize),
+    /// Two images do not belong together.
+    #[error("{}: {what} differs from {}: give one series alone", file.display(), first.display())]
+    Mixed {
+        /// The first of the two files.
+        file: PathBuf,
+        /// The second of the two files.
+        first: PathBuf,
+        /// The tag, with its name.
+        what: &'static str,
+    },
+    /// Two images have one place.
+    #[error(
+        "{}: (0020,0032) ImagePositionPatient is at {z_mm} mm, as that of {}: remove one of them",
+        file.display(), other.display()
+    )]
+    Twice {
+        /// The first of the two files.
+        file: PathBuf,
+        /// The second of the two files.
+        other: PathBuf,
+        /// Their place along the patient, mm.
+        z_mm: f64,
+    },
+    /// An image is missing.
+    #[error(
+        "{}: (0020,0032) ImagePositionPatient is {found_mm:.3} mm from the next, {}, where others are {due_mm:.3} mm apart: \
+         an image is missing, or the series is not evenly spaced; export it again, or resample it",
+        file.display(), next.display()
+    )]
+    Gap {
+        /// The lower.
+        file: PathBuf,
+        /// The upper.
+        next: PathBuf,
+        /// Their distance, mm.
+        found_mm: f64,
+        /// The distance of most images, mm.
+        due_mm: f64,
+    },
+}
+
+/// CT images as one volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    /// Where its voxels are.
+    pub grid: Grid,
+    /// Hounsfield units, in the order of the grid.
+    pub hu: Vec<i16>,
+    /// The study of the images.
+    pub study: Uid,
+    /// Their frame of reference.
+    pub frame_of_reference: Uid,
+    /// How the patient lies.
+    pub position: PatientPosition,
+}
+
+/// The volume of these images of one series, in whatever order they come.
+pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> {
+    slices.sort_by(|(a, s), (b, t)| s.position_mm[2].total_cmp(&t.position_mm[2]).then_with(|| a.cmp(b)));
+    let [(first_path, first), _, ..] = slices.as_slice() else { return Err(SeriesError::Few(slices.len())) };
+    for (file, slice) in &slices[1..] {
+        if let Some(what) = difference(first, slice) {
+            return Err(SeriesError::Mixed { file: file.clone(), first: first_path.clone(), what });
+        }
+    }
+    let due_mm = evenly(&slices)?;
+    let grid = Grid {
+        counts: [first.counts[0], first.counts[1], slices.len()],
+        spacing_mm: [first.spacing_mm[0], first.spacing_mm[1], due_mm],
+        origin_mm: first.position_mm,
+    };
+    let mut hu = Vec::with_capacity(slices.iter().map(|(_, s)| s.hu.len()).sum());
+    slices.iter().for_each(|(_, slice)| hu.extend(&slice.hu));
+    let (study, frame_of_reference) = (first.study.clone(), first.frame_of_reference.clone());
+    Ok(Volume { grid, hu, study, frame_of_reference, position: first.position })
+}
+
+/// The distance of the images, if it is one.
+fn evenly(slices: &[(PathBuf, Slice)]) -> Result<f64, SeriesError> {
+    let z_mm = |place: usize| slices[place].1.position_mm[2];
+    let mut steps: Vec<f64> = (1..slices.len()).map(|i| z_mm(i) - z_mm(i - 1)).collect();
+    if let Some(i) = steps.iter().position(|&step| step <= SAME_MM) {
+        let (file, other) = (slices[i + 1].0.clone(), slices[i].0.clone());
+        return Err(SeriesError::Twice { file, other, z_mm: z_mm(i) });
+    }
+    let unsorted = steps.clone();
+    steps.sort_by(f64::total_cmp);
+    let due_mm = steps[steps.len() / 2];
+    if let Some(i) = unsorted.iter().position(|step| (step - due_mm).abs() > (GAP * due_mm).max(SAME_MM)) {
+        let (file, next) = (slices[i].0.clone(), slices[i + 1].0.clone());
+        return Err(SeriesError::Gap { file, next, found_mm: unsorted[i], due_mm });
+    }
+    // The mean keeps the last image where it is.
+    Ok((z_mm(slices.len() - 1) - z_mm(0)) / (slices.len() - 1) as f64)
+}
+
+/// What two images of one volume must share but do not.
+fn difference(a: &Slice, b: &Slice) -> Option<&'static str> {
+    let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_MM);
+    [
+        (a.study == b.study, "(0020,000D) StudyInstanceUID"),
+        (a.series == b.series, "(0020,000E) SeriesInstanceUID"),
+        (a.frame_of_reference == b.frame_of_reference, "(0020,0052) FrameOfReferenceUID"),
+        (a.position == b.position, "(0018,5100) PatientPosition"),
+        (a.counts == b.counts, "the count of (0028,0010) Rows or (0028,0011) Columns"),
+        (near(&a.spacing_mm, &b.spacing_mm), "(0028,0030) PixelSpacing"),
+        (near(&a.position_mm[..2], &b.position_mm[..2]), "the corner in (0020,0032) ImagePositionPatient"),
+    ]
+    .into_iter()
+    .find_map(|(same, what)| (!same).then_some(what))
+}

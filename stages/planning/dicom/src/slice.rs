@@ -1,0 +1,190 @@
+//! One CT image.
+
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::InMemDicomObject;
+use stillpoint_patient::case::{PatientPosition, Uid};
+
+use crate::dataset::DataSet;
+use crate::element::{TagError, exactly, must_be, text, text_if_any, uid, whole, wrong};
+use crate::pixels::words;
+
+/// How far the rows and columns may be turned from the patient's axes, as a cosine: under 0.01 degrees.
+const OBLIQUE: f64 = 1e-4;
+/// Padding outside the scanner's circle holds no measurement; it is air.
+const AIR_HU: i16 = -1000;
+
+/// One CT image, in Hounsfield units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Slice {
+    /// Columns and rows.
+    pub counts: [usize; 2],
+    /// Distance of columns and of rows, mm.
+    pub spacing_mm: [f64; 2],
+    /// Centre of the first voxel, mm: the one farthest to the right and to the front of the patient.
+    pub position_mm: [f64; 3],
+    /// Values, x fastest.
+    pub hu: Vec<i16>,
+    /// How the patient lies.
+    pub position: PatientPosition,
+    /// Study, series and frame of reference.
+    pub study: Uid,
+    /// The series.
+    pub series: Uid,
+    /// The frame of reference.
+    pub frame_of_reference: Uid,
+}
+
+impl Slice {
+    /// The image in this data set.
+    pub fn read(DataSet { object, compressed }: &DataSet) -> Result<Self, TagError> {
+        let class = text(object, tags::SOP_CLASS_UID)?;
+        if class != uids::CT_IMAGE_STORAGE {
+            return wrong(
+                tags::SOP_CLASS_UID,
+                class,
+                "single-frame CT images are read: export them as CT Image Storage",
+            );
+        }
+        let position = position(object)?;
+        let [against_x, against_y] = reversed(object)?;
+        let mut position_mm: [f64; 3] = exactly(object, tags::IMAGE_POSITION_PATIENT)?;
+        let [row_mm, column_mm] = exactly(object, tags::PIXEL_SPACING)?;
+        if !(row_mm > 0.0 && column_mm > 0.0) {
+            return wrong(
+                tags::PIXEL_SPACING,
+                format!("{row_mm}\\{column_mm}"),
+                "distances above 0 mm are due",
+            );
+        }
+        let counts = [whole(object, tags::COLUMNS)?, whole(object, tags::ROWS)?];
+        let [Ok(columns), Ok(rows)] = counts.map(usize::try_from) else {
+            return wrong(tags::ROWS, format!("{counts:?}"), "a count is due");
+        };
+        let mut hu = hounsfield(object, compressed.as_deref(), columns, rows)?;
+        if against_x {
+            hu.chunks_exact_mut(columns).for_each(<[i16]>::reverse);
+            position_mm[0] -= (columns - 1) as f64 * column_mm;
+        }
+        if against_y {
+            hu = hu.chunks_exact(columns).rev().flatten().copied().collect();
+            position_mm[1] -= (rows - 1) as f64 * row_mm;
+        }
+        Ok(Self {
+            counts: [columns, rows],
+            spacing_mm: [column_mm, row_mm],
+            position_mm,
+            hu,
+            position,
+            study: uid(object, tags::STUDY_INSTANCE_UID)?,
+            series: uid(object, tags::SERIES_INSTANCE_UID)?,
+            frame_of_reference: uid(object, tags::FRAME_OF_REFERENCE_UID)?,
+        })
+    }
+}
+
+/// How the patient lies, where it is a position that can be planned.
+fn position(object: &InMemDicomObject) -> Result<PatientPosition, TagError> {
+    let term = text(object, tags::PATIENT_POSITION)?;
+    PatientPosition::of_term(&term).map_or_else(
+        || {
+            let name = match term.as_str() {
+                "HFDR" => "HFDR, head first on the right side",
+                "HFDL" => "HFDL, head first on the left side",
+                "FFDR" => "FFDR, feet first on the right side",
+                "FFDL" => "FFDL, feet first on the left side",
+                other => other,
+            };
+            wrong(
+                tags::PATIENT_POSITION,
+                name,
+                "HFS, HFP, FFS or FFP is due: supine or prone, head or feet first",
+            )
+        },
+        Ok,
+    )
+}
+
+/// Whether rows and columns run against x and y. Refuses images that are not across the patient.
+fn reversed(object: &InMemDicomObject) -> Result<[bool; 2], TagError> {
+    let found: [f64; 6] = exactly(object, tags::IMAGE_ORIENTATION_PATIENT)?;
+    let is = |due: [f64; 6]| found.iter().zip(due).all(|(found, due)| (found - due).abs() <= OBLIQUE);
+    for (row, column) in [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0)] {
+        if is([row, 0.0, 0.0, 0.0, column, 0.0]) {
+            return Ok([row < 0.0, column < 0.0]);
+        }
+    }
+    let [a, b] = [[found[0], found[1], found[2]], [found[3], found[4], found[5]]];
+    let normal = [0, 1, 2].map(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        a[j] * b[k] - a[k] * b[j]
+    });
+    let along = |axis: usize| normal[axis].abs() > 1.0 - OBLIQUE;
+    let why = match [along(0), along(1), along(2)] {
+        [true, ..] => "the image is sagittal: axial images are read; give the axial series",
+        [_, true, _] => "the image is coronal: axial images are read; give the axial series",
+        [.., true] => {
+            "the image is turned within its plane: rows and columns must run along x and y; resample the series"
+        }
+        _ => {
+            "the image is oblique: rows must run along x and columns along y (1\\0\\0\\0\\1\\0); resample the series"
+        }
+    };
+    wrong(tags::IMAGE_ORIENTATION_PATIENT, format!("{found:?}"), why)
+}
+
+fn hounsfield(
+    object: &InMemDicomObject,
+    compressed: Option<&str>,
+    columns: usize,
+    rows: usize,
+) -> Result<Vec<i16>, TagError> {
+    must_be(object, tags::SAMPLES_PER_PIXEL, 1, "a CT has one sample per pixel")?;
+    must_be(object, tags::BITS_ALLOCATED, 16, "16 bits per pixel are read")?;
+    let photometric = text(object, tags::PHOTOMETRIC_INTERPRETATION)?;
+    if photometric != "MONOCHROME2" {
+        return wrong(tags::PHOTOMETRIC_INTERPRETATION, photometric, "MONOCHROME2 is due");
+    }
+    if let Some(frames) = text_if_any(object, tags::NUMBER_OF_FRAMES)?
+        && frames != "1"
+    {
+        return wrong(tags::NUMBER_OF_FRAMES, frames, "one image per file is read");
+    }
+    let stored = whole(object, tags::BITS_STORED)?;
+    let Some(spare) = u32::try_from(stored).ok().filter(|s| (1..=16).contains(s)).map(|s| 16 - s) else {
+        return wrong(tags::BITS_STORED, stored, "1 to 16 is due");
+    };
+    must_be(object, tags::HIGH_BIT, stored - 1, "the bits stored must be the lowest")?;
+    let signed = match whole(object, tags::PIXEL_REPRESENTATION)? {
+        0 => false,
+        1 => true,
+        other => return wrong(tags::PIXEL_REPRESENTATION, other, "0 (unsigned) or 1 (signed) is due"),
+    };
+    let value = |word: u16| match signed {
+        true => i32::from((word << spare) as i16 >> spare),
+        false => i32::from(word << spare >> spare),
+    };
+    let [slope] = exactly(object, tags::RESCALE_SLOPE)?;
+    let [intercept] = exactly(object, tags::RESCALE_INTERCEPT)?;
+    let padding = match object.get(tags::PIXEL_PADDING_VALUE) {
+        Some(element) => element.to_int::<i32>().ok().map(|p| value(p as u16)),
+        None => None,
+    };
+    let words = words(object, compressed, columns, rows)?;
+    let mut hu = Vec::with_capacity(words.len());
+    for word in words {
+        let stored = value(word);
+        let exact = libm::round(slope * f64::from(stored) + intercept);
+        hu.push(match exact {
+            _ if Some(stored) == padding => AIR_HU,
+            _ if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&exact) => exact as i16,
+            _ => {
+                return wrong(
+                    tags::RESCALE_SLOPE,
+                    slope,
+                    "it takes a pixel beyond -32768 to 32767 Hounsfield units",
+                );
+            }
+        });
+    }
+    Ok(hu)
+}

@@ -1,0 +1,171 @@
+//! Broken files: read whole or refused, never a panic, and never more memory than a file can justify.
+//!
+//! A program of its own, so that the limit on its memory is its own: a request beyond it ends the program.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use cap::Cap;
+use proptest::prelude::*;
+use proptest::sample::Index;
+use stillpoint_dicom::{DataSet, Rois, Slice, rasterise, volume};
+use stillpoint_patient::case::Uid;
+
+#[allow(dead_code)]
+mod compressed;
+#[allow(dead_code)]
+mod fixture;
+
+use fixture::{Encoding, FRAME, bare, ct, file, small_structures};
+
+/// The inputs are at most 10 kB, and the tests run side by side.
+#[global_allocator]
+static LIMIT: Cap<std::alloc::System> = Cap::new(std::alloc::System, 64 << 20);
+
+#[derive(Clone, Debug)]
+enum Harm {
+    Cut(Index),
+    Set(Index, u8),
+    Flip(Index, u8),
+    /// Four bytes, as a length would be.
+    Length(Index, u32),
+    Remove(Index, usize),
+    /// Writes a piece of the file again elsewhere: elements in elements.
+    Repeat(Index, Index, usize),
+    Number(Index, &'static str),
+}
+
+fn harm() -> impl Strategy<Value = Harm> {
+    let at = any::<Index>;
+    let lengths = prop::sample::select(vec![0, 1, 7, 0xFFFF, 0x7FFF_FFFF, 0xFFFF_FFFE, 0xFFFF_FFFF]);
+    let words = prop::sample::select(vec![
+        "0",
+        "-1",
+        "99999",
+        "4294967296",
+        "1e308",
+        "1e-308",
+        "nan",
+        "inf",
+        "x",
+        "\\",
+        "",
+    ]);
+    prop_oneof![
+        at().prop_map(Harm::Cut),
+        (at(), any::<u8>()).prop_map(|(i, b)| Harm::Set(i, b)),
+        (at(), 0..8_u8).prop_map(|(i, b)| Harm::Flip(i, b)),
+        (at(), lengths).prop_map(|(i, l)| Harm::Length(i, l)),
+        (at(), 1..60_usize).prop_map(|(i, n)| Harm::Remove(i, n)),
+        (at(), at(), 1..400_usize).prop_map(|(i, j, n)| Harm::Repeat(i, j, n)),
+        (at(), words).prop_map(|(i, w)| Harm::Number(i, w)),
+    ]
+}
+
+fn harmed(mut bytes: Vec<u8>, harms: &[Harm]) -> Vec<u8> {
+    for harm in harms {
+        let n = bytes.len();
+        if n == 0 {
+            break;
+        }
+        match harm {
+            Harm::Cut(at) => bytes.truncate(at.index(n)),
+            Harm::Set(at, b) => bytes[at.index(n)] = *b,
+            Harm::Flip(at, bit) => bytes[at.index(n)] ^= 1 << bit,
+            Harm::Length(at, length) => {
+                let start = at.index(n);
+                let end = n.min(start + 4);
+                bytes[start..end].copy_from_slice(&length.to_le_bytes()[..end - start]);
+            }
+            Harm::Remove(at, count) => {
+                let start = at.index(n);
+                bytes.drain(start..n.min(start + count));
+            }
+            Harm::Repeat(from, to, count) => {
+                let start = from.index(n);
+                let piece = bytes[start..n.min(start + count)].to_vec();
+                let to = to.index(n);
+                bytes.splice(to..to, piece);
+            }
+            Harm::Number(at, word) => {
+                let digit = |i: &usize| bytes[*i].is_ascii_digit();
+                let starts: Vec<usize> =
+                    (0..n).filter(|i| digit(i) && (*i == 0 || !digit(&(i - 1)))).collect();
+                if !starts.is_empty() {
+                    let start = starts[at.index(starts.len())];
+                    let end = (start..n).find(|i| !digit(i)).unwrap_or(n);
+                    // Of the same length, so that the element stays whole.
+                    let text: Vec<u8> =
+                        word.bytes().chain(std::iter::repeat(b' ')).take(end - start).collect();
+                    bytes[start..end].copy_from_slice(&text);
+                }
+            }
+        }
+    }
+    bytes
+}
+
+static IMAGES: LazyLock<[Vec<u8>; 3]> =
+    LazyLock::new(|| [file(&ct(1)), bare(&ct(1), Encoding::Explicit), bare(&ct(1), Encoding::Implicit)]);
+static SETS: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+    let set = small_structures();
+    [file(&set), bare(&set, Encoding::Explicit), bare(&set, Encoding::Implicit)]
+});
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn broken_images_are_refused_or_read_whole(which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4)) {
+        let Ok(data) = DataSet::read(&harmed(IMAGES[which].clone(), &harms)) else { return Ok(()) };
+        let Ok(slice) = Slice::read(&data) else { return Ok(()) };
+        prop_assert_eq!(slice.hu.len(), slice.counts[0] * slice.counts[1]);
+        prop_assert!(slice.position_mm.iter().all(|c| c.is_finite()));
+        let whole = Slice::read(&DataSet::read(&file(&ct(2))).unwrap()).unwrap();
+        if let Ok(volume) = volume(vec![(PathBuf::from("a"), slice), (PathBuf::from("b"), whole)]) {
+            prop_assert_eq!(volume.hu.len(), volume.grid.len());
+        }
+    }
+
+    #[test]
+    fn broken_compressed_images_are_refused_or_read_whole(
+        which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4), inside in prop::collection::vec(harm(), 0..4),
+    ) {
+        let (syntax, piece) = &compressed::pieces()[which];
+        let bytes = compressed::image(1, syntax, &harmed(piece.clone(), &inside));
+        // The pixels alone are harmed in every other case: else the lengths around them hide them.
+        let bytes = if inside.len() % 2 == 0 { harmed(bytes, &harms) } else { bytes };
+        let Ok(data) = DataSet::read(&bytes) else { return Ok(()) };
+        let Ok(slice) = Slice::read(&data) else { return Ok(()) };
+        prop_assert_eq!(slice.hu.len(), slice.counts[0] * slice.counts[1]);
+    }
+
+    #[test]
+    fn broken_structure_sets_are_refused_or_drawn(which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4)) {
+        let grid = stillpoint_patient::Grid { counts: [12, 9, 5], spacing_mm: [2.0, 3.0, 2.5], origin_mm: [-10.0, -12.0, 100.0] };
+        let Ok(data) = DataSet::read(&harmed(SETS[which].clone(), &harms)) else { return Ok(()) };
+        let Ok(set) = Rois::read(&data.object, &Uid::parse(FRAME).unwrap()) else { return Ok(()) };
+        for roi in set.rois {
+            prop_assert!(rasterise(&grid, &roi.contours).mask.count() <= grid.len());
+        }
+    }
+}
+
+#[test]
+fn sequences_that_nest_without_end_are_refused() {
+    for encoding in [Encoding::Explicit, Encoding::Implicit] {
+        let mut bytes = bare(&ct(1), encoding);
+        let head: &[u8] = match encoding {
+            Encoding::Explicit => b"\x06\x30\x39\x00SQ\0\0\xff\xff\xff\xff",
+            Encoding::Implicit => b"\x06\x30\x39\x00\xff\xff\xff\xff",
+        };
+        for _ in 0..100_000 {
+            bytes.extend(head);
+            bytes.extend(b"\xfe\xff\x00\xe0\xff\xff\xff\xff");
+        }
+        let said = DataSet::read(&bytes).unwrap_err().to_string();
+        assert!(said.contains("nest more than 16 deep at (3006,0039)"), "{said}");
+    }
+}

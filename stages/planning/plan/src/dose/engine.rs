@@ -1,0 +1,308 @@
+//! The engine: a patient, a machine and params, made ready to give the dose of any beam.
+
+use super::beam::{self, BeamInfluence};
+use super::bixels::{self, BixelSpec};
+use super::density;
+use super::depth::corners;
+use super::error::DoseError;
+use super::frame::BeamFrame;
+use super::machine::Machine;
+use crate::threads::on_threads;
+use std::num::NonZeroUsize;
+use std::ops::RangeInclusive;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{Case, Mask, PatientPosition};
+
+/// What the engine sees of a patient. Volumes have one entry for each voxel of `grid`.
+#[derive(Clone, Copy, Debug)]
+pub struct Anatomy<'a> {
+    /// Where the image's voxels are.
+    pub grid: Grid,
+    /// The image, Hounsfield units.
+    pub hu: &'a [i16],
+    /// The patient: what lies outside of it neither stops the beam nor gets dose.
+    pub external: &'a Mask,
+    /// All targets together.
+    pub target: &'a Mask,
+    /// Where the beams meet, mm in the patient frame.
+    pub isocentre_mm: [f64; 3],
+}
+
+/// How dose is computed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DoseParams {
+    /// Voxels that get dose.
+    pub grid: Grid,
+    /// Bixels of each beam.
+    pub bixels: BixelSpec,
+    /// Fluence that a bixel of weight 1 stands for.
+    pub fluence: Fluence,
+    /// Distance from a bixel's axis, on the isocentre plane, beyond which it gives no dose, mm.
+    pub cutoff_mm: f64,
+}
+
+impl DoseParams {
+    /// 10 mm bixels and a cutoff of 50 mm on a dose grid of this spacing over an image.
+    pub fn over(image: &Grid, spacing_mm: f64) -> Self {
+        Self {
+            grid: covering(image, spacing_mm),
+            bixels: BixelSpec::of_width(10.0),
+            fluence: Fluence::Uniform,
+            cutoff_mm: 50.0,
+        }
+    }
+}
+
+/// Fluence that a bixel of weight 1 stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fluence {
+    /// The same everywhere.
+    Uniform,
+    /// That of the open field at the bixel's centre, relative to the axis.
+    OpenField,
+}
+
+/// Dose of any beam to one patient.
+#[derive(Clone, Debug)]
+pub struct DoseEngine {
+    pub(super) machine: Machine,
+    pub(super) params: DoseParams,
+    pub(super) isocentre_mm: [f64; 3],
+    /// How the patient lies.
+    pub(super) position: PatientPosition,
+    /// Relative electron density on the dose grid.
+    pub(super) density: Vec<f32>,
+    /// Voxels of the dose grid inside the patient, rising.
+    pub(super) voxels: Vec<u32>,
+    /// The target with its margin, as points of the patient frame, mm.
+    pub(super) target_mm: Vec<[f64; 3]>,
+    /// Greatest spacing of the image, mm.
+    pub(super) image_spacing_mm: f64,
+    /// Where doses are wanted at samples alone: the voxels that are rows of the dose matrices, rising. Else every voxel of
+    /// the dose grid is a row.
+    pub(super) samples: Option<Vec<u32>>,
+    /// How far the patient lies from where he was planned, along the axes of his frame, mm.
+    pub(super) shift_mm: [f64; 3],
+}
+
+/// Voxels that a grid may have.
+const MOST_VOXELS: usize = 1 << 28;
+/// Farthest that a patient may lie from where he was planned, along an axis, mm.
+const MOST_SHIFT_MM: f64 = 50.0;
+/// Least distance from the source to the dose grid, mm.
+const SOURCE_CLEARANCE_MM: f64 = 100.0;
+
+impl DoseEngine {
+    /// Makes a case ready: its outline is the patient, its targets together are aimed at.
+    pub fn of_case(case: &Case, machine: Machine, params: DoseParams) -> Result<Self, DoseError> {
+        let target = Mask::from_fn(case.grid().len(), |voxel| case.targets().any(|t| t.mask.contains(voxel)));
+        let anatomy = Anatomy {
+            grid: *case.grid(),
+            hu: case.hu(),
+            external: &case.external().ok_or(DoseError::NoOutline)?.mask,
+            target: &target,
+            isocentre_mm: case.isocentre_mm(),
+        };
+        Ok(Self { position: case.position(), ..Self::new(&anatomy, machine, params)? })
+    }
+
+    /// Makes a patient ready.
+    pub fn new(anatomy: &Anatomy<'_>, machine: Machine, params: DoseParams) -> Result<Self, DoseError> {
+        let (image, grid) = (&anatomy.grid, &params.grid);
+        check_grid("the image", image)?;
+        let length = |volume, found| match found == image.len() {
+            true => Ok(()),
+            false => Err(DoseError::Length { volume, expected: image.len(), found }),
+        };
+        length("the image", anatomy.hu.len())?;
+        length("the external contour's mask", anatomy.external.len())?;
+        length("the target's mask", anatomy.target.len())?;
+        check_numbers(&params, anatomy.isocentre_mm, [0.0; 3], machine.file().sad_mm)?;
+
+        let target_mm = bixels::with_margin(image, anatomy.target, params.bixels.margin_mm);
+        if target_mm.is_empty() {
+            return Err(DoseError::NoTarget);
+        }
+        let voxels = density::voxels_inside(image, anatomy.external, grid);
+        if voxels.is_empty() {
+            return Err(DoseError::NoPatient);
+        }
+        Ok(Self {
+            density: density::on_grid(image, anatomy.hu, anatomy.external, &machine, grid),
+            voxels,
+            target_mm,
+            image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
+            isocentre_mm: anatomy.isocentre_mm,
+            position: PatientPosition::default(),
+            samples: None,
+            shift_mm: [0.0; 3],
+            machine,
+            params,
+        })
+    }
+
+    /// The same patient, set up beside where he was planned: moved by this much along the axes of his frame, mm.
+    ///
+    /// Bixels stay where they are planned. Doses are to the voxels that were planned: they move with the patient.
+    pub fn shifted(&self, shift_mm: [f64; 3]) -> Result<Self, DoseError> {
+        check_shift(shift_mm)?;
+        Ok(Self { shift_mm, ..self.clone() })
+    }
+
+    /// The same patient, of whom only these rows get dose: voxels of the dose grid, or samples.
+    pub fn within(&self, rows: &[u32]) -> Self {
+        let mut wanted = vec![false; self.rows()];
+        for row in rows {
+            if let Some(wanted) = wanted.get_mut(*row as usize) {
+                *wanted = true;
+            }
+        }
+        let voxels = self.voxels.iter().copied().filter(|v| wanted[self.row_of(*v) as usize]).collect();
+        Self { voxels, ..self.clone() }
+    }
+
+    /// The same patient, sampled: row `i` of the dose matrices is voxel `samples[i]` of the dose grid, and no other voxel
+    /// gets dose. `samples` rise. [`DoseEngine::within`] counts these rows afterwards.
+    pub fn sampled(&self, samples: Vec<u32>) -> Self {
+        let inside = |voxel: &u32| self.voxels.binary_search(voxel).is_ok();
+        let voxels = samples.iter().copied().filter(inside).collect();
+        Self { voxels, samples: Some(samples), ..self.clone() }
+    }
+
+    /// The same patient, of whom these voxels of the dose grid get dose.
+    pub(crate) fn reaching(&self, voxels: Vec<u32>) -> Self {
+        Self { voxels, samples: None, ..self.clone() }
+    }
+
+    /// Rows of the dose matrices.
+    pub fn rows(&self) -> usize {
+        self.samples.as_ref().map_or(self.params.grid.len(), Vec::len)
+    }
+
+    /// The row of a voxel that gets dose.
+    pub(super) fn row_of(&self, voxel: u32) -> u32 {
+        match &self.samples {
+            Some(samples) => samples.binary_search(&voxel).unwrap_or_default() as u32,
+            None => voxel,
+        }
+    }
+
+    /// How dose is computed.
+    pub fn params(&self) -> &DoseParams {
+        &self.params
+    }
+
+    /// The machine.
+    pub fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// Dose of the bixels of one beam at a gantry angle (IEC 61217, degrees).
+    pub fn beam(&self, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
+        beam::influence(self, self.checked_angle(gantry_deg)?)
+    }
+
+    pub(super) fn checked_angle(&self, gantry_deg: f64) -> Result<f64, DoseError> {
+        in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
+    }
+
+    /// Refuses a patient whom a motion takes near to the source of a beam, or behind it.
+    pub(super) fn check_clearance(&self, frame: &BeamFrame) -> Result<(), DoseError> {
+        let nearest = |near: f64, corner| near.min(frame.beam_from_patient(corner)[1]);
+        let near_mm = corners(&self.params.grid).fold(f64::INFINITY, nearest);
+        match near_mm >= SOURCE_CLEARANCE_MM {
+            true => Ok(()),
+            false => Err(DoseError::Far {
+                reach_mm: frame.sad_mm() - near_mm,
+                most_mm: frame.sad_mm() - SOURCE_CLEARANCE_MM,
+            }),
+        }
+    }
+
+    /// Dose of several beams, on several threads. Any number of threads gives the same bytes.
+    pub fn beams(&self, gantry_deg: &[f64], threads: NonZeroUsize) -> Result<Vec<BeamInfluence>, DoseError> {
+        on_threads(gantry_deg, threads, |&deg| self.beam(deg))
+    }
+}
+
+/// The grid of this spacing around the middle of an image that covers it.
+fn covering(image: &Grid, spacing_mm: f64) -> Grid {
+    let extent = |axis: usize| image.counts[axis] as f64 * image.spacing_mm[axis];
+    let counts: [usize; 3] = std::array::from_fn(|axis| (extent(axis) / spacing_mm).ceil() as usize);
+    let origin = |axis: usize| {
+        let middle = image.origin_mm[axis] + 0.5 * (extent(axis) - image.spacing_mm[axis]);
+        middle - 0.5 * (counts[axis] as f64 - 1.0) * spacing_mm
+    };
+    Grid { counts, spacing_mm: [spacing_mm; 3], origin_mm: std::array::from_fn(origin) }
+}
+
+fn check_shift(shift_mm: [f64; 3]) -> Result<(), DoseError> {
+    shift_mm
+        .into_iter()
+        .try_for_each(|mm| in_range("shift of the patient", mm, -MOST_SHIFT_MM..=MOST_SHIFT_MM))
+}
+
+/// Refuses parameters and places that are out of range, for a source at `sad_mm` from the isocentre.
+pub(super) fn check_numbers(
+    params: &DoseParams,
+    isocentre_mm: [f64; 3],
+    shift_mm: [f64; 3],
+    sad_mm: f64,
+) -> Result<(), DoseError> {
+    check_grid("the dose grid", &params.grid)?;
+    check_bixel(params.bixels.width_mm)?;
+    in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
+    in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
+    for place in isocentre_mm {
+        in_range("place of the isocentre", place, -1e5..=1e5)?;
+    }
+    check_shift(shift_mm)?;
+    let reach_mm = corners(&params.grid)
+        .map(|[x, y, _]| libm::hypot(x - isocentre_mm[0], y - isocentre_mm[1]))
+        .fold(0.0, f64::max);
+    if reach_mm > sad_mm - SOURCE_CLEARANCE_MM {
+        return Err(DoseError::Far { reach_mm, most_mm: sad_mm - SOURCE_CLEARANCE_MM });
+    }
+    Ok(())
+}
+
+/// Refuses a width of bixels that is out of range, mm.
+pub(crate) fn check_bixel(width_mm: f64) -> Result<(), DoseError> {
+    in_range("width of a bixel", width_mm, 1.0..=100.0)
+}
+
+/// Refuses a grid of too many voxels, or of voxels too small or too large.
+pub(crate) fn check_grid(what: &'static str, grid: &Grid) -> Result<(), DoseError> {
+    // First: the counts of a grid that is made to cover an image follow from its spacing.
+    for axis in 0..3 {
+        in_range("spacing of voxels", grid.spacing_mm[axis], 0.1..=100.0)?;
+        in_range("place of a grid", grid.origin_mm[axis], -1e5..=1e5)?;
+    }
+    let voxels = grid.counts.iter().try_fold(1, |product: usize, &count| product.checked_mul(count));
+    if !voxels.is_some_and(|voxels| (1..=MOST_VOXELS).contains(&voxels)) {
+        return Err(DoseError::Voxels { what, counts: grid.counts, most: MOST_VOXELS });
+    }
+    Ok(())
+}
+
+fn in_range(what: &'static str, value: f64, range: RangeInclusive<f64>) -> Result<(), DoseError> {
+    match range.contains(&value) {
+        true => Ok(()),
+        false => Err(DoseError::Number { what, value, least: *range.start(), most: *range.end() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dose_grid_covers_the_image_around_the_same_middle() {
+        let image = Grid { counts: [136, 80, 64], spacing_mm: [3.0; 3], origin_mm: [-202.5, -118.5, -94.5] };
+        let grid = covering(&image, 5.0);
+        assert_eq!(
+            grid,
+            Grid { counts: [82, 48, 39], spacing_mm: [5.0; 3], origin_mm: [-202.5, -117.5, -95.0] }
+        );
+    }
+}

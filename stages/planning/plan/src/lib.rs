@@ -1,0 +1,40 @@
+//! Plans: a patient (`stillpoint-patient`) goes in, a dose matrix, a fluence map and a plan come out.
+//!
+//! Lengths are in millimetres and their names say so (`_mm`): images, machine files and plans are written in them, and
+//! grid positions stay exact. Doses are in gray, angles in degrees where a plan counts them (`_deg`), else in radians.
+//!
+//! - [`beams`]: which angles
+//! - [`dose`]: the dose that beams of photons give
+//! - [`delivery`]: the dose that a moving patient got
+//! - [`distance`]: how far voxels are from a set of voxels
+//! - [`evaluation`]: what a dose does to each structure
+//! - [`fluence`]: the weights of the bixels that come nearest to what is wanted
+//! - [`leaves`]: the fluence as segments of a multileaf collimator
+//! - [`metrics`]: histograms and indices of a dose
+//! - [`occupancy`]: how much of each voxel a structure takes
+//! - [`objectives`]: what is wanted of each structure, by a table of names and roles
+//! - [`protocol`]: limits of doses, and a plan beside them
+//! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
+//! - [`sampling`]: the points whose dose is optimised
+//! - `sparse`: the dose-influence matrix
+//! - `threads`: the same work on many items
+
+#![forbid(unsafe_code)]
+
+pub mod beams;
+pub mod delivery;
+pub mod distance;
+pub mod dose;
+pub mod evaluation;
+pub mod fluence;
+pub mod leaves;
+pub mod metrics;
+pub mod objectives;
+pub mod occupancy;
+pub mod protocol;
+pub mod recompute;
+pub mod sampling;
+mod sparse;
+mod threads;
+
+pub use sparse::{Csc, CscError, CscRef, Rows, RowsError, RowsRef, Setups};

@@ -1,0 +1,399 @@
+//! A table of objectives on a case: goals on its dose grid.
+
+use thiserror::Error;
+
+use super::table::{Dose, Length, ObjectiveTable, Volume, Wish};
+use crate::fluence::{Goals, GoalsError, Objective, Wanted};
+use crate::sampling::{Points, Sampling};
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::{Case, Role, Structure};
+
+/// What is wanted of a case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Aims {
+    /// Structures with their objectives, those that come first first. A voxel counts for the first that has it.
+    pub wanted: Vec<Wanted>,
+    /// What was left out, a sentence each.
+    pub notes: Vec<String>,
+    /// Whether each of `wanted` counts in every set-up; the patient's outline counts in the planned one.
+    moves: Vec<bool>,
+    /// Rows that get dose in every set-up, rising.
+    followed: Vec<u32>,
+    /// Rows of a dose matrix.
+    rows: usize,
+}
+
+/// Why nothing can be wanted of a case.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum AimsError {
+    /// A target has no dose.
+    #[error(
+        "{0} is a target without a prescription: import the case with `--prescribe {0}=DOSE`, or give {0} another role"
+    )]
+    NoDose(String),
+    /// Shares of a prescription that is not there.
+    #[error(
+        "{0} is to have a share of the prescription, but the case has none: import it with `--prescribe`, or give doses in Gy"
+    )]
+    NoPrescription(String),
+    /// There is no target that anything is wanted of.
+    #[error("no target with voxels has objectives, so there is nothing to plan")]
+    NoTarget,
+    /// Objectives that cannot be.
+    #[error(transparent)]
+    Goals(#[from] GoalsError),
+}
+
+impl ObjectiveTable {
+    /// What this table wants of a case on every voxel of this dose grid.
+    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<Aims, AimsError> {
+        self.for_points(case, &Sampling::every_voxel(case, grid))
+    }
+
+    /// What this table wants of a case at these points.
+    ///
+    /// A share of the prescription is of a target's own, and of the highest for any other structure. Targets come
+    /// first, the one of the highest dose before the others, then organs, then the rest, the outline last; each keeps
+    /// the voxels that none before it has.
+    pub fn for_points(&self, case: &Case, sampling: &Sampling) -> Result<Aims, AimsError> {
+        let own =
+            |s: &Structure| case.prescription().iter().find(|p| p.structure == s.name).map(|p| p.dose_gy);
+        let highest = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        let mut order: Vec<(usize, &Structure)> = case.structures().iter().enumerate().collect();
+        let rank = |s: &Structure| match s.role {
+            Role::Target => (0, -own(s).unwrap_or(0.0)),
+            Role::Organ => (1, 0.0),
+            Role::ClinicalTarget => (2, 0.0),
+            Role::Other => (3, 0.0),
+            Role::External => (4, 0.0),
+        };
+        order.sort_by(|a, b| rank(a.1).partial_cmp(&rank(b.1)).unwrap_or(std::cmp::Ordering::Equal));
+        let mut followed = Vec::new();
+        for (place, structure) in order.iter().filter(|(_, s)| follows(s.role)) {
+            followed.extend(sampling.points(*place, structure, &sampling.members[*place]).rows);
+        }
+        followed.sort_unstable();
+        followed.dedup();
+        let mut aims = Aims {
+            wanted: Vec::new(),
+            notes: Vec::new(),
+            moves: Vec::new(),
+            followed,
+            rows: sampling.rows(),
+        };
+        let mut taken = vec![false; sampling.grid().len()];
+        for (place, structure) in order {
+            let wishes = self.find(&structure.name, structure.role);
+            if wishes.is_empty() {
+                continue;
+            }
+            let (regional, wishes): (Vec<&Wish>, Vec<&Wish>) = wishes.iter().partition(|w| w.is_regional());
+            let all = || wishes.iter().chain(&regional);
+            let prescribed = match structure.role {
+                Role::Target if all().any(|w| matches!(w.dose(), Some(Dose::OfPrescription(_)))) => {
+                    own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?
+                }
+                _ if highest == 0.0 && all().any(|w| !matches!(w.dose(), None | Some(Dose::Gray(_)))) => {
+                    return Err(AimsError::NoPrescription(structure.name.clone()));
+                }
+                _ => highest,
+            };
+            for wish in &regional {
+                aims.add_region(case, sampling, (place, structure), wish, [prescribed, highest]);
+            }
+            if wishes.is_empty() {
+                continue;
+            }
+            let mut voxels = sampling.members[place].clone();
+            voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
+            let Points { rows: voxels, volumes, .. } = sampling.points(place, structure, &voxels);
+            if voxels.is_empty() {
+                aims.notes.push(format!(
+                    "{} has no voxel of its own on the dose grid, so nothing is wanted of it",
+                    structure.name
+                ));
+                continue;
+            }
+            aims.moves.push(follows(structure.role));
+            let objectives = wishes.iter().map(|wish| wish.objective(prescribed, highest)).collect();
+            let name = structure.name.clone();
+            aims.wanted.push(Wanted { name, voxels, volumes, to_target_mm: Vec::new(), objectives });
+        }
+        if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
+            return Err(AimsError::NoTarget);
+        }
+        Ok(aims)
+    }
+}
+
+impl Aims {
+    /// The goals in so many set-ups: the objective is the mean over them, as the planned one is what the outline counts
+    /// in. One set-up is the plan as it stands.
+    pub fn goals(&self, setups: usize) -> Result<Goals, AimsError> {
+        let setups = setups.max(1);
+        let mut wanted = Vec::new();
+        for (structure, moves) in self.wanted.iter().zip(&self.moves) {
+            let times = if *moves { setups } else { 1 };
+            for setup in 0..times {
+                let before = (setup * self.rows) as u32;
+                let voxels = structure.voxels.iter().map(|v| before + v).collect();
+                let share = |objective: &Objective| objective.scaled(1.0 / times as f64);
+                let objectives = structure.objectives.iter().map(share).collect();
+                wanted.push(Wanted { voxels, objectives, ..structure.clone() });
+            }
+        }
+        Ok(Goals::new(wanted, setups * self.rows)?)
+    }
+
+    /// The goals of one set-up in two parts, whose objectives add up to that of `goals(1)`: of structures that are followed
+    /// through every set-up, and of the outline.
+    pub fn parts(&self) -> Result<[Goals; 2], AimsError> {
+        let part = |moves: bool| -> Result<Goals, AimsError> {
+            let of = self.wanted.iter().zip(&self.moves).filter(|(_, of)| **of == moves);
+            Ok(Goals::new(of.map(|(wanted, _)| wanted.clone()).collect(), self.rows)?)
+        };
+        Ok([part(true)?, part(false)?])
+    }
+
+    /// Adds a wish for a part of a structure, of which all points outside targets count, also those of organs.
+    fn add_region(
+        &mut self,
+        case: &Case,
+        sampling: &Sampling,
+        (place, structure): (usize, &Structure),
+        wish: &Wish,
+        [prescribed, highest]: [f64; 2],
+    ) {
+        let outside = sampling.members[place].iter().filter(|v| sampling.to_target_mm[**v as usize] > 0.0);
+        let (part, voxels): (String, Vec<u32>) = match wish {
+            Wish::Entry { depth: Length(depth), .. } => {
+                let depths = case.external().map(|body| sampling.depths_mm(case, body)).unwrap_or_default();
+                let shallow = |v: &&u32| depths.get(**v as usize).is_some_and(|d| f64::from(*d) <= *depth);
+                (format!("{} (first {depth} mm)", structure.name), outside.filter(shallow).copied().collect())
+            }
+            _ => (format!("{} (fall-off)", structure.name), outside.copied().collect()),
+        };
+        let Points { rows: voxels, volumes, to_target_mm } = sampling.points(place, structure, &voxels);
+        if voxels.is_empty() {
+            self.notes.push(format!("{part} has no voxel on the dose grid, so nothing is wanted of it"));
+            return;
+        }
+        // From the border of the target: half a voxel nearer than the centre of its last voxel.
+        let half = 0.5 * sampling.grid().spacing_mm[0];
+        let to_target_mm = to_target_mm.iter().map(|r| (r - half).max(0.0)).collect();
+        let objectives = vec![wish.objective(prescribed, highest)];
+        self.moves.push(follows(structure.role));
+        self.wanted.push(Wanted { name: part, voxels, volumes, to_target_mm, objectives });
+    }
+
+    /// Rows of structures that are followed through every set-up, rising.
+    pub fn followed(&self) -> &[u32] {
+        &self.followed
+    }
+}
+
+/// Whether a structure of this role is followed through every set-up: all but the outline, whose doses would be most of
+/// the work.
+pub fn follows(role: Role) -> bool {
+    role != Role::External
+}
+
+impl Wish {
+    /// The dose that it speaks of.
+    fn dose(&self) -> Option<Dose> {
+        match self {
+            Self::Overdose { dose, .. }
+            | Self::Entry { dose, .. }
+            | Self::FallOff { near: dose, .. }
+            | Self::Underdose { dose, .. }
+            | Self::MeanDose { dose, .. }
+            | Self::DvhAtMost { dose, .. }
+            | Self::DvhAtLeast { dose, .. } => Some(*dose),
+            Self::Homogeneity { .. } => None,
+        }
+    }
+
+    /// Whether it is for a part of the structure by its place, not for the points that no structure before has.
+    fn is_regional(&self) -> bool {
+        matches!(self, Self::FallOff { .. } | Self::Entry { .. })
+    }
+
+    fn objective(&self, prescribed: f64, highest: f64) -> Objective {
+        let gray = |dose: Dose| match dose {
+            Dose::Gray(gray) => gray,
+            Dose::OfPrescription(part) => part * prescribed,
+            Dose::OfHighest(part) => part * highest,
+        };
+        match *self {
+            Self::Overdose { dose, weight } | Self::Entry { dose, weight, .. } => {
+                Objective::Overdose { dose: gray(dose), weight }
+            }
+            Self::FallOff { near, far, over: Length(over_mm), weight } => {
+                Objective::FallOff { near: gray(near), far: gray(far), over_mm, weight }
+            }
+            Self::Underdose { dose, weight } => Objective::Underdose { dose: gray(dose), weight },
+            Self::MeanDose { dose, weight } => Objective::MeanDose { dose: gray(dose), weight },
+            Self::Homogeneity { weight } => Objective::Homogeneity { weight },
+            Self::DvhAtMost { dose, volume: Volume(volume), weight } => {
+                Objective::DvhAtMost { dose: gray(dose), volume, weight }
+            }
+            Self::DvhAtLeast { dose, volume: Volume(volume), weight } => {
+                Objective::DvhAtLeast { dose: gray(dose), volume, weight }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dose::DoseParams;
+    use stillpoint_patient::case::{CaseParts, Mask, Prescription, phantom};
+
+    fn aims() -> (Case, Aims) {
+        let case = phantom(0).unwrap();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
+        (case, aims)
+    }
+
+    #[test]
+    fn targets_come_first_and_a_voxel_counts_once() {
+        let (_, aims) = aims();
+        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        assert_eq!(
+            names,
+            [
+                "PTV",
+                "Rectum",
+                "Bladder",
+                "FemoralHeadL",
+                "FemoralHeadR",
+                "Body (fall-off)",
+                "Body (fall-off)",
+                "Body (first 10 mm)",
+                "Body"
+            ]
+        );
+        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let mut all: Vec<u32> = whole.flat_map(|w| w.voxels.clone()).collect();
+        let count = all.len();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), count);
+        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 1600.0 });
+    }
+
+    #[test]
+    fn set_ups_share_the_weight_and_the_outline_counts_once() {
+        let (_, aims) = aims();
+        let goals = aims.goals(7).unwrap();
+        assert_eq!(goals.rows(), 7 * aims.rows);
+        assert_eq!(goals.wanted().len(), 7 * 5 + 4);
+        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let all = whole.map(|w| w.voxels.len()).sum::<usize>();
+        let moving: usize = aims.wanted[..5].iter().map(|w| w.voxels.len()).sum();
+        assert_eq!(goals.voxels().len(), all + 6 * moving);
+        assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
+        assert_eq!(
+            goals.wanted()[6].objectives[0],
+            Objective::Underdose { dose: 78.0, weight: 1600.0 * (1.0 / 7.0) }
+        );
+        assert!(matches!(goals.wanted()[38].objectives[0], Objective::Overdose { weight: 8.0, .. }));
+    }
+
+    /// Goals by distance hold for all points outside the targets, also those of organs.
+    #[test]
+    fn the_fall_off_and_the_entry_count_for_every_point_of_their_region_outside_the_targets() {
+        let (case, aims) = aims();
+        let find = |name: &str| aims.wanted.iter().find(|w| w.name == name).unwrap();
+        let (fall_off, entry) = (find("Body (fall-off)"), find("Body (first 10 mm)"));
+        let rectum = find("Rectum");
+        assert!(rectum.voxels.iter().all(|v| fall_off.voxels.contains(v)));
+        assert!(find("PTV").voxels.iter().all(|v| !fall_off.voxels.contains(v)));
+        let nearest = fall_off.to_target_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+        assert_eq!((fall_off.to_target_mm.len(), nearest), (fall_off.voxels.len(), 2.5), "voxels of 5 mm");
+        assert!(matches!(fall_off.objectives[..], [Objective::FallOff { near: 78.0, over_mm: 13.0, .. }]));
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let body = case.external().unwrap();
+        let deep = |voxel: u32| {
+            let centre = grid.centre_mm(grid.voxel(voxel as usize));
+            // A cross of 15 mm arms around the voxel is in the patient.
+            (0..3).all(|axis| {
+                [-15.0, 15.0].iter().all(|by| {
+                    let mut at = centre;
+                    at[axis] += by;
+                    let place = std::array::from_fn(|i| {
+                        ((at[i] - case.grid().origin_mm[i]) / case.grid().spacing_mm[i]).round().max(0.0)
+                            as usize
+                    });
+                    (0..3).all(|i| place[i] < case.grid().counts[i])
+                        && body.mask.contains(case.grid().index(place))
+                })
+            })
+        };
+        let too_deep = entry.voxels.iter().filter(|v| deep(**v)).count();
+        assert!(
+            !entry.voxels.is_empty() && too_deep * 20 < entry.voxels.len(),
+            "{too_deep} of {}",
+            entry.voxels.len()
+        );
+        assert!(matches!(entry.objectives[..], [Objective::Overdose { dose: 39.0, .. }]));
+    }
+
+    #[test]
+    fn a_target_without_a_dose_is_refused() {
+        let (case, _) = aims();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [{"role": "external", "wanted": [{"overdose": {"dose": "1 Gy", "weight": 1}}]}]}"#;
+        let only = ObjectiveTable::parse(own).unwrap();
+        assert_eq!(only.for_case(&case, &grid), Err(AimsError::NoTarget));
+        let unprescribed = two_targets(Vec::new());
+        let grid = *unprescribed.grid();
+        let shipped = ObjectiveTable::shipped().unwrap();
+        assert_eq!(shipped.for_case(&unprescribed, &grid), Err(AimsError::NoDose("low".into())));
+        let own = r#"{"objectives": [
+            {"match": ["PTV"], "wanted": [{"overdose": {"dose": "60 Gy", "weight": 1}}]},
+            {"match": ["low"], "wanted": [{"overdose": {"dose": "104 % of the highest", "weight": 1}}]}]}"#;
+        let own = ObjectiveTable::parse(own).unwrap();
+        assert_eq!(own.for_case(&unprescribed, &grid), Err(AimsError::NoPrescription("low".into())));
+    }
+
+    /// A box in a box, each a target.
+    fn two_targets(prescription: Vec<Prescription>) -> Case {
+        let grid = Grid { counts: [6, 6, 6], spacing_mm: [5.0; 3], origin_mm: [0.0; 3] };
+        let within = |most: usize| Mask::from_fn(grid.len(), |i| grid.voxel(i).iter().all(|c| *c < most));
+        let target =
+            |name: &str, most| Structure { name: name.into(), role: Role::Target, mask: within(most) };
+        Case::new(CaseParts {
+            name: "two".into(),
+            grid,
+            hu: vec![0; grid.len()],
+            structures: vec![target("low", 5), target("PTV", 3)],
+            isocentre_mm: None,
+            prescription,
+            fractions: None,
+            reference_dose_gy: None,
+            uids: None,
+            provenance: String::new(),
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn a_share_of_the_highest_is_one_dose_for_all_targets() {
+        let prescribed = |structure: &str, dose_gy| Prescription { structure: structure.into(), dose_gy };
+        let case = two_targets(vec![prescribed("low", 50.0), prescribed("PTV", 70.0)]);
+        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, case.grid()).unwrap();
+        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        assert_eq!(names, ["PTV", "low"]);
+        for (wanted, own) in aims.wanted.iter().zip([70.0, 50.0]) {
+            let expected = [
+                Objective::Underdose { dose: own, weight: 1600.0 },
+                Objective::Overdose { dose: 1.02 * own, weight: 150.0 },
+                Objective::Overdose { dose: 1.04 * 70.0, weight: 1500.0 },
+            ];
+            assert_eq!(wanted.objectives, expected);
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! The table of objectives.
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use stillpoint_patient::case::{Role, name_fits};
+
+const SHIPPED: &str = include_str!("../../data/objectives.json");
+
+/// Lines that structures are matched by, in their order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObjectiveTable {
+    pub(super) lines: Vec<TableLine>,
+}
+
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TableLine {
+    /// Names, by letters and digits, with `*` for any; without it every name.
+    #[serde(rename = "match")]
+    patterns: Option<Vec<String>>,
+    /// Role; without it every role.
+    role: Option<Role>,
+    pub wanted: Vec<Wish>,
+}
+
+/// An objective as the table writes it.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "snake_case")]
+pub(super) enum Wish {
+    Overdose { dose: Dose, weight: f64 },
+    FallOff { near: Dose, far: Dose, over: Length, weight: f64 },
+    Entry { dose: Dose, depth: Length, weight: f64 },
+    Underdose { dose: Dose, weight: f64 },
+    MeanDose { dose: Dose, weight: f64 },
+    Homogeneity { weight: f64 },
+    DvhAtMost { dose: Dose, volume: Volume, weight: f64 },
+    DvhAtLeast { dose: Dose, volume: Volume, weight: f64 },
+}
+
+/// A dose: `35 Gy`, `95 %` of the prescription, or `104 % of the highest` prescription.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) enum Dose {
+    Gray(f64),
+    OfPrescription(f64),
+    OfHighest(f64),
+}
+
+/// A volume: `30 %` of the structure, as a fraction.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Volume(pub f64);
+
+/// A length: `20 mm`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Length(pub f64);
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    objectives: Vec<TableLine>,
+}
+
+/// Why a text is no table of objectives.
+#[derive(Debug, Error)]
+pub enum TableError {
+    /// It is no JSON of a table.
+    #[error(
+        "the objectives cannot be read: {0}; they must be like {{\"objectives\": [{{\"match\": [\"Rectum\"], \"wanted\": [{{\"overdose\": {{\"dose\": \"35 Gy\", \"weight\": 20}}}}]}}]}}"
+    )]
+    Json(#[from] serde_json::Error),
+    /// A line that matches nothing, or everything.
+    #[error("line {0} of the objectives needs a `match` with names, a `role`, or both")]
+    Line(usize),
+}
+
+impl ObjectiveTable {
+    /// The table that stillpoint ships.
+    pub fn shipped() -> Result<Self, TableError> {
+        Self::parse(SHIPPED)
+    }
+
+    /// The table in this JSON text.
+    pub fn parse(text: &str) -> Result<Self, TableError> {
+        let Table { objectives: lines } = serde_json::from_str(text)?;
+        let empty = |line: &TableLine| match &line.patterns {
+            Some(patterns) => {
+                patterns.is_empty() || patterns.iter().any(|p| !p.contains(char::is_alphanumeric))
+            }
+            None => line.role.is_none(),
+        };
+        match lines.iter().position(empty) {
+            Some(index) => Err(TableError::Line(index + 1)),
+            None => Ok(Self { lines }),
+        }
+    }
+
+    /// This table, with `later` for the structures that it does not match.
+    pub fn before(mut self, later: Self) -> Self {
+        self.lines.extend(later.lines);
+        self
+    }
+
+    /// The objectives of the first line that matches; none if no line does.
+    pub(super) fn find(&self, name: &str, role: Role) -> &[Wish] {
+        let fits = |line: &&TableLine| {
+            line.role.is_none_or(|r| r == role)
+                && line.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
+        };
+        self.lines.iter().find(fits).map_or(&[], |line| &line.wanted)
+    }
+}
+
+impl TryFrom<String> for Dose {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let gray = number(&text, "Gy").map(Self::Gray);
+        gray.or_else(|| number(&text, "%").map(|p| Self::OfPrescription(p / 100.0)))
+            .or_else(|| number(&text, "% of the highest").map(|p| Self::OfHighest(p / 100.0)))
+            .ok_or_else(|| {
+                format!(
+                    "{text:?} is no dose: `35 Gy`, `95 %` (of the prescription) or `104 % of the highest` (prescription) is due"
+                )
+            })
+    }
+}
+
+impl TryFrom<String> for Volume {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let part = number(&text, "%").map(|p| p / 100.0).filter(|part| (0.0..=1.0).contains(part));
+        part.map(Self).ok_or_else(|| format!("{text:?} is no volume: `30 %` (of the structure) is due"))
+    }
+}
+
+impl TryFrom<String> for Length {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let mm = number(&text, "mm").filter(|mm| *mm > 0.0);
+        mm.map(Self).ok_or_else(|| format!("{text:?} is no length: `20 mm` is due"))
+    }
+}
+
+/// A number with this unit.
+fn number(text: &str, unit: &str) -> Option<f64> {
+    text.trim().strip_suffix(unit)?.trim().parse().ok().filter(|n: &f64| n.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_line_that_matches_name_and_role_counts_and_a_user_goes_first() {
+        let own = r#"{"objectives": [
+            {"match": ["rect*"], "role": "organ", "wanted": [{"mean_dose": {"dose": "50 %", "weight": 1}}]},
+            {"match": ["skip"], "wanted": []}
+        ]}"#;
+        let table = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
+        let mean = Wish::MeanDose { dose: Dose::OfPrescription(0.5), weight: 1.0 };
+        assert_eq!(table.find("Rectum", Role::Organ), [mean]);
+        assert_eq!(table.find("Skip", Role::Organ), []);
+        assert_eq!(table.find("Rectum", Role::Target).len(), 3, "a target by its role");
+        let head = Wish::Overdose { dose: Dose::Gray(25.0), weight: 8.0 };
+        assert_eq!(table.find("FemoralHeadL", Role::Organ), [head]);
+        assert_eq!(table.find("GTV", Role::ClinicalTarget), []);
+    }
+
+    #[test]
+    fn what_is_no_table_is_refused_with_its_place_and_what_is_due() {
+        let refused = |text: &str| ObjectiveTable::parse(text).unwrap_err().to_string();
+        let wish =
+            |wish: &str| refused(&format!(r#"{{"objectives": [{{"match": ["a"], "wanted": [{wish}]}}]}}"#));
+        assert!(refused("[]").contains("must be like"));
+        assert!(
+            refused(r#"{"objectives": [{"role": "organ", "wanted": []}, {"wanted": []}]}"#)
+                .contains("line 2")
+        );
+        assert!(refused(r#"{"objectives": [{"match": ["*"], "wanted": []}]}"#).contains("line 1"));
+        assert!(wish(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy`, `95 %`"));
+        assert!(
+            wish(r#"{"dvh_at_most": {"dose": "3 Gy", "volume": "130 %", "weight": 1}}"#)
+                .contains("is no volume")
+        );
+        assert!(wish(r#"{"overdoes": {}}"#).contains("unknown variant"));
+    }
+}

@@ -1,0 +1,18 @@
+//! A patient, as the tracker and the planner share one: a planned patient is the patient that is seen and held.
+//!
+//! Lengths are in millimetres and their names say so (`_mm`): images and plans are written in them, and grid positions
+//! stay exact.
+//!
+//! - [`case`]: images, structures and prescription, and the files that hold them
+//! - [`couch`]: from the couch's frame to the patient's
+//! - `grid`: where the voxels are
+//! - [`outline`]: the surface of a patient, and files of surfaces
+
+#![forbid(unsafe_code)]
+
+pub mod case;
+pub mod couch;
+mod grid;
+pub mod outline;
+
+pub use grid::Grid;

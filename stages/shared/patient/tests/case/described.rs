@@ -1,0 +1,115 @@
+//! NRRD volumes with JSON: what is read, and what is refused with the file and what to do.
+
+use stillpoint_patient::case::{Imported, NameTable, Role, Values, import_described, read_nrrd};
+
+use super::small::{GRID, JSON, describe, nrrd};
+
+fn import(json: &str, harm: impl FnOnce(&std::path::Path)) -> Result<Imported, String> {
+    let folder = tempfile::tempdir().unwrap();
+    describe(folder.path(), json);
+    harm(folder.path());
+    import_described(&folder.path().join("small.json"), &NameTable::shipped().unwrap())
+        .map_err(|e| e.to_string())
+}
+
+fn refusal(from: &str, to: &str) -> String {
+    assert!(JSON.contains(from), "{from}");
+    import(&JSON.replace(from, to), |_| {}).unwrap_err()
+}
+
+#[test]
+fn a_described_case_is_read() {
+    let Imported { case, notes } = import(JSON, |_| {}).unwrap();
+    assert_eq!(case.hu()[..3], [-1000, -900, -800]);
+    let ptv = case.structure("PTV").unwrap();
+    assert_eq!((ptv.role, ptv.mask.indices().collect::<Vec<_>>()), (Role::Target, vec![5, 6]));
+    assert_eq!(case.external().unwrap().name, "Body");
+    assert_eq!(notes, [r#""BODY" is called "Body""#]);
+    assert_eq!((case.prescription()[0].dose_gy, case.fractions()), (50.0, Some(25)));
+    assert_eq!(case.reference_dose_gy().unwrap()[3], 0.21);
+    assert!((case.isocentre_mm()[0] - (-6.0 + 3.0 * 1.5)).abs() < 1e-12);
+}
+
+#[test]
+fn a_description_at_odds_is_refused_with_the_file() {
+    for (from, to, expected) in [
+        ("\"mm\"", "\"cm\"", "`mm` and `LPS` are due"),
+        ("LPS", "RAS", "`mm` and `LPS` are due"),
+        ("[4, 3, 2]", "[4, 3, 1]", "small.ct.nrrd: it lies on"),
+        ("[3, 2.5, 1.1]", "[3, 2.5, 1.2]", "small.ct.nrrd: it lies on"),
+        ("[-6, 0.1,", "[-6, 0.2,", "small.ct.nrrd: it lies on"),
+        ("small.ct.nrrd", "small.labels.nrrd", "is unsigned, but a CT is int16"),
+        ("small.labels.nrrd", "small.ct.nrrd", "is signed, but labels are uint16"),
+        ("small.ct.nrrd", "../small.ct.nrrd", "no plain file name"),
+        ("small.ct.nrrd", "small.other.nrrd", "small.other.nrrd: "),
+        ("\"bit\": 3", "\"bit\": 16", "labels have 16"),
+        ("\"bit\": 3", "\"bit\": 0", "two structures are bit 0"),
+        ("\"bit\": 3", "\"bit\": 2", "0 voxels in the labels, but the JSON says 2"),
+        ("TARGET\", \"voxels\": 2", "TARGETS\"", "type \"TARGETS\""),
+        ("{\"PTV\": 50}", "{\"PTW\": 50}", "no structure has that name"),
+        ("{\"PTV\": 50}", "{\"PTV\": 5000}", "at most 200 Gy"),
+        ("\"fractions\": 25", "\"fractions\": \"x\"", "does not describe a case"),
+    ] {
+        let said = refusal(from, to);
+        assert!(said.contains(expected), "{said}");
+        assert!(said.contains("small."), "names the file: {said}");
+    }
+    let unnamed = r#",
+                   {"name": "PTV", "bit": 3, "type": "TARGET", "voxels": 2, "volume_cm3": 0.1}"#;
+    assert!(refusal(unnamed, "").contains("bit 3, which no structure names"));
+}
+
+#[test]
+fn a_truncated_volume_is_refused_with_the_file_and_what_to_do() {
+    for name in ["small.ct.nrrd", "small.labels.nrrd", "small.dose.nrrd"] {
+        for part in [0.2, 0.97] {
+            let said = import(JSON, |folder| {
+                let bytes = std::fs::read(folder.join(name)).unwrap();
+                std::fs::write(folder.join(name), &bytes[..(bytes.len() as f64 * part) as usize]).unwrap();
+            });
+            let said = said.unwrap_err();
+            assert!(said.contains(name) && said.contains("again"), "{said}");
+        }
+    }
+}
+
+#[test]
+fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
+    let read = |field, text| read_nrrd(&nrrd("int16", &[7; 24], Some((field, text))));
+    for (field, text, expected) in [
+        ("type", "float", "int16"),
+        ("dimension", "4", "3 axes"),
+        ("space", "right-anterior-superior", "left-posterior-superior is due"),
+        ("space", "", "no `space`"),
+        ("sizes", "4 3", "three whole numbers"),
+        ("sizes", "4 3 2 1", "three whole numbers"),
+        ("sizes", "4 3 -2", "three whole numbers"),
+        ("sizes", "40000000 30000000 2", "4294967295 voxels"),
+        ("sizes", "4000 3000 20", "end early"),
+        ("sizes", "4 3 1", "go on beyond"),
+        ("space directions", "(3,0.1,0) (0,2.5,0) (0,0,1.1)", "not oblique"),
+        ("space directions", "(0,3,0) (2.5,0,0) (0,0,1.1)", "in this order"),
+        ("space directions", "(3,0,0) (0,2.5,0) (0,0,-1.1)", "in this order"),
+        ("space directions", "(3,0,0) (0,nan,0) (0,0,1.1)", "three vectors"),
+        ("space origin", "(0,0)", "one vector"),
+        ("endian", "middle", "`little` or `big`"),
+        ("encoding", "bzip2", "`gzip` or `raw`"),
+        ("data file", "other.raw", "in one file"),
+    ] {
+        let said = read(field, text).unwrap_err().to_string();
+        assert!(said.contains(expected), "{field}: {text}: {said}");
+    }
+    assert!(read_nrrd(b"PNG").unwrap_err().to_string().contains("no NRRD file"));
+    assert!(read_nrrd(b"NRRD0005\ntype: int16\n").unwrap_err().to_string().contains("empty line"));
+}
+
+#[test]
+fn either_byte_order_and_raw_data_are_read() {
+    let volume = read_nrrd(&nrrd("int16", &[0x0102; 24], Some(("endian", "big")))).unwrap();
+    assert_eq!((volume.grid, volume.values), (GRID, Values::I16(vec![0x0201; 24])));
+    let packed = nrrd("uint16", &[], Some(("encoding", "raw")));
+    let header = packed.windows(2).position(|w| w == b"\n\n").unwrap() + 2;
+    let mut raw = packed[..header].to_vec();
+    raw.extend([1, 0].repeat(24));
+    assert_eq!(read_nrrd(&raw).unwrap().values, Values::U16(vec![1; 24]));
+}
