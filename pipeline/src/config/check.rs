@@ -12,7 +12,7 @@ use super::wiring::Wired;
 use super::{assemble, confirm, hosts, identity, links, order, port_frames, ros2, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::Files;
-use crate::operator::{Registry, Role, Stage, Timer};
+use crate::operator::{Feeder, Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
 
 /// Where a file begins.
@@ -92,6 +92,7 @@ fn pass(
         }
         checked.push((params, named.into_inner()));
     }
+    feeders(&document, &wired, &checked, findings);
     let policies = sync::policies(&document, &wired, findings);
     links::check_taken(&document, &wired, findings);
     confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);
@@ -143,6 +144,34 @@ fn params(
         findings.say(place, Code::OutOfRange, conflict.reason, conflict.help);
     }
     Some(params)
+}
+
+/// Parameters that have to go together with those of the operator that feeds an input: the fault stands at the input.
+fn feeders(
+    document: &document::Document<'_>,
+    wired: &[Wired],
+    checked: &[(Option<CheckedParams>, Vec<String>)],
+    findings: &Findings,
+) {
+    for (number, operator) in wired.iter().enumerate() {
+        let (Some(stage), Some((Some(params), _))) = (&operator.stage, checked.get(number)) else { continue };
+        for (input, connected) in operator.inputs.iter().enumerate() {
+            let Some(edge) = connected.edge else { continue };
+            let (Some(from), Some((Some(theirs), _))) = (&wired[edge.operator].stage, checked.get(edge.operator))
+            else {
+                continue;
+            };
+            let feeder = Feeder {
+                operator: &document.operators[edge.operator].name.value,
+                kind: from.kind.name,
+                every: document.operators[edge.operator].every.as_ref().map(|every| every.value),
+                params: &theirs.resolved,
+            };
+            if let Err(conflict) = (stage.validate_input)(params, input, &feeder) {
+                findings.say(connected.span, Code::OutOfRange, conflict.reason, conflict.help);
+            }
+        }
+    }
 }
 
 /// The place in a value that the last argument changed, else its own.

@@ -16,7 +16,9 @@
 //! - `pipeline_file`, `compress`, `quantity`: arguments of several subcommands
 //! - `simulate`, `status_line`, `summary`: parts of `run`
 //! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
-//! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
+//! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
+//! - `rates`: rates of topics from journals, for `topics` and `hz`
+//! - `series`, `picture`: parts of `identify`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `private`: files that only their owner may read
 //! - `pool`: the options of `plan` and `train planner` for a pool of workers
@@ -31,6 +33,8 @@ mod columns;
 mod commands;
 mod compress;
 mod exit;
+mod number;
+mod path;
 mod picture;
 mod pipeline_file;
 mod pool;
@@ -38,6 +42,8 @@ mod private;
 mod program;
 mod proposal;
 mod quantity;
+mod rates;
+mod screen;
 mod series;
 mod show;
 mod signals;
