@@ -7,10 +7,12 @@ use stillpoint_samples::{
     PoseReportElement, PoseStatus, Rejection, RejectionElement, Sample, Verb,
 };
 
-
 use crate::activation::Activation;
 use crate::operator::Setup;
-use crate::operator::{FrameRule, Input, Kind, Policy, Operator, Output, ParamConflict, Role, SetupError, Stage, StepError, Timer};
+use crate::operator::{
+    FrameRule, Input, Kind, Operator, Output, ParamConflict, Policy, Role, SetupError, Stage, StepError,
+    Timer,
+};
 use crate::outputs::Outputs;
 use crate::outside::Inbox;
 use crate::params::{Choice, Params};
@@ -196,7 +198,9 @@ impl Operator for Console {
         script.sort_by_key(|line| line.at);
         if let Some(input) = params.unanswered().find(|input| !setup.is_connected(*input)) {
             let name = Self::KIND.inputs[input].name;
-            return Err(SetupError(format!("`repeat` needs the input `{name}`: connect it, or remove `repeat`")));
+            return Err(SetupError(format!(
+                "`repeat` needs the input `{name}`: connect it, or remove `repeat`"
+            )));
         }
         let inbox = setup.outside.inbox.clone();
         Ok(Self { inbox, script: script.into(), waiting: None, every: setup.every.unwrap_or(0), said: None })
@@ -217,7 +221,8 @@ impl Operator for Console {
         let actuation = activation.input::<Actuation>(ACTUATION).and_then(|view| view.first().copied());
         let report = activation.input::<PoseReport>(REPORT).and_then(|view| view.first().copied());
         if let Some(mut waiting) = self.waiting.take()
-            && let Err(why) = accepted(waiting.line.said, waiting.reference, actuation.as_ref(), report.as_ref())
+            && let Err(why) =
+                accepted(waiting.line.said, waiting.reference, actuation.as_ref(), report.as_ref())
         {
             if now >= waiting.again {
                 let (verb, times) = (waiting.line.said.verb(), waiting.times);
@@ -270,7 +275,11 @@ fn accepted(
                 return Ok(());
             }
             let lacking: Vec<&str> = ActuationReason::words(actuation.lacking).collect();
-            Err(if lacking.is_empty() { "the valves have not answered".to_owned() } else { lacking.join(", ") })
+            Err(if lacking.is_empty() {
+                "the valves have not answered".to_owned()
+            } else {
+                lacking.join(", ")
+            })
         }
         Said::Capture | Said::Confirm => {
             let report = report.ok_or("the tracker has not answered")?;

@@ -16,7 +16,10 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream, Error> {
     for variant in &of.variants {
         let ident = &variant.ident;
         if !matches!(variant.fields, Fields::Unit) || variant.discriminant.is_none() {
-            return Err(Error::new(ident.span(), "write the number of each code: `Name = 1`, without fields"));
+            return Err(Error::new(
+                ident.span(),
+                "write the number of each code: `Name = 1`, without fields",
+            ));
         }
         let mut word = spaced(&ident.to_string());
         for attribute in variant.attrs.iter().filter(|a| a.path().is_ident("word")) {
@@ -30,7 +33,9 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream, Error> {
             return Err(Error::new(ident.span(), format!("two codes have the word `{word}`")));
         }
         let about = doc::text(&variant.attrs);
-        rows.push(quote!(::stillpoint_samples::Code { word: #word, value: #name::#ident as u64, about: #about }));
+        rows.push(
+            quote!(::stillpoint_samples::Code { word: #word, value: #name::#ident as u64, about: #about }),
+        );
         pairs.push(quote!((#word, #name::#ident)));
         idents.push(ident);
         words.push(word);

@@ -9,12 +9,16 @@ use syn::{Error, Field, LitInt, LitStr, Path, Token, Type};
 /// The names of a field's numbers, as tokens.
 pub fn of(field: &Field, is_integer: bool) -> Result<TokenStream, Error> {
     let mut found = quote!(::stillpoint_samples::Names::None);
-    let mut attributes = field.attrs.iter().filter(|a| {
-        ["codes", "bits", "each", "parts", "rows"].iter().any(|known| a.path().is_ident(known))
-    });
+    let mut attributes = field
+        .attrs
+        .iter()
+        .filter(|a| ["codes", "bits", "each", "parts", "rows"].iter().any(|known| a.path().is_ident(known)));
     let Some(attribute) = attributes.next() else { return Ok(found) };
     if let Some(more) = attributes.next() {
-        return Err(Error::new(more.span(), "a field has one kind of names: codes, bits, each, parts or rows"));
+        return Err(Error::new(
+            more.span(),
+            "a field has one kind of names: codes, bits, each, parts or rows",
+        ));
     }
     let is = |name: &str| attribute.path().is_ident(name);
     let is_array = matches!(field.ty, Type::Array(_));

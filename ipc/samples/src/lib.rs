@@ -67,6 +67,7 @@ pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
 pub use kind::{Sample, SampleKind, Shape};
 pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+pub use names::{Angle, Axis, Channel, Code, Codes, NO_BITS, Names, OnOff, Quaternion, ValveOrder, YesNo};
 pub use plan::{
     BixelWeight, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody,
 };
@@ -76,7 +77,6 @@ pub use pose::{Pose, PoseElement};
 pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
 pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
-pub use names::{Angle, Axis, Channel, Code, Codes, NO_BITS, Names, OnOff, Quaternion, ValveOrder, YesNo};
 pub use stillpoint_derive::{Codes, Layout};
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};

@@ -219,7 +219,9 @@ mod tests {
 
     #[test]
     fn no_table_gives_a_number_or_a_word_twice() {
-        for codes in crate::all().iter().flat_map(|kind| kind.body.iter().chain(kind.element)).map(|f| f.names.codes()) {
+        for codes in
+            crate::all().iter().flat_map(|kind| kind.body.iter().chain(kind.element)).map(|f| f.names.codes())
+        {
             for (i, code) in codes.iter().enumerate() {
                 assert!(codes[..i].iter().all(|c| c.value != code.value && c.word != code.word), "{code:?}");
                 assert!(!code.about.is_empty(), "{code:?} says nothing about itself");

@@ -157,7 +157,8 @@ fn feeders(
         let (Some(stage), Some((Some(params), _))) = (&operator.stage, checked.get(number)) else { continue };
         for (input, connected) in operator.inputs.iter().enumerate() {
             let Some(edge) = connected.edge else { continue };
-            let (Some(from), Some((Some(theirs), _))) = (&wired[edge.operator].stage, checked.get(edge.operator))
+            let (Some(from), Some((Some(theirs), _))) =
+                (&wired[edge.operator].stage, checked.get(edge.operator))
             else {
                 continue;
             };

@@ -1,9 +1,7 @@
 //! Which field of which sample differs, and by how much.
 
 use serde::Serialize;
-use stillpoint_samples::{
-    Entry, Field, HEADER_FIELDS, HEADER_SIZE, Primitive, RefKind, SampleKind,
-};
+use stillpoint_samples::{Entry, Field, HEADER_FIELDS, HEADER_SIZE, Primitive, RefKind, SampleKind};
 
 /// Where something differs, and both values.
 #[derive(Clone, Debug, PartialEq, Serialize)]

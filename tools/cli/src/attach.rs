@@ -78,7 +78,13 @@ impl Which {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
         let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;
-        Ok(Attached { graph: graph.live(), domain, root: card.root.clone(), session: card.session, pid: card.pid })
+        Ok(Attached {
+            graph: graph.live(),
+            domain,
+            root: card.root.clone(),
+            session: card.session,
+            pid: card.pid,
+        })
     }
 }
 

@@ -69,7 +69,9 @@ impl Number {
     /// As text with its unit. Times in ns are shown in s.
     pub fn text(self, unit: &str, angles: Angles) -> (String, String) {
         match self {
-            Self::Unsigned(ns) if unit == "ns" => (format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000), "s".to_owned()),
+            Self::Unsigned(ns) if unit == "ns" => {
+                (format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000), "s".to_owned())
+            }
             Self::Unsigned(x) => (x.to_string(), unit.to_owned()),
             Self::Signed(x) => (x.to_string(), unit.to_owned()),
             Self::Float(x) => {
@@ -127,7 +129,14 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_angles_are_degrees_where_asked() {
-        for (x, text) in [(0.0, "0"), (1.0, "1"), (0.25, "0.25"), (1234567.0, "1234567"), (1e-7, "1.00000e-7"), (-0.0123456789, "-0.0123457")] {
+        for (x, text) in [
+            (0.0, "0"),
+            (1.0, "1"),
+            (0.25, "0.25"),
+            (1234567.0, "1234567"),
+            (1e-7, "1.00000e-7"),
+            (-0.0123456789, "-0.0123457"),
+        ] {
             assert_eq!(short(x), text);
         }
         assert_eq!(short(f64::NAN), "NaN");

@@ -3,7 +3,9 @@
 use std::fmt::{Display, Formatter};
 
 use stillpoint_pipeline::config::near::nearest;
-use stillpoint_samples::{Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Names, Pieces, Sample, SampleKind, Shape};
+use stillpoint_samples::{
+    Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Names, Pieces, Sample, SampleKind, Shape,
+};
 
 use crate::number::{Number, parts_of, single_unit};
 
@@ -65,7 +67,9 @@ impl ValuePath {
     /// Samples of this kind have no such value; the text names what they have.
     pub fn new(text: &str, kind: &'static SampleKind) -> Result<Self, String> {
         let steps = steps(text).ok_or_else(|| {
-            format!("invalid path: `{text}` (allowed: names and indices, such as position.z or covariance[2][2])")
+            format!(
+                "invalid path: `{text}` (allowed: names and indices, such as position.z or covariance[2][2])"
+            )
         })?;
         let place = place(&steps, kind).map_err(|why| format!("`{text}`: {why}"))?;
         Ok(Self { text: text.to_owned(), place })
@@ -78,7 +82,9 @@ impl ValuePath {
                 let bytes = match at {
                     At::Header(offset) => sample.meta.get(*offset..)?,
                     At::Body(offset) => sample.meta.get(HEADER_SIZE + offset..)?,
-                    At::Element(element, offset) => sample.payload.get(element * kind.element_size + offset..)?,
+                    At::Element(element, offset) => {
+                        sample.payload.get(element * kind.element_size + offset..)?
+                    }
                 };
                 let all = Number::all(field, bytes.get(..field.size())?);
                 let is_array = field.array > 0 && index.is_none();
@@ -92,7 +98,12 @@ impl ValuePath {
             Place::Bare { element } => {
                 let size = kind.element_size;
                 let bytes = sample.payload.get(element * size..(element + 1) * size)?;
-                Some(Found { field: None, unit: "", values: vec![Number::of(kind.bare?, bytes)], is_array: false })
+                Some(Found {
+                    field: None,
+                    unit: "",
+                    values: vec![Number::of(kind.bare?, bytes)],
+                    is_array: false,
+                })
             }
             Place::Metric(name) => {
                 let view = sample.view::<Diagnostics>().ok()?;
@@ -104,7 +115,12 @@ impl ValuePath {
                 let field = kind.element.iter().find(|f| f.size() == 32)?;
                 let q: Vec<f64> = Number::all(field, bytes).into_iter().map(Number::float).collect();
                 let angles = stillpoint_pose::angles([q[0], q[1], q[2], q[3]]).unwrap_or([f64::NAN; 3]);
-                Some(Found { field: None, unit: "rad", values: vec![Number::Float(angles[*angle])], is_array: false })
+                Some(Found {
+                    field: None,
+                    unit: "rad",
+                    values: vec![Number::Float(angles[*angle])],
+                    is_array: false,
+                })
             }
         }
     }
@@ -160,7 +176,9 @@ fn place(steps: &[Step<'_>], kind: &'static SampleKind) -> Result<Place, String>
         (None, in_element) => field_of(HEADER_FIELDS, name)
             .map(|(o, f)| (At::Header(o), f))
             .or_else(|| field_of(kind.body, name).map(|(o, f)| (At::Body(o), f)))
-            .or_else(|| in_element.and_then(|e| field_of(kind.element, name).map(|(o, f)| (At::Element(e, o), f)))),
+            .or_else(|| {
+                in_element.and_then(|e| field_of(kind.element, name).map(|(o, f)| (At::Element(e, o), f)))
+            }),
     };
     if let Some((at, field)) = found {
         return Ok(Place::Field { at, field, index: index_of(field, rest)? });
@@ -225,7 +243,10 @@ fn index_of(field: &'static Field, steps: &[Step<'_>]) -> Result<Option<usize>, 
             let at = parts.iter().position(|c| c.word == *part).filter(|at| *at < field.array);
             at.map(Some).ok_or_else(|| format!("{} has no part `{part}`; it has {}", field.name, all()))
         }
-        ([Step::Name(part)], _) => Err(format!("the values of {} have no names: write {}[0] in place of .{part}", field.name, field.name)),
+        ([Step::Name(part)], _) => Err(format!(
+            "the values of {} have no names: write {}[0] in place of .{part}",
+            field.name, field.name
+        )),
         _ => Err(format!("{} has {} values: write one index", field.name, field.array)),
     }
 }
@@ -300,7 +321,9 @@ mod tests {
         bytes[28] = 2;
         bytes[HEADER_SIZE..].copy_from_slice(metrics.as_bytes());
         let sample = Pieces::split(kind, &bytes).unwrap_or_else(|e| panic!("{e}"));
-        let found = |path| ValuePath::new(path, kind).ok().and_then(|p| p.find(kind, sample)).map(|f| f.values[0].float());
+        let found = |path| {
+            ValuePath::new(path, kind).ok().and_then(|p| p.find(kind, sample)).map(|f| f.values[0].float())
+        };
         assert_eq!((found("second"), found("[0].value"), found("third")), (Some(2.5), Some(1.0), None));
     }
 }

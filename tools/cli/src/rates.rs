@@ -110,7 +110,11 @@ impl Rates {
     }
 
     /// Of a running pipeline, watched for a time or until a signal: of the operators for which `which` holds.
-    pub fn of_run(attached: &Attached, time: Duration, which: impl Fn(&str) -> bool) -> Result<Self, Failure> {
+    pub fn of_run(
+        attached: &Attached,
+        time: Duration,
+        which: impl Fn(&str) -> bool,
+    ) -> Result<Self, Failure> {
         let graph = &attached.graph;
         let (mut senders, mut journals) = (Vec::new(), Vec::new());
         for (number, node) in graph.operators.iter().enumerate().filter(|(_, o)| which(&o.name)) {

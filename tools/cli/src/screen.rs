@@ -40,7 +40,12 @@ pub fn of_sample(topic: &str, kind: &'static SampleKind, sample: Pieces<'_>, ang
 }
 
 /// The values behind paths, a line a sample.
-pub fn of_values(kind: &'static SampleKind, sample: Pieces<'_>, paths: &[ValuePath], angles: Angles) -> String {
+pub fn of_values(
+    kind: &'static SampleKind,
+    sample: Pieces<'_>,
+    paths: &[ValuePath],
+    angles: Angles,
+) -> String {
     let one = |path: &ValuePath| match path.find(kind, sample) {
         None => format!("{path}: -"),
         Some(found) => match found.field {
@@ -72,7 +77,10 @@ fn rows(fields: &[Field], bytes: &[u8], angles: Angles) -> Vec<String> {
 }
 
 fn in_a_line(fields: &[Field], bytes: &[u8], angles: Angles) -> String {
-    split(fields, bytes).map(|(f, own)| format!("{}: {}", f.name, field(f, own, angles))).collect::<Vec<_>>().join("  ")
+    split(fields, bytes)
+        .map(|(f, own)| format!("{}: {}", f.name, field(f, own, angles)))
+        .collect::<Vec<_>>()
+        .join("  ")
 }
 
 /// The fields with their bytes, without those that hold nothing for people.
@@ -128,7 +136,8 @@ fn array(field: &Field, values: &[Number], angles: Angles, most: usize) -> Strin
     let join = |numbers: &[Number]| numbers.iter().map(one).collect::<Vec<_>>().join("  ");
     let said = match field.names {
         Names::Rows(rows, columns) if values.len() > most && rows == columns => {
-            let diagonal: Vec<Number> = (0..rows).filter_map(|i| values.get(i * (columns + 1)).copied()).collect();
+            let diagonal: Vec<Number> =
+                (0..rows).filter_map(|i| values.get(i * (columns + 1)).copied()).collect();
             format!("{rows} by {columns}, diagonal: {}", join(&diagonal))
         }
         Names::Rows(rows, columns) if values.len() > most => {
@@ -158,7 +167,8 @@ fn metrics(sample: Pieces<'_>) -> Vec<String> {
     if view.elements.is_empty() {
         return vec![format!("  {NO_BITS}")];
     }
-    let all: Vec<String> = view.elements.iter().map(|m| format!("{:<24} {:<12}", m.name(), short(m.value))).collect();
+    let all: Vec<String> =
+        view.elements.iter().map(|m| format!("{:<24} {:<12}", m.name(), short(m.value))).collect();
     let height = all.len().div_ceil(COLUMNS);
     let line = |row: usize| {
         let cells: Vec<&str> = all.iter().skip(row).step_by(height).map(String::as_str).collect();
@@ -208,7 +218,8 @@ mod tests {
             assert!(shown.lines().any(|l| l == line), "{line:?} is not in\n{shown}");
         }
         assert!(!shown.contains("reserved"));
-        let paths = ["reasons", "position_error.y"].map(|p| ValuePath::new(p, Gate::KIND).unwrap_or_else(|e| panic!("{e}")));
+        let paths = ["reasons", "position_error.y"]
+            .map(|p| ValuePath::new(p, Gate::KIND).unwrap_or_else(|e| panic!("{e}")));
         let line = of_values(Gate::KIND, sample, &paths, Angles::Radians);
         assert_eq!(line, "reasons: pose stale, position   position_error.y: -0.002 m");
     }

@@ -1,7 +1,9 @@
 //! A sample as JSON, by the field table of its kind.
 
 use serde_json::{Map, Value, json};
-use stillpoint_samples::{Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, Sample, SampleKind};
+use stillpoint_samples::{
+    Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, Sample, SampleKind,
+};
 
 use crate::number::Number;
 use crate::path::ValuePath;

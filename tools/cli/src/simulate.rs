@@ -65,7 +65,8 @@ pub fn simulate(
         answers: Answers::of(&checked.graph),
         progress: progress(length, shows_progress),
     };
-    let report = simulated::simulate(&checked.graph, &source, options, &mut watch).map_err(Failure::failed)?;
+    let report =
+        simulated::simulate(&checked.graph, &source, options, &mut watch).map_err(Failure::failed)?;
     watch.progress.finish_and_clear();
     Ok((report, Observed { held: Some(watch.hold.held()), answers: watch.answers }))
 }

@@ -62,7 +62,8 @@ impl<'a> Summary<'a> {
     ) -> Self {
         let readable = opened.and_then(|o| o.as_ref().ok());
         let mut held = readable.and_then(|session| Hold::of_session(graph, session));
-        let mut answers = readable.map_or_else(Answers::default, |session| Answers::of_session(graph, session));
+        let mut answers =
+            readable.map_or_else(Answers::default, |session| Answers::of_session(graph, session));
         answers.add_missing(observed.answers);
         match (&mut held, observed.held) {
             (Some(held), Some(observed)) => held.add_missing(observed),
@@ -236,7 +237,8 @@ fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
 
 /// What became of the samples that no operator received, in a line.
 fn print_losses(report: &RunReport) {
-    let sum = |of: fn(&stillpoint_pipeline::ledger::LedgerLine) -> u64| report.ledger.iter().map(of).sum::<u64>();
+    let sum =
+        |of: fn(&stillpoint_pipeline::ledger::LedgerLine) -> u64| report.ledger.iter().map(of).sum::<u64>();
     let losses = [
         (sum(|l| l.overwritten), "overwritten"),
         (sum(|l| l.pool_exhausted), "without memory"),
@@ -245,10 +247,16 @@ fn print_losses(report: &RunReport) {
         (sum(|l| l.refused), "refused"),
         (sum(|l| l.lost), "lost on a link"),
     ];
-    let said: Vec<String> =
-        losses.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    let said: Vec<String> = losses
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
     let said = if said.is_empty() { "none".to_owned() } else { said.join(", ") };
-    outln!("losses: {said}; {}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
+    outln!(
+        "losses: {said}; {}",
+        if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" }
+    );
 }
 
 fn print_operators(report: &RunReport) {

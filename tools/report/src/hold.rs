@@ -214,7 +214,8 @@ impl Hold {
 
     /// How the head is held so far.
     pub fn held(&self) -> Held {
-        let known = |g: &Gated| g.newest.map(|gate| Beam { why_not: g.why_not(), ..Beam::of(&g.topic, &gate) });
+        let known =
+            |g: &Gated| g.newest.map(|gate| Beam { why_not: g.why_not(), ..Beam::of(&g.topic, &gate) });
         Held {
             targets: self.aims.iter().map(Against::of).filter(Against::has_news).collect(),
             gates: self.gates.iter().filter_map(known).collect(),

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic};
 use stillpoint_samples::{
-    Actuation, ActuationReason, BytesError, Contacts, Diagnostics, Duties, DutiesElement, FarEnd, Gate,
-    Codes, Health, Names, Pieces, Pose, PoseReport, Rejection, RigFault, RigState, Sample, SampleKind, Target, Track,
+    Actuation, ActuationReason, BytesError, Codes, Contacts, Diagnostics, Duties, DutiesElement, FarEnd,
+    Gate, Health, Names, Pieces, Pose, PoseReport, Rejection, RigFault, RigState, Sample, SampleKind, Target,
+    Track,
 };
 
 pub use super::rows::{

@@ -61,7 +61,8 @@ impl Refusals {
 
 /// Why a target was refused, and in which channels.
 pub fn words(target: &TargetElement) -> String {
-    let why = Refusal::from_number(target.refusal).map_or("of a reason that is unknown to this build", Refusal::words);
+    let why = Refusal::from_number(target.refusal)
+        .map_or("of a reason that is unknown to this build", Refusal::words);
     let bits = target.unreachable;
     let channels: Vec<_> =
         CHANNELS.iter().enumerate().filter(|(i, _)| bits >> i & 1 == 1).map(|(_, c)| *c).collect();

@@ -163,7 +163,9 @@ impl Answers {
                 let all = used + left_out;
                 if all > 0 && (*left_out as f64) < LEFT_OUT * all as f64 {
                     let share = *used as f64 / all as f64 * 100.0;
-                    verdict.found.push(format!("{topic}: `{name}` was used in {share:.0} % of {all} estimates"));
+                    verdict
+                        .found
+                        .push(format!("{topic}: `{name}` was used in {share:.0} % of {all} estimates"));
                 } else if all > 0 {
                     verdict.unanswered.push(format!(
                         "{topic}: the sensor `{name}` was left out of {left_out} of {all} estimates: {reason}"

@@ -5,7 +5,8 @@
 use proptest::prelude::*;
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
-    CloudShape, ClusterEdge, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample, View,
+    CloudShape, ClusterEdge, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample,
+    View,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;

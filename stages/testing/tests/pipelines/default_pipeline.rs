@@ -262,8 +262,7 @@ fn a_camera_that_freezes_ends_the_beam_and_then_vents_the_rig() {
 
 #[test]
 fn a_head_that_never_moves_is_never_proven_and_the_gate_says_so() {
-    let still =
-        [("motion: breathes,", "motion: still,"), (", { at: 1.5 s, say: arm, repeat: 500 ms }", "")];
+    let still = [("motion: breathes,", "motion: still,"), (", { at: 1.5 s, say: arm, repeat: 500 ms }", "")];
     let run = default_pipeline(&still, 12_000);
     let reports = run.samples::<PoseReport>("head.report");
     let (last, most) =

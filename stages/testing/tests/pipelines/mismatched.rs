@@ -24,9 +24,24 @@ fn line_of(file: &str, text: &str) -> usize {
 fn parameters_of_two_operators_that_contradict_each_other_are_refused_with_their_line() {
     const FILE: &str = "pipeline.yaml";
     for (from, to, at, why) in [
-        ("params: { follow: pose }", "params: { follow: z }", "law: { use", "filter follows z, so its estimate lacks pitch, roll"),
-        ("acknowledge_every: 20 ms }", "acknowledge_every: 20 ms, bladders: 8 }", "rig: { use", "far is for 8 bladders, but there are 3 here"),
-        ("dead_band: 0.07 }", "dead_band: 0.07, bladders: 8 }", "command: law.duties", "law sends duties for 3 bladders, but there are 8 here"),
+        (
+            "params: { follow: pose }",
+            "params: { follow: z }",
+            "law: { use",
+            "filter follows z, so its estimate lacks pitch, roll",
+        ),
+        (
+            "acknowledge_every: 20 ms }",
+            "acknowledge_every: 20 ms, bladders: 8 }",
+            "rig: { use",
+            "far is for 8 bladders, but there are 3 here",
+        ),
+        (
+            "dead_band: 0.07 }",
+            "dead_band: 0.07, bladders: 8 }",
+            "command: law.duties",
+            "law sends duties for 3 bladders, but there are 8 here",
+        ),
         ("measured: 2026-11-21", "measured: 2026-02-30", "measured:", "`2026-02-30` is not a date"),
         (
             "say: arm, repeat: 500 ms }",
@@ -55,5 +70,8 @@ fn a_filter_with_a_timer_before_a_fusion_is_refused_at_the_input_of_the_fusion()
     let filter = text.lines().find(|l| l.contains("use: estimate.kalman")).unwrap().to_owned();
     let timed = filter.replacen("use: estimate.kalman,", "use: estimate.kalman, every: 10 ms,", 1);
     let said = faults(FILE, &filter, &timed);
-    assert!(said.contains("has a timer (`every:`)") && said.contains("would be left out of the fusion"), "{said}");
+    assert!(
+        said.contains("has a timer (`every:`)") && said.contains("would be left out of the fusion"),
+        "{said}"
+    );
 }

@@ -75,7 +75,11 @@ fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() 
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
     assert_eq!(faults(&default), "");
-    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen("{ at: 1 s, say: confirm, repeat: 500 ms }, ", "", 1);
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen(
+        "{ at: 1 s, say: confirm, repeat: 500 ms }, ",
+        "",
+        1,
+    );
     for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
         let text = real.replacen("body: waived", waived, 1);
         let said = faults(&text);
@@ -169,7 +173,10 @@ fn a_script_says_a_command_again_until_it_is_accepted_with_its_reason_each_time(
     let refused = run.samples::<Rejection>("console.refused");
     let reasons: Vec<String> = refused.iter().map(|r| r.first().unwrap().reason().to_owned()).collect();
     assert_eq!(reasons.len(), 2, "{reasons:?}");
-    assert!(reasons.iter().all(|r| r.starts_with("arm said again: ") && r.contains("unconfirmed")), "{reasons:?}");
+    assert!(
+        reasons.iter().all(|r| r.starts_with("arm said again: ") && r.contains("unconfirmed")),
+        "{reasons:?}"
+    );
     // What follows in the script waits.
     assert_eq!(times("console.vent"), []);
 }

@@ -55,7 +55,8 @@ impl Hz {
                 (of_run(&attached), rates.rates())
             }
         };
-        let rates: Vec<Rate> = rates.into_iter().filter(|r| self.topics.is_empty() || self.topics.contains(&r.topic)).collect();
+        let rates: Vec<Rate> =
+            rates.into_iter().filter(|r| self.topics.is_empty() || self.topics.contains(&r.topic)).collect();
         if self.json {
             print_json(&json!({ "of": of, "topics": rates }))?;
             return Ok(Exit::Done);
@@ -64,8 +65,10 @@ impl Hz {
         let head = std::iter::once((Side::Left, "topic")).chain(right.map(|name| (Side::Right, name)));
         let mut table = Columns::new(head);
         for rate in &rates {
-            let number = |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
-            let of = |pick: fn(&crate::rates::Interval) -> f64| number(rate.interval_ms.as_ref().map(pick), 2);
+            let number =
+                |x: Option<f64>, digits: usize| x.map_or("-".to_owned(), |x| format!("{x:.digits$}"));
+            let of =
+                |pick: fn(&crate::rates::Interval) -> f64| number(rate.interval_ms.as_ref().map(pick), 2);
             let cells = [
                 rate.topic.clone(),
                 rate.samples.to_string(),

@@ -31,7 +31,8 @@ impl Stop {
         let card = self.which.card()?;
         let folder = card.root.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
         let pid = i32::try_from(card.pid).ok().and_then(Pid::from_raw);
-        let pid = pid.ok_or_else(|| Failure::failed(format!("run {}: this is no process number", card.pid)))?;
+        let pid =
+            pid.ok_or_else(|| Failure::failed(format!("run {}: this is no process number", card.pid)))?;
         let begun = Instant::now();
         kill_process(pid, Signal::INT)
             .map_err(|e| Failure::failed(format!("run {} cannot be ended: {e}", card.pid)))?;
@@ -49,7 +50,9 @@ impl Stop {
         let session = card.session.map(|s| s.display().to_string());
         if self.json {
             let seconds = begun.elapsed().as_secs_f64();
-            print_json(&json!({ "run": card.pid, "pipeline": card.pipeline, "session": session, "seconds": seconds }))?;
+            print_json(
+                &json!({ "run": card.pid, "pipeline": card.pipeline, "session": session, "seconds": seconds }),
+            )?;
         } else {
             let session = session.map_or_else(String::new, |s| format!("; its session is {s}"));
             outln!("run {} ({}) has ended{session}", card.pid, card.pipeline);

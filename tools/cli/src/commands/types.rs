@@ -49,7 +49,8 @@ impl Types {
 fn known(registry: &Registry) -> Vec<&'static SampleKind> {
     let mut kinds = stillpoint_samples::all().to_vec();
     for stage in registry.iter() {
-        let ports = stage.kind.inputs.iter().map(|i| i.sample).chain(stage.kind.outputs.iter().map(|o| o.sample));
+        let ports =
+            stage.kind.inputs.iter().map(|i| i.sample).chain(stage.kind.outputs.iter().map(|o| o.sample));
         for kind in ports {
             if kinds.iter().all(|k| k.name != kind.name) {
                 kinds.push(kind);

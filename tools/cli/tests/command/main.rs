@@ -392,15 +392,15 @@ fn a_run_says_how_many_frames_had_no_face_and_why() {
     let file = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
     let run = ["run", &file, "--clock", "simulated", "--for", "1s", "--record", "s"];
     let sound = stillpoint(folder.path(), &run);
-    assert!(
-        sound.status.success() && !text(&sound.stdout).contains("NO ANSWER"),
-        "{}",
-        text(&sound.stdout)
-    );
+    assert!(sound.status.success() && !text(&sound.stdout).contains("NO ANSWER"), "{}", text(&sound.stdout));
     // Nothing stands so high over the couch.
     let high = ["--set", "face.height_min=350 mm"];
     let none = stillpoint(folder.path(), &[&run[..], &high].concat());
-    assert!(text(&none.stdout).contains("\nNO ANSWER: face: 0 of 6 frames had a face: "), "{}", text(&none.stdout));
+    assert!(
+        text(&none.stdout).contains("\nNO ANSWER: face: 0 of 6 frames had a face: "),
+        "{}",
+        text(&none.stdout)
+    );
     let none = stillpoint(folder.path(), &[&run[..], &high, &["--json"]].concat());
     let said: serde_json::Value = serde_json::from_slice(&none.stdout).unwrap();
     assert_eq!(

@@ -55,7 +55,8 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         .pop()
         .map(|c| (0..6).filter_map(|channel| c.found.figures(&c.signal.topic, channel)).collect::<Vec<_>>());
     let graph = from.pipeline.as_ref().ok().map(|(graph, _)| graph);
-    let verdict = graph.map(|graph| Answers::of_session(graph, session).verdict(graph, &figures_of(session, graph)));
+    let verdict =
+        graph.map(|graph| Answers::of_session(graph, session).verdict(graph, &figures_of(session, graph)));
     let verdict = verdict.unwrap_or_default();
     let figures = SummaryFigures {
         pipeline: fact("pipeline"),
@@ -85,7 +86,9 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         unanswered: verdict.unanswered,
     };
     let mut section = Section::new("summary", "At a glance", &figures)?;
-    section.blocks.extend(figures.unanswered.iter().map(|what| Block::Warning(format!("No answer: {what}."))));
+    section
+        .blocks
+        .extend(figures.unanswered.iter().map(|what| Block::Warning(format!("No answer: {what}."))));
     section.blocks.push(Block::Tiles(tiles(&figures, &accounts)));
     section.blocks.extend(figures.found.iter().map(|what| Block::Text(format!("{what}."))));
     if figures.thinned {
@@ -143,7 +146,8 @@ fn held(held: &Held) -> Vec<Tile> {
     });
     let errors = held.targets.iter().flat_map(|against| {
         against.channels.iter().map(|off| {
-            let name = format!("{} from {}, {}: rms of the last 5 s", against.estimate, against.target, off.channel);
+            let name =
+                format!("{} from {}, {}: rms of the last 5 s", against.estimate, against.target, off.channel);
             Tile::plain(&name, format!("{} {}", fixed(off.rms, 2), off.unit))
         })
     });

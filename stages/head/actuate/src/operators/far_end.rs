@@ -1,7 +1,7 @@
 //! `actuate.far_end`: datagrams to duties, where the valves are.
 
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Cause, Datagram, Diagnostics, Duties, DutiesElement, FarEnd as FarEndSample, FarEndDoing, FarEndElement,

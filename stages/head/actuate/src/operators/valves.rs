@@ -1,7 +1,7 @@
 //! `actuate.valves`: duties to datagrams.
 
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };

@@ -19,7 +19,8 @@ pub fn check(channels: &[Channel], from: &Feeder<'_>) -> Result<(), FeederConfli
         "position" => &["x", "y", "z"],
         _ => return Ok(()),
     };
-    let lacking: Vec<&str> = channels.iter().map(|c| c.name()).filter(|name| !followed.contains(name)).collect();
+    let lacking: Vec<&str> =
+        channels.iter().map(|c| c.name()).filter(|name| !followed.contains(name)).collect();
     if lacking.is_empty() {
         return Ok(());
     }

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::Cause;
 

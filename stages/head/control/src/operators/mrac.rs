@@ -1,7 +1,7 @@
 //! `control.mrac`: the adaptive controller.
 
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::DutyReason;
 

@@ -1,7 +1,7 @@
 //! `control.pi`: the baseline.
 
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 
 use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, STATE, named};

@@ -1,7 +1,7 @@
 //! `control.target`: where the head is to be.
 
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };

@@ -1,8 +1,8 @@
 //! `estimate.fuse`: the tracks of two sensors become one.
 
 use nalgebra::{Isometry3, SVector};
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Cause, Diagnostics, Health, Sample, Track};
 

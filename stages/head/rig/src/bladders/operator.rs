@@ -4,8 +4,8 @@
 use nalgebra::Isometry3;
 use rand::Rng;
 use stillpoint_mechanics::plant::rigs::RIGS;
-use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
@@ -112,7 +112,9 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
     const LAPS: &'static [&'static str] = &["plant", "camera"];
 
     fn validate(params: &BladderParams) -> Result<(), ParamConflict> {
-        params.check_faults(RIGS[RIG].bladders()).map_err(|why| ParamConflict::inside(&["faults"], refusal(why)))
+        params
+            .check_faults(RIGS[RIG].bladders())
+            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why)))
     }
 
     fn validate_period(params: &BladderParams, every: u64) -> Result<(), ParamConflict> {
@@ -128,7 +130,8 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
         for line in script.into_iter().flatten().filter(|line| line["say"] == "fault") {
             scripted(line, bladders).map_err(|why| FeederConflict {
                 reason: format!("the script of {} has a fault that this rig refuses: {why}", from.operator),
-                help: "change the values of that fault: its number, the part, the amount, the seconds".to_owned(),
+                help: "change the values of that fault: its number, the part, the amount, the seconds"
+                    .to_owned(),
             })?;
         }
         Ok(())
