@@ -28,7 +28,16 @@ pub fn check(
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
     // A session is replayed, and a run joined, wherever one is: what its processes asked of their machine is no fault.
-    check_for(&Machine::default(), text, file_name, sets, registry, files)
+    checked(&Machine::default(), Purpose::Again, text, file_name, sets, registry, files)
+}
+
+/// What a pipeline is checked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// It is to run.
+    Run,
+    /// It has run, or runs: what contradicts itself in it is a fact, which a replay shows.
+    Again,
 }
 
 /// As [`check`], for a pipeline that is to run on this machine.
@@ -40,8 +49,20 @@ pub fn check_for(
     registry: &Registry,
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
+    checked(machine, Purpose::Run, text, file_name, sets, registry, files)
+}
+
+fn checked(
+    machine: &Machine,
+    purpose: Purpose,
+    text: &str,
+    file_name: &str,
+    sets: &[String],
+    registry: &Registry,
+    files: &dyn Files,
+) -> Result<Graph, Faults> {
     let findings = Findings::default();
-    let graph = pass(machine, text, sets, registry, files, &findings);
+    let graph = pass(machine, purpose, text, sets, registry, files, &findings);
     match graph {
         Some(graph) if findings.is_empty() => Ok(graph),
         _ => {
@@ -61,6 +82,7 @@ pub fn check_for(
 
 fn pass(
     machine: &Machine,
+    purpose: Purpose,
     text: &str,
     sets: &[String],
     registry: &Registry,
@@ -92,7 +114,9 @@ fn pass(
         }
         checked.push((params, named.into_inner()));
     }
-    feeders(&document, &wired, &checked, findings);
+    if purpose == Purpose::Run {
+        feeders(&document, &wired, &checked, findings);
+    }
     let policies = sync::policies(&document, &wired, findings);
     links::check_taken(&document, &wired, findings);
     confirm::check(&document, &wired, checked.iter().map(|(params, _)| params.as_ref()), findings);

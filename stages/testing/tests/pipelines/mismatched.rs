@@ -1,7 +1,7 @@
 //! Parameters that do not go together with those of another operator: `check` refuses them with their line.
 
 use stillpoint_operator::files::DiskFiles;
-use stillpoint_pipeline::config::check;
+use stillpoint_pipeline::config::{Machine, check, check_for};
 
 use crate::{from_root, registry};
 
@@ -10,7 +10,8 @@ fn faults(file: &str, from: &str, to: &str) -> String {
     let path = from_root(file);
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains(from), "{file} lacks {from}");
-    let faults = check(&text.replacen(from, to, 1), file, &[], &registry(), &DiskFiles::beside(&path)).err();
+    let (text, files) = (text.replacen(from, to, 1), DiskFiles::beside(&path));
+    let faults = check_for(&Machine::default(), &text, file, &[], &registry(), &files).err();
     faults.map(|f| f.to_string()).unwrap_or_default()
 }
 
@@ -74,4 +75,12 @@ fn a_filter_with_a_timer_before_a_fusion_is_refused_at_the_input_of_the_fusion()
         said.contains("has a timer (`every:`)") && said.contains("would be left out of the fusion"),
         "{said}"
     );
+}
+
+#[test]
+fn a_session_of_contradicting_parameters_can_be_replayed() {
+    let path = from_root("pipeline.yaml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let idle = text.replacen("params: { follow: pose }", "params: { follow: z }", 1);
+    assert!(check(&idle, "pipeline.yaml", &[], &registry(), &DiskFiles::beside(&path)).is_ok());
 }
