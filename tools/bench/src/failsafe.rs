@@ -7,7 +7,7 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
-use super::crew;
+use stillpoint::jobs;
 use super::evidence::Vent;
 use super::figures::median;
 use super::folder::Folder;
@@ -79,7 +79,7 @@ impl Failsafe {
         let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
         let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;
         let rows =
-            crew::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
+            jobs::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
         if self.json {
             print_json(&rows)?;
         } else {

@@ -1,4 +1,4 @@
-//! `stillpoint bench robust`: the dissertation's step with disturbances and faults.
+//! `stillpoint-research robust`: the dissertation's step with disturbances and faults.
 
 use clap::Args;
 use serde::Serialize;
@@ -7,7 +7,7 @@ use stillpoint_operator::Registry;
 use super::beside::{self, median};
 use super::cases::Case;
 use super::course::{Course, Point, STEP, worst};
-use super::crew;
+use stillpoint::jobs;
 use super::laws::{self, Law};
 use super::step::{MOVES, WITHIN};
 use super::trials::without_camera;
@@ -141,7 +141,7 @@ impl Robust {
         let seconds = self.seconds.unwrap_or(if self.quick { 30.0 } else { 60.0 });
         let jobs: Vec<(&Case, u64)> =
             cases.iter().flat_map(|c| seeds.clone().map(move |seed| (c, seed))).collect();
-        let found = crew::each(&jobs, crew::threads(self.threads), |(case, seed)| {
+        let found = jobs::each(&jobs, jobs::threads(self.threads), |(case, seed)| {
             let mut case = (*case).clone();
             case.sets.extend(self.sets.iter().cloned());
             let seen = match (self.no_camera, self.quick) {
@@ -337,7 +337,7 @@ mod tests {
             "10 % of the frames lost",
             "100 ms more of latency",
         ];
-        let found = crew::each(&names, 2, |name| Ok(look(name))).unwrap();
+        let found = jobs::each(&names, 2, |name| Ok(look(name))).unwrap();
         for (name, found) in names.iter().zip(&found) {
             assert!(found.verdict != Verdict::Unsafe, "{name}: {found:?}");
             assert!(found.pressure > 5e3 && found.duty > 0.1, "{name}: the head was moved: {found:?}");

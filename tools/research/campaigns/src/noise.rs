@@ -1,4 +1,4 @@
-//! An operator for `bench robust` and `bench tune`: poses of another point of the head, with noise.
+//! An operator for `robust` and `tune`: poses of another point of the head, with noise.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rand::Rng;

@@ -1,4 +1,4 @@
-//! `stillpoint train planner`
+//! `stillpoint-research train planner`
 //!
 //! - `player`, `workers`: the processes that play games, and what starts them
 //! - `weights`: the weights in shared memory
@@ -20,9 +20,9 @@ use stillpoint_network::{Coarseness, Group, Patient, Rules, Sizes};
 use stillpoint_train::planner::{About, Card, Options, Pooled, Schedule, train};
 
 use super::publish;
-use crate::exit::{Ended, Failure};
-use crate::pool::{PoolArgs, tell_shares};
-use crate::quantity::quantity;
+use stillpoint::{Ended, Failure};
+use stillpoint::{PoolArgs, tell_shares};
+use stillpoint::quantity;
 pub use player::Player;
 use told::Bars;
 use workers::Workers;
@@ -150,7 +150,7 @@ impl Planner {
         let trained = trained.map_err(Failure::failed)?;
         let bytes = trained.model.to_safetensors().map_err(Failure::failed)?;
         let about = About {
-            program: format!("stillpoint {}", env!("CARGO_PKG_VERSION")),
+            program: format!("stillpoint-research {}", env!("CARGO_PKG_VERSION")),
             command: self.command(),
             sha256: Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect(),
             seconds: began.elapsed().as_secs_f64(),
@@ -230,7 +230,7 @@ impl Planner {
             changed += &format!(" --layers {}", self.layers);
         }
         format!(
-            "stillpoint train planner {cases}{changed} --train {} --validate {} --test {} --start {} --rounds {} --games {} --passes {} --end {} --buffer {} --grid {} --bixel {} --neck-bixel {} --learning-rate {} --seed {} --data {} --out {}",
+            "stillpoint-research train planner {cases}{changed} --train {} --validate {} --test {} --start {} --rounds {} --games {} --passes {} --end {} --buffer {} --grid {} --bixel {} --neck-bixel {} --learning-rate {} --seed {} --data {} --out {}",
             self.train,
             self.validate,
             self.test,

@@ -1,11 +1,11 @@
-//! `stillpoint bench tune`: tunes each law with the same search, and compares the laws on held-out disturbances.
+//! `stillpoint-research tune`: tunes each law with the same search, and compares the laws on held-out disturbances.
 
 use clap::Args;
 use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::course::{Course, Plan};
-use super::crew;
+use stillpoint::jobs;
 use super::laws::{self, Law};
 use super::search::{ROUND, search};
 use super::trials::{COUNT, HELD_OUT, TRAINING, Trial, held};
@@ -157,7 +157,7 @@ impl Tune {
                 all.map(|(seed, trial)| (trial, trial.plan(law, seed, &sets))).collect::<Vec<_>>()
             };
             let jobs: Vec<(&Trial, Plan)> = places.iter().flat_map(one).collect();
-            crew::each(&jobs, crew::threads(self.threads), |(trial, plan)| {
+            jobs::each(&jobs, jobs::threads(self.threads), |(trial, plan)| {
                 Ok(trial.cost(&Course::of(plan, registry)?))
             })
         };

@@ -5,7 +5,7 @@ use stillpoint_samples::{HEADER_SIZE, Header, Sample, SampleKind, Shape};
 use stillpoint_shm::{Contract, Domain, Publisher, Subscriber, Topic};
 use zerocopy::IntoBytes;
 
-use crate::exit::Failure;
+use stillpoint::Failure;
 
 /// Most bytes of a model file.
 const CAPACITY: usize = 5 << 20;

@@ -148,7 +148,8 @@ impl Monitor {
 #[cfg(test)]
 mod tests {
     use super::super::course::Course;
-    use super::super::{crew, laws};
+    use super::super::laws;
+    use stillpoint::jobs;
     use super::*;
 
     const MS: u64 = 1_000_000;
@@ -246,7 +247,7 @@ mod tests {
             let before = "{ at: 500 ms, say: capture }, { at: 1 s, say: confirm }, { at: 2 s, say: arm }";
             format!("console.script=[{before}, {{ at: 6 s, say: {word} }}]")
         };
-        let found = crew::each(&FAULTS, 2, |(_, set, _)| {
+        let found = jobs::each(&FAULTS, 2, |(_, set, _)| {
             let mut plan = laws::plan(None, "5 s", 3);
             let small = ["width=160 px", "height=120 px", "focal_length=141 px"];
             plan.sets.extend(small.map(|set| format!("rig.camera.{set}")));

@@ -8,7 +8,7 @@ use stillpoint_samples::{Duties, DutiesElement, Pieces, SampleKind, Standing, Tr
 use stillpoint_train::dataset::Sample;
 use stillpoint_train::excite::SCALE;
 
-use crate::exit::Failure;
+use stillpoint::Failure;
 
 /// Intervals of measurements that differ from the sample time by more than this part begin a new run.
 const SAME: f64 = 0.2;

@@ -1,4 +1,4 @@
-//! `stillpoint bench step`: the dissertation's step (figure 4.11), through the camera and the dense tracker, with many
+//! `stillpoint-research step`: the dissertation's step (figure 4.11), through the camera and the dense tracker, with many
 //! seeds.
 
 use clap::Args;
@@ -8,7 +8,7 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::quantity;
 
 use super::course::{Course, STEP, from_model, worst};
-use super::crew;
+use stillpoint::jobs;
 use super::laws::{self, Law, Runs};
 use stillpoint::{Ended, Exit, Failure, print_json};
 
@@ -84,7 +84,7 @@ impl StepBench {
             let seconds = seconds(rise)?;
             jobs.extend((1..=self.seeds).map(|seed| (rise.as_str(), seconds, seed)));
         }
-        let outcomes = crew::each(&jobs, crew::threads(self.runs.threads), |(rise, tau, seed)| {
+        let outcomes = jobs::each(&jobs, jobs::threads(self.runs.threads), |(rise, tau, seed)| {
             self.run(rise, *tau, *seed, registry)
         })?;
         let per = self.seeds as usize;
@@ -218,7 +218,7 @@ mod tests {
         };
         let rise_s = super::seconds(rise).unwrap();
         let outcomes: Vec<Outcome> =
-            crew::each(&(1..=seeds).collect::<Vec<_>>(), 2, |seed| step.run(rise, rise_s, *seed, &registry))
+            jobs::each(&(1..=seeds).collect::<Vec<_>>(), 2, |seed| step.run(rise, rise_s, *seed, &registry))
                 .unwrap();
         row(rise, &outcomes)
     }

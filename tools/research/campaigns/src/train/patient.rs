@@ -1,4 +1,4 @@
-//! `stillpoint train patient`
+//! `stillpoint-research train patient`
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use stillpoint_train::fit::Options;
 use stillpoint_train::patient_card::{PatientCard, predictions};
 use stillpoint_train::patients::{Patients, SAMPLE_TIME, SCALE};
 
-use crate::exit::{Ended, Failure};
+use stillpoint::{Ended, Failure};
 
 /// Samples that the network goes over: 12 s, which hold a nod.
 const WINDOW: usize = 60;
@@ -96,7 +96,7 @@ impl Patient {
     /// The command that makes the same model again.
     fn command(&self) -> String {
         format!(
-            "stillpoint train patient --patients {} --seconds {} --irregularity {} --cells {} {} --out {}",
+            "stillpoint-research train patient --patients {} --seconds {} --irregularity {} --cells {} {} --out {}",
             self.patients,
             self.seconds,
             self.irregularity,

@@ -1,4 +1,4 @@
-//! Two measurements of `bench robust` side by side: in how many kinds of disturbances one law is nearer than another.
+//! Two measurements of `robust` side by side: in how many kinds of disturbances one law is nearer than another.
 
 use std::path::Path;
 
@@ -80,11 +80,11 @@ pub fn standing(this: &[Seed], other: &[Seed]) -> Standing {
 /// Reads a measurement.
 ///
 /// # Errors
-/// A file that cannot be read, or that is none of `bench robust --json`.
+/// A file that cannot be read, or that is none of `robust --json`.
 pub fn read(path: &Path) -> Result<Vec<Row>, Failure> {
     let wrong = |why: String| {
         Failure::wrong(format!(
-            "--beside {}: {why}; give a file that `bench robust --json` wrote",
+            "--beside {}: {why}; give a file that `robust --json` wrote",
             path.display()
         ))
     };

@@ -11,9 +11,9 @@ use stillpoint_network::{Due, Game};
 use stillpoint_shm::Domain;
 
 use super::weights::Receiver;
-use crate::exit::{Ended, Exit, Failure};
+use stillpoint::{Ended, Exit, Failure};
 
-/// Play games for `stillpoint train planner`, which starts its players itself.
+/// Play games for `stillpoint-research train planner`, which starts its players itself.
 #[derive(Args)]
 pub struct Player {
     /// Root folder of the domain of the training.

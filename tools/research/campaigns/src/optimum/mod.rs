@@ -1,4 +1,4 @@
-//! `stillpoint bench optimum`: methods of choosing beams against the proved optimum of a small ring, and against each other
+//! `stillpoint-research optimum`: methods of choosing beams against the proved optimum of a small ring, and against each other
 //! on the full one.
 //!
 //! - `subject`: a patient with its doses in memory

@@ -13,7 +13,7 @@ use stillpoint_train::planner::{Done, Players, not_played};
 
 use super::player::{Order, Said};
 use super::weights;
-use crate::exit::Failure;
+use stillpoint::Failure;
 
 /// Exits of players during one game after which the training ends.
 const PATIENCE: usize = 3;

@@ -1,4 +1,4 @@
-//! `stillpoint train`
+//! `stillpoint-research train`
 
 mod patient;
 mod planner;
@@ -19,7 +19,7 @@ use stillpoint_train::excite::{Excitation, SCALE, record};
 use stillpoint_train::fit::{Epoch, Fitted, Optimiser, Options, fit};
 use stillpoint_train::linear::left;
 
-use crate::exit::{Ended, Exit, Failure, print_json};
+use stillpoint::{Ended, Exit, Failure, print_json};
 use stillpoint_report::chart::{Chart, Series, Style};
 
 /// Train what is learned offline.
@@ -225,7 +225,7 @@ impl Controller {
 
     /// The command that makes the same model again.
     fn command(&self) -> String {
-        let mut words = vec!["stillpoint train controller".to_owned()];
+        let mut words = vec!["stillpoint-research train controller".to_owned()];
         words.extend(self.session.iter().map(|p| format!("--session {}", p.display())));
         match self.session.is_empty() {
             true => words.push(format!("--runs {} --seconds {}", self.runs, self.seconds)),
@@ -238,7 +238,7 @@ impl Controller {
 }
 
 fn program() -> String {
-    format!("stillpoint {}", env!("CARGO_PKG_VERSION"))
+    format!("stillpoint-research {}", env!("CARGO_PKG_VERSION"))
 }
 
 fn sha256(bytes: &[u8]) -> String {

@@ -189,7 +189,7 @@ pub fn held(cost: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::course::{Point, STEP};
-    use super::super::crew;
+    use stillpoint::jobs;
     use super::*;
 
     /// Costs of a law with these gains in the trials of these names.
@@ -199,7 +199,7 @@ mod tests {
         let gains: Vec<String> = gains.iter().map(|gain| format!("{name}.{gain}")).collect();
         let trials = names.iter().map(|name| TRAINING.iter().find(|t| t.name == *name).unwrap());
         let run = |t: &&Trial| Ok(t.cost(&Course::of(&t.plan(law, 1, &gains), &registry)?));
-        crew::each(&trials.collect::<Vec<_>>(), 2, run).unwrap()
+        jobs::each(&trials.collect::<Vec<_>>(), 2, run).unwrap()
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `stillpoint bench identity`: randomly drawn patients in a closed loop from camera to beam.
+//! `stillpoint-research identity`: randomly drawn patients in a closed loop from camera to beam.
 //!
 //! - [`scene`]: the drawn scenes and their events
 //! - [`camera`]: the operator that renders a scene
@@ -25,8 +25,8 @@ use stillpoint_rig::patient::worn::{Mask, Worn};
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 
-use super::crew;
-use super::figures::median;
+use stillpoint::jobs;
+use super::beside::median;
 use scene::{Case, Event};
 use watch::{Consistency, Seen, Watch};
 
@@ -109,7 +109,7 @@ impl Identity {
     /// bound, or if too few of the due captures were made.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let numbers: Vec<u64> = (self.first..self.first.saturating_add(self.scenes)).collect();
-        let rows = crew::each(&numbers, crew::threads(self.threads), |n| run(*n, self.rate, registry))?;
+        let rows = jobs::each(&numbers, jobs::threads(self.threads), |n| run(*n, self.rate, registry))?;
         if self.json {
             print_json(&rows)?
         } else {
@@ -229,7 +229,7 @@ fn print(rows: &[Row], rate: Rate) {
             format!("{event:?}"),
             of.len(),
             beyond.len(),
-            median(&beyond),
+            median(beyond.iter().copied()),
             longest,
             reasons.join(", ")
         );
@@ -294,7 +294,7 @@ mod tests {
     fn nothing_but_the_head_is_captured_and_the_beam_is_off_in_time_when_it_goes() {
         let registry = crate::registry();
         let numbers: Vec<u64> = (0..10).collect();
-        let rows = crew::each(&numbers, 2, |n| run(*n, Rate::Ten, &registry)).unwrap();
+        let rows = jobs::each(&numbers, 2, |n| run(*n, Rate::Ten, &registry)).unwrap();
         for row in &rows {
             assert!(!row.wrong && !row.astray, "{row:?}");
         }

@@ -1,4 +1,4 @@
-//! `stillpoint bench plans`: figures of plans, and how far they are from those of a finer grid.
+//! `stillpoint-research plans`: figures of plans, and how far they are from those of a finer grid.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};

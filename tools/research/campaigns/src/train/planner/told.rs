@@ -4,7 +4,7 @@ use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use stillpoint_report::chart::{Chart, Series, Style};
 use stillpoint_train::planner::{Pass, Schedule, Summary, Told};
 
-use crate::exit::Failure;
+use stillpoint::Failure;
 
 /// Progress bars on standard error: games and passes go on at the same time.
 pub struct Bars {

@@ -38,7 +38,7 @@ const REMEMBERED: usize = 400;
 /// The trained network of the project, by its path from the pipeline file.
 pub const NETWORK: (&str, &[u8]) = (
     "stages/head/control/data/controller-3dof.safetensors",
-    include_bytes!("../../../stages/head/control/data/controller-3dof.safetensors"),
+    include_bytes!("../../../../stages/head/control/data/controller-3dof.safetensors"),
 );
 
 /// A pipeline, its changes, and the length of its run.
@@ -127,14 +127,14 @@ impl Course {
         let mut text = plan.text.clone();
         for (from, to) in &plan.changes {
             if !text.contains(from) {
-                return Err(Failure::failed(format!("the pipeline of the bench lacks `{from}`")));
+                return Err(Failure::failed(format!("the pipeline of the campaign lacks `{from}`")));
             }
             text = text.replace(from, to);
         }
         let mut files = MemoryFiles::default();
         let named = EMBEDDED_FILES.iter().chain([&NETWORK]);
         files.files.extend(named.map(|(name, bytes)| ((*name).to_owned(), bytes.to_vec())));
-        let graph = check(&text, "bench.yaml", &plan.sets, registry, &files).map_err(Failure::wrong)?;
+        let graph = check(&text, "campaign.yaml", &plan.sets, registry, &files).map_err(Failure::wrong)?;
         let graph = Arc::new(graph);
         let mut watch = Watch::new(graph.clone());
         let mut placement = Local::new(graph.clone(), &files);

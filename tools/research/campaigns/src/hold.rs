@@ -1,4 +1,4 @@
-//! `stillpoint bench hold`: how near a head is held that breathes, nods and coughs.
+//! `stillpoint-research hold`: how near a head is held that breathes, nods and coughs.
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -6,7 +6,7 @@ use stillpoint_operator::Registry;
 use stillpoint_rig::involuntary::{Habit, Involuntary};
 
 use super::course::{Course, Plan, Point};
-use super::crew;
+use stillpoint::jobs;
 use super::laws::{self, Law, Runs};
 use super::step::WITHIN;
 use stillpoint::{Ended, Exit, Failure, print_json};
@@ -16,7 +16,7 @@ const FROM: f64 = 10.0;
 /// Time after a cough from which the head between eight bladders is judged, s.
 const CALM: f64 = 1.0;
 /// The pipeline with eight bladders.
-const SIX: &str = include_str!("../../../examples/head-6dof.yaml");
+const SIX: &str = include_str!("../../../../examples/head-6dof.yaml");
 
 /// The heads that are held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -83,7 +83,7 @@ impl Hold {
     /// Runs the seeds and prints their figures. Fails if a rule of beam or valves was broken.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let seeds: Vec<u64> = (self.first_seed..self.first_seed.saturating_add(self.seeds)).collect();
-        let found = crew::each(&seeds, crew::threads(self.runs.threads), |seed| self.run(*seed, registry))?;
+        let found = jobs::each(&seeds, jobs::threads(self.runs.threads), |seed| self.run(*seed, registry))?;
         if self.runs.json {
             print_json(&found)?;
         } else {
