@@ -50,7 +50,7 @@ fn is_current(page: &str, generated: &str) {
 fn generated_pages_are_current() {
     let folder = tempfile::tempdir().unwrap();
     let reference = stillpoint(folder.path(), &["operators", "--all"]);
-    is_current("docs/operators-reference.md", &text(&reference.stdout));
+    is_current("docs/reference/operators.md", &text(&reference.stdout));
     let schema = stillpoint(folder.path(), &["schema"]);
     is_current("docs/pipeline.schema.json", &text(&schema.stdout));
 }
