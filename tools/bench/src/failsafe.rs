@@ -7,10 +7,10 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
-use stillpoint::jobs;
 use super::evidence::Vent;
 use super::figures::median;
 use super::folder::Folder;
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Maximum time to the safe state, ms: from the last order that arrived or was followed, or from when the pose is

@@ -17,7 +17,8 @@ impl Train {
     /// Fails with the command that builds and starts the training.
     pub fn execute(&self) -> Ended {
         let mut command =
-            "cargo run --release --manifest-path tools/research/Cargo.toml --target-dir target -- train".to_owned();
+            "cargo run --release --manifest-path tools/research/Cargo.toml --target-dir target -- train"
+                .to_owned();
         for argument in &self.arguments {
             command += " ";
             command += argument;

@@ -83,10 +83,7 @@ pub fn standing(this: &[Seed], other: &[Seed]) -> Standing {
 /// A file that cannot be read, or that is none of `robust --json`.
 pub fn read(path: &Path) -> Result<Vec<Row>, Failure> {
     let wrong = |why: String| {
-        Failure::wrong(format!(
-            "--beside {}: {why}; give a file that `robust --json` wrote",
-            path.display()
-        ))
+        Failure::wrong(format!("--beside {}: {why}; give a file that `robust --json` wrote", path.display()))
     };
     let text = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
     serde_json::from_slice(&text).map_err(|e| wrong(e.to_string()))

@@ -6,9 +6,9 @@ use stillpoint_operator::Registry;
 use stillpoint_rig::involuntary::{Habit, Involuntary};
 
 use super::course::{Course, Plan, Point};
-use stillpoint::jobs;
 use super::laws::{self, Law, Runs};
 use super::step::WITHIN;
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Time from which a hold is judged, s.

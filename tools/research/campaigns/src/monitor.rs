@@ -149,8 +149,8 @@ impl Monitor {
 mod tests {
     use super::super::course::Course;
     use super::super::laws;
-    use stillpoint::jobs;
     use super::*;
+    use stillpoint::jobs;
 
     const MS: u64 = 1_000_000;
 

@@ -7,10 +7,10 @@ use stillpoint_operator::Registry;
 use super::beside::{self, median};
 use super::cases::Case;
 use super::course::{Course, Point, STEP, worst};
-use stillpoint::jobs;
 use super::laws::{self, Law};
 use super::step::{MOVES, WITHIN};
 use super::trials::without_camera;
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Maximum pressure of a bladder of the rig, Pa: the limit of `actuate.valves`.

@@ -8,8 +8,8 @@ use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::quantity;
 
 use super::course::{Course, STEP, from_model, worst};
-use stillpoint::jobs;
 use super::laws::{self, Law, Runs};
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Tolerance around the target: mm, degrees, degrees.

@@ -189,8 +189,8 @@ pub fn held(cost: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::super::course::{Point, STEP};
-    use stillpoint::jobs;
     use super::*;
+    use stillpoint::jobs;
 
     /// Costs of a law with these gains in the trials of these names.
     fn costs(law: Law, gains: &[&str], names: &[&str]) -> Vec<f64> {

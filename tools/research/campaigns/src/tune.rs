@@ -5,10 +5,10 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::course::{Course, Plan};
-use stillpoint::jobs;
 use super::laws::{self, Law};
 use super::search::{ROUND, search};
 use super::trials::{COUNT, HELD_OUT, TRAINING, Trial, held};
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// First seed of the held-out runs.

@@ -25,9 +25,9 @@ use stillpoint_rig::patient::worn::{Mask, Worn};
 use stillpoint_rig::render::Renderer;
 use stillpoint_rig::scene::{Label, Scene};
 
-use stillpoint::jobs;
 use super::beside::median;
 use scene::{Case, Event};
+use stillpoint::jobs;
 use watch::{Consistency, Seen, Watch};
 
 const PIPELINE: &str = include_str!("pipeline.yaml");

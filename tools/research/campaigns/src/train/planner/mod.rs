@@ -20,10 +20,10 @@ use stillpoint_network::{Coarseness, Group, Patient, Rules, Sizes};
 use stillpoint_train::planner::{About, Card, Options, Pooled, Schedule, train};
 
 use super::publish;
+pub use player::Player;
+use stillpoint::quantity;
 use stillpoint::{Ended, Failure};
 use stillpoint::{PoolArgs, tell_shares};
-use stillpoint::quantity;
-pub use player::Player;
 use told::Bars;
 use workers::Workers;
 
