@@ -1,7 +1,5 @@
 //! A mass in spherical coordinates `(r, phi, theta)`, `phi` being the polar angle: Lagrange's equations (SCIENCE C1, in
 //! place of (3.55) and (B.9)). Singular where `sin(phi) = 0`.
-//!
-//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{Matrix3, Vector3};
 

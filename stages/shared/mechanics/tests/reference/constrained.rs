@@ -3,7 +3,7 @@
 //! `[M A^T; A 0] [q''; lambda] = [Q - C q'; -A' q' - 2 a A q' - b^2 phi]`, where the last two terms are Baumgarte's,
 //! which correct drift. Redundant constraints are allowed: some of the equivalent rows then carry no force.
 //!
-//! The plants of the rigs have the reduced form. Their tests compare its motion with the one found here.
+//! The plants of the rigs have the reduced form: their motion is compared with the one found here.
 
 use nalgebra::{SMatrix, SVector};
 

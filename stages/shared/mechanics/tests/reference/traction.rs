@@ -1,6 +1,4 @@
 //! Areas and forces between the shape at rest and the deformed one (SCIENCE B7, in place of (3.10)-(3.14)).
-//!
-//! The rigs and the controllers do not use this module yet: the reference vectors and its own tests do.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -59,7 +57,7 @@ mod tests {
             Vector3::new(0.0, 0.0, 0.5)
         );
         let (arm, force) = (Vector3::new(0.03, -0.07, 0.05), Vector3::new(4.0, 1.0, -2.0));
-        let wrench = crate::contact::grasp::point(&arm) * force;
+        let wrench = stillpoint_mechanics::contact::grasp::point(&arm) * force;
         assert!((wrench.fixed_rows::<3>(3) - torque(&arm, &force)).amax() < 1e-15);
     }
 }
