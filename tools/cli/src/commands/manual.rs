@@ -69,7 +69,11 @@ fn section(page: &mut String, command: &mut Command, level: usize) {
     let help = command.render_long_help().to_string();
     let lines: Vec<&str> = help.lines().map(str::trim_end).collect();
     let name = command.get_bin_name().unwrap_or(NAME).to_owned();
-    page.push_str(&format!("\n{} {name}\n\n```text\n{}\n```\n", "#".repeat(level), lines.join("\n").trim_end()));
+    page.push_str(&format!(
+        "\n{} {name}\n\n```text\n{}\n```\n",
+        "#".repeat(level),
+        lines.join("\n").trim_end()
+    ));
     let shown = |inner: &&mut Command| !inner.is_hide_set() && inner.get_name() != "help";
     for inner in command.get_subcommands_mut().filter(shown) {
         section(page, inner, (level + 1).min(4));

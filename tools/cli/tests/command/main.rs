@@ -103,7 +103,10 @@ fn every_example_is_in_the_list_of_examples() {
     for example in std::fs::read_dir(root().join("examples")).unwrap() {
         let name = example.unwrap().file_name().to_string_lossy().into_owned();
         let command = format!("stillpoint run examples/{name}");
-        assert!(!name.ends_with(".yaml") || list.contains(&command), "{command} is not in examples/README.md");
+        assert!(
+            !name.ends_with(".yaml") || list.contains(&command),
+            "{command} is not in examples/README.md"
+        );
     }
 }
 
