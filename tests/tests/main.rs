@@ -49,9 +49,11 @@ mod releases;
 mod replaying;
 mod safety_case;
 mod seeing;
-mod selfplay;
 mod stopping;
 mod tampered;
 mod traps;
 mod unheard;
 mod wire;
+
+/// The program that a [`bench::Bench`] runs.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_stillpoint-kit");

@@ -19,7 +19,8 @@
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `private`: files that only their owner may read
-//! - `pool`: the options of `plan` and `train planner` for a pool of workers
+//! - `pool`: the options of `plan` for a pool of workers; `stillpoint-research train planner` uses them, too
+//! - `jobs`: independent jobs in several threads, for programs that measure
 
 // The first module: the others use its macros.
 #[macro_use]
@@ -31,6 +32,7 @@ mod columns;
 mod commands;
 mod compress;
 mod exit;
+pub mod jobs;
 mod picture;
 mod pipeline_file;
 mod pool;
@@ -59,7 +61,9 @@ pub use commands::run::Run;
 pub use commands::send::deliver;
 pub use exit::{Ended, Exit, Failure, print_json};
 pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
+pub use pool::{PoolArgs, tell_shares};
 pub use program::{child, launch, program};
+pub use quantity::quantity;
 
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]

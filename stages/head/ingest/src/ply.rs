@@ -1,7 +1,6 @@
 //! Point clouds in PLY files (Turk 1994), text or binary: the vertices, without their other properties and their faces.
 
-use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
+use stillpoint_patient::ply::{Ply, PlyError as Fault};
 use thiserror::Error;
 
 use crate::INVALID_POINT;
@@ -36,70 +35,41 @@ pub enum PlyError {
 /// # Errors
 /// What is wrong with the file.
 pub fn read(bytes: &[u8]) -> Result<Vec<[f32; 3]>, PlyError> {
-    let unreadable = |e: ply_rs_bw::parser::ParseError| {
-        // It comes in several lines.
-        let words: Vec<String> = e.to_string().split_whitespace().map(str::to_owned).collect();
-        PlyError::Unreadable(words.join(" "))
-    };
-    let mut reader = Reader::new(bytes);
-    let vertices = Parser::<Vertex>::new();
-    let header = vertices.read_header(&mut reader).map_err(unreadable)?;
-    for (name, element) in &header.elements {
-        // A row takes a byte at least, and one without properties none: its reading would end at its count alone.
-        let most = if element.properties.is_empty() { 0 } else { bytes.len().min(MAX_POINTS) };
+    let mut ply = Ply::open(bytes)?;
+    for element in &ply.elements.clone() {
+        // A row takes a byte at least.
+        let most = bytes.len().min(MAX_POINTS);
         if element.count > most {
-            return Err(PlyError::TooMany { element: name.clone(), count: element.count, most });
+            return Err(PlyError::TooMany { element: element.name.clone(), count: element.count, most });
         }
-        if name != "vertex" {
-            let skipped = Parser::<Skipped>::new().read_payload_for_element(&mut reader, element, &header);
-            skipped.map_err(unreadable)?;
+        if element.name != "vertex" {
+            ply.rows(element, |_, _| Ok::<_, PlyError>(()))?;
             continue;
         }
-        if !["x", "y", "z"].iter().all(|axis| element.properties.contains_key(*axis)) {
+        let place = |axis: &str| element.properties.iter().position(|p| p.name == axis);
+        let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(place) else {
             return Err(PlyError::NoVertices);
-        }
-        let found = vertices.read_payload_for_element(&mut reader, element, &header).map_err(unreadable)?;
-        let valid = |Vertex(point): Vertex| match point.iter().all(|c| c.is_finite()) {
-            true => point,
-            false => INVALID_POINT,
         };
-        return Ok(found.into_iter().map(valid).collect());
+        if let Some(list) =
+            [x, y, z].map(|place| &element.properties[place]).into_iter().find(|p| p.is_list())
+        {
+            let why =
+                format!("the property `{}` of `vertex` is a list; a coordinate is one number", list.name);
+            return Err(PlyError::Unreadable(why));
+        }
+        let mut points = Vec::new();
+        ply.rows(element, |_, cells| {
+            let point = [x, y, z].map(|place| cells[place][0].single);
+            points.push(if point.iter().all(|c| c.is_finite()) { point } else { INVALID_POINT });
+            Ok::<_, PlyError>(())
+        })?;
+        return Ok(points);
     }
     Err(PlyError::NoVertices)
 }
 
-/// The coordinates of a vertex.
-struct Vertex([f32; 3]);
-
-impl PropertyAccess for Vertex {
-    fn new() -> Self {
-        Self([f32::NAN; 3])
-    }
-
-    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let Some(axis) = ["x", "y", "z"].iter().position(|axis| *axis == name) else {
-            return PropertyAccessResult::Ignored;
-        };
-        self.0[axis] = match property {
-            Property::Float(value) => value,
-            Property::Double(value) => value as f32,
-            Property::Char(value) => f32::from(value),
-            Property::UChar(value) => f32::from(value),
-            Property::Short(value) => f32::from(value),
-            Property::UShort(value) => f32::from(value),
-            Property::Int(value) => value as f32,
-            Property::UInt(value) => value as f32,
-            _ => return PropertyAccessResult::UnsupportedType,
-        };
-        PropertyAccessResult::Set
-    }
-}
-
-/// A row of another element.
-struct Skipped;
-
-impl PropertyAccess for Skipped {
-    fn new() -> Self {
-        Self
+impl From<Fault> for PlyError {
+    fn from(fault: Fault) -> Self {
+        Self::Unreadable(fault.to_string())
     }
 }

@@ -21,10 +21,6 @@ mod rig;
 pub mod run;
 mod schema;
 pub mod send;
-#[cfg(feature = "train")]
-mod train;
-#[cfg(not(feature = "train"))]
-#[path = "train_absent.rs"]
 mod train;
 
 use clap::Subcommand;
@@ -65,7 +61,7 @@ pub enum Command {
     Send(send::Send),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
-    /// Train the network of a controller, or the prior of beams, offline.
+    /// Print the command that trains the network of a controller, or the prior of beams.
     Train(train::Train),
     /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),
