@@ -7,7 +7,7 @@ use stillpoint_network::eye::EyeError;
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, CaseParts, Mask, PatientPosition, Prescription, Role, Structure};
 use stillpoint_plan::dose::Machine;
-use stillpoint_plan::fluence::{Objective, Wanted};
+use stillpoint_plan::fluence::{Objective, Overdose, StructureObjectives};
 
 const COUNT: usize = 43;
 /// No multiple of the steps of rays and points, so that none of these lies on the border of two voxels.
@@ -66,13 +66,13 @@ fn patient(origin_mm: [f64; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> Case {
     .unwrap()
 }
 
-fn wanted() -> Vec<Wanted> {
-    let over = |name: &str, dose, weight| Wanted {
+fn wanted() -> Vec<StructureObjectives> {
+    let over = |name: &str, dose, weight| StructureObjectives {
         name: name.into(),
         voxels: Vec::new(),
         volumes: Vec::new(),
         to_target_mm: Vec::new(),
-        objectives: vec![Objective::Overdose { dose, weight }],
+        objectives: vec![Objective::Overdose(Overdose { dose, weight })],
     };
     vec![
         over("PTV", 60.0, 100.0),

@@ -79,7 +79,7 @@ fn messages_are_read_as_they_are_written() {
     let water = Water::new();
     let bytes = goals::to_bytes(&water.goals);
     let again: Goals = goals::from_bytes(&bytes, water.goals.rows()).unwrap();
-    assert_eq!((again.wanted(), again.voxels()), (water.goals.wanted(), water.goals.voxels()));
+    assert_eq!((again.structures(), again.voxels()), (water.goals.structures(), water.goals.voxels()));
     assert!(goals::from_bytes(&bytes, water.goals.rows() + 1).is_err());
 }
 

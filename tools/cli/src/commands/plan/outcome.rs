@@ -5,7 +5,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
-use stillpoint_plan::fluence::Wanted;
+use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::follows;
 use stillpoint_plan::protocol::Judged;
@@ -149,7 +149,7 @@ impl<'a> Outcome<'a> {
                 "bixel_mm": params.bixels.width_mm,
                 "cutoff_mm": params.cutoff_mm,
             },
-            "wanted": ground.aims.wanted.iter().map(wanted).collect::<Vec<_>>(),
+            "wanted": ground.aims.structures.iter().map(wanted).collect::<Vec<_>>(),
             "method": self.run.way,
             "seed": request.seed,
             "objective": best.solved_cost(),
@@ -186,7 +186,7 @@ fn grid(grid: &Grid) -> Value {
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn wanted(wanted: &Wanted) -> Value {
+fn wanted(wanted: &StructureObjectives) -> Value {
     json!({ "structure": wanted.name, "voxels": wanted.voxels.len(), "objectives": wanted.objectives })
 }
 
