@@ -16,9 +16,12 @@
 //!
 //! - `table`: the JSON table
 //! - `set`: a table on a case: its objectives
+//! - `results`: what a plan makes of them
 
+mod results;
 mod set;
 mod table;
 
+pub use results::ObjectiveResult;
 pub use set::{ObjectiveSet, ObjectiveSetError, follows};
 pub use table::{ObjectiveTable, TableError};

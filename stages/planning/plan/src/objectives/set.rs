@@ -16,11 +16,11 @@ pub struct ObjectiveSet {
     /// What was left out, a sentence each.
     pub notes: Vec<String>,
     /// Whether each of `structures` counts in every set-up; the patient's outline counts in the planned one.
-    moves: Vec<bool>,
+    pub(super) moves: Vec<bool>,
     /// Rows that get dose in every set-up, rising.
     followed: Vec<u32>,
     /// Rows of a dose matrix.
-    rows: usize,
+    pub(super) rows: usize,
 }
 
 /// Why a table gives a case no objectives.
@@ -369,5 +369,48 @@ mod tests {
             ];
             assert_eq!(structure.objectives, expected);
         }
+    }
+
+    #[test]
+    fn the_costs_of_the_results_add_up_to_that_of_the_plan_and_true_values_stand_beside_them() {
+        let case = phantom(0).unwrap();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [
+            {"match": ["Rectum"], "wanted": [
+                {"geud": {"a": 8, "limit": "<= 40 %", "weight": 3}},
+                {"dvh_point": {"limit": "V20Gy <= 30 %", "weight": 7}},
+                {"mean_dose": {"dose": "20 Gy", "weight": 1}}]},
+            {"match": ["Bladder"], "wanted": [{"dvh_point": {"limit": "D10% <= 30 Gy", "weight": 5}}]}]}"#;
+        let table = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
+        let set = table.for_case(&case, &grid).unwrap();
+        // A dose that falls from front to back.
+        let of_voxel = |grid: &Grid, voxel: usize| 60.0 + 0.2 * grid.centre_mm(grid.voxel(voxel))[1];
+        let gray: Vec<f32> = (0..grid.len()).map(|v| of_voxel(&grid, v) as f32).collect();
+        let evaluation = crate::evaluation::OnGrid::new(&case, &grid).evaluate(&gray);
+        for setups in [1, 3] {
+            let goals = set.goals(setups).unwrap();
+            let dose: Vec<f64> =
+                goals.voxels().iter().map(|row| of_voxel(&grid, *row as usize % set.rows)).collect();
+            let results = set.results(&goals, &dose, &evaluation).unwrap();
+            let mut all = vec![0.0; goals.rows()];
+            goals.voxels().iter().zip(&dose).for_each(|(row, gray)| all[*row as usize] = *gray);
+            let (sum, whole) = (results.iter().map(|r| r.cost).sum::<f64>(), goals.cost(&all).unwrap());
+            assert!((sum - whole).abs() < 1e-9 * whole && whole > 0.0, "{sum} {whole}");
+            let (_, rectum) = evaluation.histograms.iter().find(|(s, _)| s.name == "Rectum").unwrap();
+            let found: Vec<_> = results.iter().filter(|r| r.structure == "Rectum").collect();
+            let values: Vec<f64> = found.iter().map(|r| r.measured.as_ref().unwrap().value).collect();
+            assert_eq!(values, [rectum.geud(8.0), 100.0 * rectum.volume_at(20.0), rectum.mean()]);
+            assert_eq!(found[1].measured.as_ref().unwrap().wanted(), "V20Gy <= 30 %");
+            assert_eq!(found[0].met, Some(rectum.geud(8.0) <= 0.4 * 78.0));
+            let bladder = results.iter().find(|r| r.structure == "Bladder").unwrap();
+            assert_eq!(bladder.measured.as_ref().unwrap().wanted(), "D10% <= 30 Gy");
+            let text = serde_json::to_string(&results).unwrap();
+            assert_eq!(serde_json::from_str::<Vec<super::super::ObjectiveResult>>(&text).unwrap(), results);
+            assert!(set.results(&goals, &dose[1..], &evaluation).is_err());
+        }
+        let other = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
+        let goals = other.goals(1).unwrap();
+        let dose = vec![0.0; goals.voxels().len()];
+        assert!(set.results(&goals, &dose, &evaluation).is_err(), "goals of another set");
     }
 }
