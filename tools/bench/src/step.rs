@@ -243,7 +243,7 @@ mod tests {
     fn the_adaptive_law_stays_where_it_should_and_rises_almost_as_the_reference_model_says() {
         let row = tenth(Some(Law::Mrac), "20 s", 46.0, 2, &IDEAL);
         assert_eq!(row.held, 2, "{:?}", row.outcomes);
-        // Judged at the centre of the head, its pitch rises 11 to 13 % slower than the model: docs/control.md.
+        // Judged at the centre of the head, its pitch rises 11 to 13 % slower than the model: docs/guide/control.md.
         let mut rises = row.outcomes.iter().flat_map(|o| o.rise_s);
         assert!(rises.all(|rise| rise.is_some_and(|s| (18.0..23.0).contains(&s))), "{:?}", row.outcomes);
     }

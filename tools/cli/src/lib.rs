@@ -44,6 +44,7 @@ mod signals;
 mod simulate;
 mod status_line;
 mod summary;
+mod version;
 
 use std::process::ExitCode;
 
@@ -89,6 +90,10 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 /// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
     stillpoint_pipeline::limits::fail_at_the_limit_of_file_sizes();
+    if version::is_asked() {
+        version::print();
+        return ExitCode::SUCCESS;
+    }
     let registry = registry(extra);
     child(&registry).unwrap_or_else(|| {
         program("stillpoint", |arguments: Arguments| {

@@ -10,7 +10,7 @@
 //! the nominal B needs; the adaptive ones learn what it needs beside that.
 //!
 //! The dials are rates: an error dies out with f, in 1/s, and what a regressor of 1 has to make up for is learned with
-//! l, in 1/s^2, however fast the reference model is (`docs/science.md`, "The adaptive law in rates").
+//! l, in 1/s^2, however fast the reference model is (`docs/science/equations.md`, "The adaptive law in rates").
 
 use crate::adaptive::{Column, Gains, Law, ROOM};
 use crate::effect::Effect;

@@ -1,4 +1,4 @@
-//! `docs/operators.md`: the operator that the page shows, in a running pipeline.
+//! `docs/guide/own-operator.md`: the operator that the page shows, in a running pipeline.
 
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
@@ -8,14 +8,14 @@ use stillpoint_testing::run;
 use crate::own_operator::MY_STAGES;
 use crate::{FAMILIES, from_root};
 
-const PAGE: &str = include_str!("../../../../docs/operators.md");
+const PAGE: &str = include_str!("../../../../docs/guide/own-operator.md");
 const CODE: &str = include_str!("../../../../examples/own_operator.rs");
 
 #[test]
 fn the_page_shows_the_code_that_is_run() {
     assert!(
         PAGE.contains(&format!("```rust\n{CODE}```\n")),
-        "copy examples/own_operator.rs into docs/operators.md"
+        "copy examples/own_operator.rs into docs/guide/own-operator.md"
     );
     assert!(CODE.lines().count() < 60, "{} lines", CODE.lines().count());
 }

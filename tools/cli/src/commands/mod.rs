@@ -9,6 +9,7 @@ mod delivered;
 mod echo;
 mod identify;
 mod info;
+mod manual;
 mod merge;
 mod operators;
 mod plan;
@@ -54,6 +55,8 @@ pub enum Command {
     Operators(operators::Operators),
     /// Print the JSON Schema of pipeline files.
     Schema(schema::Schema),
+    /// Write completions for shells, man pages, or the reference page of the command.
+    Manual(manual::Manual),
     /// Print a map of the targets that a rig can hold.
     Reach(reach::Reach),
     /// Print the pressure of a bladder against its stretch.
@@ -98,6 +101,7 @@ impl Command {
             Self::Recover(c) => c.execute(),
             Self::Operators(c) => c.execute(registry),
             Self::Schema(c) => c.execute(registry),
+            Self::Manual(c) => c.execute(),
             Self::Reach(c) => c.execute(),
             Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),
