@@ -82,9 +82,9 @@ struct Seen {
 
 impl Eye {
     /// Looks at a case from `angles` equal steps around it. `wanted` are the objectives, as of
-    /// [`stillpoint_plan::objectives::ObjectiveSet`]; of each structure but targets the
-    /// objective of the largest weight that limits its dose
-    /// below the prescription counts. `bixel_mm` is the width of the bixels of which the beams will be made.
+    /// [`stillpoint_plan::objectives::ObjectiveSet`]; of each structure but targets the objective of the largest
+    /// weight that limits its dose below the prescription counts. `bixel_mm` is the width of the bixels of which the beams
+    /// will be made.
     pub fn of_case(
         case: &Case,
         wanted: &[StructureObjectives],
