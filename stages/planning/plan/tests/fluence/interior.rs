@@ -1,7 +1,7 @@
 //! Clarabel on a fluence problem: an interior-point solver that shares nothing with ours.
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use stillpoint_plan::fluence::{
     Bound, Geud, MeanAtLeast, Objective, Overdose, Problem, Side, StructureObjectives,
 };
@@ -84,8 +84,12 @@ impl Cones {
 /// Weights of the bixels for overdoses, means and equivalent uniform doses, the latter by power cones.
 ///
 /// `sum s d^a <= t^a` is `d <= r^(1/a) t^(1 - 1/a)` with `sum s r = t`; `sum s y^-p <= m^-p` is
-/// `m <= y^(p/(1+p)) r^(1/(1+p))` with `sum s r = m`.
-pub fn region_weights(rows: &[Vec<f32>], columns: usize, structures: &[StructureObjectives]) -> Vec<f64> {
+/// `m <= y^(p/(1+p)) r^(1/(1+p))` with `sum s r = m`. Also whether it says that it solved the problem.
+pub fn region_weights(
+    rows: &[Vec<f32>],
+    columns: usize,
+    structures: &[StructureObjectives],
+) -> (Vec<f64>, bool) {
     let mut cones = Cones { variables: columns, ..Cones::default() };
     for j in 0..columns {
         cones.at_most(vec![(j, -1.0)], 0.0);
@@ -153,7 +157,9 @@ pub fn region_weights(rows: &[Vec<f32>], columns: usize, structures: &[Structure
     let mut solver =
         DefaultSolver::new(&quadratic, &linear, &constraints, &cones.bounds, &cones.cones, settings).unwrap();
     solver.solve();
-    solver.solution.x[..columns].iter().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect()
+    let weights = solver.solution.x[..columns].iter();
+    let weights = weights.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect();
+    (weights, solver.solution.status == SolverStatus::Solved)
 }
 
 fn csc(rows: usize, columns: Vec<Vec<(usize, f64)>>) -> CscMatrix<f64> {
