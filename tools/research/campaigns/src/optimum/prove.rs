@@ -91,7 +91,7 @@ fn subsets(count: u16, size: usize) -> impl Iterator<Item = u32> {
 mod tests {
     use rand::{RngExt as _, SeedableRng as _};
     use stillpoint_plan::Csc;
-    use stillpoint_plan::fluence::{Objective, Wanted};
+    use stillpoint_plan::fluence::{Objective, Overdose, StructureObjectives, Underdose};
 
     use super::*;
 
@@ -105,15 +105,15 @@ mod tests {
             Rows::from_columns(Csc::new(30, vec![0, 30, 60], rows, values).unwrap().view()).unwrap()
         });
         let doses: Vec<Rows> = doses.collect();
-        let wanted = |name: &str, voxels: std::ops::Range<u32>, objectives| Wanted {
+        let wanted = |name: &str, voxels: std::ops::Range<u32>, objectives| StructureObjectives {
             name: name.into(),
             voxels: voxels.collect(),
             volumes: Vec::new(),
             to_target_mm: Vec::new(),
             objectives,
         };
-        let over = |dose, weight| Objective::Overdose { dose, weight };
-        let target = vec![over(60.0, 10.0), Objective::Underdose { dose: 60.0, weight: 20.0 }];
+        let over = |dose, weight| Objective::Overdose(Overdose { dose, weight });
+        let target = vec![over(60.0, 10.0), Objective::Underdose(Underdose { dose: 60.0, weight: 20.0 })];
         let goals = vec![wanted("target", 0..12, target), wanted("organ", 12..30, vec![over(20.0, 5.0)])];
         (doses, Goals::new(goals, 30).unwrap())
     }

@@ -2,30 +2,30 @@
 
 use thiserror::Error;
 
-use super::table::{Dose, Length, ObjectiveTable, Volume, Wish};
-use crate::fluence::{Goals, GoalsError, Objective, Wanted};
+use super::table::ObjectiveTable;
+use crate::fluence::{Dose, Goals, GoalsError, Objective, ObjectiveSpec, StructureObjectives, StructurePart};
 use crate::sampling::{Points, Sampling};
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, Role, Structure};
 
-/// What is wanted of a case.
+/// The objectives of a case.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Aims {
+pub struct ObjectiveSet {
     /// Structures with their objectives, those that come first first. A voxel counts for the first that has it.
-    pub wanted: Vec<Wanted>,
+    pub structures: Vec<StructureObjectives>,
     /// What was left out, a sentence each.
     pub notes: Vec<String>,
-    /// Whether each of `wanted` counts in every set-up; the patient's outline counts in the planned one.
-    moves: Vec<bool>,
+    /// Whether each of `structures` counts in every set-up; the patient's outline counts in the planned one.
+    pub(super) moves: Vec<bool>,
     /// Rows that get dose in every set-up, rising.
     followed: Vec<u32>,
     /// Rows of a dose matrix.
-    rows: usize,
+    pub(super) rows: usize,
 }
 
-/// Why nothing can be wanted of a case.
+/// Why a table gives a case no objectives.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum AimsError {
+pub enum ObjectiveSetError {
     /// A target has no dose.
     #[error(
         "{0} is a target without a prescription: import the case with `--prescribe {0}=DOSE`, or give {0} another role"
@@ -36,7 +36,7 @@ pub enum AimsError {
         "{0} is to have a share of the prescription, but the case has none: import it with `--prescribe`, or give doses in Gy"
     )]
     NoPrescription(String),
-    /// There is no target that anything is wanted of.
+    /// No target has objectives.
     #[error("no target with voxels has objectives, so there is nothing to plan")]
     NoTarget,
     /// Objectives that cannot be.
@@ -45,17 +45,17 @@ pub enum AimsError {
 }
 
 impl ObjectiveTable {
-    /// What this table wants of a case on every voxel of this dose grid.
-    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<Aims, AimsError> {
+    /// The objectives of a case by this table on every voxel of this dose grid.
+    pub fn for_case(&self, case: &Case, grid: &Grid) -> Result<ObjectiveSet, ObjectiveSetError> {
         self.for_points(case, &Sampling::every_voxel(case, grid))
     }
 
-    /// What this table wants of a case at these points.
+    /// The objectives of a case by this table at these points.
     ///
     /// A share of the prescription is of a target's own, and of the highest for any other structure. Targets come
     /// first, the one of the highest dose before the others, then organs, then the rest, the outline last; each keeps
     /// the voxels that none before it has.
-    pub fn for_points(&self, case: &Case, sampling: &Sampling) -> Result<Aims, AimsError> {
+    pub fn for_points(&self, case: &Case, sampling: &Sampling) -> Result<ObjectiveSet, ObjectiveSetError> {
         let own =
             |s: &Structure| case.prescription().iter().find(|p| p.structure == s.name).map(|p| p.dose_gy);
         let highest = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
@@ -74,8 +74,8 @@ impl ObjectiveTable {
         }
         followed.sort_unstable();
         followed.dedup();
-        let mut aims = Aims {
-            wanted: Vec::new(),
+        let mut set = ObjectiveSet {
+            structures: Vec::new(),
             notes: Vec::new(),
             moves: Vec::new(),
             followed,
@@ -83,107 +83,117 @@ impl ObjectiveTable {
         };
         let mut taken = vec![false; sampling.grid().len()];
         for (place, structure) in order {
-            let wishes = self.find(&structure.name, structure.role);
-            if wishes.is_empty() {
+            let specs = self.find(&structure.name, structure.role);
+            if specs.is_empty() {
                 continue;
             }
-            let (regional, wishes): (Vec<&Wish>, Vec<&Wish>) = wishes.iter().partition(|w| w.is_regional());
-            let all = || wishes.iter().chain(&regional);
+            let own_part = |spec: &&ObjectiveSpec| spec.part() == StructurePart::Own;
+            let (specs, regional): (Vec<&ObjectiveSpec>, Vec<&ObjectiveSpec>) =
+                specs.iter().partition(own_part);
+            let doses = || specs.iter().chain(&regional).flat_map(|spec| spec.doses());
             let prescribed = match structure.role {
-                Role::Target if all().any(|w| matches!(w.dose(), Some(Dose::OfPrescription(_)))) => {
-                    own(structure).ok_or_else(|| AimsError::NoDose(structure.name.clone()))?
+                Role::Target if doses().any(|dose| matches!(dose, Dose::OfPrescription(_))) => {
+                    own(structure).ok_or_else(|| ObjectiveSetError::NoDose(structure.name.clone()))?
                 }
-                _ if highest == 0.0 && all().any(|w| !matches!(w.dose(), None | Some(Dose::Gray(_)))) => {
-                    return Err(AimsError::NoPrescription(structure.name.clone()));
+                _ if highest == 0.0 && doses().any(|dose| !matches!(dose, Dose::Gray(_))) => {
+                    return Err(ObjectiveSetError::NoPrescription(structure.name.clone()));
                 }
                 _ => highest,
             };
-            for wish in &regional {
-                aims.add_region(case, sampling, (place, structure), wish, [prescribed, highest]);
+            for spec in &regional {
+                set.add_region(case, sampling, (place, structure), spec, [prescribed, highest]);
             }
-            if wishes.is_empty() {
+            if specs.is_empty() {
                 continue;
             }
             let mut voxels = sampling.members[place].clone();
             voxels.retain(|v| !std::mem::replace(&mut taken[*v as usize], true));
             let Points { rows: voxels, volumes, .. } = sampling.points(place, structure, &voxels);
             if voxels.is_empty() {
-                aims.notes.push(format!(
-                    "{} has no voxel of its own on the dose grid, so nothing is wanted of it",
+                set.notes.push(format!(
+                    "{} has no voxel on the dose grid outside structures of higher priority; its objectives are ignored",
                     structure.name
                 ));
                 continue;
             }
-            aims.moves.push(follows(structure.role));
-            let objectives = wishes.iter().map(|wish| wish.objective(prescribed, highest)).collect();
+            set.moves.push(follows(structure.role));
+            let objectives = specs.iter().map(|spec| spec.resolve(prescribed, highest)).collect();
             let name = structure.name.clone();
-            aims.wanted.push(Wanted { name, voxels, volumes, to_target_mm: Vec::new(), objectives });
+            set.structures.push(StructureObjectives {
+                name,
+                voxels,
+                volumes,
+                to_target_mm: Vec::new(),
+                objectives,
+            });
         }
-        if !aims.wanted.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
-            return Err(AimsError::NoTarget);
+        if !set.structures.iter().any(|w| case.targets().any(|t| t.name == w.name)) {
+            return Err(ObjectiveSetError::NoTarget);
         }
-        Ok(aims)
+        Ok(set)
     }
 }
 
-impl Aims {
+impl ObjectiveSet {
     /// The goals in so many set-ups: the objective is the mean over them, as the planned one is what the outline counts
     /// in. One set-up is the plan as it stands.
-    pub fn goals(&self, setups: usize) -> Result<Goals, AimsError> {
+    pub fn goals(&self, setups: usize) -> Result<Goals, ObjectiveSetError> {
         let setups = setups.max(1);
-        let mut wanted = Vec::new();
-        for (structure, moves) in self.wanted.iter().zip(&self.moves) {
+        let mut structures = Vec::new();
+        for (structure, moves) in self.structures.iter().zip(&self.moves) {
             let times = if *moves { setups } else { 1 };
             for setup in 0..times {
                 let before = (setup * self.rows) as u32;
                 let voxels = structure.voxels.iter().map(|v| before + v).collect();
                 let share = |objective: &Objective| objective.scaled(1.0 / times as f64);
                 let objectives = structure.objectives.iter().map(share).collect();
-                wanted.push(Wanted { voxels, objectives, ..structure.clone() });
+                structures.push(StructureObjectives { voxels, objectives, ..structure.clone() });
             }
         }
-        Ok(Goals::new(wanted, setups * self.rows)?)
+        Ok(Goals::new(structures, setups * self.rows)?)
     }
 
     /// The goals of one set-up in two parts, whose objectives add up to that of `goals(1)`: of structures that are followed
     /// through every set-up, and of the outline.
-    pub fn parts(&self) -> Result<[Goals; 2], AimsError> {
-        let part = |moves: bool| -> Result<Goals, AimsError> {
-            let of = self.wanted.iter().zip(&self.moves).filter(|(_, of)| **of == moves);
-            Ok(Goals::new(of.map(|(wanted, _)| wanted.clone()).collect(), self.rows)?)
+    pub fn parts(&self) -> Result<[Goals; 2], ObjectiveSetError> {
+        let part = |moves: bool| -> Result<Goals, ObjectiveSetError> {
+            let of = self.structures.iter().zip(&self.moves).filter(|(_, of)| **of == moves);
+            Ok(Goals::new(of.map(|(structure, _)| structure.clone()).collect(), self.rows)?)
         };
         Ok([part(true)?, part(false)?])
     }
 
-    /// Adds a wish for a part of a structure, of which all points outside targets count, also those of organs.
+    /// Adds an objective for a part of a structure, of which all points outside targets count, also those of organs.
     fn add_region(
         &mut self,
         case: &Case,
         sampling: &Sampling,
         (place, structure): (usize, &Structure),
-        wish: &Wish,
+        spec: &ObjectiveSpec,
         [prescribed, highest]: [f64; 2],
     ) {
         let outside = sampling.members[place].iter().filter(|v| sampling.to_target_mm[**v as usize] > 0.0);
-        let (part, voxels): (String, Vec<u32>) = match wish {
-            Wish::Entry { depth: Length(depth), .. } => {
+        let (part, voxels): (String, Vec<u32>) = match spec.part() {
+            StructurePart::Skin(depth) => {
                 let depths = case.external().map(|body| sampling.depths_mm(case, body)).unwrap_or_default();
-                let shallow = |v: &&u32| depths.get(**v as usize).is_some_and(|d| f64::from(*d) <= *depth);
+                let shallow = |v: &&u32| depths.get(**v as usize).is_some_and(|d| f64::from(*d) <= depth);
                 (format!("{} (first {depth} mm)", structure.name), outside.filter(shallow).copied().collect())
             }
-            _ => (format!("{} (fall-off)", structure.name), outside.copied().collect()),
+            StructurePart::OutsideTargets | StructurePart::Own => {
+                (format!("{} (fall-off)", structure.name), outside.copied().collect())
+            }
         };
         let Points { rows: voxels, volumes, to_target_mm } = sampling.points(place, structure, &voxels);
         if voxels.is_empty() {
-            self.notes.push(format!("{part} has no voxel on the dose grid, so nothing is wanted of it"));
+            self.notes.push(format!("{part} has no voxel on the dose grid; its objective is ignored"));
             return;
         }
         // From the border of the target: half a voxel nearer than the centre of its last voxel.
         let half = 0.5 * sampling.grid().spacing_mm[0];
         let to_target_mm = to_target_mm.iter().map(|r| (r - half).max(0.0)).collect();
-        let objectives = vec![wish.objective(prescribed, highest)];
+        let objectives = vec![spec.resolve(prescribed, highest)];
         self.moves.push(follows(structure.role));
-        self.wanted.push(Wanted { name: part, voxels, volumes, to_target_mm, objectives });
+        self.structures.push(StructureObjectives { name: part, voxels, volumes, to_target_mm, objectives });
     }
 
     /// Rows of structures that are followed through every set-up, rising.
@@ -198,69 +208,24 @@ pub fn follows(role: Role) -> bool {
     role != Role::External
 }
 
-impl Wish {
-    /// The dose that it speaks of.
-    fn dose(&self) -> Option<Dose> {
-        match self {
-            Self::Overdose { dose, .. }
-            | Self::Entry { dose, .. }
-            | Self::FallOff { near: dose, .. }
-            | Self::Underdose { dose, .. }
-            | Self::MeanDose { dose, .. }
-            | Self::DvhAtMost { dose, .. }
-            | Self::DvhAtLeast { dose, .. } => Some(*dose),
-            Self::Homogeneity { .. } => None,
-        }
-    }
-
-    /// Whether it is for a part of the structure by its place, not for the points that no structure before has.
-    fn is_regional(&self) -> bool {
-        matches!(self, Self::FallOff { .. } | Self::Entry { .. })
-    }
-
-    fn objective(&self, prescribed: f64, highest: f64) -> Objective {
-        let gray = |dose: Dose| match dose {
-            Dose::Gray(gray) => gray,
-            Dose::OfPrescription(part) => part * prescribed,
-            Dose::OfHighest(part) => part * highest,
-        };
-        match *self {
-            Self::Overdose { dose, weight } | Self::Entry { dose, weight, .. } => {
-                Objective::Overdose { dose: gray(dose), weight }
-            }
-            Self::FallOff { near, far, over: Length(over_mm), weight } => {
-                Objective::FallOff { near: gray(near), far: gray(far), over_mm, weight }
-            }
-            Self::Underdose { dose, weight } => Objective::Underdose { dose: gray(dose), weight },
-            Self::MeanDose { dose, weight } => Objective::MeanDose { dose: gray(dose), weight },
-            Self::Homogeneity { weight } => Objective::Homogeneity { weight },
-            Self::DvhAtMost { dose, volume: Volume(volume), weight } => {
-                Objective::DvhAtMost { dose: gray(dose), volume, weight }
-            }
-            Self::DvhAtLeast { dose, volume: Volume(volume), weight } => {
-                Objective::DvhAtLeast { dose: gray(dose), volume, weight }
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dose::DoseParams;
+    use crate::fluence::{FallOff, Overdose, Underdose};
     use stillpoint_patient::case::{CaseParts, Mask, Prescription, phantom};
 
-    fn aims() -> (Case, Aims) {
+    fn set_of_phantom() -> (Case, ObjectiveSet) {
         let case = phantom(0).unwrap();
         let grid = DoseParams::over(case.grid(), 5.0).grid;
-        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
-        (case, aims)
+        let set = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
+        (case, set)
     }
 
     #[test]
     fn targets_come_first_and_a_voxel_counts_once() {
-        let (_, aims) = aims();
-        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        let (_, set) = set_of_phantom();
+        let names: Vec<&str> = set.structures.iter().map(|w| w.name.as_str()).collect();
         assert_eq!(
             names,
             [
@@ -275,45 +240,54 @@ mod tests {
                 "Body"
             ]
         );
-        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let whole = set.structures.iter().filter(|w| !w.name.contains('('));
         let mut all: Vec<u32> = whole.flat_map(|w| w.voxels.clone()).collect();
         let count = all.len();
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), count);
-        assert_eq!(aims.wanted[0].objectives[0], Objective::Underdose { dose: 78.0, weight: 1600.0 });
+        assert_eq!(
+            set.structures[0].objectives[0],
+            Objective::Underdose(Underdose { dose: 78.0, weight: 1600.0 })
+        );
     }
 
     #[test]
     fn set_ups_share_the_weight_and_the_outline_counts_once() {
-        let (_, aims) = aims();
-        let goals = aims.goals(7).unwrap();
-        assert_eq!(goals.rows(), 7 * aims.rows);
-        assert_eq!(goals.wanted().len(), 7 * 5 + 4);
-        let whole = aims.wanted.iter().filter(|w| !w.name.contains('('));
+        let (_, set) = set_of_phantom();
+        let goals = set.goals(7).unwrap();
+        assert_eq!(goals.rows(), 7 * set.rows);
+        assert_eq!(goals.structures().len(), 7 * 5 + 4);
+        let whole = set.structures.iter().filter(|w| !w.name.contains('('));
         let all = whole.map(|w| w.voxels.len()).sum::<usize>();
-        let moving: usize = aims.wanted[..5].iter().map(|w| w.voxels.len()).sum();
+        let moving: usize = set.structures[..5].iter().map(|w| w.voxels.len()).sum();
         assert_eq!(goals.voxels().len(), all + 6 * moving);
-        assert!(aims.wanted[..5].iter().all(|w| w.voxels.iter().all(|v| aims.followed.contains(v))));
+        assert!(set.structures[..5].iter().all(|w| w.voxels.iter().all(|v| set.followed.contains(v))));
         assert_eq!(
-            goals.wanted()[6].objectives[0],
-            Objective::Underdose { dose: 78.0, weight: 1600.0 * (1.0 / 7.0) }
+            goals.structures()[6].objectives[0],
+            Objective::Underdose(Underdose { dose: 78.0, weight: 1600.0 * (1.0 / 7.0) })
         );
-        assert!(matches!(goals.wanted()[38].objectives[0], Objective::Overdose { weight: 8.0, .. }));
+        assert!(matches!(
+            goals.structures()[38].objectives[0],
+            Objective::Overdose(Overdose { weight: 8.0, .. })
+        ));
     }
 
     /// Goals by distance hold for all points outside the targets, also those of organs.
     #[test]
     fn the_fall_off_and_the_entry_count_for_every_point_of_their_region_outside_the_targets() {
-        let (case, aims) = aims();
-        let find = |name: &str| aims.wanted.iter().find(|w| w.name == name).unwrap();
+        let (case, set) = set_of_phantom();
+        let find = |name: &str| set.structures.iter().find(|w| w.name == name).unwrap();
         let (fall_off, entry) = (find("Body (fall-off)"), find("Body (first 10 mm)"));
         let rectum = find("Rectum");
         assert!(rectum.voxels.iter().all(|v| fall_off.voxels.contains(v)));
         assert!(find("PTV").voxels.iter().all(|v| !fall_off.voxels.contains(v)));
         let nearest = fall_off.to_target_mm.iter().fold(f64::INFINITY, |a, b| a.min(*b));
         assert_eq!((fall_off.to_target_mm.len(), nearest), (fall_off.voxels.len(), 2.5), "voxels of 5 mm");
-        assert!(matches!(fall_off.objectives[..], [Objective::FallOff { near: 78.0, over_mm: 13.0, .. }]));
+        assert!(matches!(
+            fall_off.objectives[..],
+            [Objective::FallOff(FallOff { near: 78.0, over_mm: 13.0, .. })]
+        ));
         let grid = DoseParams::over(case.grid(), 5.0).grid;
         let body = case.external().unwrap();
         let deep = |voxel: u32| {
@@ -338,25 +312,25 @@ mod tests {
             "{too_deep} of {}",
             entry.voxels.len()
         );
-        assert!(matches!(entry.objectives[..], [Objective::Overdose { dose: 39.0, .. }]));
+        assert!(matches!(entry.objectives[..], [Objective::Overdose(Overdose { dose: 39.0, .. })]));
     }
 
     #[test]
     fn a_target_without_a_dose_is_refused() {
-        let (case, _) = aims();
+        let (case, _) = set_of_phantom();
         let grid = DoseParams::over(case.grid(), 5.0).grid;
         let own = r#"{"objectives": [{"role": "external", "wanted": [{"overdose": {"dose": "1 Gy", "weight": 1}}]}]}"#;
         let only = ObjectiveTable::parse(own).unwrap();
-        assert_eq!(only.for_case(&case, &grid), Err(AimsError::NoTarget));
+        assert_eq!(only.for_case(&case, &grid), Err(ObjectiveSetError::NoTarget));
         let unprescribed = two_targets(Vec::new());
         let grid = *unprescribed.grid();
         let shipped = ObjectiveTable::shipped().unwrap();
-        assert_eq!(shipped.for_case(&unprescribed, &grid), Err(AimsError::NoDose("low".into())));
+        assert_eq!(shipped.for_case(&unprescribed, &grid), Err(ObjectiveSetError::NoDose("low".into())));
         let own = r#"{"objectives": [
             {"match": ["PTV"], "wanted": [{"overdose": {"dose": "60 Gy", "weight": 1}}]},
             {"match": ["low"], "wanted": [{"overdose": {"dose": "104 % of the highest", "weight": 1}}]}]}"#;
         let own = ObjectiveTable::parse(own).unwrap();
-        assert_eq!(own.for_case(&unprescribed, &grid), Err(AimsError::NoPrescription("low".into())));
+        assert_eq!(own.for_case(&unprescribed, &grid), Err(ObjectiveSetError::NoPrescription("low".into())));
     }
 
     /// A box in a box, each a target.
@@ -384,16 +358,59 @@ mod tests {
     fn a_share_of_the_highest_is_one_dose_for_all_targets() {
         let prescribed = |structure: &str, dose_gy| Prescription { structure: structure.into(), dose_gy };
         let case = two_targets(vec![prescribed("low", 50.0), prescribed("PTV", 70.0)]);
-        let aims = ObjectiveTable::shipped().unwrap().for_case(&case, case.grid()).unwrap();
-        let names: Vec<&str> = aims.wanted.iter().map(|w| w.name.as_str()).collect();
+        let set = ObjectiveTable::shipped().unwrap().for_case(&case, case.grid()).unwrap();
+        let names: Vec<&str> = set.structures.iter().map(|w| w.name.as_str()).collect();
         assert_eq!(names, ["PTV", "low"]);
-        for (wanted, own) in aims.wanted.iter().zip([70.0, 50.0]) {
+        for (structure, own) in set.structures.iter().zip([70.0, 50.0]) {
             let expected = [
-                Objective::Underdose { dose: own, weight: 1600.0 },
-                Objective::Overdose { dose: 1.02 * own, weight: 150.0 },
-                Objective::Overdose { dose: 1.04 * 70.0, weight: 1500.0 },
+                Objective::Underdose(Underdose { dose: own, weight: 1600.0 }),
+                Objective::Overdose(Overdose { dose: 1.02 * own, weight: 150.0 }),
+                Objective::Overdose(Overdose { dose: 1.04 * 70.0, weight: 1500.0 }),
             ];
-            assert_eq!(wanted.objectives, expected);
+            assert_eq!(structure.objectives, expected);
         }
+    }
+
+    #[test]
+    fn the_costs_of_the_results_add_up_to_that_of_the_plan_and_true_values_stand_beside_them() {
+        let case = phantom(0).unwrap();
+        let grid = DoseParams::over(case.grid(), 5.0).grid;
+        let own = r#"{"objectives": [
+            {"match": ["Rectum"], "wanted": [
+                {"geud": {"a": 8, "limit": "<= 40 %", "weight": 3}},
+                {"dvh_point": {"limit": "V20Gy <= 30 %", "weight": 7}},
+                {"mean_dose": {"dose": "20 Gy", "weight": 1}}]},
+            {"match": ["Bladder"], "wanted": [{"dvh_point": {"limit": "D10% <= 30 Gy", "weight": 5}}]}]}"#;
+        let table = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
+        let set = table.for_case(&case, &grid).unwrap();
+        // A dose that falls from front to back.
+        let of_voxel = |grid: &Grid, voxel: usize| 60.0 + 0.2 * grid.centre_mm(grid.voxel(voxel))[1];
+        let gray: Vec<f32> = (0..grid.len()).map(|v| of_voxel(&grid, v) as f32).collect();
+        let evaluation = crate::evaluation::OnGrid::new(&case, &grid).evaluate(&gray);
+        for setups in [1, 3] {
+            let goals = set.goals(setups).unwrap();
+            let dose: Vec<f64> =
+                goals.voxels().iter().map(|row| of_voxel(&grid, *row as usize % set.rows)).collect();
+            let results = set.results(&goals, &dose, &evaluation).unwrap();
+            let mut all = vec![0.0; goals.rows()];
+            goals.voxels().iter().zip(&dose).for_each(|(row, gray)| all[*row as usize] = *gray);
+            let (sum, whole) = (results.iter().map(|r| r.cost).sum::<f64>(), goals.cost(&all).unwrap());
+            assert!((sum - whole).abs() < 1e-9 * whole && whole > 0.0, "{sum} {whole}");
+            let (_, rectum) = evaluation.histograms.iter().find(|(s, _)| s.name == "Rectum").unwrap();
+            let found: Vec<_> = results.iter().filter(|r| r.structure == "Rectum").collect();
+            let values: Vec<f64> = found.iter().map(|r| r.measured.as_ref().unwrap().value).collect();
+            assert_eq!(values, [rectum.geud(8.0), 100.0 * rectum.volume_at(20.0), rectum.mean()]);
+            assert_eq!(found[1].measured.as_ref().unwrap().wanted(), "V20Gy <= 30 %");
+            assert_eq!(found[0].met, Some(rectum.geud(8.0) <= 0.4 * 78.0));
+            let bladder = results.iter().find(|r| r.structure == "Bladder").unwrap();
+            assert_eq!(bladder.measured.as_ref().unwrap().wanted(), "D10% <= 30 Gy");
+            let text = serde_json::to_string(&results).unwrap();
+            assert_eq!(serde_json::from_str::<Vec<super::super::ObjectiveResult>>(&text).unwrap(), results);
+            assert!(set.results(&goals, &dose[1..], &evaluation).is_err());
+        }
+        let other = ObjectiveTable::shipped().unwrap().for_case(&case, &grid).unwrap();
+        let goals = other.goals(1).unwrap();
+        let dose = vec![0.0; goals.voxels().len()];
+        assert!(set.results(&goals, &dose, &evaluation).is_err(), "goals of another set");
     }
 }
