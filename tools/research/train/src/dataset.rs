@@ -1,7 +1,7 @@
 //! Samples of a head and its valves, windows of them, and what is to be predicted.
 
 use crate::TrainError;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// A sample: the pose at its beginning, and the duties during it.
 #[derive(Clone, Debug, PartialEq)]

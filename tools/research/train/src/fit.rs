@@ -3,7 +3,7 @@
 use candle_core::Tensor;
 use candle_nn::optim::{AdamW, Optimizer, ParamsAdamW, SGD};
 use stillpoint_control::lstm::Lstm;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use crate::TrainError;
 use crate::dataset::{Batch, Dataset};

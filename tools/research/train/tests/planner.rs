@@ -8,7 +8,7 @@ use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
 use stillpoint_network::patient::{Body, Table};
 use stillpoint_network::{Coarseness, Due, Eye, Game, Group, Model, Patient, Rules, Sizes};
 use stillpoint_plan::beams::Ring;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 use stillpoint_train::TrainError;
 use stillpoint_train::planner::{
     Checkpoint, Done, Example, Network, Options, Players, Ready, Schedule, Told, Training, Weights, loss,

@@ -5,7 +5,7 @@
 use candle_core::{Device, Tensor, Var};
 use stillpoint_patient::case::phantom;
 use stillpoint_plan::beams::Ring;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 use stillpoint_train::planner::{Adam, Weights, loss};
 use stillpoint_train::tower::{PLANES, Tower, TowerConfig, convolve, planes};
 

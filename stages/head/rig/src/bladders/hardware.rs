@@ -8,8 +8,8 @@ use stillpoint_mechanics::plant::grip::{Grip, Held};
 use stillpoint_mechanics::plant::layouts::{START_GAP, tangents};
 use stillpoint_mechanics::plant::sticking::Sticking;
 use stillpoint_mechanics::plant::{Plant, Pressed, State};
+use stillpoint_mechanics::random::Random;
 use stillpoint_mechanics::shell::rubber::{Relaxation, Wall};
-use stillpoint_random::Random;
 
 /// Number of the random stream of the valves' delays.
 const DELAYS: u64 = 0x76_61_6c_76_65;

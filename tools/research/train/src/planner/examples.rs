@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
 use stillpoint_network::game::ring;
 use stillpoint_network::{Eye, Game};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use super::plan;
 use crate::TrainError;

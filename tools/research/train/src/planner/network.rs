@@ -3,7 +3,7 @@
 use candle_core::{D, Tensor, Var};
 use stillpoint_network::model::{TAPS, place};
 use stillpoint_network::{Model, Sizes};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use super::examples::{Example, States};
 use crate::TrainError;

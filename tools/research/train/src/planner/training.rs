@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use stillpoint_network::groups::leave_out;
 use stillpoint_network::model::{TAPS, WIDEST};
 use stillpoint_network::{Group, Model, Sizes};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use super::adam::Adam;
 use super::checkpoint::Checkpoint;

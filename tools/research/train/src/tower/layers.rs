@@ -1,7 +1,7 @@
 //! Stem, blocks and heads of the tower.
 
 use candle_core::{Tensor, Var};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use super::convolution::convolve;
 use super::planes::PLANES;
