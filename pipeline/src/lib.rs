@@ -22,6 +22,9 @@
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
 //! - `files`, `session_files`: the files that params name, of a run and of a session
 
+// Outsiders use it.
+#![warn(missing_docs)]
+
 pub mod clock;
 pub mod config;
 pub mod console;

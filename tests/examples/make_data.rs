@@ -36,7 +36,6 @@ frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 
 operators:
   rig: { use: rig.camera, every: 100 ms, frame: camera, params: { motion: sweep, noise: structured_light, width: 192 px, height: 144 px, focal_length: 170 px } }
 ";
-/// Its topics.
 const IMAGES: (&str, RosMessage) = ("/camera/depth/image_raw", RosMessage::Image);
 const INFOS: (&str, RosMessage) = ("/camera/depth/camera_info", RosMessage::CameraInfo);
 

@@ -59,7 +59,6 @@ enum Holding<const D: usize, const B: usize> {
     Nothing,
     /// Contacts that stay where they are.
     Fixed(Sticking<D, B>),
-    /// Contacts that roll.
     Rolling(Grip<B>),
 }
 
@@ -70,7 +69,6 @@ pub struct Along {
     pub force: f64,
     /// What friction could bear beside it, N.
     pub margin: f64,
-    /// Whether it slides.
     pub slides: bool,
     /// What it leaves free between bladder and head (3.1).
     pub freedoms: u32,
