@@ -85,7 +85,6 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_actuate::STAGES,
         stillpoint_rig::STAGES,
         stillpoint_planner::STAGES,
-        stillpoint_sink::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)

@@ -20,6 +20,8 @@
 //! - [`threads`]: the same work on many items
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 
 pub mod beams;
 pub mod delivery;

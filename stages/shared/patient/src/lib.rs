@@ -10,6 +10,8 @@
 //! - [`ply`]: the reader of PLY files, of meshes and of point clouds
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 
 pub mod case;
 pub mod couch;

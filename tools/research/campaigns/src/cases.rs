@@ -48,7 +48,6 @@ impl Case {
         self
     }
 
-    /// All cases.
     pub fn all() -> Vec<Self> {
         let mut all = vec![Self::new("nothing")];
         all.extend(

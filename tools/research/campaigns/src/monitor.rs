@@ -16,7 +16,6 @@ const POSE_TIME: u64 = 170_000_000;
 const LEAD: u64 = 40_000_000;
 /// Maximum growth of an opening, 1/s: `slew`.
 const SLEW: f64 = 10.0;
-/// Maximum duty.
 const DUTY: f64 = 1.0;
 /// Rounding of duties that are sent as `f32`.
 const ROUNDING: f64 = 1e-5;

@@ -79,7 +79,6 @@ const KINDS: [(&str, Pace, Changes); COUNT] = [
     ("leak", FAST, MEASURED),
 ];
 
-/// Number of trials.
 pub const COUNT: usize = 7;
 
 /// The trials of the search.

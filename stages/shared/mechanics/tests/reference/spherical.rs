@@ -6,9 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 /// Where a mass is and how fast: `q = (r, phi, theta)` in m and rad, and its rates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {
-    /// Coordinates.
     pub q: Vector3<f64>,
-    /// Their rates.
     pub rate: Vector3<f64>,
 }
 

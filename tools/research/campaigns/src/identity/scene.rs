@@ -22,7 +22,6 @@ const MASKED: u64 = 12;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Event {
-    /// No event.
     Nothing,
     /// The head moves beyond the limits.
     Moved,
@@ -44,7 +43,6 @@ pub enum Event {
     Blind,
 }
 
-/// All events.
 pub const EVENTS: [Event; 10] = [
     Event::Nothing,
     Event::Moved,
@@ -66,7 +64,6 @@ pub struct Case {
     pub worn: Worn,
     /// Whether a mask lies over the face. It is fixed to the couch.
     pub is_masked: bool,
-    /// The event.
     pub event: Event,
     /// Time from beam on to the event, s.
     pub wait: f64,

@@ -25,7 +25,6 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// Of these files.
     pub fn new(files: &[PathBuf]) -> Result<Self, Failure> {
         let models = files.iter().map(|file| read(file)).collect::<Result<Vec<_>, _>>()?;
         Ok(Self { files: files.to_vec(), over: vec![Vec::new(); models.len()], models })
@@ -65,7 +64,6 @@ impl Networks {
         Ok(())
     }
 
-    /// Prints the table.
     pub fn tell(&self) {
         outln!("| network | first set: mean %, worst | best of {SETS}: mean %, worst | patients |");
         outln!("| --- | --- | --- | --- |");

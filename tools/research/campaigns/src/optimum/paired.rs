@@ -8,7 +8,6 @@ pub struct Paired {
     better: u32,
     worse: u32,
     mean: f64,
-    /// Without ties.
     differences: Vec<f64>,
 }
 
@@ -62,7 +61,6 @@ impl Paired {
         (2.0 * tail).min(1.0)
     }
 
-    /// As text.
     pub fn told(&self) -> String {
         format!(
             "{:+.2} ({}:{}, p {:.3}, {:.3})",

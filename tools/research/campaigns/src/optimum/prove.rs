@@ -14,9 +14,7 @@ const BEFOREHAND: usize = 60;
 /// The best set, and what its proof took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Proved {
-    /// The set.
     pub set: BeamSet,
-    /// Its cost.
     pub cost: f64,
     /// Sets of the ring.
     pub sets: usize,

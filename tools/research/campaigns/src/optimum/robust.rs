@@ -35,7 +35,6 @@ struct Pair {
     same: bool,
 }
 
-/// What is compared.
 #[derive(Default)]
 pub struct Robust {
     pairs: Vec<Pair>,
@@ -94,7 +93,6 @@ impl Robust {
         Ok(())
     }
 
-    /// Prints the table.
     pub fn tell(&self) {
         outln!(
             "| method | solves | worst case, robust against nominal: mean %, better:worse, sign test, Wilcoxon | as planned | same set |"

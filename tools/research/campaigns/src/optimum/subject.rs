@@ -12,11 +12,9 @@ pub const ANGLES: usize = 90;
 
 /// A patient with the doses of a ring.
 pub struct Subject {
-    /// Its name.
     pub name: String,
     /// The case with its goals.
     pub problem: Problem,
-    /// The angles.
     pub ring: Ring,
     /// A matrix for each angle.
     pub doses: Vec<Rows>,

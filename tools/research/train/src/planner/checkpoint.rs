@@ -19,11 +19,8 @@ pub struct Checkpoint {
     pub about: String,
     /// The options that it runs with.
     pub options: Options,
-    /// Passes until now.
     pub passes: Vec<Pass>,
-    /// The numbers.
     pub numbers: Vec<Vec<f32>>,
-    /// The optimiser.
     pub adam: Adam,
 }
 
@@ -73,7 +70,6 @@ impl Checkpoint {
             .map_err(|e| fault(e.to_string()))
     }
 
-    /// Reads the file.
     pub fn read(path: &Path) -> Result<Self, TrainError> {
         let fault = |why: String| TrainError::File { path: path.to_owned(), why };
         let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;

@@ -31,7 +31,6 @@ impl Bars {
         })
     }
 
-    /// Shows it.
     pub fn tell(&self, told: Told) {
         let show = |bar: &ProgressBar, at: usize, of: usize| {
             bar.set_length(of as u64);

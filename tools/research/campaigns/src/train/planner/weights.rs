@@ -35,14 +35,12 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// Makes the topic.
     pub fn new(domain: &Domain) -> Result<Self, Failure> {
         let topic = Topic::create(domain, &contract()).map_err(Failure::failed)?;
         let publisher = topic.publisher().map_err(Failure::failed)?;
         Ok(Self { publisher, sequence: 0, _topic: topic })
     }
 
-    /// Publishes the weights.
     pub fn send(&mut self, model: &Model) -> Result<(), Failure> {
         let bytes = model.to_safetensors().map_err(Failure::failed)?;
         let loan = self.publisher.loan(bytes.len()).map_err(Failure::failed)?;
@@ -71,7 +69,6 @@ pub struct Receiver {
 }
 
 impl Receiver {
-    /// Joins the topic.
     pub fn new(domain: &Domain) -> Result<Self, Failure> {
         let topic = Topic::open(domain, &contract()).map_err(Failure::failed)?;
         let (subscriber, _) = topic.subscriber_with_history().map_err(Failure::failed)?;
@@ -79,7 +76,6 @@ impl Receiver {
         Ok(Self { subscriber, newest: None, _topic: topic })
     }
 
-    /// The newest weights.
     pub fn newest(&mut self) -> Result<Option<&Model>, Failure> {
         while let Some(sample) = self.subscriber.receive().map_err(Failure::failed)? {
             let view = sample.pieces().view::<Weights>().map_err(Failure::failed)?;

@@ -18,7 +18,6 @@ use stillpoint::Failure;
 /// Exits of players during one game after which the training ends.
 const PATIENCE: usize = 3;
 
-/// Processes that play.
 pub struct Workers {
     players: Vec<Option<Player>>,
     weights: weights::Sender,

@@ -13,8 +13,9 @@ mod guide;
 mod head_tracking;
 mod held_head;
 mod misspelled;
+mod null_sink;
 mod one_dof;
-#[path = "../../../../examples/own_operator.rs"]
+#[path = "../../examples/own_operator.rs"]
 mod own_operator;
 mod real_data;
 mod script;
@@ -35,7 +36,6 @@ pub const FAMILIES: &[&[Stage]] = &[
     stillpoint_control::STAGES,
     stillpoint_actuate::STAGES,
     stillpoint_planner::STAGES,
-    stillpoint_sink::STAGES,
 ];
 
 /// All kinds by name.
@@ -45,5 +45,5 @@ pub fn registry() -> Registry {
 
 /// A path from the root of the workspace.
 pub fn from_root(path: &str) -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")).join(path)
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(path)
 }

@@ -1,7 +1,7 @@
 //! Random numbers from a seed, uniform and normal: the same bits on every machine.
 //!
 //! ```
-//! use stillpoint_random::Random;
+//! use stillpoint_mechanics::random::Random;
 //! let mut random = Random::new(7);
 //! let (a, b) = (random.normal(), Random::new(7).normal());
 //! assert_eq!(a, b);
@@ -9,8 +9,6 @@
 //!
 //! The normal numbers are Box and Muller's (1958) with `libm`, and not those of a crate: sessions, models and tests that
 //! exist were made with these.
-
-#![forbid(unsafe_code)]
 
 use chacha20::ChaCha8Rng;
 use chacha20::rand_core::{Rng, SeedableRng};
@@ -38,7 +36,6 @@ impl Random {
         ((self.0.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
     }
 
-    /// Between two numbers.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform()
     }

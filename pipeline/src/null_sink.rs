@@ -1,10 +1,13 @@
 //! `sink.null`: takes samples of the common types and only counts them. It ends a chain for measurements and trials.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Activation, Operator, Outputs, Setup, Stage};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     ConsoleCommand, DepthImage, Diagnostics, Health, Metric, PointCloud, Pose, Sample, SampleKind, Track,
 };
+
+/// Entry of `sink.null` in the list of kinds.
+pub const STAGE: Stage = Stage::of::<SinkNull>();
 
 const COUNTS: usize = 0;
 const INPUTS: usize = 7;

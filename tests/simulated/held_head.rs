@@ -57,7 +57,6 @@ pub const SMALL: (&str, &str) = (
     "camera: { every: 50 ms, width: 320 px, height: 240 px, focal_length: 283 px }",
 );
 
-/// Less still.
 const TINY: (&str, &str) = (
     "camera: { every: 50 ms }",
     "camera: { every: 50 ms, width: 160 px, height: 120 px, focal_length: 141.5 px }",

@@ -9,7 +9,7 @@ use stillpoint_operator::files::MemoryFiles;
 
 use crate::registry;
 
-const KEY: &[u8] = include_bytes!("../../../../examples/data/rig.key");
+const KEY: &[u8] = include_bytes!("../../examples/data/rig.key");
 
 struct NoFiles;
 

@@ -1,7 +1,5 @@
 //! `sink.null` on a bench.
 
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{CloudShape, Diagnostics, Point, PointCloud, Pose, PoseElement};
 use stillpoint_testing::Bench;
@@ -18,7 +16,7 @@ operators:
 
 #[test]
 fn it_counts_what_it_takes_by_input() {
-    let mut bench = Bench::new(TEXT, "end", stillpoint_sink::STAGES, &MemoryFiles::default()).unwrap();
+    let mut bench = Bench::new(TEXT, "end", stillpoint_pipeline::STAGES, &MemoryFiles::default()).unwrap();
     let point = Point { xyz: [f32::NAN; 3] };
     let shape = CloudShape { width: 1, height: 1, reserved: 0, length: 1 };
     let pose = PoseElement { position: [f64::NAN; 3], orientation: [0.0; 4], covariance: [0.0; 36] };

@@ -8,8 +8,8 @@ use stillpoint_testing::run;
 use crate::own_operator::MY_STAGES;
 use crate::{FAMILIES, from_root};
 
-const PAGE: &str = include_str!("../../../../docs/guide/own-operator.md");
-const CODE: &str = include_str!("../../../../examples/own_operator.rs");
+const PAGE: &str = include_str!("../../docs/guide/own-operator.md");
+const CODE: &str = include_str!("../../examples/own_operator.rs");
 
 #[test]
 fn the_page_shows_the_code_that_is_run() {

@@ -1,6 +1,6 @@
 //! Writes the small recordings of `examples/data`: the project's own head, seen by the project's own camera.
 //!
-//! `cargo run --release -p stillpoint-testing --example make_data`
+//! `cargo run --release -p stillpoint-tests --example make_data`
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -36,12 +36,11 @@ frames: { camera: { parent: couch, at: [0 mm, -480 mm, 590 mm], rotation: [-135 
 operators:
   rig: { use: rig.camera, every: 100 ms, frame: camera, params: { motion: sweep, noise: structured_light, width: 192 px, height: 144 px, focal_length: 170 px } }
 ";
-/// Its topics.
 const IMAGES: (&str, RosMessage) = ("/camera/depth/image_raw", RosMessage::Image);
 const INFOS: (&str, RosMessage) = ("/camera/depth/camera_info", RosMessage::CameraInfo);
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/data"));
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/data"));
     let registry = Registry::new(&[stillpoint_rig::STAGES, stillpoint_ingest::STAGES]);
     let run = run(TEXT, &registry, &MemoryFiles::default(), 12_000)?;
     std::fs::create_dir_all(folder.join("depth"))?;
