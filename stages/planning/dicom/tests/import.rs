@@ -5,6 +5,7 @@ use std::path::Path;
 use dicom_core::{PrimitiveValue, VR};
 use dicom_dictionary_std::tags;
 use stillpoint_dicom::{Identity, Request, import_folder};
+use stillpoint_patient::case::intake::Scale;
 use stillpoint_patient::case::{Imported, NameTable, Prescription, Role, Uid, Uids, to_bytes};
 
 use crate::fixture::{
@@ -21,6 +22,8 @@ pub fn request(names: &NameTable) -> Request<'_> {
         fractions: None,
         isocentre_mm: None,
         allowed_cut_cm3: 0.0,
+        position: None,
+        scale: Scale::OfPatients,
     }
 }
 
@@ -39,7 +42,7 @@ fn refusal(slice: usize, change: impl FnOnce(&mut dicom_object::InMemDicomObject
 #[test]
 fn slices_are_sorted_by_their_position_and_rescaled() {
     let folder = folder();
-    let Imported { case, notes } = import(folder.path()).unwrap();
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
     assert_eq!((case.grid().counts, case.grid().spacing_mm), (COUNTS, [2.0, 3.0, 2.5]));
     assert_eq!(case.grid().origin_mm, [-10.0, -12.0, 100.0]);
     let slice: Vec<i16> = (0..108).map(|i| 10 * i - 1000).collect();
@@ -290,7 +293,7 @@ fn what_holds_no_volume_is_left_out_and_told() {
     let set = structure_set(vec![("iso", "ISOCENTER", vec![line]), ("ptv", "PTV", ptv)]);
     let folder = folder();
     std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
-    let Imported { case, notes } = import(folder.path()).unwrap();
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
     assert_eq!(case.structures().len(), 1);
     let notes = notes.join("\n");
     assert!(

@@ -10,7 +10,8 @@ use crate::import::request;
 fn the_dicom_folder_and_the_nrrd_files_of_one_case_agree() {
     let Some(root) = reference::folder("planning") else { return };
     let names = NameTable::shipped().unwrap();
-    let Imported { case, notes } = import_folder(&root.join("pelvis_000/dicom"), &request(&names)).unwrap();
+    let Imported { case, notes, .. } =
+        import_folder(&root.join("pelvis_000/dicom"), &request(&names)).unwrap();
     let described = import_described(&root.join("pelvis_000/pelvis_000.json"), &names).unwrap().case;
     assert_eq!(case.grid(), described.grid());
     assert_eq!(case.hu(), described.hu());

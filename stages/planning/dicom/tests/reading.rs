@@ -138,7 +138,7 @@ fn names(written: &[&str]) -> (Vec<String>, Vec<String>) {
 fn of_set(bytes: &[u8]) -> (Vec<String>, Vec<String>) {
     let folder = folder();
     std::fs::write(folder.path().join("rs.dcm"), bytes).unwrap();
-    let Imported { case, notes } = import(folder.path(), None).unwrap();
+    let Imported { case, notes, .. } = import(folder.path(), None).unwrap();
     (case.structures().iter().map(|s| s.name.clone()).collect(), notes)
 }
 

@@ -34,7 +34,7 @@ fn import(
 
 /// The PTV's volume, and what is said of it.
 fn ptv(contours: Vec<InMemDicomObject>) -> (f64, Vec<String>) {
-    let Imported { case, notes } = import(vec![("PTV", "PTV", contours)], 0.0).unwrap();
+    let Imported { case, notes, .. } = import(vec![("PTV", "PTV", contours)], 0.0).unwrap();
     (case.volume_cm3(case.structure("PTV").unwrap()), notes)
 }
 
@@ -68,7 +68,7 @@ fn an_organ_that_the_scan_ends_in_needs_leave_of_that_size() {
     assert!(said.contains(r#""Rectum" reaches 8.8 mm"#) && said.contains("--allow-cut 0.36cm3"), "{said}");
     assert!(!said.contains("Body"), "{said}");
     assert!(import(regions(), 0.35).is_err());
-    let Imported { case, notes } = import(regions(), 0.36).unwrap();
+    let Imported { case, notes, .. } = import(regions(), 0.36).unwrap();
     assert!((case.volume_cm3(case.structure("Rectum").unwrap()) - 0.72).abs() < 1e-9);
     let notes = notes.join("\n");
     assert!(notes.contains(r#""Rectum" reaches"#) && notes.contains(r#""Body" reaches"#), "{notes}");

@@ -70,9 +70,8 @@ impl<'a> Outline<'a> {
             return false;
         }
         let near = |[a, b]: [[f64; 2]; 2]| {
-            (0..2).all(|i| {
-                a[i].min(b[i]) <= self.high[i] + SAME_MM && a[i].max(b[i]) >= self.low[i] - SAME_MM
-            })
+            (0..2)
+                .all(|i| a[i].min(b[i]) <= self.high[i] + SAME_MM && a[i].max(b[i]) >= self.low[i] - SAME_MM)
         };
         // No border of the other is near: one point tells for all.
         if !other.edges().any(near) {
