@@ -8,7 +8,7 @@ use stillpoint_patient::case::{Case, Imported, NameTable, PatientPosition, Uid};
 
 use crate::compressed;
 use crate::fixture::{
-    COUNTS, Encoding, SERIES, bare, ct, file, folder, name, on_every_slice, put, structure_set,
+    COUNTS, Encoding, SERIES, bare, ct, file, file_as, folder, name, on_every_slice, put, structure_set,
 };
 use crate::import::request;
 
@@ -77,9 +77,22 @@ fn compressed_images_are_those_that_were_compressed() {
         let said = Slice::read(&said.unwrap()).unwrap_err().to_string();
         assert!(said.contains("(7FE0,0010)") && said.contains("export"), "{syntax}: {said}");
     }
-    let jpeg_2000 = compressed::image(1, "1.2.840.10008.1.2.4.90", &[0; 8]);
-    let said = Slice::read(&DataSet::read(&jpeg_2000).unwrap()).unwrap_err().to_string();
-    assert!(said.contains("RLE and JPEG lossless are read"), "{said}");
+    let jpeg_ls = compressed::image(1, "1.2.840.10008.1.2.4.80", &[0; 8]);
+    let said = Slice::read(&DataSet::read(&jpeg_ls).unwrap()).unwrap_err().to_string();
+    assert!(said.contains("RLE, JPEG lossless and JPEG 2000 lossless are read"), "{said}");
+}
+
+#[test]
+fn signed_words_in_jpeg_2000_keep_their_sign() {
+    let mut object = ct(1);
+    put(&mut object, tags::RESCALE_SLOPE, VR::DS, "1");
+    put(&mut object, tags::RESCALE_INTERCEPT, VR::DS, "0");
+    put(&mut object, tags::PIXEL_REPRESENTATION, VR::US, 1_u16);
+    compressed::put_piece(&mut object, &compressed::signed_piece());
+    let bytes = file_as(&object, "1.2.840.10008.1.2.4.90");
+    let slice = Slice::read(&DataSet::read(&bytes).unwrap()).unwrap();
+    let due: Vec<i16> = compressed::words().map(|word| word as i16 - 2048).collect();
+    assert_eq!(slice.hu, due);
 }
 
 /// The folder of a patient in another position: the scanner turns the image with the patient.
