@@ -35,7 +35,9 @@ fn import(
 /// The PTV's volume, and what is said of it.
 fn ptv(contours: Vec<InMemDicomObject>) -> (f64, Vec<String>) {
     let Imported { case, notes, .. } = import(vec![("PTV", "PTV", contours)], 0.0).unwrap();
-    (case.volume_cm3(case.structure("PTV").unwrap()), notes)
+    // What is said of the outline, which is made from the images, is no word of the contours.
+    let of_contours = notes.into_iter().filter(|note| !note.contains("the outline"));
+    (case.volume_cm3(case.structure("PTV").unwrap()), of_contours.collect())
 }
 
 fn every(step_mm: f64, from_mm: f64, count: usize) -> impl Iterator<Item = f64> + Clone {

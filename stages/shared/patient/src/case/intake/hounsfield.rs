@@ -10,6 +10,8 @@ const TISSUE_HU: i32 = 200;
 const ABOVE_AIR_HU: i32 = 500;
 /// Values up to this are air: scanners pad the corners with less than -1024.
 const AIR_HU: i32 = -800;
+/// The part of what is outside of the outline that is air at least.
+const AIR: f64 = 0.1;
 /// Values below this are reported: nothing is lighter than air.
 const LEAST_HU: i32 = -1024;
 /// The part of the images that must lie outside of the outline before its air is judged.
@@ -53,16 +55,16 @@ pub(super) fn check(
             Scale::Any => notes.push(fault.to_string()),
         }
     }
+    let count = |levels: &[usize], holds: &dyn Fn(i32) -> bool| -> usize {
+        levels.iter().enumerate().filter(|(place, _)| holds(value(*place))).map(|(_, n)| n).sum()
+    };
     if let Some(air_hu) = air_hu
-        && air_hu > AIR_HU
+        && (count(&outside, &|hu| hu <= AIR_HU) as f64) < AIR * around as f64
     {
         notes.push(format!(
             "what is outside of the outline has about {air_hu} HU (air has -1000): the scale of the images may be wrong, or the outline small"
         ));
     }
-    let count = |levels: &[usize], holds: &dyn Fn(i32) -> bool| -> usize {
-        levels.iter().enumerate().filter(|(place, _)| holds(value(*place))).map(|(_, n)| n).sum()
-    };
     let dense = count(&inside, &|hu| hu > TABLE_HU);
     if dense > 0 {
         let greatest = inside.iter().rposition(|&n| n > 0).map_or(0, value);
@@ -85,21 +87,25 @@ fn value(place: usize) -> i32 {
     place as i32 + i32::from(i16::MIN)
 }
 
-/// The middle of the window above `from_hu` that holds the most voxels; of equal ones the nearest to water.
+/// The mean of the window above `from_hu` that holds the most voxels; of equal ones the nearest to water.
 fn densest(levels: &[usize], from_hu: i32) -> Option<i32> {
     let from = (from_hu - i32::from(i16::MIN)).clamp(0, LEVELS as i32) as usize;
     let mut held: usize = 0;
-    let mut best: Option<(usize, i32)> = None;
+    let mut best: Option<(usize, usize)> = None;
+    let off_water = |end: usize| (value(end) - WINDOW as i32 / 2).abs();
     for end in from..LEVELS {
         held += levels[end];
         if end >= from + WINDOW {
             held -= levels[end - WINDOW];
         }
-        let middle = value(end) - WINDOW as i32 / 2;
-        let is_better = best.is_none_or(|(most, at)| held > most || held == most && middle.abs() < at.abs());
+        let is_better =
+            best.is_none_or(|(most, at)| held > most || held == most && off_water(end) < off_water(at));
         if held > 0 && is_better {
-            best = Some((held, middle));
+            best = Some((held, end));
         }
     }
-    best.map(|(_, middle)| middle)
+    let (held, end) = best?;
+    let window = (end + 1).saturating_sub(WINDOW).max(from)..=end;
+    let sum: i64 = window.map(|place| levels[place] as i64 * i64::from(value(place))).sum();
+    Some((sum / held as i64) as i32)
 }
