@@ -418,7 +418,8 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
         assert!(out.status.code() == Some(2) && said.contains("none."), "{missing:?}: {said}");
     }
     assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
-    assert!(said(&["--angles", "0,10"]).contains("--angles 10: angles must be multiples of 4 degrees"));
+    assert!(said(&["--angles", "0,10,370"]).contains("two beams have the gantry angle 10 degrees"));
+    assert!(said(&["--angles", "-40,nan"]).contains("invalid gantry angle: NaN"));
     assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));
     assert!(said(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100"));
     std::fs::write(folder.path().join("file"), "").unwrap();

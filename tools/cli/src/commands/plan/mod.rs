@@ -83,8 +83,8 @@ pub struct Plan {
     /// comes with stillpoint.
     #[arg(long, value_name = "FILE")]
     network: Option<PathBuf>,
-    /// Gantry angles in degrees, such as `0,40,80`; no search is run.
-    #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
+    /// Gantry angles in degrees, such as `0,90,-40.5`, to 0.01 degrees and as near to each other as you like; no search is run.
+    #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
     angles: Option<String>,
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]
