@@ -38,6 +38,7 @@ mod private;
 mod program;
 mod proposal;
 mod quantity;
+mod recorded;
 mod series;
 mod show;
 mod signals;

@@ -90,11 +90,10 @@ impl Recording {
                     Some(at) => cameras.number(bytes.get(&at).map_or(&[], Vec::as_slice)).map_err(of_camera)?,
                     None => 0,
                 };
-                let stamp = stamp_of(&message).map_err(|e| (Fault::Item(e), Some(Refusal::Damaged)))?;
-                if let Some(wire) = &play.wire
-                    && let Err(refusal) = wire.admit(&message, frame.log_time)
-                {
-                    return Err((Fault::Item(refusal.reason().to_owned()), Some(refusal)));
+                let mut stamp = stamp_of(&message).map_err(|e| (Fault::Item(e), Some(Refusal::Damaged)))?;
+                if let Some(wire) = &play.wire {
+                    let admitted = wire.admit(&message, frame.log_time);
+                    stamp = admitted.map_err(|e| (Fault::Item(e.reason().to_owned()), Some(e)))?;
                 }
                 form.check(&message, cameras.get(camera), play.max_points, &mut scratch).map_err(of_message)?;
                 Ok((camera, stamp))
