@@ -40,6 +40,7 @@ mod private;
 mod program;
 mod proposal;
 mod quantity;
+mod recorded;
 mod series;
 mod show;
 mod signals;
