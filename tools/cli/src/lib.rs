@@ -21,7 +21,8 @@
 //! - `series`, `picture`: parts of `identify`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `private`: files that only their owner may read
-//! - `pool`: the options of `plan` and `train planner` for a pool of workers
+//! - `pool`: the options of `plan` for a pool of workers; `stillpoint-research train planner` uses them, too
+//! - `jobs`: independent jobs in several threads, for programs that measure
 
 // The first module: the others use its macros.
 #[macro_use]
@@ -33,6 +34,7 @@ mod columns;
 mod commands;
 mod compress;
 mod exit;
+pub mod jobs;
 mod number;
 mod path;
 mod picture;
@@ -43,6 +45,7 @@ mod program;
 mod proposal;
 mod quantity;
 mod rates;
+mod recorded;
 mod screen;
 mod series;
 mod show;
@@ -50,6 +53,7 @@ mod signals;
 mod simulate;
 mod status_line;
 mod summary;
+mod version;
 
 use std::process::ExitCode;
 
@@ -64,7 +68,9 @@ pub use commands::run::Run;
 pub use commands::send::deliver;
 pub use exit::{Ended, Exit, Failure, print_json};
 pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
+pub use pool::{PoolArgs, tell_shares};
 pub use program::{child, launch, program};
+pub use quantity::quantity;
 
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
@@ -86,7 +92,6 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_actuate::STAGES,
         stillpoint_rig::STAGES,
         stillpoint_planner::STAGES,
-        stillpoint_sink::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)
@@ -95,6 +100,10 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 /// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
     stillpoint_pipeline::limits::fail_at_the_limit_of_file_sizes();
+    if version::is_asked() {
+        version::print();
+        return ExitCode::SUCCESS;
+    }
     let registry = registry(extra);
     child(&registry).unwrap_or_else(|| {
         program("stillpoint", |arguments: Arguments| {

@@ -1,5 +1,6 @@
 //! The summary at the end of a run.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -46,6 +47,8 @@ pub struct Summary<'a> {
     uncaptured: Vec<Uncaptured>,
     verdict: Verdict,
     too_slow: Vec<String>,
+    /// What operators leave out of their files, by operator.
+    remarks: BTreeMap<String, Vec<String>>,
 }
 
 impl<'a> Summary<'a> {
@@ -85,7 +88,14 @@ impl<'a> Summary<'a> {
             refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
             uncaptured: readable.map_or_else(Vec::new, |session| uncaptured::of_session(session, graph)),
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
+            remarks: BTreeMap::new(),
         }
+    }
+
+    /// The same with what operators leave out of their files.
+    #[must_use]
+    pub fn with_remarks(self, remarks: &BTreeMap<String, Vec<String>>) -> Self {
+        Self { remarks: remarks.clone(), ..self }
     }
 
     /// Whether a replay of the session has all that it needs, or none was recorded.
@@ -103,6 +113,7 @@ impl<'a> Summary<'a> {
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
+        value["remarks"] = json!(self.remarks);
         value["held"] = json!(self.held);
         value["found"] = json!(self.verdict.found);
         value["unanswered"] = json!(self.verdict.unanswered);
@@ -133,6 +144,9 @@ impl<'a> Summary<'a> {
         }
         for unanswered in &self.verdict.unanswered {
             outln!("NO ANSWER: {unanswered}");
+        }
+        for (operator, remarks) in &self.remarks {
+            remarks.iter().for_each(|remark| outln!("{operator}: {remark}"));
         }
         for uncaptured in &self.uncaptured {
             outln!("{uncaptured}");

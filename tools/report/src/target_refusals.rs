@@ -70,8 +70,7 @@ impl Refusals {
 pub fn words(target: &TargetElement) -> String {
     let why = Refusal::from_number(target.refusal)
         .map_or("of a reason that is unknown to this build", Refusal::words);
-    let channels =
-        Names::Bits(Channel::CODES).words(u64::from(target.unreachable)).unwrap_or_default();
+    let channels = Names::Bits(Channel::CODES).words(u64::from(target.unreachable)).unwrap_or_default();
     if channels.is_empty() { why.to_owned() } else { format!("{why} ({})", channels.join(", ")) }
 }
 

@@ -17,6 +17,7 @@ use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
 use crate::number::Angles;
 use crate::path::ValuePath;
+use crate::recorded::with_topics;
 use crate::signals::stop_flag;
 use crate::{screen, show};
 
@@ -61,12 +62,9 @@ impl Echo {
     }
 
     fn recorded(&self, path: &std::path::Path) -> Ended {
-        let session = Session::open(path).map_err(Failure::failed)?;
+        let session = with_topics(Session::open(path), path)?;
         let names = || session.topics().iter().map(|t| t.name.as_str());
         let Some(number) = session.topic_number(&self.topic) else {
-            if session.topics().is_empty() {
-                return Err(Failure::failed(format!("{}: it holds no topic", path.display())));
-            }
             return Err(no_topic(&self.topic, names()));
         };
         let Some(kind) = session.topics()[number].kind.kind() else {

@@ -14,6 +14,7 @@ use crate::attach::Which;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::rates::{Rate, Rates, of_run, of_session};
+use crate::recorded::with_topics;
 
 /// Measure the rates of topics and their jitter, from the journals: of a running pipeline for a time, or of a whole session.
 #[derive(Args)]
@@ -38,7 +39,7 @@ impl Hz {
     pub fn execute(&self, registry: &Registry) -> Ended {
         let (of, rates) = match &self.session {
             Some(path) => {
-                let session = Session::open(path).map_err(Failure::failed)?;
+                let session = with_topics(Session::open(path), path)?;
                 let rates = Rates::of_session(&session).rates();
                 self.check(rates.iter().map(|r| r.topic.as_str()))?;
                 (of_session(path), rates)

@@ -10,6 +10,7 @@ mod echo;
 mod hz;
 mod identify;
 mod info;
+mod manual;
 mod merge;
 mod operators;
 mod plan;
@@ -24,10 +25,6 @@ mod schema;
 pub mod send;
 mod stop;
 mod topics;
-#[cfg(feature = "train")]
-mod train;
-#[cfg(not(feature = "train"))]
-#[path = "train_absent.rs"]
 mod train;
 mod types;
 
@@ -59,6 +56,8 @@ pub enum Command {
     Operators(operators::Operators),
     /// Print the JSON Schema of pipeline files.
     Schema(schema::Schema),
+    /// Write completions for shells, man pages, or the reference page of the command.
+    Manual(manual::Manual),
     /// Print a map of the targets that a rig can hold.
     Reach(reach::Reach),
     /// Print the pressure of a bladder against its stretch.
@@ -67,7 +66,7 @@ pub enum Command {
     Send(send::Send),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
-    /// Train the network of a controller, or the prior of beams, offline.
+    /// Print the command that trains the network of a controller, or the prior of beams.
     Train(train::Train),
     /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),
@@ -113,6 +112,7 @@ impl Command {
             Self::Recover(c) => c.execute(),
             Self::Operators(c) => c.execute(registry),
             Self::Schema(c) => c.execute(registry),
+            Self::Manual(c) => c.execute(),
             Self::Reach(c) => c.execute(),
             Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),

@@ -15,6 +15,7 @@ use crate::attach::{Attached, Which};
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::rates::{Rate, Rates, of_run, of_session, senders};
+use crate::recorded::with_topics;
 
 /// List the topics of a running pipeline or a session: type, units, rate, size and consumers.
 #[derive(Args)]
@@ -57,7 +58,7 @@ impl Topics {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
         let (of, rows) = match &self.session {
-            Some(path) => (of_session(path), of_recorded(&Session::open(path).map_err(Failure::failed)?)),
+            Some(path) => (of_session(path), of_recorded(&with_topics(Session::open(path), path)?)),
             None => {
                 let time = watched(&self.time)?;
                 let attached = self.which.attach(registry)?;

@@ -172,7 +172,6 @@ impl ControllerShell {
         OWN + own + learned
     }
 
-    /// The plant.
     pub fn plant(&self) -> &CheckedPlant {
         &self.plant
     }

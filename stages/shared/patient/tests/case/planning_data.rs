@@ -6,7 +6,7 @@ use stillpoint_patient::case::{Case, Imported, NameTable, Role, from_bytes, impo
 use stillpoint_testing::reference;
 
 fn import(json: &Path) -> Case {
-    let Imported { case, notes } = import_described(json, &NameTable::shipped().unwrap()).unwrap();
+    let Imported { case, notes, .. } = import_described(json, &NameTable::shipped().unwrap()).unwrap();
     assert!(notes.is_empty(), "{}: {notes:?}", json.display());
     case
 }
