@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::{Machine, quantity};
+use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
@@ -154,8 +155,9 @@ impl Run {
         }
         let session = session.as_deref();
         let graph = &checked.graph;
+        let remarks = Snapshot::of(graph, &checked.source.files).map(|files| files.remarks().clone());
         let summary = Summary::new(&report, graph, registry, is_live, session, opened.as_ref(), observed)
-            .with_remarks(checked.source.files.remarks());
+            .with_remarks(&remarks.unwrap_or_default());
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
             && report.recording_failed.is_none()

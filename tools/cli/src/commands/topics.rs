@@ -13,7 +13,7 @@ use stillpoint_samples::{Field, SampleKind};
 use super::hz::watched;
 use crate::attach::{Attached, Which};
 use crate::columns::{Columns, Side};
-use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::exit::{Ended, Exit, print_json};
 use crate::rates::{Rate, Rates, of_run, of_session, senders};
 use crate::recorded::with_topics;
 
