@@ -200,7 +200,7 @@ proptest! {
             && let Ok(goals) = aims.goals(2)
         {
             prop_assert_eq!(goals.rows(), 2 * CASE.grid().len());
-            prop_assert!(goals.problem(&[]).is_ok() || aims.wanted.iter().any(|w| !w.objectives.is_empty()));
+            prop_assert!(goals.problem(&[]).is_ok() || aims.structures.iter().any(|w| !w.objectives.is_empty()));
         }
     }
 }

@@ -79,7 +79,7 @@ pub struct Plan {
     /// Several, separated by commas, are mixed in equal parts.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "price")]
     prior: Vec<Guide>,
-    /// Model file of `--method network` and `--prior network`, made by `stillpoint train planner`. Default: the network that
+    /// Model file of `--method network` and `--prior network`, made by `stillpoint-research train planner`. Default: the network that
     /// comes with stillpoint.
     #[arg(long, value_name = "FILE")]
     network: Option<PathBuf>,
