@@ -53,9 +53,14 @@ mod tests {
 
     #[test]
     fn stars_stand_for_any_characters_and_for_none() {
-        for (pattern, name) in
-            [("*", ""), ("*", "a.png"), ("a*", "a"), ("*_depth.png", "1_depth.png"), ("a*b*c", "a_b_b_c"), ("*.png", "0.PNG")]
-        {
+        for (pattern, name) in [
+            ("*", ""),
+            ("*", "a.png"),
+            ("a*", "a"),
+            ("*_depth.png", "1_depth.png"),
+            ("a*b*c", "a_b_b_c"),
+            ("*.png", "0.PNG"),
+        ] {
             assert!(matches(pattern, name), "{pattern} {name}");
         }
     }

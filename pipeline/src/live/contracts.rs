@@ -297,8 +297,7 @@ mod tests {
     }
 
     fn bursts() -> Graph {
-        let text =
-            "stillpoint: 1\nname: bursts\noperators:\n  a: { use: test.sender, every: 1 ms }\nrecord: { topics: all }\n";
+        let text = "stillpoint: 1\nname: bursts\noperators:\n  a: { use: test.sender, every: 1 ms }\nrecord: { topics: all }\n";
         let registry = Registry::new(&[&[Stage::of::<Sender>()]]);
         crate::config::check(text, "bursts.yaml", &[], &registry, &MemoryFiles::default()).unwrap()
     }

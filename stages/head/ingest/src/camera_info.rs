@@ -199,7 +199,10 @@ impl CameraInfo {
 
     /// The camera of images that show a part of it: `width`, `height` and matrix become those of the images. As
     /// `image_geometry` of ROS has it, a binned image keeps the place of its first pixel.
-    fn cut(self, [binning_x, binning_y, x_offset, y_offset, height, width]: [u32; 6]) -> Result<Self, CameraInfoError> {
+    fn cut(
+        self,
+        [binning_x, binning_y, x_offset, y_offset, height, width]: [u32; 6],
+    ) -> Result<Self, CameraInfoError> {
         let camera = [self.width, self.height];
         // Zero stands for the whole, and for no binning.
         let part = |pixels: u32, all: u32, binning: u32| {
@@ -226,8 +229,7 @@ impl CameraInfo {
         }
         let [fx, fy, cx, cy] = self.matrix;
         let [bx, by] = [binning_x, binning_y].map(|b| f64::from(b.max(1)));
-        let matrix =
-            [fx / bx, fy / by, (cx - f64::from(x_offset)) / bx, (cy - f64::from(y_offset)) / by];
+        let matrix = [fx / bx, fy / by, (cx - f64::from(x_offset)) / bx, (cy - f64::from(y_offset)) / by];
         Ok(Self { width: image[0], height: image[1], matrix, skew: self.skew / bx, ..self })
     }
 

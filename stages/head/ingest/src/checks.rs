@@ -177,8 +177,8 @@ pub fn gaps(times: &[u64], longest: u64) -> Result<(), String> {
         let gap = pair[1].saturating_sub(pair[0]);
         if gap > longest {
             return Err(format!(
-                "message {} comes {} after message {}: its clock was set in between (allowed: at most {}, `max_gap`): leave \
-                 messages out with `skip` and `frames`, or play it with `pace: ticks`",
+                "message {} comes {} after message {}: the clock was set between these times (allowed: at most {}, \
+                 `max_gap`): leave messages out with `skip` and `frames`, or play it with `pace: ticks`",
                 number + 2,
                 long_time(gap),
                 number + 1,
@@ -275,7 +275,8 @@ mod tests {
 
     #[test]
     fn numbers_of_all_programs_are_read() {
-        for word in ["nan", "-nan", "NaN", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "1.#INF", "inf"] {
+        for word in ["nan", "-nan", "NaN", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "1.#INF", "inf"]
+        {
             assert!(number(word.as_bytes()).is_some_and(|n| !n.is_finite()), "{word}");
         }
         assert_eq!(number(b"+.5"), Some(0.5));

@@ -34,7 +34,9 @@ pub enum DepthMessageError {
     #[error("its pixels are `{0}`; a depth image has 16UC1 (mm) or 32FC1 (m)")]
     Encoding(String),
     /// Its pixels may be brightness or depths.
-    #[error("its pixels are `mono16`, which may be brightness: if they are depths, set `depth_unit`, such as `1 mm`")]
+    #[error(
+        "its pixels are `mono16`, which may be brightness: if they are depths, set `depth_unit`, such as `1 mm`"
+    )]
     Brightness,
     /// The unit of counts is stated, and its pixels are no counts.
     #[error("its pixels are 32FC1, which is in metres: remove `depth_unit`")]
@@ -43,7 +45,9 @@ pub enum DepthMessageError {
     #[error("its format is `{0}`, and its bytes are no PNG; depth is read as PNG, as RVL or uncompressed")]
     Format(String),
     /// Its quantised depths lack the numbers of the quantisation.
-    #[error("its format is `{0}`, and the header of `compressedDepth` with its quantisation of 32FC1 is missing")]
+    #[error(
+        "its format is `{0}`, and the header of `compressedDepth` with its quantisation of 32FC1 is missing"
+    )]
     NoQuantisation(String),
     /// Its RVL cannot be unpacked.
     #[error(transparent)]
@@ -172,9 +176,9 @@ impl<'a> DepthMessage<'a> {
         let metres_per_count = depth_unit.unwrap_or(MILLIMETRE);
         // The encoding of the image before its compression stands first; some programs leave it out.
         let first = format.split(';').next().unwrap_or_default().trim();
-        let is_encoding = format.contains(';') || ["16UC1", "32FC1", "mono16"].contains(&first);
         if data.starts_with(PNG) {
-            if is_encoding && in_metres(first, depth_unit)? {
+            // Of other encodings, the type of the pixels decides.
+            if ["32FC1", "mono16"].contains(&first) && in_metres(first, depth_unit)? {
                 return Err(DepthMessageError::NoQuantisation(quoted(format)));
             }
             return Ok(Self { pixels: Pixels::Packed(Packed::Png(data)), metres_per_count });

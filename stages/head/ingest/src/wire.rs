@@ -110,7 +110,9 @@ impl Refusal {
         use {DepthMessageError as Depth, PointCloud2Error as Cloud};
         Some(match error {
             MessageError::Cloud(Cloud::Cdr { .. } | Cloud::RowStep { .. } | Cloud::Data { .. })
-            | MessageError::Depth(Depth::Cdr { .. } | Depth::Data { .. } | Depth::Png(_) | Depth::Rvl(_)) => Self::Damaged,
+            | MessageError::Depth(Depth::Cdr { .. } | Depth::Data { .. } | Depth::Png(_) | Depth::Rvl(_)) => {
+                Self::Damaged
+            }
             MessageError::Depth(Depth::Size { .. }) => Self::Size,
             MessageError::Cloud(_) | MessageError::Depth(_) => Self::NoDepth,
             MessageError::Frame(_) => Self::OtherCamera,

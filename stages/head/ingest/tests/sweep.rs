@@ -56,9 +56,11 @@ impl Reader {
     /// The bytes of an item.
     fn item(self, row: Row) -> Vec<u8> {
         let text = || row.map(|z| format!("0 0 {z}\n")).concat();
-        let binary = || row.iter().flat_map(|z| [0.0, 0.0, *z]).flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
+        let binary =
+            || row.iter().flat_map(|z| [0.0, 0.0, *z]).flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
         let pcd = |data: &str| {
-            format!("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nHEIGHT 1\nPOINTS 3\nDATA {data}\n").into_bytes()
+            format!("FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nHEIGHT 1\nPOINTS 3\nDATA {data}\n")
+                .into_bytes()
         };
         let ply = |format: &str| {
             let properties = ["x", "y", "z"].map(|p| format!("property float {p}\n")).concat();
@@ -87,7 +89,11 @@ impl Reader {
             McapMetres | Ros2Metres => {
                 image("32FC1", 4, &row.iter().flat_map(|z| z.to_le_bytes()).collect::<Vec<u8>>())
             }
-            McapCounts => image("16UC1", 2, &row.map(|z| (z / self.count()).round() as u16).map(u16::to_le_bytes).concat()),
+            McapCounts => image(
+                "16UC1",
+                2,
+                &row.map(|z| (z / self.count()).round() as u16).map(u16::to_le_bytes).concat(),
+            ),
             McapPng => message(|w| {
                 w.text("16UC1; compressedDepth png");
                 w.bytes(&[&[0; 12][..], &png(row, self.count())].concat());
@@ -138,7 +144,8 @@ impl Reader {
         let unit = if COUNTS.contains(&self) { ", depth_unit: 100 mm" } else { "" };
         let params = match self {
             PcdText | PcdBinary | PlyText | PlyBinary => "files: d".to_owned(),
-            Png => "files: d, camera: { fx: 1000 px, fy: 1000 px, cx: 1 px, cy: 0 px, depth_unit: 100 mm }".to_owned(),
+            Png => "files: d, camera: { fx: 1000 px, fy: 1000 px, cx: 1 px, cy: 0 px, depth_unit: 100 mm }"
+                .to_owned(),
             Ros2Cloud => "topic: /d/image, messages: cloud, recording: d/a.mcap".to_owned(),
             Ros2Metres => "topic: /d/image, messages: image, recording: d/a.mcap".to_owned(),
             _ => format!("file: d/a.mcap, topic: /d/image{unit}"),

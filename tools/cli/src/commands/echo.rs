@@ -15,9 +15,9 @@ use stillpoint_shm::{Contract, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
+use crate::recorded::with_topics;
 use crate::show;
 use crate::signals::stop_flag;
-use crate::recorded::with_topics;
 
 /// Print the samples of a topic of a running pipeline or a session, one line of JSON each.
 #[derive(Args)]

@@ -11,8 +11,8 @@ use stillpoint_pipeline::config::quantity;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
-use crate::series::{self, Clock, Series};
 use crate::recorded::with_topics;
+use crate::series::{self, Clock, Series};
 
 /// Fit a model to the recorded input and output of a system.
 ///

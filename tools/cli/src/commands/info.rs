@@ -9,7 +9,7 @@ use stillpoint_pipeline::session::{IDENTITY, RUN};
 use stillpoint_recorder::{LEDGER_ATTACHMENT, Session};
 use stillpoint_report::facts::{ending, gaps_of, layout};
 
-use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::exit::{Ended, Exit, print_json};
 use crate::recorded::with_topics;
 use stillpoint_report::numbers::started;
 

@@ -42,10 +42,7 @@ pub fn cut(bag: &Bag, selections: &[Selection]) -> Result<Vec<(String, Vec<u8>)>
             let encoding = &channel.message_encoding;
             let channel_id =
                 writer.add_channel(schema, &channel.topic, encoding, &channel.metadata).map_err(fault)?;
-            let header = MessageHeader {
-                channel_id,
-                ..message.header
-            };
+            let header = MessageHeader { channel_id, ..message.header };
             let data: &[u8] = if is_read { &message.data } else { &[] };
             writer.write_to_known_channel(&header, data).map_err(fault)?;
         }

@@ -54,9 +54,8 @@ impl Bag {
             [one] if is_database(one) => return Err(CONVERT.to_owned().into()),
             [one] => vec![one.clone()],
             several => match several.iter().find(|name| last(name) == METADATA) {
-                Some(metadata) => {
-                    listed(&read(metadata)?, several, &mut repeated).map_err(|e| format!("{metadata}: {e}"))?
-                }
+                Some(metadata) => listed(&read(metadata)?, several, &mut repeated)
+                    .map_err(|e| format!("{metadata}: {e}"))?,
                 None => several.iter().filter(|name| name.ends_with(".mcap")).cloned().collect(),
             },
         };
@@ -85,7 +84,9 @@ fn listed(metadata: &[u8], there: &[String], repeated: &mut Vec<String>) -> Resu
     let text = std::str::from_utf8(metadata).map_err(|e| e.to_string())?;
     let findings = Findings::default();
     let root = yaml::parse(text, 0, 0, &findings).filter(|_| findings.is_empty());
-    let root = root.ok_or("it is not YAML that is read: empty, damaged, or with anchors or tags, which rosbag2 does not write")?;
+    let root = root.ok_or(
+        "it is not YAML that is read: empty, damaged, or with anchors or tags, which rosbag2 does not write",
+    )?;
     let bag = entry(&root, "rosbag2_bagfile_information")
         .ok_or("it has no `rosbag2_bagfile_information`: it is of no bag")?;
     match entry(bag, "storage_identifier").and_then(text_of) {

@@ -6,8 +6,8 @@ use stillpoint_operator::{Activation, Files, Operator, Outputs, ParamConflict, P
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Sample};
 
-use super::playback::Pace;
 use super::messages::Form;
+use super::playback::Pace;
 use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
 use super::unit::Unit;

@@ -199,7 +199,8 @@ impl Form {
             _ => DepthMessage::parse(bytes, self.depth_unit)?,
         };
         let Some(camera) = camera else { return Ok(Read::Image(image, [0, 0], &[])) };
-        let frame = Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header()).map_or("", |(_, f)| f);
+        let frame =
+            Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header()).map_or("", |(_, f)| f);
         checks::same_frame(frame, &camera.frame).map_err(MessageError::Frame)?;
         Ok(Read::Image(image, camera.size, &camera.rays))
     }

@@ -87,7 +87,9 @@ impl Recording {
             }
             let looked = (|| {
                 let camera = match frame.camera {
-                    Some(at) => cameras.number(bytes.get(&at).map_or(&[], Vec::as_slice)).map_err(of_camera)?,
+                    Some(at) => {
+                        cameras.number(bytes.get(&at).map_or(&[], Vec::as_slice)).map_err(of_camera)?
+                    }
                     None => 0,
                 };
                 let mut stamp = stamp_of(&message).map_err(|e| (Fault::Item(e), Some(Refusal::Damaged)))?;
@@ -95,7 +97,8 @@ impl Recording {
                     let admitted = wire.admit(&message, frame.log_time);
                     stamp = admitted.map_err(|e| (Fault::Item(e.reason().to_owned()), Some(e)))?;
                 }
-                form.check(&message, cameras.get(camera), play.max_points, &mut scratch).map_err(of_message)?;
+                form.check(&message, cameras.get(camera), play.max_points, &mut scratch)
+                    .map_err(of_message)?;
                 Ok((camera, stamp))
             })();
             items.push(match looked {
@@ -119,7 +122,10 @@ impl Recording {
         }
         let mut remarks: Vec<String> = kept.remark("messages").into_iter().collect();
         remarks.extend(bag.repeated.iter().map(|name| {
-            format!("{} is listed more than once in its metadata.yaml, and is played once", checks::quoted(name))
+            format!(
+                "{} is listed more than once in its metadata.yaml, and is played once",
+                checks::quoted(name)
+            )
         }));
         let mut frames = kept.items;
         if let Some(last) = frames.last_mut() {

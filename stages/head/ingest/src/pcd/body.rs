@@ -127,8 +127,7 @@ fn read_compressed(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, Pcd
     if unpacked_size != expected {
         return Err(PcdError::UnpackedSize { offset: offset + 4, expected, found: unpacked_size });
     }
-    let (packed, rest) =
-        packed.split_at_checked(packed_size).ok_or(short(packed_size.saturating_add(8)))?;
+    let (packed, rest) = packed.split_at_checked(packed_size).ok_or(short(packed_size.saturating_add(8)))?;
     checks::surplus(rest, points).map_err(PcdError::Surplus)?;
     if expected > packed.len().saturating_mul(lzf::MAX_EXPANSION) {
         return Err(PcdError::Compression { offset: offset + 8, unpacked: 0, expected });

@@ -69,7 +69,9 @@ pub enum PcdError {
         size: usize,
     },
     /// A coordinate is absent, repeated or a vector.
-    #[error("the file needs exactly one field `{axis}`, in upper or lower case, with COUNT 1 and has {found}")]
+    #[error(
+        "the file needs exactly one field `{axis}`, in upper or lower case, with COUNT 1 and has {found}"
+    )]
     Coordinate {
         /// `x`, `y` or `z`.
         axis: char,

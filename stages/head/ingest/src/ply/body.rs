@@ -19,12 +19,7 @@ pub fn vertices(header: &Header, data: &[u8]) -> Result<Vec<[f32; 3]>, PlyError>
     }
 }
 
-fn text(
-    header: &Header,
-    place: usize,
-    axes: [usize; 3],
-    data: &[u8],
-) -> Result<Vec<[f32; 3]>, PlyError> {
+fn text(header: &Header, place: usize, axes: [usize; 3], data: &[u8]) -> Result<Vec<[f32; 3]>, PlyError> {
     let mut points = Vec::with_capacity(header.elements[place].rows);
     let is_blank = |line: &&[u8]| line.iter().all(u8::is_ascii_whitespace);
     let mut lines = data.split(|b| *b == b'\n').filter(|line| !is_blank(line));
@@ -70,11 +65,7 @@ fn text_row(
             Scalar::F64 => checks::double(word),
             _ => checks::number(word).map(f64::from),
         };
-        value.ok_or_else(|| PlyError::NotANumber {
-            element: quoted(&element.name),
-            row,
-            found: shown(word),
-        })
+        value.ok_or_else(|| PlyError::NotANumber { element: quoted(&element.name), row, found: shown(word) })
     };
     let (mut at, mut point) = (0, [f32::NAN; 3]);
     // What stands before the end of the row cannot be fewer numbers than its properties.
