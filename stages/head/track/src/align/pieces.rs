@@ -8,6 +8,7 @@
 use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Vector3, Vector6};
 
 use super::equations::Sums;
+use super::mimic::Mimic;
 use super::mixture::Mixture;
 use super::together::{Together, Verdict};
 use crate::buckets::Buckets;
@@ -26,9 +27,9 @@ const POINTS_LEAST: u32 = 60;
 const FIRST: u32 = 4;
 const NEW: f64 = 0.25;
 /// Limits of the movement in one frame and of the mean movement: in multiples of the movement that independent noise of
-/// the points feigns in one frame, and at least, m.
-const ONCE: [f64; 2] = [10.0, 0.6e-3];
-const LASTING: [f64; 2] = [5.0, 0.3e-3];
+/// the points feigns in one frame, at least and at most, m.
+const ONCE: [f64; 3] = [10.0, 0.6e-3, 2.0e-3];
+const LASTING: [f64; 3] = [5.0, 0.3e-3, 1.0e-3];
 
 /// Sums over the points of a frame that lie in a cell, or in several.
 #[derive(Debug, Clone)]
@@ -113,9 +114,12 @@ struct Piece {
 }
 
 impl Piece {
-    /// Adds a frame in which the piece lies off by so much, m. Returns its movement in this frame and the mean one, m.
+    /// Adds a frame in which the piece lies off by so much, m; a `face` that moves is not where it starts. Returns its movement in this frame and the mean one, m.
     /// `None` in the first frames.
-    fn add(&mut self, off: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
+    fn add(&mut self, off: &Vector3<f64>, face: bool) -> Option<[Vector3<f64>; 2]> {
+        if face && self.frames < FIRST {
+            return None;
+        }
         if self.frames < FIRST {
             self.frames += 1;
             self.start += (off - self.start) / f64::from(self.frames);
@@ -138,6 +142,8 @@ pub struct Moves {
     pub against: f64,
     /// Whether the patches of the surface move alike, wherever they are; `Open` once the question is settled.
     pub alike: Verdict,
+    /// Whether the movable part of a face is elsewhere than at rest, seen from the skull.
+    pub face: bool,
 }
 
 /// The overlapping pieces of a surface.
@@ -148,6 +154,7 @@ pub struct Pieces {
     cells: Vec<Part>,
     pieces: Vec<Piece>,
     mixture: Mixture,
+    mimic: Mimic,
     length: f64,
     /// Where the first frame lay on the surface.
     first: Option<Isometry3<f64>>,
@@ -181,6 +188,7 @@ impl Pieces {
             cells: vec![Part::empty(); count],
             pieces,
             mixture: Mixture::of(surface.patches().len()),
+            mimic: Mimic::of(surface),
             length: surface.length(),
             first: None,
             is_open: true,
@@ -209,13 +217,20 @@ impl Pieces {
         }
     }
 
-    /// Ends a frame whose points have this noise (standard deviation along the normals, m), where all of them fit best.
+    /// Adds a point of the frame that lies over a patch that moves by itself.
+    pub(super) fn add_mimic(&mut self, patch: usize, distance: f64) {
+        self.mimic.add(patch, distance);
+    }
+
+    /// Ends a frame, acquired at `time`, ns, whose points have this noise (standard deviation along the normals, m), where all of them fit best.
     pub(super) fn end(
         &mut self,
         noise: f64,
+        time: u64,
         surface: &Surface,
         surface_from_cloud: &Isometry3<f64>,
     ) -> Moves {
+        let face = self.mimic.end(noise, time);
         let Self { sums, cells, pieces, mixture, length, first, is_open, .. } = self;
         for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
             *cell = Part { information: sums.information(), right: sums.right, points: *points };
@@ -223,7 +238,9 @@ impl Pieces {
         let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
         let moved = |at: &Vector3<f64>| (since * Point3::from(*at)).coords - at;
         let mut alike = Verdict::Open;
-        if *is_open {
+        if face {
+            mixture.skip();
+        } else if *is_open {
             mixture.end(surface.patches().iter().map(|p| moved(&p.position).dot(&p.normal)));
             alike = mixture.verdict();
         }
@@ -239,7 +256,7 @@ impl Pieces {
             let Some(rest) = rest.fit() else { continue };
             let Some(off) = own.off(&rest) else { continue };
             let (along, points) = (own.along(), f64::from(own.points));
-            if *is_open {
+            if *is_open && !face {
                 let (rest_off, covariance) = rest.at(&piece.middle, *length);
                 let moved = moved(&piece.middle) + rest_off;
                 piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
@@ -250,15 +267,15 @@ impl Pieces {
                     Verdict::Against => against += points,
                 }
             }
-            let Some(movements) = piece.add(&off) else { continue };
+            let Some(movements) = piece.add(&off, face) else { continue };
             // Three unknowns are fitted to the points of the piece.
             let feigned = noise * (3.0 / points).sqrt();
-            for (movement, [times, least]) in movements.iter().zip([ONCE, LASTING]) {
+            for (movement, [times, least, greatest]) in movements.iter().zip([ONCE, LASTING]) {
                 let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
-                most = most.max(size / (times * feigned).max(least));
+                most = most.max(size / (times * feigned).max(least).min(greatest));
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, with: share(with), against: share(against), alike }
+        Moves { most, with: share(with), against: share(against), alike, face }
     }
 }
