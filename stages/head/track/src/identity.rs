@@ -43,7 +43,7 @@ const AGAINST: f64 = 0.05;
 /// Until then no piece may ever have moved against the rest by this part of the limit that holds later. On a surface from a
 /// CT pieces do so by its misfit when the head is brought to its set-up, and then nearly all are seen to move with it. A
 /// mask with a head behind it moves as a whole, too, but it is no surface of a CT.
-const MOVED_BEFORE: f64 = 0.5;
+const MOVED_BEFORE: f64 = 0.7;
 const NEARLY_ALL: f64 = 0.95;
 /// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
@@ -79,6 +79,8 @@ pub struct Judged {
     pub certainty: [f64; 5],
     /// How the parts agree.
     pub agreement: Agreement,
+    /// The face moves by itself.
+    pub faces: bool,
 }
 
 impl Judged {
@@ -161,11 +163,14 @@ impl Identity {
             below(alignment.sd, (RESIDUAL * noise).max(RESIDUAL_LEAST));
         certainty[IdentityPart::Region as usize] =
             below(shift.norm(), REGION).min(below(motion.rotation.angle(), REGION_TURN));
-        let eased = self.eased(seen.moves.face, frame.time);
+        // A brow that rises is a piece of the face that moves against the rest, and a little.
+        let is_skin = seen.moves.skin > 1.0 && seen.moves.skin < EASED;
+        let eased = self.eased(seen.moves.face || is_skin, frame.time);
+        let faces = seen.moves.face || (is_skin && eased > 1.0);
         let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, APART_MOST));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
-        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moves.most, eased));
-        let judged = Judged { certainty, agreement: seen };
+        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
+        let judged = Judged { certainty, agreement: seen, faces };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
             self.density += (seen.density - self.density) / f64::from(self.dense_frames);
@@ -197,10 +202,10 @@ impl Identity {
     fn prove(&mut self, judged: &Judged, time: u64) {
         self.since.get_or_insert(time);
         let moves = &judged.agreement.moves;
-        if moves.face {
+        if judged.faces {
             return;
         }
-        self.most = self.most.max(moves.most);
+        self.most = self.most.max(moves.lasting);
         self.is_mixed |= moves.alike == Verdict::Against;
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
@@ -209,6 +214,9 @@ impl Identity {
         let has_moved = self.most > MOVED_BEFORE && !by_misfit;
         let is_apart = moves.against > AGAINST || has_moved || self.is_mixed || moves.alike != Verdict::With;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
+        if std::env::var_os("PROOFDEBUG").is_some() {
+            eprintln!("proof with {:.2} against {:.2} most {:.2} lasting {:.2} skin {:.2} mixed {} alike {:?}", moves.with, moves.against, moves.most, moves.lasting, moves.skin, self.is_mixed, moves.alike);
+        }
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;
             self.pieces.settle();

@@ -34,11 +34,11 @@ const ITERATIONS: usize = 8;
 /// A place of the table within this distance of the surface lies on it, m; least number and least part of them.
 const ON: f64 = 0.008;
 const ON_LEAST: usize = 80;
-const ON_PART: f64 = 0.6;
+const ON_PART: f64 = 0.75;
 /// Part of the mean information that holds a direction.
 const HOLD: f64 = 0.02;
 /// A head on a couch is turned by less, rad.
-const TURN_MOST: f64 = 0.75;
+const TURN_MOST: f64 = 0.6;
 
 /// A place of the table, m, and its movement, m.
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +91,9 @@ impl Movable {
             (turned < TURN_MOST).then_some((fit, size))
         });
         let (best, size) = fits.max_by(|(a, _), (b, _)| a.score.total_cmp(&b.score))?;
+        if std::env::var_os("PROOFDEBUG").is_some() {
+            eprintln!("laid size {size} on {} over {} turn {:.1}", best.on, best.over, (best.surface_from_nose.rotation * couch_from_surface).angle().to_degrees());
+        }
         let enough = best.on >= ON_LEAST && best.on as f64 >= ON_PART * best.over as f64;
         let nose_from_surface = best.surface_from_nose.inverse();
         enough.then_some(Self { nose_from_surface, size, spots })
@@ -202,6 +205,8 @@ fn settled(surface: &Surface, head: &[Vector3<f64>], size: f64, start: Isometry3
             let part = partner.sight.distance / reach;
             let inside = 1.0 - part * part;
             if inside <= 0.0 {
+                // A head that is too small has many places inside of the surface.
+                score -= 1.0;
                 continue;
             }
             on += usize::from(partner.sight.distance.abs() < ON);

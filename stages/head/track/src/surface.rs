@@ -97,6 +97,8 @@ pub struct Surface {
 struct Skin {
     /// Movement of each patch, m; empty where no table lies on the surface. Zero where no face is.
     movable: Vec<f64>,
+    /// Whether each patch lies on the face of the table.
+    on_face: Vec<bool>,
     /// Patches that move by less carry the pose, and those that move by less than the second count as seen, m.
     rigid: f64,
     firm: f64,
@@ -117,8 +119,9 @@ const NECK: f64 = 4.5e-3;
 impl Surface {
     /// Lays a table of movements on the surface.
     pub fn lay(&mut self, movable: &Movable) {
-        let movements: Vec<f64> =
-            self.patches.iter().map(|p| movable.at(&p.position).unwrap_or(0.0)).collect();
+        let found: Vec<Option<f64>> = self.patches.iter().map(|p| movable.at(&p.position)).collect();
+        let on_face = found.iter().map(Option::is_some).collect();
+        let movements: Vec<f64> = found.into_iter().map(|m| m.unwrap_or(0.0)).collect();
         let count = |limit: f64| movements.iter().filter(|m| **m < limit).count();
         let rigid = RIGID.into_iter().find(|limit| count(*limit) >= RIGID_PATCHES).unwrap_or(f64::INFINITY);
         let firm = FIRM.max(rigid);
@@ -126,7 +129,7 @@ impl Surface {
         groups.sort_unstable();
         groups.dedup();
         self.firm_groups = groups.len();
-        self.skin = Skin { movable: movements, rigid, firm, neck: Some(movable.neck()) };
+        self.skin = Skin { movable: movements, on_face, rigid, firm, neck: Some(movable.neck()) };
     }
 
     /// Whether the surface is that of a face whose parts are known.
@@ -140,6 +143,12 @@ impl Surface {
     #[must_use]
     pub fn is_neck(&self, at: &Vector3<f64>) -> bool {
         self.skin.neck.is_some_and(|(normal, begins)| normal.dot(at) > begins)
+    }
+
+    /// Whether a patch lies on a face, and is no hand or cushion.
+    #[must_use]
+    pub fn is_on_face(&self, patch: usize) -> bool {
+        self.skin.on_face.get(patch) == Some(&true)
     }
 
     #[inline]

@@ -27,9 +27,13 @@ const POINTS_LEAST: u32 = 60;
 const FIRST: u32 = 4;
 const NEW: f64 = 0.25;
 /// Limits of the movement in one frame and of the mean movement: in multiples of the movement that independent noise of
-/// the points feigns in one frame, at least and at most, m.
-const ONCE: [f64; 3] = [10.0, 0.6e-3, 2.0e-3];
-const LASTING: [f64; 3] = [5.0, 0.3e-3, 1.0e-3];
+/// the points feigns in one frame, of its scatter, at least and at most, m.
+const ONCE: [f64; 4] = [10.0, 6.0, 0.6e-3, 2.0e-3];
+const LASTING: [f64; 4] = [5.0, 4.5, 0.3e-3, 1.0e-3];
+/// Frames in which the scatter of the pieces is measured.
+const JITTER_FRAMES: u32 = 14;
+/// Part of the patches of a piece that lie on a face, where it is one of the face.
+const ON_FACE: f64 = 0.7;
 
 /// Sums over the points of a frame that lie in a cell, or in several.
 #[derive(Debug, Clone)]
@@ -101,6 +105,35 @@ impl Fit {
     }
 }
 
+/// How much the place of a piece scatters from frame to frame: cameras smooth their noise, so that neighbouring points err
+/// alike. Of the first frames, by second differences, to which a steady movement adds nothing.
+#[derive(Debug, Clone, Copy, Default)]
+struct Jitter {
+    last: [Vector3<f64>; 2],
+    frames: u32,
+    squares: f64,
+    count: f64,
+}
+
+impl Jitter {
+    /// Adds a frame in which the piece lies off by so much, m, of the shape `along` its normals for so many points.
+    fn add(&mut self, off: &Vector3<f64>, along: &Matrix3<f64>, points: f64) {
+        let [before, last] = self.last;
+        if self.frames >= 2 && self.frames < JITTER_FRAMES {
+            let second = off - 2.0 * last + before;
+            self.squares += second.dot(&(along * second)).max(0.0) / (6.0 * points);
+            self.count += 1.0;
+        }
+        self.frames += 1;
+        self.last = [last, *off];
+    }
+
+    /// Its standard deviation along the normals, m; 0 before three frames.
+    fn sd(&self) -> f64 {
+        if self.count > 0.0 { (self.squares / self.count).sqrt() } else { 0.0 }
+    }
+}
+
 /// A part of the surface, in all frames so far.
 #[derive(Debug, Clone)]
 struct Piece {
@@ -110,6 +143,9 @@ struct Piece {
     start: Vector3<f64>,
     now: Vector3<f64>,
     frames: u32,
+    jitter: Jitter,
+    /// Nearly all of it lies on a face: it may be a brow that rises.
+    is_face: bool,
     together: Together,
 }
 
@@ -134,8 +170,13 @@ impl Piece {
 /// What a frame tells of the pieces of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moves {
-    /// Largest movement of a piece against the rest since the first frames, over its limit.
+    /// Largest movement of a piece against the rest since the first frames, over its limit: of pieces that are no part of a
+    /// face, and of those that are.
     pub most: f64,
+    /// See `most`.
+    pub skin: f64,
+    /// The largest of the movements that last, of any piece, over its limit.
+    pub lasting: f64,
     /// Share of the points in pieces that were seen to move with the rest, and in pieces that were seen not to.
     pub with: f64,
     /// See `with`.
@@ -168,6 +209,12 @@ impl Pieces {
     pub fn of(surface: &Surface) -> Self {
         let positions: Vec<_> = surface.patches().iter().map(|p| p.position).collect();
         let (cell_of_patch, count) = Buckets::new(&positions, CELL).numbers();
+        let mut on_face = vec![(0.0, 0.0); count];
+        for (patch, cell) in cell_of_patch.iter().enumerate() {
+            let (face, all) = &mut on_face[*cell as usize];
+            *face += f64::from(u8::from(surface.is_on_face(patch)));
+            *all += 1.0;
+        }
         let mut middles = vec![(Vector3::zeros(), 0.0); count];
         for (position, cell) in positions.iter().zip(&cell_of_patch) {
             let (sum, patches) = &mut middles[*cell as usize];
@@ -177,9 +224,13 @@ impl Pieces {
         let middles: Vec<Vector3<f64>> = middles.into_iter().map(|(sum, patches)| sum / patches).collect();
         let about = |middle: &Vector3<f64>| {
             let near = (0..).zip(&middles).filter(|(_, other)| (*other - middle).norm() < RADIUS);
-            let cells = near.map(|(cell, _)| cell).collect();
             let [start, now] = [Vector3::zeros(); 2];
-            Piece { cells, middle: *middle, start, now, frames: 0, together: Together::default() }
+            let cells: Vec<u32> = near.map(|(cell, _)| cell).collect();
+            let on = cells.iter().filter_map(|cell| on_face.get(*cell as usize));
+            let (face, all) = on.fold((0.0, 0.0), |(a, b), (face, all)| (a + face, b + all));
+            let is_face = face > ON_FACE * all;
+            let (jitter, together) = (Jitter::default(), Together::default());
+            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together }
         };
         let pieces = middles.iter().map(about).collect();
         Self {
@@ -245,7 +296,7 @@ impl Pieces {
             alike = mixture.verdict();
         }
         let whole = Part::sum(cells.iter());
-        let mut most: f64 = 0.0;
+        let (mut most, mut skin, mut lasting): (f64, f64, f64) = (0.0, 0.0, 0.0);
         let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
         for piece in pieces.iter_mut() {
             let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
@@ -267,15 +318,29 @@ impl Pieces {
                     Verdict::Against => against += points,
                 }
             }
+            if !face {
+                piece.jitter.add(&off, &along, points);
+            }
             let Some(movements) = piece.add(&off, face) else { continue };
             // Three unknowns are fitted to the points of the piece.
             let feigned = noise * (3.0 / points).sqrt();
-            for (movement, [times, least, greatest]) in movements.iter().zip([ONCE, LASTING]) {
+            for (kind, (movement, [times, scatters, least, greatest])) in
+                movements.iter().zip([ONCE, LASTING]).enumerate()
+            {
                 let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
-                most = most.max(size / (times * feigned).max(least).min(greatest));
+                let limit = (times * feigned).max(scatters * piece.jitter.sd()).max(least).min(greatest);
+                let part = size / limit;
+                if piece.is_face {
+                    skin = skin.max(part);
+                } else {
+                    most = most.max(part);
+                }
+                if kind == 1 {
+                    lasting = lasting.max(part);
+                }
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, with: share(with), against: share(against), alike, face }
+        Moves { most, skin, lasting, with: share(with), against: share(against), alike, face }
     }
 }

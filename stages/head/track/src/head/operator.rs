@@ -399,7 +399,7 @@ impl TrackHead {
         let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
-        (judged.confidence() < ENOUGH, judged.agreement.moves.face)
+        (judged.confidence() < ENOUGH, judged.faces)
     }
 
     fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {
