@@ -214,9 +214,6 @@ impl Identity {
         let has_moved = self.most > MOVED_BEFORE && !by_misfit;
         let is_apart = moves.against > AGAINST || has_moved || self.is_mixed || moves.alike != Verdict::With;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
-        if std::env::var_os("PROOFDEBUG").is_some() {
-            eprintln!("proof with {:.2} against {:.2} most {:.2} lasting {:.2} skin {:.2} mixed {} alike {:?}", moves.with, moves.against, moves.most, moves.lasting, moves.skin, self.is_mixed, moves.alike);
-        }
         if self.moved >= 1.0 {
             self.proof = Proof::Proven;
             self.pieces.settle();

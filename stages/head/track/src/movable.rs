@@ -91,9 +91,6 @@ impl Movable {
             (turned < TURN_MOST).then_some((fit, size))
         });
         let (best, size) = fits.max_by(|(a, _), (b, _)| a.score.total_cmp(&b.score))?;
-        if std::env::var_os("PROOFDEBUG").is_some() {
-            eprintln!("laid size {size} on {} over {} turn {:.1}", best.on, best.over, (best.surface_from_nose.rotation * couch_from_surface).angle().to_degrees());
-        }
         let enough = best.on >= ON_LEAST && best.on as f64 >= ON_PART * best.over as f64;
         let nose_from_surface = best.surface_from_nose.inverse();
         enough.then_some(Self { nose_from_surface, size, spots })
