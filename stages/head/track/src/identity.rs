@@ -169,7 +169,8 @@ impl Identity {
         let faces = seen.moves.face || (is_skin && eased > 1.0);
         let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, APART_MOST));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
-        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
+        certainty[IdentityPart::Agreement as usize] =
+            apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
         let judged = Judged { certainty, agreement: seen, faces };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;

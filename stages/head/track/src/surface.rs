@@ -125,7 +125,13 @@ impl Surface {
         let count = |limit: f64| movements.iter().filter(|m| **m < limit).count();
         let rigid = RIGID.into_iter().find(|limit| count(*limit) >= RIGID_PATCHES).unwrap_or(f64::INFINITY);
         let firm = FIRM.max(rigid);
-        let mut groups: Vec<u32> = self.patches.iter().zip(&movements).zip(&self.groups).filter_map(|((_, m), g)| (*m < firm).then_some(*g)).collect();
+        let mut groups: Vec<u32> = self
+            .patches
+            .iter()
+            .zip(&movements)
+            .zip(&self.groups)
+            .filter_map(|((_, m), g)| (*m < firm).then_some(*g))
+            .collect();
         groups.sort_unstable();
         groups.dedup();
         self.firm_groups = groups.len();

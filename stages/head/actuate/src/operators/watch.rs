@@ -2,7 +2,8 @@
 
 use stillpoint_operator::Activation;
 use stillpoint_samples::{
-    ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, PoseStatus, Track, Verb,
+    ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, PoseStatus,
+    Track, Verb,
 };
 
 use crate::extrinsic::{Extrinsic, Need};

@@ -26,15 +26,14 @@ pub struct PartAxes {
 }
 
 impl PartAxes {
-    /// The two longest axes of a surface, through its middle.
+    /// The two longest axes of what of a surface follows the skull, through its middle.
     #[must_use]
     pub fn of(surface: &Surface) -> Self {
-        let n = surface.patches().len().max(1) as f64;
-        let middle = surface.patches().iter().map(|p| p.position).sum::<Vector3<f64>>() / n;
-        let spread = surface
-            .patches()
-            .iter()
-            .map(|p| p.position - middle)
+        let patches = || surface.patches().iter().enumerate().filter(|(number, _)| surface.is_rigid(*number));
+        let n = patches().count().max(1) as f64;
+        let middle = patches().map(|(_, p)| p.position).sum::<Vector3<f64>>() / n;
+        let spread = patches()
+            .map(|(_, p)| p.position - middle)
             .fold(nalgebra::Matrix3::zeros(), |sum, d| sum + d * d.transpose());
         let eigen = spread.symmetric_eigen();
         let mut order = [0, 1, 2];
@@ -93,7 +92,9 @@ pub fn agreement(
     if let Some((pieces, ..)) = &mut pieces {
         pieces.begin();
     }
-    let mut hit = vec![false; surface.group_count()];
+    let mut hit = pieces.as_mut().map(|(pieces, ..)| std::mem::take(&mut pieces.hits)).unwrap_or_default();
+    hit.clear();
+    hit.resize(surface.group_count(), false);
     let mut quarters: [Quarter; 4] = Default::default();
     // Of the size: its own information, what it shares with the pose, and how the distances pull.
     let (mut own, mut shared, mut pull) = (0.0, Vector6::zeros(), 0.0);
@@ -160,9 +161,13 @@ pub fn agreement(
     let close = quarters.iter().map(|q| f64::from(q.close)).sum::<f64>();
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
         / solid_angle(surface, surface_from_cloud, &hit);
+    if let Some((pieces, ..)) = &mut pieces {
+        pieces.hits = hit;
+    }
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
-    let moves =
-        pieces.map_or(Moves::default(), |(pieces, noise, time)| pieces.end(noise, time, surface, surface_from_cloud));
+    let moves = pieces.map_or(Moves::default(), |(pieces, noise, time)| {
+        pieces.end(noise, time, surface, surface_from_cloud)
+    });
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
     Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moves }
@@ -177,7 +182,8 @@ fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>, hit: &[bo
         if cosine < COSINE_LEAST { 0.0 } else { cosine / sight.norm_squared() }
     };
     let patches = surface.patches().iter().enumerate();
-    let is_judged = |number: &usize| surface.is_rigid(*number) && hit.get(surface.group(*number)) == Some(&true);
+    let is_judged =
+        |number: &usize| surface.is_rigid(*number) && hit.get(surface.group(*number)) == Some(&true);
     patches
         .filter(|(number, patch)| patch.place == Place::Inside && is_judged(number))
         .map(|(_, patch)| of(patch))

@@ -194,6 +194,8 @@ pub struct Pieces {
     sums: Vec<(Sums, u32)>,
     cells: Vec<Part>,
     pieces: Vec<Piece>,
+    /// Buffer: which groups of patches have points in a frame.
+    pub(super) hits: Vec<bool>,
     mixture: Mixture,
     mimic: Mimic,
     length: f64,
@@ -238,6 +240,7 @@ impl Pieces {
             sums: vec![(Sums::default(), 0); count],
             cells: vec![Part::empty(); count],
             pieces,
+            hits: Vec::new(),
             mixture: Mixture::of(surface.patches().len()),
             mimic: Mimic::of(surface),
             length: surface.length(),

@@ -374,7 +374,14 @@ impl TrackHead {
             Err(_) => (false, false),
         };
         let trusted = |pose: Option<PoseElement>| pose.filter(|_| !doubted);
-        Found { tracked, dense: trusted(dense), three_points: trusted(three_points), report, doubted, is_face }
+        Found {
+            tracked,
+            dense: trusted(dense),
+            three_points: trusted(three_points),
+            report,
+            doubted,
+            is_face,
+        }
     }
 
     /// Judges whether a frame with a pose does not show what was captured, and whether its face moves.

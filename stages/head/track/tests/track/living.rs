@@ -4,7 +4,9 @@
 
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{
+    Isometry3, Matrix3, Matrix6, Point3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6,
+};
 use serde_json::Value;
 use stillpoint_operator::Registry;
 use stillpoint_operator::files::DiskFiles;
@@ -100,15 +102,21 @@ fn measured(root: &Path) -> Scene {
     let truth = meta["frames"].as_array().unwrap();
     let kept = |topic: &str| topic.starts_with("head.");
     let ms = truth.len() as u64 * 100;
-    let run =
-        run_keeping(kept, &text(root, &meta, sensor), &registry, &DiskFiles::beside(&root.join("x.yaml")), ms)
-            .unwrap();
+    let run = run_keeping(
+        kept,
+        &text(root, &meta, sensor),
+        &registry,
+        &DiskFiles::beside(&root.join("x.yaml")),
+        ms,
+    )
+    .unwrap();
     assert_eq!(run.failed(), [] as [&str; 0]);
     let poses = run.samples::<Pose>("head.pose");
     let reports = run.samples::<PoseReport>("head.report");
     let origin = |k: usize| reports[0].header.origin + 100_000_000 * k as u64;
     let is = |report: &PoseReportElement, status: PoseStatus| report.status == status as u32;
-    let report_of = |k: usize| reports.iter().find(|r| r.header.origin == origin(k)).map(|r| *r.first().unwrap());
+    let report_of =
+        |k: usize| reports.iter().find(|r| r.header.origin == origin(k)).map(|r| *r.first().unwrap());
     let pose_of = |k: usize| poses.iter().find(|p| p.header.origin == origin(k)).map(|p| *p.first().unwrap());
     let name = root.file_name().unwrap().to_string_lossy().into_owned();
     let mut scene = Scene { name, is_tof: sensor == "tof", captured: None, frames: Vec::new(), proven: None };
@@ -154,11 +162,13 @@ fn measured(root: &Path) -> Scene {
         };
         if let Some(element) = &frame.pose {
             let found = pose(element);
-            let (moved, exact) = (found * at_capture.inverse(), isometry(&truth[k]["T"]) * true_then.inverse());
+            let (moved, exact) =
+                (found * at_capture.inverse(), isometry(&truth[k]["T"]) * true_then.inverse());
             frame.error = moved * middle - exact * middle;
             let turn = (moved.rotation * exact.rotation.inverse()).scaled_axis();
             frame.turn = turn.norm();
-            let shift = found.translation.vector - (exact * Point3::from(at_capture.translation.vector)).coords;
+            let shift =
+                found.translation.vector - (exact * Point3::from(at_capture.translation.vector)).coords;
             let all = Vector6::new(shift.x, shift.y, shift.z, turn.x, turn.y, turn.z);
             let covariance = Matrix6::from_row_slice(&element.covariance);
             if k > first {
@@ -203,9 +213,11 @@ impl Scene {
         let mut faces = self.false_motion();
         let mut why = std::collections::BTreeMap::<String, u32>::new();
         for f in &self.frames {
-            let status = PoseStatus::ALL.iter().find(|(_, s)| *s as u32 == f.report.status).map_or("", |s| s.0);
+            let status =
+                PoseStatus::ALL.iter().find(|(_, s)| *s as u32 == f.report.status).map_or("", |s| s.0);
             if f.pose.is_none() || status == "face moves" {
-                let least = (0..5).min_by(|a, b| f.report.certainty[*a].total_cmp(&f.report.certainty[*b])).unwrap();
+                let least =
+                    (0..5).min_by(|a, b| f.report.certainty[*a].total_cmp(&f.report.certainty[*b])).unwrap();
                 let part = if status == "doubted" { IdentityPart::ALL[least].0 } else { "" };
                 *why.entry(format!("{status} {part}")).or_default() += 1;
             }
@@ -230,7 +242,8 @@ impl Scene {
 }
 
 fn pooled(scenes: &[Scene]) {
-    let kinds: std::collections::BTreeSet<char> = scenes.iter().filter_map(|s| s.name.chars().next()).collect();
+    let kinds: std::collections::BTreeSet<char> =
+        scenes.iter().filter_map(|s| s.name.chars().next()).collect();
     for kind in kinds {
         for is_tof in [false, true] {
             let of: Vec<&Scene> =
@@ -244,15 +257,25 @@ fn pooled(scenes: &[Scene]) {
                 let all = frames().filter(|f| pick(f)).count();
                 frames().filter(|f| pick(f) && f.pose.is_some()).count() as f64 / all as f64
             };
-            let mut errors: Vec<f64> = frames().map(|f| 1e3 * f.error.norm()).filter(|e| e.is_finite()).collect();
-            let mut blocked: Vec<f64> = frames().filter(|f| f.is_blocked).map(|f| 1e3 * f.error.norm()).filter(|e| e.is_finite()).collect();
-            let mut turns: Vec<f64> = frames().filter(|f| f.is_face || kind == 'N').map(|f| f.turn.to_degrees()).filter(|e| e.is_finite()).collect();
+            let mut errors: Vec<f64> =
+                frames().map(|f| 1e3 * f.error.norm()).filter(|e| e.is_finite()).collect();
+            let mut blocked: Vec<f64> = frames()
+                .filter(|f| f.is_blocked)
+                .map(|f| 1e3 * f.error.norm())
+                .filter(|e| e.is_finite())
+                .collect();
+            let mut turns: Vec<f64> = frames()
+                .filter(|f| f.is_face || kind == 'N')
+                .map(|f| f.turn.to_degrees())
+                .filter(|e| e.is_finite())
+                .collect();
             let nees: Vec<f64> = frames().map(|f| f.nees).filter(|n| n.is_finite()).collect();
             let inside = nees.iter().filter(|n| **n < 12.6).count() as f64 / nees.len() as f64;
             let mut faces: Vec<f64> = of.iter().flat_map(|s| s.false_motion()).collect();
             let mut heads: Vec<f64> = of.iter().filter_map(|s| s.captured).map(|c| c.1).collect();
             let worst = of.iter().map(|s| s.share(|_| true)).filter(|s| s.is_finite()).fold(1.0, f64::min);
-            let doubted = frames().filter(|f| f.report.status == PoseStatus::Doubted as u32).count() as f64 / frames().count() as f64;
+            let doubted = frames().filter(|f| f.report.status == PoseStatus::Doubted as u32).count() as f64
+                / frames().count() as f64;
             eprintln!(
                 "{kind}{} {captured}/{} captured, head {:.3} (10 % {:.3}), pose {:.3} (least {worst:.2}), faces {:.3}, pauses {:.3}, blocked {:.3}, doubted {doubted:.3}, err {:.2} p95 {:.2}, blocked p95 {:.2}, turn p95 {:.2}, false {:.2} p95 {:.2} max {:.2}, nees {:.1} inside {inside:.2}, proven {}",
                 if is_tof { " tof" } else { "    " },
@@ -281,8 +304,13 @@ fn pooled(scenes: &[Scene]) {
 fn scenes(root: &Path) -> Vec<Scene> {
     let only = std::env::var("SCENES").unwrap_or_default();
     let entries = std::fs::read_dir(root).unwrap().map(|e| e.unwrap().path());
-    let mut folders: Vec<PathBuf> =
-        entries.filter(|p| p.join("meta.json").is_file() && (only.is_empty() || only.split(',').any(|o| p.file_name().unwrap().to_string_lossy().starts_with(o)))).collect();
+    let mut folders: Vec<PathBuf> = entries
+        .filter(|p| {
+            p.join("meta.json").is_file()
+                && (only.is_empty()
+                    || only.split(',').any(|o| p.file_name().unwrap().to_string_lossy().starts_with(o)))
+        })
+        .collect();
     folders.sort();
     let half = folders.len().div_ceil(2);
     let mut all: Vec<Scene> = std::thread::scope(|scope| {
@@ -305,11 +333,35 @@ fn heads_are_followed_although_necks_bend_and_faces_move() {
             for f in &scene.frames {
                 eprintln!(
                     "  {:3} status {} face {} conf {:.2} {:.2?} apart {:.2} overlap {:.2} sd {:.2} moved {:.2} err {:.2} turn {:.2} nees {:.1}",
-                    f.index, f.report.status, f.is_face, f.report.confidence, f.report.certainty, 1e3 * f.report.apart,
-                    f.report.overlap, 1e3 * f.report.residual_sd, f.report.moved, 1e3 * f.error.norm(), f.turn.to_degrees(), f.nees
+                    f.index,
+                    f.report.status,
+                    f.is_face,
+                    f.report.confidence,
+                    f.report.certainty,
+                    1e3 * f.report.apart,
+                    f.report.overlap,
+                    1e3 * f.report.residual_sd,
+                    f.report.moved,
+                    1e3 * f.error.norm(),
+                    f.turn.to_degrees(),
+                    f.nees
                 );
             }
         }
     }
     pooled(&all);
+    if chosen.is_some() {
+        return;
+    }
+    for scene in &all {
+        let head = scene.captured.map(|(_, head)| head);
+        assert!(
+            head.is_some_and(|head| head > 0.95),
+            "{}: {head:?} of the reference is the head",
+            scene.name
+        );
+    }
+    // No doubt once the neck bends, as before, in more than half of the frames.
+    let turns = all.iter().find(|scene| scene.name == "neutral_turns").unwrap();
+    assert!(turns.share(|_| true) > 0.95, "{}", turns.line());
 }
