@@ -1,8 +1,8 @@
-//! `docs/operators.md`: the page's operator in a program of its own, behind the default pipeline, live.
+//! `docs/guide/own-operator.md`: the page's operator in a program of its own, behind the default pipeline, live.
 
 use crate::bench::{Bench, text};
 
-const PAGE: &str = include_str!("../../docs/operators.md");
+const PAGE: &str = include_str!("../../docs/guide/own-operator.md");
 const DEFAULT: &str = include_str!("../../pipeline.yaml");
 const KEY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/data/rig.key");
 

@@ -15,7 +15,7 @@ use crate::quantity::quantity;
 #[derive(Args)]
 pub struct PoolArgs {
     /// Compute on the workers of the pool at this endpoint, such as `tcp/10.0.0.7:7447`. The result is the same to the
-    /// byte. Needs `stillpoint-bridge`; see docs/remote.md.
+    /// byte. Needs `stillpoint-bridge`; see docs/guide/remote.md.
     #[arg(long, value_name = "ENDPOINT")]
     pool: Option<String>,
     /// Certificate of this program, PEM, for a pool at `tls/ADDRESS:PORT`.

@@ -87,7 +87,7 @@ mod tests {
 
     #[test]
     fn the_filter_of_the_source_has_the_reduction_and_the_lag_that_are_known_of_it() {
-        // docs/science.md: 80.87 % by simulation, and 0.241, -0.005, 0.000 mm.
+        // docs/science/equations.md: 80.87 % by simulation, and 0.241, -0.005, 0.000 mm.
         let settled = settled();
         let reduction = 1.0 - settled.noise_ratio().unwrap();
         assert!((reduction - 0.8081).abs() < 0.002, "{reduction}");

@@ -10,7 +10,7 @@
 //! the nominal B needs; the adaptive ones learn what it needs beside that.
 //!
 //! The dials are rates: an error dies out with f, in 1/s, and what a regressor of 1 has to make up for is learned with
-//! l, in 1/s^2, however fast the reference model is (`docs/science.md`, "The adaptive law in rates").
+//! l, in 1/s^2, however fast the reference model is (`docs/science/equations.md`, "The adaptive law in rates").
 
 use crate::adaptive::{Column, Gains, Law, ROOM};
 use crate::effect::Effect;
@@ -70,7 +70,6 @@ pub enum MracError {
     DeadZone {
         /// Number of values found.
         found: usize,
-        /// Channels.
         channels: usize,
     },
     /// More features, or channels, than gains are kept for.
@@ -81,7 +80,6 @@ pub enum MracError {
 /// Whether a step learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Learning {
-    /// It did.
     On,
     /// Every error is inside the dead zone.
     DeadZone,
@@ -198,7 +196,6 @@ impl Mrac {
         [&self.k_y, &self.k_r, &self.theta]
     }
 
-    /// The feature map.
     #[must_use]
     pub fn features(&self) -> &Features {
         &self.features

@@ -8,8 +8,8 @@ use stillpoint_plan::Rows;
 use stillpoint_plan::beams::Ring;
 use stillpoint_plan::distance::distances_mm;
 use stillpoint_plan::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, Machine};
-use stillpoint_plan::fluence::{Goals, GoalsError, Wanted};
-use stillpoint_plan::objectives::{AimsError, ObjectiveTable, follows};
+use stillpoint_plan::fluence::{Goals, GoalsError, StructureObjectives};
+use stillpoint_plan::objectives::{ObjectiveSetError, ObjectiveTable, follows};
 use thiserror::Error;
 
 /// Within this distance of a target more points of the patient count, mm.
@@ -30,7 +30,7 @@ pub struct Problem {
     /// The patient.
     pub case: Case,
     /// The objectives, structure by structure; voxels are rows of the doses.
-    pub wanted: Vec<Wanted>,
+    pub wanted: Vec<StructureObjectives>,
     /// The same, checked.
     pub goals: Goals,
     engine: DoseEngine,
@@ -41,7 +41,7 @@ pub struct Problem {
 pub enum ProblemError {
     /// The objectives do not fit the case.
     #[error(transparent)]
-    Aims(#[from] AimsError),
+    ObjectiveSet(#[from] ObjectiveSetError),
     /// The objectives make no goals.
     #[error(transparent)]
     Goals(#[from] GoalsError),
@@ -72,7 +72,7 @@ impl Problem {
             ..DoseParams::over(case.grid(), coarse.grid_mm)
         };
         let grid = params.grid;
-        let mut wanted = table.for_case(&case, &grid)?.wanted;
+        let mut wanted = table.for_case(&case, &grid)?.structures;
         let targets: Vec<bool> = {
             let mut inside = vec![false; grid.len()];
             let of_targets = wanted.iter().filter(|w| role(&case, &w.name) == Some(Role::Target));
@@ -132,7 +132,7 @@ impl Problem {
 
     /// The goals in two parts: of what moves through the beams with the patient, and of the outline, which counts as planned.
     pub fn parts(&self) -> Result<[Goals; 2], GoalsError> {
-        let moves = |wanted: &&Wanted| role(&self.case, &wanted.name).is_some_and(follows);
+        let moves = |wanted: &&StructureObjectives| role(&self.case, &wanted.name).is_some_and(follows);
         let part = |of: bool| {
             let wanted = self.wanted.iter().filter(|wanted| moves(wanted) == of).cloned();
             Goals::new(wanted.collect(), self.rows())
@@ -160,7 +160,7 @@ fn role(case: &Case, name: &str) -> Option<Role> {
 }
 
 /// Keeps the voxels that count. Those of a zone stand for all of it.
-fn thin(structure: &mut Wanted, zone: impl Fn(u32) -> usize, counts: impl Fn(u32) -> bool) {
+fn thin(structure: &mut StructureObjectives, zone: impl Fn(u32) -> usize, counts: impl Fn(u32) -> bool) {
     let (mut all, mut kept) = ([0.0; 3], [0.0; 3]);
     for voxel in &structure.voxels {
         all[zone(*voxel)] += 1.0;

@@ -1,9 +1,9 @@
-//! `docs/actuation.md` names every reason with its bit, and every refusal.
+//! `docs/guide/actuation.md` names every reason with its bit, and every refusal.
 
 use stillpoint_actuate::{Key, Refusal};
 use stillpoint_samples::{ActuationReason, GateReason};
 
-const PAGE: &str = include_str!("../../../../../docs/actuation.md");
+const PAGE: &str = include_str!("../../../../../docs/guide/actuation.md");
 
 /// The rows of the table of bits that follows a heading.
 fn rows(heading: &str) -> Vec<(u32, &'static str)> {

@@ -4,7 +4,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use stillpoint_plan::beams::{RingDoses, SecondPlayer};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams};
 use stillpoint_plan::fluence::Goals;
-use stillpoint_plan::objectives::Aims;
+use stillpoint_plan::objectives::ObjectiveSet;
 use stillpoint_plan::sampling::Sampling;
 
 use super::pooled::Pooled;
@@ -19,7 +19,7 @@ pub struct Ground {
     /// The points whose dose is optimised.
     pub sampling: Sampling,
     /// What is wanted of each structure: objectives in gray, on the points that count for it.
-    pub aims: Aims,
+    pub aims: ObjectiveSet,
     /// The same as plans are solved for: over all set-ups, or in the robust game for the planned one.
     pub goals: Goals,
     /// The second player of the robust game.

@@ -32,7 +32,7 @@ pub fn judgement(
     };
     let grid = DoseParams::over(case.grid(), GRID_MM).grid;
     let aims = objectives.for_case(case, &grid).map_err(Failure::failed)?;
-    let eye = Eye::of_case(case, &aims.wanted, machine, ANGLES, bixel_mm).map_err(Failure::failed)?;
+    let eye = Eye::of_case(case, &aims.structures, machine, ANGLES, bixel_mm).map_err(Failure::failed)?;
     Ok(model.judge(&eye))
 }
 

@@ -5,9 +5,9 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
-use stillpoint_plan::fluence::Wanted;
+use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
-use stillpoint_plan::objectives::follows;
+use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
@@ -34,6 +34,8 @@ pub struct Outcome<'a> {
     pub figures: Vec<StructureDose>,
     /// How the dose falls off in the planned set-up.
     pub fall_off: Option<FallOff>,
+    /// The objectives with what the planned fluence gives.
+    pub objectives: Vec<ObjectiveResult>,
     /// The limits of the protocol, in the planned set-up.
     pub limits: Vec<Judged>,
     /// The segments, with their dose; nothing where the fluence is not sequenced.
@@ -77,6 +79,7 @@ impl<'a> Outcome<'a> {
             figures.retain(|f| follows(f.role));
             figures
         };
+        let objectives = ground.aims.results(&ground.goals, &best.plan.dose, &given[0]);
         let reference = case.reference_dose_gy();
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
@@ -86,6 +89,7 @@ impl<'a> Outcome<'a> {
             angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
+            objectives: objectives.map_err(Failure::failed)?,
             limits: request.protocol.iter().flat_map(|p| p.judge(case, &given[0])).collect(),
             moved: given[1..].iter().map(of_moving).collect(),
             reference: reference_given.as_ref().map(figures),
@@ -149,7 +153,8 @@ impl<'a> Outcome<'a> {
                 "bixel_mm": params.bixels.width_mm,
                 "cutoff_mm": params.cutoff_mm,
             },
-            "wanted": ground.aims.wanted.iter().map(wanted).collect::<Vec<_>>(),
+            "wanted": ground.aims.structures.iter().map(wanted).collect::<Vec<_>>(),
+            "objectives": self.objectives,
             "method": self.run.way,
             "seed": request.seed,
             "objective": best.solved_cost(),
@@ -186,7 +191,7 @@ fn grid(grid: &Grid) -> Value {
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn wanted(wanted: &Wanted) -> Value {
+fn wanted(wanted: &StructureObjectives) -> Value {
     json!({ "structure": wanted.name, "voxels": wanted.voxels.len(), "objectives": wanted.objectives })
 }
 

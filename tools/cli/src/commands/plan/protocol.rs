@@ -98,7 +98,7 @@ fn limit(node: &Node, findings: &Findings) -> Option<Limit> {
     match Limit::new(of, scalar("limit")?, source) {
         Ok(limit) => Some(limit),
         Err(fault) => {
-            let help = "quantities are named as by AAPM TG-263; see docs/planning.md";
+            let help = "quantities are named as by AAPM TG-263; see docs/guide/planning.md";
             findings.say(written.value.span, Code::OutOfRange, fault.to_string(), help);
             None
         }

@@ -109,7 +109,14 @@ impl Request {
             None => phantom(0).map_err(Failure::failed)?,
         };
         let (count, gap) = RING;
+        let angles = given.angles.as_deref().map(angles_deg).transpose()?;
         let ring = Ring::new(count, gap).map_err(Failure::failed)?;
+        let ring = match (&angles, &given.angles) {
+            (Some(angles), Some(text)) => {
+                ring.for_angles(angles).map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?
+            }
+            _ => ring,
+        };
         let (objectives, machine) =
             (objectives(given.objectives.as_deref())?, machine(given.machine.as_deref())?);
         let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
@@ -117,7 +124,7 @@ impl Request {
         let network = given.network.as_deref();
         let learned = || learned::judgement(&case, &objectives, &machine, bixel_mm, network);
         let budget = given.budget.unwrap_or(if given.method == Way::Network { PROPOSALS } else { BUDGET });
-        let (beams, methods) = methods(given, ring, &case, budget, learned)?;
+        let (beams, methods) = methods(given, angles, ring, &case, budget, learned)?;
         ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
         let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
         let uses_network =
@@ -200,27 +207,24 @@ impl Request {
     }
 }
 
+/// Gantry angles of the command line.
+fn angles_deg(text: &str) -> Result<Vec<f64>, Failure> {
+    let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
+    let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
+    angles.ok_or_else(|| {
+        Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
+    })
+}
+
 fn methods(
     given: &Plan,
+    angles: Option<Vec<f64>>,
     ring: Ring,
     case: &Case,
     budget: usize,
     learned: impl Fn() -> Result<Judgement, Failure>,
 ) -> Result<(usize, Vec<(Way, Method)>), Failure> {
-    if let Some(text) = &given.angles {
-        let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
-        let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
-        let angles = angles.filter(|angles| angles.iter().all(|a| a.is_finite())).ok_or_else(|| {
-            Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
-        })?;
-        let off =
-            angles.iter().find(|a| (ring.angle_deg(ring.nearest(**a)) - a.rem_euclid(360.0)).abs() > 1e-6);
-        if let Some(off) = off {
-            let step = ring.step_deg();
-            return Err(Failure::wrong(format!(
-                "--angles {off}: angles must be multiples of {step} degrees"
-            )));
-        }
+    if let Some(angles) = angles {
         return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
     }
     ring.check_room(given.beams).map_err(|e| Failure::wrong(format!("{e}")))?;
