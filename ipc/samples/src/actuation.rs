@@ -98,6 +98,8 @@ impl ActuationReason {
     pub const ORDERS_LOST: u32 = 1 << 23;
     /// A bladder pushes with less than the least force; a fault if it lasts.
     pub const CONTACT_LOW: u32 = 1 << 24;
+    /// The face moves by itself: the valves hold, and do not follow it.
+    pub const FACE_MOVES: u32 = 1 << 25;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -126,6 +128,7 @@ impl ActuationReason {
         ("no answer", Self::NO_ANSWER),
         ("orders lost", Self::ORDERS_LOST),
         ("contact low", Self::CONTACT_LOW),
+        ("face moves", Self::FACE_MOVES),
     ];
 
     /// The words of the bits that are set, in their order.

@@ -48,6 +48,8 @@ impl GateReason {
     pub const UNCONFIRMED: u32 = 1 << 16;
     /// The standing plan is not known to hold in the requested set-up.
     pub const PLAN: u32 = 1 << 17;
+    /// The face moves by itself: the pose of the skull is less sure.
+    pub const FACE_MOVES: u32 = 1 << 18;
 
     /// All with the words that people read.
     pub const ALL: &'static [(&'static str, u32)] = &[
@@ -69,6 +71,7 @@ impl GateReason {
         ("unproven", Self::UNPROVEN),
         ("unconfirmed", Self::UNCONFIRMED),
         ("plan", Self::PLAN),
+        ("face moves", Self::FACE_MOVES),
     ];
 
     /// The words of the bits that are set, in their order.

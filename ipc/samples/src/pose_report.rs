@@ -31,6 +31,8 @@ pub enum PoseStatus {
     Doubted = 8,
     /// No frame became the reference within the time for which a command holds: it has to be asked for again.
     CaptureLapsed = 9,
+    /// The pose is that of the skull, and the face moves by itself: a smile, a word, a swallow. The pose is sent.
+    FaceMoves = 10,
 }
 
 impl PoseStatus {
@@ -46,6 +48,7 @@ impl PoseStatus {
         ("no face", PoseStatus::NoFace),
         ("doubted", PoseStatus::Doubted),
         ("capture lapsed", PoseStatus::CaptureLapsed),
+        ("face moves", PoseStatus::FaceMoves),
     ];
 
     /// The status of this number.
