@@ -14,6 +14,7 @@
 //! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
 //! - [`protocol`]: limits of doses, and a plan beside them
+//! - [`recipe`]: the one recipe of a plan: set-up, request, search
 //! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
 //! - [`sampling`]: the points whose dose is optimised
 //! - `sparse`: the dose-influence matrix
@@ -32,6 +33,7 @@ pub mod metrics;
 pub mod objectives;
 pub mod occupancy;
 pub mod protocol;
+pub mod recipe;
 pub mod recompute;
 pub mod sampling;
 mod sparse;
