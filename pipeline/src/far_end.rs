@@ -164,6 +164,7 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         validate_period: |_, _| Ok(()),
         check_files: |_, _| Ok(()),
         cut_files: |_, _| Ok(std::collections::BTreeMap::new()),
+        remarks: |_, _| Vec::new(),
         // A graph lays the sample out as its producer does.
         capacities: |_| vec![1, METRICS],
         subscriptions: |_| Vec::new(),

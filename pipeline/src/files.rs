@@ -35,6 +35,9 @@ impl FileError {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Snapshot {
     files: BTreeMap<String, Place>,
+    /// What operators leave out of their files, by operator.
+    #[serde(default)]
+    remarks: BTreeMap<String, Vec<String>>,
 }
 
 impl Snapshot {
@@ -51,7 +54,15 @@ impl Snapshot {
                 files.entry(file).or_insert(place);
             }
         }
-        Ok(Self { files })
+        let of = |node: &OperatorNode| (node.name.clone(), (node.stage.remarks)(&node.params, disk));
+        let nodes = graph.operators.iter().filter(|node| !node.files.is_empty());
+        let remarks = nodes.map(of).filter(|(_, remarks)| !remarks.is_empty()).collect();
+        Ok(Self { files, remarks })
+    }
+
+    /// What operators leave out of their files, by operator.
+    pub fn remarks(&self) -> &BTreeMap<String, Vec<String>> {
+        &self.remarks
     }
 
     /// Copies of them in `folder`: what happens to the originals from now on is not seen.
@@ -67,7 +78,7 @@ impl Snapshot {
             copied.map_err(|e| FileError::new(name, &e))?;
             files.insert(name.clone(), Place::Disk(copy));
         }
-        Ok(Self { files })
+        Ok(Self { files, remarks: self.remarks.clone() })
     }
 }
 

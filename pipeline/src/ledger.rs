@@ -5,11 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use stillpoint_samples::{Entry, JournalRef, RefKind};
 
 use crate::graph::Graph;
-use crate::live::bridge::ShmAccount;
 
 /// The journal entries of a run, as far as the ledger needs them.
 #[derive(Default)]
@@ -20,6 +19,27 @@ pub struct Ledger {
     taken: BTreeMap<(usize, u32, u32, u32), JournalRef>,
     /// By operator and incarnation: number of the last entry, and entries missing before it.
     entries: BTreeMap<(usize, u32), (u64, u64)>,
+}
+
+/// What a bridge received from one incarnation of an operator through shared memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ShmAccount {
+    /// Number of the last sample.
+    pub last: u64,
+    /// Samples taken.
+    pub total: u64,
+    /// Samples between them that newer ones pushed out.
+    pub lost: u64,
+}
+
+impl ShmAccount {
+    /// Takes the sample of this number.
+    pub fn take(&mut self, number: u64) {
+        if self.total > 0 {
+            self.lost += number.saturating_sub(self.last + 1);
+        }
+        (self.last, self.total) = (number, self.total + 1);
+    }
 }
 
 /// The account of one edge.

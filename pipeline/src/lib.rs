@@ -6,7 +6,7 @@
 //! A pipeline:
 //! - `config`: from YAML to a graph, with every fault of the file; `run_source`: what a graph was checked from
 //! - `graph`: the checked pipeline; `hosts`: the part of it that runs on one host; `ros2`: what it exchanges with ROS 2
-//! - `console`, `link`, `far_end`, `pool_client`: the kinds of operators that come with every pipeline
+//! - `console`, `link`, `far_end`, `pool_client`, `null_sink`: the kinds of operators that come with every pipeline
 //!
 //! An activation:
 //! - `instance`: one incarnation of an operator; `drafts`: its outputs before the commit; `intake`: its inputs
@@ -21,6 +21,9 @@
 //! A session:
 //! - `session`: topics, attachments and metadata; `session_recorder`: writes a run of this process
 //! - `files`, `session_files`: the files that params name, of a run and of a session
+
+// Outsiders use it.
+#![warn(missing_docs)]
 
 pub mod clock;
 pub mod config;
@@ -37,6 +40,7 @@ pub mod ledger;
 pub mod limits;
 mod link;
 pub mod live;
+mod null_sink;
 pub mod placement;
 mod pool_client;
 pub mod record;
@@ -56,4 +60,4 @@ use stillpoint_operator as operator;
 use stillpoint_operator::{Stage, activation, frames, outputs, outside, params};
 
 /// The kinds of operators that come with every pipeline.
-pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, pool_client::STAGE];
+pub const STAGES: &[Stage] = &[console::STAGE, link::STAGE, pool_client::STAGE, null_sink::STAGE];

@@ -30,6 +30,8 @@ pub const IDENTITY: &str = "stillpoint.identity";
 
 /// Metadata record with date and residual of each frame.
 pub const EXTRINSICS: &str = "stillpoint.extrinsics";
+/// Record of what operators leave out of their files, by operator.
+pub const REMARKS: &str = "stillpoint.remarks";
 
 /// The topics that a session of this graph keeps. Each with its operator, and its output where it is no journal.
 pub fn topic_infos(graph: &Graph) -> Vec<(TopicInfo, (usize, Option<usize>))> {
@@ -135,12 +137,18 @@ pub fn opening(
         ("seed".to_string(), graph.seed.to_string()),
         ("directed".to_string(), directed.to_string()),
     ]);
-    let metadata = BTreeMap::from([
+    let remarks = source.files.remarks().iter().map(|(name, all)| (name.clone(), all.join("\n")));
+    let mut metadata = BTreeMap::from([
         (RUN.to_string(), run),
         (IDENTITY.to_string(), identity.clone()),
         (HASHES.to_string(), hashes),
         (EXTRINSICS.to_string(), extrinsics(graph)),
     ]);
+    // A session of whole files is written as before.
+    let remarks: BTreeMap<String, String> = remarks.collect();
+    if !remarks.is_empty() {
+        metadata.insert(REMARKS.to_string(), remarks);
+    }
     let frames = static_transforms(graph);
     // A simulated session knows no realtime: two equal runs give equal files.
     let started = clock.started();

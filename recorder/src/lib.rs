@@ -46,6 +46,8 @@
 //! - `error`: why a session cannot be read
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 
 mod account;
 mod cache;

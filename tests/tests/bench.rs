@@ -96,7 +96,7 @@ impl Bench {
     }
 
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint-kit"));
+        let mut command = Command::new(crate::PROGRAM);
         command.args(arguments).env("STILLPOINT_RUNS", self.runs()).current_dir(self.folder.path());
         command
     }

@@ -8,6 +8,7 @@
 //! - `live`: failures in a live run
 //! - `laps`: what a live run measures, and nothing depends on
 //! - `ending`: how runs end
+//! - `safety_case`: the tests that the safety case names are there
 //! - `releases`: sessions of every release
 //! - `recording`: what survives its recorder
 //! - `replaying`: what is the same is found the same, and what is not is named
@@ -46,10 +47,13 @@ mod recording;
 mod refusals;
 mod releases;
 mod replaying;
+mod safety_case;
 mod seeing;
-mod selfplay;
 mod stopping;
 mod tampered;
 mod traps;
 mod unheard;
 mod wire;
+
+/// The program that a [`bench::Bench`] runs.
+const PROGRAM: &str = env!("CARGO_BIN_EXE_stillpoint-kit");

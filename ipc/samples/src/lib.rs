@@ -14,6 +14,8 @@
 //! - one file per sample type
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 // The derive names this crate by its path, here too.
 extern crate self as stillpoint_samples;
 

@@ -1,5 +1,6 @@
 //! Where the files that parameters name are read from.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -14,8 +15,9 @@ pub trait Files {
     fn shared_mode(&self, _name: &str) -> Option<u32> {
         None
     }
-    /// The files that a path names, sorted: one file, the files of a folder, or the files whose names fit a last part
-    /// with `*`.
+    /// The files that a path names, in the order of their names with numbers by their value (`in_order`): one file, the
+    /// files of a folder, or the files whose names fit a last part with `*`. As for a shell, `*` does not stand for the
+    /// dot of a hidden file.
     fn list(&self, name: &str) -> Result<Vec<String>, String>;
 }
 
@@ -111,7 +113,7 @@ impl Files for DiskFiles {
             let file = file.to_str().ok_or_else(|| format!("the name of the file {shown} is not UTF-8"))?;
             names.push(if folder.is_empty() { file.to_owned() } else { format!("{folder}/{file}") });
         }
-        names.sort();
+        names.sort_by(|a, b| in_order(a, b));
         Ok(names)
     }
 }
@@ -133,6 +135,39 @@ impl Files for MemoryFiles {
     }
 }
 
+/// The order of names of files: runs of digits by their value, so that `frame_9` comes before `frame_10`, and the rest as
+/// text. Names that differ in leading zeros alone are in the order of their text.
+pub fn in_order(a: &str, b: &str) -> Ordering {
+    let (mut left, mut right) = (a.as_bytes(), b.as_bytes());
+    loop {
+        let digits = |text: &[u8]| text.iter().take_while(|c| c.is_ascii_digit()).count();
+        let (m, n) = (digits(left), digits(right));
+        let (first, second, order);
+        if m > 0 && n > 0 {
+            (first, left) = left.split_at(m);
+            (second, right) = right.split_at(n);
+            let (first, second) = (without_zeros(first), without_zeros(second));
+            order = first.len().cmp(&second.len()).then_with(|| first.cmp(second));
+        } else {
+            match (left.split_first(), right.split_first()) {
+                (Some((x, after)), Some((y, behind))) => {
+                    order = x.cmp(y);
+                    (left, right) = (after, behind);
+                }
+                (x, y) => return x.is_some().cmp(&y.is_some()).then_with(|| a.cmp(b)),
+            }
+        }
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+}
+
+fn without_zeros(digits: &[u8]) -> &[u8] {
+    let zeros = digits.iter().take_while(|c| **c == b'0').count();
+    &digits[zeros..]
+}
+
 /// The files of a map that a path names: a file by its own name, or the files of a pattern or a folder.
 pub fn listed<T>(files: &BTreeMap<String, T>, name: &str) -> Option<Vec<String>> {
     if files.contains_key(name) {
@@ -144,7 +179,8 @@ pub fn listed<T>(files: &BTreeMap<String, T>, name: &str) -> Option<Vec<String>>
         let (of, rest) = pattern::parts(file);
         of == folder && pattern::matches(like, rest)
     };
-    let inside: Vec<String> = files.keys().filter(fits).cloned().collect();
+    let mut inside: Vec<String> = files.keys().filter(fits).cloned().collect();
+    inside.sort_by(|a, b| in_order(a, b));
     (!inside.is_empty()).then_some(inside)
 }
 
@@ -160,6 +196,18 @@ mod tests {
         assert!(files.read("src/lib.rs").unwrap().len() > 7);
         assert_eq!(files.list("Cargo.toml").unwrap(), ["Cargo.toml"]);
         assert!(files.read("nothing").is_err());
+    }
+
+    #[test]
+    fn numbers_in_names_are_in_the_order_of_their_values() {
+        let sorted = |names: &[&str]| names.is_sorted_by(|a, b| in_order(a, b) == Ordering::Less);
+        assert!(sorted(&["f_2", "f_9", "f_10", "f_10b", "f_010c", "f_11"]));
+        assert!(sorted(&["1.png", "2.png", "10.png", "a1", "a1b2", "a1b10", "b"]));
+        assert!(sorted(&["f_9998", "f_10000", "f_99999999999999999999999", "f_100000000000000000000000"]));
+        assert!(sorted(&["", "0", "00", "0a", "a"]));
+        let files = ["s/frame_10000.png", "s/frame_9998.png", "s/._frame_1.png"];
+        let kept = MemoryFiles { files: files.map(|n| (n.into(), Vec::new())).into() };
+        assert_eq!(kept.list("s/*.png").unwrap(), ["s/frame_9998.png", "s/frame_10000.png"]);
     }
 
     #[test]

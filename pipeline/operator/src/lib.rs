@@ -13,6 +13,9 @@
 //! - `pattern`: paths with a star
 //! - `ros2`: messages of ROS 2 for a source
 
+// Outsiders use it.
+#![warn(missing_docs)]
+
 // The derives name this crate by its path, here too.
 extern crate self as stillpoint_operator;
 

@@ -50,6 +50,12 @@ pub trait Operator: Sized + Send + 'static {
         Ok(BTreeMap::new())
     }
 
+    /// What the operator leaves out of the files that its parameters name, in sentences for people. A run prints them at
+    /// its end and keeps them in its session.
+    fn remarks(_params: &Self::Params, _files: &dyn Files) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Makes the operator. Files that parameters name are read here, through [`Setup::file`], and nowhere later.
     fn new(params: Self::Params, setup: &Setup<'_>) -> Result<Self, SetupError>;
 

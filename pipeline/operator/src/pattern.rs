@@ -1,6 +1,8 @@
 //! Paths with a star: which of a folder's files are meant.
 
-/// Whether `name` fits `pattern`: `*` stands for any number of any characters; every other character stands for itself.
+/// Whether `name` fits `pattern`: `*` stands for any number of any characters, but not for the dot at the start of a hidden
+/// name; every other character stands for itself. The
+/// extension behind a `*` is the same in upper and lower case.
 ///
 /// ```
 /// use stillpoint_operator::pattern::matches;
@@ -12,13 +14,19 @@ pub fn matches(pattern: &str, name: &str) -> bool {
     let mut parts = pattern.split('*');
     let first = parts.next().unwrap_or_default();
     let Some(mut rest) = name.strip_prefix(first) else { return false };
+    if first.is_empty() && pattern.starts_with('*') && name.starts_with('.') {
+        return false;
+    }
     let Some(last) = parts.next_back() else { return rest.is_empty() };
     for part in parts {
         // The earliest place leaves the most for the parts behind it.
         let Some(at) = rest.find(part) else { return false };
         rest = &rest[at + part.len()..];
     }
-    rest.len() >= last.len() && rest.ends_with(last)
+    let end = rest.len().checked_sub(last.len()).and_then(|at| rest.get(at..));
+    // Cameras write `.PNG`, too.
+    let is_extension = last.starts_with('.') && !last[1..].contains('.');
+    end.is_some_and(|end| end == last || is_extension && end.eq_ignore_ascii_case(last))
 }
 
 /// Whether a path is a pattern: its last part has a star.
@@ -46,7 +54,7 @@ mod tests {
     #[test]
     fn stars_stand_for_any_characters_and_for_none() {
         for (pattern, name) in
-            [("*", ""), ("*", "a.png"), ("a*", "a"), ("*_depth.png", "1_depth.png"), ("a*b*c", "a_b_b_c")]
+            [("*", ""), ("*", "a.png"), ("a*", "a"), ("*_depth.png", "1_depth.png"), ("a*b*c", "a_b_b_c"), ("*.png", "0.PNG")]
         {
             assert!(matches(pattern, name), "{pattern} {name}");
         }
@@ -54,7 +62,10 @@ mod tests {
 
     #[test]
     fn what_the_pattern_does_not_say_does_not_match() {
-        for (pattern, name) in [("", "a"), ("a", "ab"), ("a*a", "a"), ("*b", "a"), ("a*b*c", "a_c_b")] {
+        let hidden = [("*", ".a"), ("*.png", "._0.png")];
+        for (pattern, name) in
+            [("", "a"), ("a", "ab"), ("a*a", "a"), ("*b", "a"), ("a*b*c", "a_c_b")].into_iter().chain(hidden)
+        {
             assert!(!matches(pattern, name), "{pattern} {name}");
         }
     }

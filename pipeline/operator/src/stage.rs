@@ -37,6 +37,8 @@ pub struct Stage {
     pub check_files: fn(&CheckedParams, &dyn Files) -> Result<(), ParamConflict>,
     /// The files of which a run keeps a part, with that part, by the parameters of all operators of the kind.
     pub cut_files: CutFiles,
+    /// What an operator leaves out of the files that its parameters name.
+    pub remarks: fn(&CheckedParams, &dyn Files) -> Vec<String>,
     /// The most elements per sample of each output.
     pub capacities: fn(&CheckedParams) -> Vec<usize>,
     /// The topics of ROS 2 that a source takes.
@@ -67,6 +69,9 @@ impl Stage {
             cut_files: |checked, files| {
                 let params: Vec<T::Params> = checked.iter().filter_map(|c| typed::<T>(&c.value)).collect();
                 T::cut_files(&params.iter().collect::<Vec<_>>(), files)
+            },
+            remarks: |checked, files| {
+                typed::<T>(&checked.value).map(|p| T::remarks(&p, files)).unwrap_or_default()
             },
             capacities: |checked| typed::<T>(&checked.value).map(|p| T::capacities(&p)).unwrap_or_default(),
             subscriptions: |checked| {

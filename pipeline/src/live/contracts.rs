@@ -33,6 +33,16 @@ const KEPT: (usize, usize) = (64, 16_384);
 /// The most bytes that are kept of a topic, and of one whose rate is unknown: more than 2 s of a depth camera.
 const KEPT_BYTES: (usize, usize) = (256 << 20, 64 << 20);
 
+/// The most samples of a topic that one activation sends with memory of its own, and the bytes of larger ones: the calls
+/// and answers of a planning pool come in such numbers.
+const BURST: (usize, usize) = (64, 8 << 20);
+
+/// Samples that one activation loans before the first of them is sent. They cannot take the place of what is kept.
+fn burst(kind: &SampleKind, capacity: usize) -> usize {
+    let bytes = kind.meta_size() + capacity * kind.element_size;
+    (BURST.1 / bytes.max(1)).clamp(1, BURST.0)
+}
+
 /// How many samples of a topic wait for the recorder.
 pub fn recorder_depth(kind: &SampleKind, capacity: usize) -> usize {
     let bytes = kind.meta_size() + capacity * kind.element_size;
@@ -62,7 +72,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         publishers: 4,
         nodes: graph.processes.len() + 2 + TAPS,
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
-        pool: deepest.max(recorded) + takers * (BORROWED - 1) + 3 + LOOKERS,
+        // What an activation is about to send stands beside them.
+        pool: buffer + takers * (BORROWED - 1) + 2 + LOOKERS + burst(kind, output.capacity),
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
@@ -258,6 +269,40 @@ mod tests {
         }
     }
 
+    struct Sender;
+
+    impl Operator for Sender {
+        type Params = ();
+        const KIND: Kind = Kind {
+            name: "test.sender",
+            about: "Sends datagrams.",
+            role: Role::Source,
+            inputs: &[],
+            outputs: &[Output {
+                name: "out",
+                sample: Datagram::KIND,
+                frame: FrameRule::None,
+                about: "Datagrams.",
+            }],
+            timer: Timer::Required,
+        };
+
+        fn new((): (), _: &Setup<'_>) -> Result<Self, SetupError> {
+            Ok(Self)
+        }
+
+        fn step(&mut self, _: &Activation<'_>, _: &mut Outputs<'_>) -> Result<(), StepError> {
+            Ok(())
+        }
+    }
+
+    fn bursts() -> Graph {
+        let text =
+            "stillpoint: 1\nname: bursts\noperators:\n  a: { use: test.sender, every: 1 ms }\nrecord: { topics: all }\n";
+        let registry = Registry::new(&[&[Stage::of::<Sender>()]]);
+        crate::config::check(text, "bursts.yaml", &[], &registry, &MemoryFiles::default()).unwrap()
+    }
+
     fn beats() -> Graph {
         let text = "stillpoint: 1\nname: beats\noperators:\n  a: { use: test.beat, every: 1 ms }\n  b: { use: test.beat, \
                     every: 1 s }\n  c: { use: test.beat, every: 10 us }\n";
@@ -271,6 +316,16 @@ mod tests {
 
     fn bytes(contracts: &[Contract]) -> usize {
         contracts.iter().map(Contract::pool_bytes).sum()
+    }
+
+    #[test]
+    fn an_activation_has_memory_for_its_burst_when_the_history_is_full() {
+        let graph = bursts();
+        for contract in all_recorded(&graph, u64::MAX).into_iter().filter(|c| c.topic == "a.out") {
+            assert!(contract.history > contract.buffer, "{contract:?}");
+            let free = contract.pool_bytes() / contract.sample_bytes() - contract.history;
+            assert!(free >= BURST.0 + BORROWED, "{free} buffers beside the history");
+        }
     }
 
     #[test]

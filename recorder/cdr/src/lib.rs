@@ -42,7 +42,7 @@ pub enum CdrError {
     #[error("{0} bytes are no CDR message: 4 bytes that name its form come first")]
     NoMessage(usize),
     /// The bytes are in another form.
-    #[error("it starts with {found:02x?}, which does not mark {expected}")]
+    #[error("it starts with {found:02x?}, which does not mark {expected}{}", hint(*found))]
     Encapsulation {
         /// The first bytes.
         found: [u8; 4],
@@ -66,10 +66,20 @@ pub enum CdrError {
     #[error("its stamp of {seconds} s and {nanoseconds} ns is no time")]
     Stamp {
         /// Seconds.
-        seconds: u32,
+        seconds: i32,
         /// Nanoseconds within the second.
         nanoseconds: u32,
     },
+}
+
+/// What the first bytes of a message that is not CDR mark instead.
+fn hint(found: [u8; 4]) -> &'static str {
+    match found {
+        [0x28, 0xb5, 0x2f, 0xfd] => {
+            ": the recorder compressed each message by zstd: convert the bag with `ros2 bag convert`"
+        }
+        _ => "",
+    }
 }
 
 impl From<CdrError> for String {

@@ -135,11 +135,28 @@ impl<'a> Reader<'a> {
     /// # Errors
     /// As of [`header`](Self::header).
     pub fn header_and_frame(&mut self) -> Result<(u64, &'a str), CdrError> {
-        let (seconds, nanoseconds) = (self.u32()?, self.u32()?);
+        let (seconds, nanoseconds, frame) = self.stamp_parts()?;
+        let whole = u64::try_from(seconds).map_err(|_| CdrError::Stamp { seconds, nanoseconds })?;
+        Ok((whole * NANOSECONDS + u64::from(nanoseconds), frame))
+    }
+
+    /// Stamp in ns, and frame, of a `std_msgs/Header` of another program. A stamp of zero, and one before it, with which
+    /// some drivers mark a missing time, are `None`.
+    ///
+    /// # Errors
+    /// The message ends before, its frame is not UTF-8, or its nanoseconds are more than a second.
+    pub fn foreign_header(&mut self) -> Result<(Option<u64>, &'a str), CdrError> {
+        let (seconds, nanoseconds, frame) = self.stamp_parts()?;
+        let whole = u64::try_from(seconds).ok().map(|s| s * NANOSECONDS + u64::from(nanoseconds));
+        Ok((whole.filter(|stamp| *stamp > 0), frame))
+    }
+
+    fn stamp_parts(&mut self) -> Result<(i32, u32, &'a str), CdrError> {
+        let (seconds, nanoseconds) = (self.u32()?.cast_signed(), self.u32()?);
         let frame = self.text()?;
-        if seconds > i32::MAX as u32 || u64::from(nanoseconds) >= NANOSECONDS {
+        if u64::from(nanoseconds) >= NANOSECONDS {
             return Err(CdrError::Stamp { seconds, nanoseconds });
         }
-        Ok((u64::from(seconds) * NANOSECONDS + u64::from(nanoseconds), frame))
+        Ok((seconds, nanoseconds, frame))
     }
 }

@@ -18,7 +18,6 @@ pub const MEASURED: [&str; 5] = [
     "mOSD_test60",
 ];
 
-/// A JSON file.
 pub fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }

@@ -139,7 +139,6 @@ impl Quiet {
         self.drafts.iter().find(|d| d.port == port)?.buffer.pieces().view::<S>().ok()
     }
 
-    /// Steps so far.
     pub fn steps(&self) -> u64 {
         self.steps
     }

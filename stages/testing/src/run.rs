@@ -16,7 +16,6 @@ pub const START: u64 = 1_800_000_000_000_000_000;
 
 /// All that a pipeline sent.
 pub struct Run {
-    /// The checked pipeline.
     pub graph: Arc<Graph>,
     keep: fn(&str) -> bool,
     sent: Vec<(String, OwnedSample)>,

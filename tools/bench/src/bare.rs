@@ -43,7 +43,6 @@ struct Part {
 pub struct Chain<'a> {
     /// Words of 8 bytes in each payload.
     pub words: usize,
-    /// Number of hops.
     pub hops: usize,
     /// Core of each process.
     pub cores: &'a [usize],

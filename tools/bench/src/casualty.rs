@@ -96,7 +96,6 @@ impl Fault {
         }
     }
 
-    /// The required reaction.
     pub fn due(self) -> Due {
         match self {
             Self::Kill("control" | SUPERVISOR) | Self::Stop("control") => Due::OrdersEnd,

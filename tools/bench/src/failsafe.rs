@@ -7,10 +7,10 @@ use serde::Serialize;
 use stillpoint_operator::Registry;
 
 use super::casualty::{Due, Fault, Trial};
-use super::crew;
 use super::evidence::Vent;
 use super::figures::median;
 use super::folder::Folder;
+use stillpoint::jobs;
 use stillpoint::{Ended, Exit, Failure, print_json};
 
 /// Maximum time to the safe state, ms: from the last order that arrived or was followed, or from when the pose is
@@ -79,7 +79,7 @@ impl Failsafe {
         let jobs = faults.into_iter().map(|fault| Ok((*fault, folder.free(&fault.name())?)));
         let jobs = jobs.collect::<Result<Vec<_>, Failure>>()?;
         let rows =
-            crew::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
+            jobs::each(&jobs, self.threads, |(fault, folder)| Ok(row(*fault, trials, folder, registry)))?;
         if self.json {
             print_json(&rows)?;
         } else {

@@ -29,13 +29,11 @@ impl Ages {
 /// Quantiles of times, us.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantiles {
-    /// Median.
     pub p50: f64,
     /// 90th percentile.
     pub p90: f64,
     /// 99th percentile.
     pub p99: f64,
-    /// Number of times.
     pub count: usize,
 }
 

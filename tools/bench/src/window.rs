@@ -25,7 +25,6 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 pub struct Window<'a> {
     /// The pipeline's text.
     pub pipeline: &'a str,
-    /// Kinds of operators.
     pub registry: &'a Registry,
     /// Maximum length of the run.
     pub length: Duration,

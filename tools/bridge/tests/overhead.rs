@@ -9,7 +9,7 @@ use stillpoint_patient::Grid;
 use stillpoint_plan::beams::{Influence, RingDoses, solve_beams};
 use stillpoint_patient::case::Mask;
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_pool::pipe::ChildCourier;
 use stillpoint_pool::{Build, Call, ClientSettings, Hash, Home, Pool, answer, goals};
 
@@ -77,14 +77,14 @@ fn solves() -> Problem {
     let cache = DoseCache::in_folder(folder.path()).unwrap();
     let doses = RingDoses::load(&cache, &[engine], ring(), &[0], NonZeroUsize::MIN, || ()).unwrap();
     let rows = doses.beam(0).rows();
-    let wanted = Wanted {
+    let wanted = StructureObjectives {
         name: "target".into(),
         voxels: (0..POINTS).map(|i| (rows / 2 - POINTS / 2 + i) as u32).collect(),
         volumes: Vec::new(),
         to_target_mm: Vec::new(),
         objectives: vec![
-            Objective::Underdose { dose: 60.0, weight: 200.0 },
-            Objective::Overdose { dose: 63.0, weight: 100.0 },
+            Objective::Underdose(Underdose { dose: 60.0, weight: 200.0 }),
+            Objective::Overdose(Overdose { dose: 63.0, weight: 100.0 }),
         ],
     };
     let goals = Goals::new(vec![wanted], rows).unwrap();

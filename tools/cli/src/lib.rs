@@ -19,7 +19,8 @@
 //! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `private`: files that only their owner may read
-//! - `pool`: the options of `plan` and `train planner` for a pool of workers
+//! - `pool`: the options of `plan` for a pool of workers; `stillpoint-research train planner` uses them, too
+//! - `jobs`: independent jobs in several threads, for programs that measure
 
 // The first module: the others use its macros.
 #[macro_use]
@@ -31,6 +32,7 @@ mod columns;
 mod commands;
 mod compress;
 mod exit;
+pub mod jobs;
 mod picture;
 mod pipeline_file;
 mod pool;
@@ -38,12 +40,14 @@ mod private;
 mod program;
 mod proposal;
 mod quantity;
+mod recorded;
 mod series;
 mod show;
 mod signals;
 mod simulate;
 mod status_line;
 mod summary;
+mod version;
 
 use std::process::ExitCode;
 
@@ -58,7 +62,9 @@ pub use commands::run::Run;
 pub use commands::send::deliver;
 pub use exit::{Ended, Exit, Failure, print_json};
 pub use pipeline_file::{EMBEDDED, EMBEDDED_FILES};
+pub use pool::{PoolArgs, tell_shares};
 pub use program::{child, launch, program};
+pub use quantity::quantity;
 
 #[derive(Parser)]
 #[command(name = "stillpoint", version, about = "Runs, records and replays pipelines of operators.")]
@@ -80,7 +86,6 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
         stillpoint_actuate::STAGES,
         stillpoint_rig::STAGES,
         stillpoint_planner::STAGES,
-        stillpoint_sink::STAGES,
     ];
     lists.extend(extra);
     Registry::new(&lists)
@@ -89,6 +94,10 @@ pub fn registry(extra: &[&[Stage]]) -> Registry {
 /// The body of the program: runs the command, or a child process of one of its runs.
 pub fn command(extra: &[&[Stage]]) -> ExitCode {
     stillpoint_pipeline::limits::fail_at_the_limit_of_file_sizes();
+    if version::is_asked() {
+        version::print();
+        return ExitCode::SUCCESS;
+    }
     let registry = registry(extra);
     child(&registry).unwrap_or_else(|| {
         program("stillpoint", |arguments: Arguments| {

@@ -1,5 +1,6 @@
 //! The summary at the end of a run.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
@@ -35,6 +36,8 @@ pub struct Summary<'a> {
     refused: Vec<Refused>,
     uncaptured: Vec<Uncaptured>,
     too_slow: Vec<String>,
+    /// What operators leave out of their files, by operator.
+    remarks: BTreeMap<String, Vec<String>>,
 }
 
 impl<'a> Summary<'a> {
@@ -70,7 +73,14 @@ impl<'a> Summary<'a> {
             refused: readable.map_or_else(Vec::new, |session| refused::of_session(session, graph, report)),
             uncaptured: readable.map_or_else(Vec::new, |session| uncaptured::of_session(session, graph)),
             too_slow: if is_live { too_slow(report, graph) } else { Vec::new() },
+            remarks: BTreeMap::new(),
         }
+    }
+
+    /// The same with what operators leave out of their files.
+    #[must_use]
+    pub fn with_remarks(self, remarks: &BTreeMap<String, Vec<String>>) -> Self {
+        Self { remarks: remarks.clone(), ..self }
     }
 
     /// Whether a replay of the session has all that it needs, or none was recorded.
@@ -83,6 +93,7 @@ impl<'a> Summary<'a> {
     pub fn to_json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.report).map_err(Failure::failed)?;
         value["too_slow"] = json!(self.too_slow);
+        value["remarks"] = json!(self.remarks);
         value["held"] = json!(self.held);
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
@@ -123,8 +134,11 @@ impl<'a> Summary<'a> {
         if let Some(accuracy) = &self.accuracy {
             outln!("\n{accuracy}");
         }
-        if !self.refused.is_empty() || !self.uncaptured.is_empty() {
+        if !self.refused.is_empty() || !self.uncaptured.is_empty() || !self.remarks.is_empty() {
             outln!();
+        }
+        for (operator, remarks) in &self.remarks {
+            remarks.iter().for_each(|remark| outln!("{operator}: {remark}"));
         }
         for uncaptured in &self.uncaptured {
             outln!("{uncaptured}");

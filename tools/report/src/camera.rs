@@ -9,7 +9,6 @@ use super::overlay::View;
 /// A camera, and the operator that detects a face, a plane and a hull in its images.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// The detecting operator.
     pub stage: String,
     /// The topic of its images; if there are no images, of its clouds.
     pub image: String,
@@ -19,7 +18,6 @@ pub struct Camera {
     pub looked_at: usize,
     /// Number of images that it refused.
     pub refused: usize,
-    /// The chosen images.
     pub views: Vec<View>,
     /// Whether the results come from a replay.
     pub made_again: bool,

@@ -32,7 +32,6 @@ pub struct Series {
 /// A chart of series over one pair of axes.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Chart {
-    /// What is shown.
     pub title: String,
     /// What x is, with its unit.
     pub x: String,
@@ -45,9 +44,7 @@ pub struct Chart {
 /// Where the legend is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Legend {
-    /// Over the lines.
     Over,
-    /// Elsewhere.
     Beside,
 }
 

@@ -9,7 +9,6 @@ use super::wiring::Wiring;
 /// Height of a box, and the room between two.
 const HIGH: f64 = 30.0;
 const BETWEEN: f64 = 14.0;
-/// Room between columns.
 const ACROSS: f64 = 46.0;
 /// Width of a letter, about, and the room beside a name.
 const LETTER: f64 = 7.8;

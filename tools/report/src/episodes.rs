@@ -22,7 +22,6 @@ pub struct Stretches {
 /// Stretches of a run, as figures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Episodes {
-    /// How often.
     pub times: u64,
     /// Time in all, s.
     pub seconds: f64,

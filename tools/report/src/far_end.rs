@@ -51,9 +51,7 @@ pub struct FarEnd {
 /// Datagrams that were refused for one reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Refused {
-    /// The reason.
     pub reason: String,
-    /// Number of them.
     pub count: u64,
 }
 

@@ -188,9 +188,7 @@ impl Hold {
 pub struct Held {
     /// Estimates against their targets.
     pub targets: Vec<Against>,
-    /// Gates of beams.
     pub gates: Vec<Beam>,
-    /// Valves.
     pub valves: Vec<Valves>,
     /// Far ends of valves and beam.
     pub far_ends: Vec<FarEnd>,
@@ -216,7 +214,6 @@ pub struct Off {
     pub channel: &'static str,
     /// `mm` or `deg`.
     pub unit: &'static str,
-    /// The newest value.
     pub now: f64,
     /// Root mean square over the last 5 s.
     pub rms: f64,

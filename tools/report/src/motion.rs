@@ -184,7 +184,6 @@ pub fn numbers(pose: &Isometry3<f64>) -> [f64; 6] {
 pub struct ErrorFigures {
     /// The estimate's topic.
     pub topic: String,
-    /// The channel.
     pub channel: &'static str,
     /// Unit of all figures.
     pub unit: &'static str,
@@ -198,7 +197,6 @@ pub struct ErrorFigures {
     pub variance: f64,
     /// 95 % quantile of the absolute error.
     pub p95: f64,
-    /// Largest absolute error.
     pub worst: f64,
     /// Root mean square of the standard deviations that the estimate claims.
     pub claimed: f64,

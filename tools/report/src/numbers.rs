@@ -52,7 +52,6 @@ pub fn count(value: u64) -> String {
     groups.join("\u{202f}")
 }
 
-/// Bytes as MB.
 pub fn megabytes(bytes: u64) -> String {
     format!("{:.2} MB", bytes as f64 / 1e6)
 }

@@ -23,7 +23,6 @@ const MOST_PIXELS: usize = 1 << 24;
 pub struct Image {
     /// Pixels in a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// Depth along the optical axis, m, row by row; 0 where there is none.
     pub depth: Vec<f32>,
@@ -38,11 +37,9 @@ pub struct Image {
 pub struct View {
     /// When it was acquired, ns.
     pub origin: u64,
-    /// The image.
     pub image: Image,
     /// Points of the face, m, in the image's frame.
     pub face: Vec<[f32; 3]>,
-    /// The supporting plane.
     pub plane: Option<PlaneElement>,
     /// Corners of the hull, m, in the image's frame.
     pub hull: Vec<[f32; 3]>,

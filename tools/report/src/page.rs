@@ -11,9 +11,7 @@ use crate::chart::Chart;
 pub struct Section {
     /// Its name in links and in JSON.
     pub id: &'static str,
-    /// Its heading.
     pub title: &'static str,
-    /// All its figures.
     figures: Value,
     /// The blocks, from top to bottom.
     pub blocks: Vec<Block>,
@@ -26,23 +24,18 @@ pub struct Section {
 pub enum Block {
     /// A heading within the section.
     Heading(String),
-    /// A paragraph.
     Text(String),
-    /// A warning.
     Warning(String),
     /// A few important numbers.
     Tiles(Vec<Tile>),
-    /// A table.
     Table(Table),
     /// A chart with its caption.
     Chart(Chart, String),
-    /// A picture.
     Picture(Picture),
     /// An SVG document with its caption.
     Drawing(String, String),
     /// Drawings of which one is seen at a time; the reader scrolls through them.
     Stack {
-        /// What they are.
         title: String,
         /// SVG documents with their captions.
         drawings: Vec<(String, String)>,
@@ -53,41 +46,33 @@ pub enum Block {
     Listing {
         /// Title of the part.
         title: String,
-        /// The text.
         text: String,
     },
 }
 
-/// An important number.
 #[derive(Debug)]
 pub struct Tile {
     /// Name of the figure.
     pub name: String,
     /// The number with its unit.
     pub value: String,
-    /// Its judgement.
     pub mood: Mood,
 }
 
 /// The judgement of a word or a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mood {
-    /// Neutral.
     Plain,
-    /// Good.
     Good,
-    /// Bad.
     Bad,
 }
 
 /// A table: a heading for each column, and rows of as many cells.
 #[derive(Debug, Default)]
 pub struct Table {
-    /// What it shows.
     pub caption: String,
     /// Headings, with units.
     pub columns: Vec<String>,
-    /// Rows.
     pub rows: Vec<Vec<Cell>>,
 }
 
@@ -106,16 +91,12 @@ pub enum Cell {
     Spark(Vec<(f64, f64)>),
 }
 
-/// A picture.
 #[derive(Debug)]
 pub struct Picture {
-    /// A PNG file.
     pub png: Vec<u8>,
     /// Pixels in a row, and rows.
     pub size: [u32; 2],
-    /// The alternative text.
     pub alt: String,
-    /// The caption.
     pub caption: String,
 }
 
@@ -159,7 +140,6 @@ impl Table {
         Self { caption: caption.into(), columns, rows: Vec::new() }
     }
 
-    /// Adds a row.
     pub fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
         self.rows.push(cells.into_iter().collect());
     }
@@ -171,7 +151,6 @@ impl Cell {
         Self::Text(words.into())
     }
 
-    /// A number.
     pub fn number(text: impl Into<String>) -> Self {
         Self::Number(text.into())
     }

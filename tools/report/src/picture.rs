@@ -8,7 +8,6 @@ const FARTHEST: f64 = 20_000.0;
 pub struct Indexed {
     /// Pixels in a row.
     pub width: usize,
-    /// Rows.
     pub height: usize,
     /// A number of a colour for each pixel, row by row.
     pub pixels: Vec<u8>,

@@ -10,7 +10,6 @@ const PARTS: [f64; 2] = [0.5, 0.2];
 /// A controller with at least one target that it held.
 #[derive(Clone, Debug)]
 pub struct Contender {
-    /// Its name.
     pub controller: String,
     /// Its kind, where it is known.
     pub law: Option<String>,
@@ -23,7 +22,6 @@ pub struct Contender {
 /// How closely a controller held its target.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rank {
-    /// Its name.
     pub controller: String,
     /// Its kind, where it is known.
     pub law: Option<String>,

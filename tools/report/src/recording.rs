@@ -22,9 +22,7 @@ const UNREADABLE_SHOWN: usize = 10;
 
 /// A session with the data that a report needs.
 pub struct Recording<'s> {
-    /// The session.
     pub session: &'s Session,
-    /// Its path.
     pub path: PathBuf,
     /// Its operators and edges.
     pub wiring: Wiring,
@@ -32,15 +30,12 @@ pub struct Recording<'s> {
     pub span: [u64; 2],
     /// Poses and tracks, in the order of the session's topics.
     pub signals: Vec<Signal>,
-    /// Diagnostics.
     pub metrics: Vec<Metrics>,
     /// Verdicts on sensors, at each change.
     pub verdicts: Vec<Verdict>,
     /// Reports of pose estimates.
     pub alignments: Vec<Alignments>,
-    /// Targets.
     pub targets: Vec<Aims>,
-    /// Duties of valves.
     pub duties: Vec<Orders>,
     /// States of the gates of beams.
     pub gates: Vec<Gates>,
@@ -48,7 +43,6 @@ pub struct Recording<'s> {
     pub far_ends: Vec<FarEnds>,
     /// Pressures, true ones of a rig or estimates of actuation.
     pub pressures: Vec<Pressures>,
-    /// Contacts of bladders.
     pub contacts: Vec<Touches>,
     /// States of actuation and of rigs, at each change.
     pub states: Vec<Verdict>,

@@ -11,7 +11,6 @@ use stillpoint_samples::{Pieces, RefKind, Rejection, Sample};
 /// The frames for which an operator found no result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Refused {
-    /// The operator.
     pub operator: String,
     /// The name of the result: the first output of the operator.
     pub result: String,

@@ -15,9 +15,7 @@ use crate::target_refusals::Refusals;
 pub enum Part {
     /// The true pose of the head.
     Truth,
-    /// A measurement.
     Raw,
-    /// A filtered measurement.
     Filtered,
     /// A track that is fused from several tracks.
     Fused,
@@ -43,9 +41,7 @@ pub struct State {
 pub struct Tracking {
     /// The channels of the filter, a bit each.
     pub channels: u32,
-    /// Measurements used.
     pub accepted: u64,
-    /// Measurements refused.
     pub rejected: u64,
     /// Standard deviation of the acceleration by channel, m/s2 and rad/s2.
     pub acceleration_sd: [f64; 6],
@@ -58,15 +54,10 @@ pub struct Tracking {
 /// A pose or a track over time, in the order of acquisition.
 #[derive(Clone, Debug)]
 pub struct Signal {
-    /// Its topic.
     pub topic: String,
-    /// Its frame.
     pub frame: Option<String>,
-    /// Its role.
     pub part: Part,
-    /// Its samples.
     pub states: Thinned<State>,
-    /// Of a track.
     pub tracking: Option<Tracking>,
     /// Of a truth: when, ns, a tracker that is compared with it took another reference. From then on its poses have
     /// another offset.
@@ -87,9 +78,7 @@ pub struct Metrics {
 /// What was said of a sensor, from some time on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Verdict {
-    /// The topic.
     pub topic: String,
-    /// The sensor.
     pub sensor: String,
     /// `used`, or why not.
     pub reason: String,
@@ -103,7 +92,6 @@ pub const UNKNOWN_STATUS: usize = PoseStatus::ALL.len();
 /// What a pose estimate said of itself over time.
 #[derive(Clone, Debug, Default)]
 pub struct Alignments {
-    /// Its topic.
     pub topic: String,
     /// Frames by what became of them, in the order of the numbers of a status; the last counts those unknown here.
     pub statuses: [u64; UNKNOWN_STATUS + 1],
@@ -126,9 +114,7 @@ pub struct Fit {
     pub residual: f64,
     /// Part of the surface that lies on the reference.
     pub overlap: f64,
-    /// Iterations.
     pub iterations: u32,
-    /// Points used.
     pub points: u32,
 }
 
@@ -148,9 +134,7 @@ pub struct Sure {
 /// A target over time.
 #[derive(Clone, Debug, Default)]
 pub struct Aims {
-    /// Its topic.
     pub topic: String,
-    /// Its frame.
     pub frame: Option<String>,
     /// (stamp in ns; x, y, z in m, pitch, roll, yaw in rad, NaN where not controlled).
     pub values: Thinned<(u64, [f64; 6])>,
@@ -165,7 +149,6 @@ pub struct Orders {
     pub topic: String,
     /// How many valves there are.
     pub valves: usize,
-    /// The orders.
     pub values: Thinned<Order>,
 }
 
@@ -187,7 +170,6 @@ pub struct Order {
 /// What a gate of the beam said over time.
 #[derive(Clone, Debug, Default)]
 pub struct Gates {
-    /// Its topic.
     pub topic: String,
     /// (stamp in ns, whether the beam may be on, reasons against it).
     pub values: Thinned<(u64, bool, u32)>,
@@ -260,7 +242,6 @@ pub struct Refusal {
     pub topic: String,
     /// When, ns.
     pub stamp: u64,
-    /// The reason.
     pub reason: String,
 }
 
@@ -338,7 +319,6 @@ impl Alignments {
 }
 
 impl Metrics {
-    /// Takes a number.
     pub fn push(&mut self, name: &str, stamp: u64, value: f64) {
         match self.values.iter_mut().find(|(known, _)| known == name) {
             Some((_, values)) => values.push((stamp, value)),

@@ -18,7 +18,6 @@ pub enum SessionPipelineError {
     Unreadable {
         /// Name of the attachment.
         name: &'static str,
-        /// The reason.
         reason: String,
     },
     /// The pipeline has faults for this build.

@@ -11,7 +11,6 @@ use super::recording::Recording;
 
 /// A session as it was read, and its pipeline as far as this build knows it.
 pub struct Source<'s> {
-    /// What was read.
     pub recording: Recording<'s>,
     /// The checked pipeline with the files that it names, or why there is none.
     pub pipeline: Result<(Arc<Graph>, SessionFiles), String>,

@@ -5,15 +5,12 @@ use serde::Serialize;
 /// A summary of numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
-    /// Count.
     pub count: usize,
-    /// Median.
     pub p50: Option<f64>,
     /// 90 % quantile.
     pub p90: Option<f64>,
     /// 99 % quantile.
     pub p99: Option<f64>,
-    /// Maximum.
     pub max: Option<f64>,
 }
 
@@ -38,7 +35,6 @@ pub fn quantile(sorted: &[f64], q: f64) -> Option<f64> {
     sorted.get(rank.clamp(1, sorted.len().max(1)) - 1).copied()
 }
 
-/// The mean.
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
@@ -56,7 +52,6 @@ pub struct Histogram {
     pub low: f64,
     /// Width of a bin.
     pub width: f64,
-    /// By bin.
     pub counts: Vec<u64>,
     /// Numbers below the first bin and above the last.
     pub outside: u64,

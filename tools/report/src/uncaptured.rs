@@ -10,7 +10,6 @@ use stillpoint_samples::{ConsoleCommand, Pieces, PoseReport, PoseStatus, Sample}
 /// A tracker that waited for a capture until the end of the session.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Uncaptured {
-    /// The operator.
     pub operator: String,
     /// Frames that it reported on.
     pub frames: u64,

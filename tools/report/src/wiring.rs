@@ -34,7 +34,6 @@ impl Wiring {
         Self { stages: stages.collect() }
     }
 
-    /// The operators.
     pub fn stages(&self) -> &[Stage] {
         &self.stages
     }

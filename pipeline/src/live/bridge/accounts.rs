@@ -10,28 +10,7 @@ use super::ros2::PublicationDef;
 use crate::far_end;
 use crate::graph::Graph;
 use crate::hosts::BRIDGE;
-use crate::ledger::{Ledger, LedgerLine};
-
-/// What the bridge took of one incarnation of an operator.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ShmAccount {
-    /// Number of the last sample.
-    pub last: u64,
-    /// Samples taken.
-    pub total: u64,
-    /// Samples between them that newer ones pushed out.
-    pub lost: u64,
-}
-
-impl ShmAccount {
-    /// Takes the sample of this number.
-    pub fn take(&mut self, number: u64) {
-        if self.total > 0 {
-            self.lost += number.saturating_sub(self.last + 1);
-        }
-        (self.last, self.total) = (number, self.total + 1);
-    }
-}
+use crate::ledger::{Ledger, LedgerLine, ShmAccount};
 
 /// The counts of a topic that leaves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,10 +7,11 @@ use stillpoint_samples::SampleKind;
 use stillpoint_shm::{Domain, Listener, Publisher, ShmError, Subscriber, Topic};
 use stillpoint_transport::{LinkState, Receiver, Refusal, Sender};
 
-use super::accounts::{ArrivedCounts, LeftCounts, ShmAccount};
+use super::accounts::{ArrivedCounts, LeftCounts};
 use super::hello::{ArrivesFrom, Arriving, Leaving};
 use super::network::Network;
 use super::ros2::{Publishing, SubscriptionDef};
+use crate::ledger::ShmAccount;
 use crate::live::error::WorkerError;
 use crate::live::landing;
 use crate::live::wire::LinkError;

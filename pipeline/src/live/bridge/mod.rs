@@ -19,7 +19,7 @@ mod process;
 mod program;
 mod ros2;
 
-pub use accounts::{BridgeAccounts, BridgeReport, ShmAccount};
+pub use accounts::{BridgeAccounts, BridgeReport};
 pub use hello::{BridgeIdentity, HelloBridge, identity_of};
 pub use network::{BridgeSettings, MessageSender, Network, NetworkEvent, SentCounts, TakenCounts};
 pub use process::bridge_main;

@@ -48,7 +48,6 @@ pub enum EncodeError {
     Duty {
         /// Number of the valve, from 0.
         valve: usize,
-        /// The duty.
         duty: f32,
     },
     /// A life that is none.

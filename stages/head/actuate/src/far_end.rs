@@ -10,7 +10,6 @@ use crate::refusal::{Counts, Refusal};
 /// What valves and beam are to do now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Doing {
-    /// The valves.
     pub valves: Act,
     /// Whether the beam may be on.
     pub beam: bool,

@@ -37,10 +37,7 @@ pub enum KeyError {
     },
     /// Another number of digits.
     #[error("the key file has {found} hexadecimal digits, but a key is 64 of them (32 bytes)")]
-    Length {
-        /// Digits found.
-        found: usize,
-    },
+    Length { found: usize },
     /// All bytes are the same: this key was not drawn at random.
     #[error("all 32 bytes of the key are the same: draw one with `openssl rand -hex 32`")]
     Uniform,

@@ -28,7 +28,6 @@ pub struct Lease {
 /// How long leases were held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LeaseStats {
-    /// Leases begun.
     pub leases: u64,
     /// Time held, ns.
     pub on: u64,
@@ -41,7 +40,6 @@ pub struct LeaseStats {
 }
 
 impl Lease {
-    /// None.
     #[must_use]
     pub fn new(rules: LeaseRules) -> Self {
         Self {

@@ -33,9 +33,7 @@ pub struct Rules {
 /// What a person asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// To follow commands.
     Arm,
-    /// To follow none.
     Disarm,
     /// To go on after a fault, or after venting.
     Resume,
@@ -68,7 +66,6 @@ enum Mode {
     },
     /// On a person's command.
     Vented,
-    /// For these reasons.
     Fault(u32),
 }
 
@@ -98,7 +95,6 @@ pub struct Machine {
 }
 
 impl Machine {
-    /// Disarmed.
     #[must_use]
     pub fn new(rules: Rules) -> Self {
         Self {

@@ -117,13 +117,11 @@ impl Refusal {
 /// What became of the datagrams that arrived.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Accepted ones.
     pub accepted: u64,
     /// Numbers that were passed over between accepted ones: lost on the way, or refused.
     pub missing: u64,
     /// Accepted ones of the present session.
     pub in_session: u64,
-    /// Sessions adopted.
     pub sessions: u64,
     refused: [u64; Refusal::ALL.len()],
 }

@@ -8,13 +8,11 @@ use crate::refusal::Refusal;
 pub(crate) struct Form {
     /// The first four bytes.
     pub magic: [u8; 4],
-    /// The fifth byte.
     pub version: u8,
     /// Bytes before the numbers.
     pub header: usize,
     /// Place of the byte of the header that holds how many numbers follow.
     pub count: usize,
-    /// The most numbers.
     pub most: usize,
 }
 

@@ -9,7 +9,6 @@ use crate::message::VALVES;
 /// switch valves with the noise of the pose, and moves a head by some hundredths of a millimetre.
 const LEAST: f64 = 0.001;
 
-/// Bounds of duties.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// Greatest duty, up to 1.
@@ -41,7 +40,6 @@ pub struct Shaper {
     sent: [f32; VALVES],
 }
 
-/// What shaping did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Shaped {
     /// Bits of [`ActuationReason`].
@@ -51,7 +49,6 @@ pub struct Shaped {
 }
 
 impl Shaper {
-    /// All valves shut.
     #[must_use]
     pub fn new(bounds: Bounds) -> Self {
         Self { bounds, sent: [0.0; VALVES] }

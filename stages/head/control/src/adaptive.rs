@@ -20,7 +20,6 @@ pub type Column = SVector<f64, ROOM>;
 /// Learning rates, decay and bounds of the gains.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Law {
-    /// Gamma: learning rate.
     pub learning: f64,
     /// sigma: rate at which gains decay without a reason to stay, 1/s. Without it noise lets them drift.
     pub leak: f64,
@@ -65,7 +64,6 @@ impl Gains {
         }
     }
 
-    /// The columns.
     #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns

@@ -19,12 +19,7 @@ pub struct Effect {
 pub enum EffectError {
     /// Fewer bladders than channels.
     #[error("{bladders} bladders cannot hold {channels} channels: give at least one for each")]
-    TooFew {
-        /// Bladders.
-        bladders: usize,
-        /// Channels.
-        channels: usize,
-    },
+    TooFew { bladders: usize, channels: usize },
     /// Some way to move the channels is not there.
     #[error(
         "the bladders do not move all channels independently (smallest to largest singular value {ratio:.1e}): check the rates, \
@@ -82,13 +77,11 @@ impl Effect {
         net.iter_mut().for_each(|v| *v = v.max(-self.outlet));
     }
 
-    /// Channels.
     #[must_use]
     pub fn channels(&self) -> usize {
         self.b.nrows()
     }
 
-    /// Bladders.
     #[must_use]
     pub fn bladders(&self) -> usize {
         self.b.ncols()
@@ -133,7 +126,6 @@ pub struct Decoupling {
 }
 
 impl Decoupling {
-    /// Number of coordinates.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count

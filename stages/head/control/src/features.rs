@@ -4,7 +4,6 @@ use crate::lstm::Memory;
 use crate::predictor::Predictor;
 use crate::valves::split;
 
-/// A feature map.
 #[derive(Clone, Debug)]
 pub enum Features {
     /// 1 and the hyperbolic tangent of each channel.
@@ -23,7 +22,6 @@ impl Features {
         }
     }
 
-    /// Clears its memory.
     pub fn restart(&mut self) {
         if let Self::Learned(learned) = self {
             learned.restart();

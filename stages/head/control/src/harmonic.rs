@@ -9,15 +9,12 @@
 
 use nalgebra::{SMatrix, SVector};
 
-/// Most channels.
 pub const CHANNELS: usize = 6;
-/// Most tones.
 pub const TONES: usize = 2;
 /// Samples that a window holds.
 pub const SAMPLES: usize = 200;
 /// Numbers of the trend: constant, slope, curvature.
 const TREND: usize = 3;
-/// Most regressors.
 const MOST: usize = TREND + CHANNELS + 2 * TONES;
 /// Age at which the weight of a sample is a quarter, s.
 const HALF_WEIGHT: f64 = 8.0;
@@ -52,7 +49,6 @@ pub type Phasors = [[f64; 2]; CHANNELS];
 pub struct Fit {
     /// Weighted sum of the squares that are left, of all channels.
     pub left: f64,
-    /// The tones.
     pub phasors: [Phasors; TONES],
     /// Slope of the trend at the newest time, scales per second.
     pub drift: [f64; CHANNELS],
@@ -66,7 +62,6 @@ impl Window {
         Self { channels, positions: Box::new([Position::default(); SAMPLES]), count: 0, next: 0 }
     }
 
-    /// Forgets all positions.
     pub fn clear(&mut self) {
         (self.count, self.next) = (0, 0);
     }
@@ -78,7 +73,6 @@ impl Window {
         self.count = (self.count + 1).min(SAMPLES);
     }
 
-    /// The newest position.
     #[must_use]
     pub fn newest(&self) -> Option<&Position> {
         (self.count > 0).then(|| &self.positions[(self.next + SAMPLES - 1) % SAMPLES])
@@ -91,7 +85,6 @@ impl Window {
         self.newest().map_or(0.0, |newest| newest.time - oldest.time)
     }
 
-    /// Number of positions.
     #[must_use]
     pub fn count(&self) -> usize {
         self.count

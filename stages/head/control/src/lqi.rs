@@ -58,7 +58,6 @@ pub struct Lqi {
     gain: DMatrix<f64>,
     x: DVector<f64>,
     s: DVector<f64>,
-    /// x_r.
     aim: DVector<f64>,
     /// What moves the set-point, by itself.
     feed: DVector<f64>,
@@ -133,7 +132,6 @@ impl Lqi {
         self.s.as_slice()
     }
 
-    /// The plant.
     #[must_use]
     pub fn plant(&self) -> &Plant {
         &self.plant

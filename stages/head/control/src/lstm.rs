@@ -34,7 +34,6 @@ pub enum NetworkError {
     Size {
         /// Name of the quantity.
         what: String,
-        /// Its numbers.
         found: usize,
         /// Numbers that it must have.
         due: usize,
@@ -70,7 +69,6 @@ impl Layer {
         Ok(Self { inputs, hidden, w_ih, w_hh, bias })
     }
 
-    /// Cells.
     #[must_use]
     pub fn hidden(&self) -> usize {
         self.hidden
@@ -147,7 +145,6 @@ impl Lstm {
         tensors
     }
 
-    /// An empty memory.
     #[must_use]
     pub fn memory(&self) -> Memory {
         let zeros = |l: &Layer| vec![0.0; l.hidden];
@@ -186,7 +183,6 @@ pub struct Memory {
 }
 
 impl Memory {
-    /// Forgets all.
     pub fn clear(&mut self) {
         self.h.iter_mut().chain(&mut self.c).for_each(|v| v.fill(0.0));
     }

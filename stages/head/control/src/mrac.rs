@@ -70,7 +70,6 @@ pub enum MracError {
     DeadZone {
         /// Number of values found.
         found: usize,
-        /// Channels.
         channels: usize,
     },
     /// More features, or channels, than gains are kept for.
@@ -81,7 +80,6 @@ pub enum MracError {
 /// Whether a step learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Learning {
-    /// It did.
     On,
     /// Every error is inside the dead zone.
     DeadZone,
@@ -198,7 +196,6 @@ impl Mrac {
         [&self.k_y, &self.k_r, &self.theta]
     }
 
-    /// The feature map.
     #[must_use]
     pub fn features(&self) -> &Features {
         &self.features

@@ -10,7 +10,6 @@ pub const LOOKS: usize = 128;
 struct Moment {
     /// s since the restart.
     at: f64,
-    /// y_m.
     model: [f64; CHANNELS],
     /// c, from this look to the next.
     correction: [f64; CHANNELS],
@@ -35,7 +34,6 @@ impl Default for Past {
 }
 
 impl Past {
-    /// Forgets all looks.
     pub fn clear(&mut self) {
         self.known = 0;
     }

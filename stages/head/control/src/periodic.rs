@@ -102,7 +102,6 @@ impl Periodic {
         }
     }
 
-    /// Forgets everything.
     pub fn restart(&mut self) {
         self.window.clear();
         self.tones = [Tone::default(); TONES];

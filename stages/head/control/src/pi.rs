@@ -47,7 +47,6 @@ impl Pi {
         &self.integral
     }
 
-    /// Clears the integrators.
     pub fn restart(&mut self) {
         self.integral.fill(0.0);
     }

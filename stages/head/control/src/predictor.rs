@@ -13,7 +13,6 @@ use crate::tensor_file::{TensorFile, TensorFileError};
 
 /// Version of the metadata.
 const VERSION: &str = "1";
-/// Most layers.
 const MOST_LAYERS: usize = 16;
 
 /// A network that predicts how a pose changes within one sample time, or several.
@@ -41,7 +40,6 @@ pub struct Meaning {
     pub ahead: Vec<usize>,
     /// Scale of the duties.
     pub duty_scale: f64,
-    /// Bladders.
     pub bladders: usize,
     /// From sample to sample, ns.
     pub sample_time: u64,
@@ -101,7 +99,6 @@ impl Predictor {
         Ok(Self { network, meaning })
     }
 
-    /// The network.
     #[must_use]
     pub fn network(&self) -> &Lstm {
         &self.network
@@ -131,7 +128,6 @@ impl Predictor {
         self.meaning.duty_scale
     }
 
-    /// Bladders.
     #[must_use]
     pub fn bladders(&self) -> usize {
         self.meaning.bladders

@@ -41,7 +41,6 @@ impl ReferenceModel {
         }
     }
 
-    /// Where it is.
     #[must_use]
     pub fn at(&self) -> &[f64] {
         &self.at

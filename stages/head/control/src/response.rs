@@ -16,14 +16,12 @@ pub struct TargetStep {
     pub until_s: f64,
     /// Target before and after.
     pub from: f64,
-    /// The new target.
     pub to: f64,
 }
 
 /// The answer to a step, in the unit of the target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Response {
-    /// The step.
     #[serde(flatten)]
     pub step: TargetStep,
     /// How long it was between 10 % and 90 % of the step, s; none where 90 % was not reached. Where it goes up evenly that

@@ -29,7 +29,6 @@ pub struct Regulator<'a> {
     pub n: Option<&'a DMatrix<f64>>,
 }
 
-/// The solution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// P, n by n: x^T P x is the cost that remains from x.
@@ -46,9 +45,7 @@ pub enum RiccatiError {
     Shape {
         /// Name of the quantity.
         what: &'static str,
-        /// Its rows.
         rows: usize,
-        /// Its columns.
         columns: usize,
         /// Rows that it must have.
         due_rows: usize,

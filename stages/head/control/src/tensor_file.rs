@@ -20,7 +20,7 @@ pub enum TensorFileError {
         reason: String,
     },
     /// An entry of the metadata is missing or cannot be read.
-    #[error("the metadata's `{name}` {reason}; train the model with `stillpoint train controller`")]
+    #[error("the metadata's `{name}` {reason}; train the model with `stillpoint-research train controller`")]
     Metadata {
         /// Name of the entry.
         name: &'static str,

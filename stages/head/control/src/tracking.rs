@@ -143,7 +143,6 @@ impl Tracking {
         Errors { seen: &self.seen[..n], predicted: &self.predicted[..n], speed: &self.speed[..n] }
     }
 
-    /// y_m now.
     #[must_use]
     pub fn model(&self) -> &[f64] {
         self.model.at()

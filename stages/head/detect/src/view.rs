@@ -6,24 +6,18 @@
 pub enum Top {
     /// Up: a person in front of the camera.
     Up = 0,
-    /// To the right.
     Right = 1,
     /// Down: a patient on a couch, seen from the feet.
     Down = 2,
-    /// To the left.
     Left = 3,
 }
 
 /// A part of an image in pixels; it may reach beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Area {
-    /// First column.
     pub left: i32,
-    /// First row.
     pub top: i32,
-    /// Columns.
     pub width: u32,
-    /// Rows.
     pub height: u32,
 }
 

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, SMatrix, SVector};
 use stillpoint_estimate::cross::{CrossCovariance, Side, Update};
 use stillpoint_estimate::fusion::{cross_covariance, fused, intersection, inverse_variance, joint};
 use stillpoint_estimate::{Kalman, KalmanParams, Manifold, Measurement, Outcome, ProcessNoise};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// From frame to frame, ns.
 const FRAME: u64 = 33_333_333;

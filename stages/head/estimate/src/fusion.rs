@@ -13,7 +13,6 @@ use crate::state::State;
 pub struct Weighted<const M: usize> {
     /// W.
     pub weight: SMatrix<f64, M, M>,
-    /// P.
     pub covariance: SMatrix<f64, M, M>,
 }
 

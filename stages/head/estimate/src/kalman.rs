@@ -10,7 +10,6 @@ use thiserror::Error;
 /// Parameters of a filter. Units are those of the measurement (m for SI).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KalmanParams<const N: usize> {
-    /// The process noise.
     pub process: ProcessNoise<N>,
     /// Standard deviation of a channel that the first measurement does not measure.
     pub open_sd: SVector<f64, N>,
@@ -29,9 +28,7 @@ pub struct KalmanParams<const N: usize> {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{name} is {value}; it must be {must}")]
 pub struct ParamError {
-    /// The parameter.
     pub name: &'static str,
-    /// Its value.
     pub value: f64,
     /// Its range, as text.
     pub must: &'static str,

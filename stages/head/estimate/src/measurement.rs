@@ -7,7 +7,6 @@ use crate::manifold::Manifold;
 /// A measured position. A channel of infinite variance was not measured, whatever its number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement<const N: usize, X = SVector<f64, N>> {
-    /// z.
     pub position: X,
     /// R, symmetric.
     pub covariance: SMatrix<f64, N, N>,

@@ -25,11 +25,9 @@ pub enum Hold {
 /// The diagonals of Q's blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blocks<const N: usize> {
-    /// Of the position.
     pub pp: SVector<f64, N>,
     /// Of the position with the velocity.
     pub pv: SVector<f64, N>,
-    /// Of the velocity.
     pub vv: SVector<f64, N>,
 }
 

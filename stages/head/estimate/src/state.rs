@@ -14,7 +14,6 @@ use crate::process::ProcessNoise;
 /// Position and velocity with their joint covariance. Units are the measurement's (m and m/s for SI).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State<const N: usize, X = SVector<f64, N>> {
-    /// Position.
     pub position: X,
     /// Velocity, per second.
     pub velocity: SVector<f64, N>,

@@ -79,7 +79,6 @@ pub struct Report {
 /// How a filter used a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fate {
-    /// It was used.
     Used,
     /// It was beyond the gate.
     Gated,
@@ -205,7 +204,6 @@ impl Watch {
         self.since
     }
 
-    /// The newest sample.
     #[must_use]
     pub fn last(&self) -> Option<&Report> {
         self.last.as_ref()

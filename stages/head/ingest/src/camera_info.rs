@@ -1,8 +1,10 @@
 //! `sensor_msgs/msg/CameraInfo` in CDR: a message's bytes in, the rays of its pixels out.
 
 use stillpoint_cdr::{CdrError, Reader};
+use stillpoint_operator::Choice;
 use thiserror::Error;
 
+use crate::checks::{self, quoted};
 use crate::depth::MAX_PIXELS;
 
 /// Largest distance, in pixels, between a pixel and the place at which its ray is distorted again.
@@ -36,24 +38,50 @@ pub enum CameraInfoError {
         /// Row, px.
         cy: f64,
     },
-    /// The images are a part of what the camera sees, or were made smaller.
+    /// The projection of rectified images is missing, and the lens distorts.
     #[error(
-        "its images are binned {binning_x} x {binning_y} or cut at ({x_offset}, {y_offset}): record whole images"
+        "its image is rectified by its name, and the projection P is zero: record P, or set `image: raw` if the image is not \
+         rectified"
     )]
-    Cut {
-        /// Pixels of a row that became one.
-        binning_x: u32,
-        /// Pixels of a column that became one.
-        binning_y: u32,
+    NoProjection,
+    /// The matrix is not that of a camera.
+    #[error("the entry {entry} of its matrix is {value} (allowed: {allowed})")]
+    Matrix {
+        /// Its place.
+        entry: &'static str,
+        /// Its value.
+        value: f64,
+        /// The values that it can have.
+        allowed: f64,
+    },
+    /// The principal point is not in the image.
+    #[error("{0}")]
+    PrincipalPoint(String),
+    /// The part of the camera that its images show is none.
+    #[error(
+        "its images show {width} x {height} pixels at ({x_offset}, {y_offset}), binned {binning_x} x {binning_y}, of a camera \
+         of {camera:?} pixels"
+    )]
+    Region {
+        /// Columns of the part; 0 for all.
+        width: u32,
+        /// Rows of the part; 0 for all.
+        height: u32,
         /// First column.
         x_offset: u32,
         /// First row.
         y_offset: u32,
+        /// Pixels of a row that became one.
+        binning_x: u32,
+        /// Pixels of a column that became one.
+        binning_y: u32,
+        /// Columns and rows of the camera.
+        camera: [u32; 2],
     },
     /// A lens that is not known here.
     #[error(
         "the distortion model `{model}` with {numbers} numbers is not known, only `plumb_bob` (5) and `rational_polynomial` \
-         (8): record the rectified image"
+         (8, or 12 or 14 of which those behind the eighth are zero): record the rectified image"
     )]
     Model {
         /// Its name.
@@ -80,7 +108,7 @@ pub enum CameraInfoError {
 }
 
 /// Which image the rays are of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Choice)]
 pub enum Image {
     /// As the camera took it: the matrix `K` and the distortion.
     Raw,
@@ -91,12 +119,16 @@ pub enum Image {
 /// A camera: its images' size, its matrix, and the distortion of its lens.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraInfo {
-    /// Pixels in a row.
+    /// Pixels of an image in a row.
     pub width: u32,
-    /// Rows.
+    /// Rows of an image.
     pub height: u32,
-    /// Focal length along a row and along a column, column and row of the principal point, px.
+    /// Focal length along a row and along a column, column and row of the principal point, px of the image.
     pub matrix: [f64; 4],
+    /// Frame of its header; empty where none is given.
+    pub frame: String,
+    /// How far a row shifts columns: the skew of the matrix, px.
+    skew: f64,
     /// k1, k2, p1, p2, k3, k4, k5, k6 of the polynomial.
     distortion: [f64; 8],
 }
@@ -108,7 +140,8 @@ impl CameraInfo {
     /// What is wrong with the message, or why its camera cannot be used.
     pub fn parse(bytes: &[u8], image: Image) -> Result<Self, CameraInfoError> {
         let mut r = Reader::in_either_order(bytes).map_err(of("the encapsulation"))?;
-        r.header().map_err(of("the header"))?;
+        let (_, frame) = r.foreign_header().map_err(of("the header"))?;
+        let frame = frame.to_owned();
         let height = r.u32().map_err(of("height"))?;
         let width = r.u32().map_err(of("width"))?;
         let model = r.text().map_err(of("distortion_model"))?;
@@ -127,28 +160,77 @@ impl CameraInfo {
         for number in &mut rest {
             *number = r.u32().map_err(of("the binning and the region"))?;
         }
-        let [binning_x, binning_y, x_offset, y_offset, ..] = rest;
-        if binning_x > 1 || binning_y > 1 || x_offset > 0 || y_offset > 0 {
-            return Err(CameraInfoError::Cut { binning_x, binning_y, x_offset, y_offset });
-        }
         if u64::from(width) * u64::from(height) > MAX_PIXELS as u64 {
             return Err(CameraInfoError::TooLarge { width, height });
         }
+        let no_projection = matrices[18..30].iter().all(|n| *n == 0.0);
+        let image = match image {
+            // Without distortion, the rectified image is the raw one.
+            Image::Rectified if no_projection && polynomial(model, &d) == Ok([0.0; 8]) => Image::Raw,
+            Image::Rectified if no_projection => return Err(CameraInfoError::NoProjection),
+            image => image,
+        };
         // K is 3 x 3, behind it stand R, 3 x 3, and P, 3 x 4.
-        let [fx, cx, fy, cy] = match image {
-            Image::Raw => [0, 2, 4, 5],
-            Image::Rectified => [18, 20, 23, 24],
-        }
-        .map(|at| matrices[at]);
-        let finite = [fx, cx, fy, cy].iter().all(|n| n.is_finite());
+        let (of, zeros, one) = match image {
+            Image::Raw => ([0, 1, 2, 4, 5], [(3, "(2, 1)"), (6, "(3, 1)"), (7, "(3, 2)")], 8),
+            Image::Rectified => ([18, 19, 20, 23, 24], [(22, "(2, 1)"), (26, "(3, 1)"), (27, "(3, 2)")], 28),
+        };
+        let [fx, skew, cx, fy, cy] = of.map(|at| matrices[at]);
+        let finite = [fx, skew, cx, fy, cy].iter().all(|n| n.is_finite());
         if !finite || fx <= 0.0 || fy <= 0.0 {
             return Err(CameraInfoError::Uncalibrated { fx, fy, cx, cy });
         }
+        for (at, entry) in zeros {
+            if matrices[at] != 0.0 {
+                return Err(CameraInfoError::Matrix { entry, value: matrices[at], allowed: 0.0 });
+            }
+        }
+        if matrices[one] != 1.0 {
+            return Err(CameraInfoError::Matrix { entry: "(3, 3)", value: matrices[one], allowed: 1.0 });
+        }
+        let size = [width, height].map(|n| n as usize);
+        checks::principal_point([cx, cy], size).map_err(CameraInfoError::PrincipalPoint)?;
         let distortion = match image {
             Image::Raw => polynomial(model, &d)?,
             Image::Rectified => [0.0; 8],
         };
-        Ok(Self { width, height, matrix: [fx, fy, cx, cy], distortion })
+        Self { width, height, matrix: [fx, fy, cx, cy], frame, skew, distortion }.cut(rest)
+    }
+
+    /// The camera of images that show a part of it: `width`, `height` and matrix become those of the images. As
+    /// `image_geometry` of ROS has it, a binned image keeps the place of its first pixel.
+    fn cut(
+        self,
+        [binning_x, binning_y, x_offset, y_offset, height, width]: [u32; 6],
+    ) -> Result<Self, CameraInfoError> {
+        let camera = [self.width, self.height];
+        // Zero stands for the whole, and for no binning.
+        let part = |pixels: u32, all: u32, binning: u32| {
+            let pixels = if pixels == 0 { all } else { pixels };
+            pixels / binning.max(1)
+        };
+        let image = [part(width, camera[0], binning_x), part(height, camera[1], binning_y)];
+        let fits = |pixels: u32, offset: u32, all: u32| {
+            let end = u64::from(offset) + u64::from(if pixels == 0 { all } else { pixels });
+            end <= u64::from(all)
+        };
+        let is_empty = image.contains(&0) && !camera.contains(&0);
+        if is_empty || !fits(width, x_offset, camera[0]) || !fits(height, y_offset, camera[1]) {
+            let (part, offset, binning) = ([width, height], [x_offset, y_offset], [binning_x, binning_y]);
+            return Err(CameraInfoError::Region {
+                width: part[0],
+                height: part[1],
+                x_offset: offset[0],
+                y_offset: offset[1],
+                binning_x: binning[0],
+                binning_y: binning[1],
+                camera,
+            });
+        }
+        let [fx, fy, cx, cy] = self.matrix;
+        let [bx, by] = [binning_x, binning_y].map(|b| f64::from(b.max(1)));
+        let matrix = [fx / bx, fy / by, (cx - f64::from(x_offset)) / bx, (cy - f64::from(y_offset)) / by];
+        Ok(Self { width: image[0], height: image[1], matrix, skew: self.skew / bx, ..self })
     }
 
     /// For each pixel, row by row: x and y of the point of its ray at a depth of 1.
@@ -162,7 +244,10 @@ impl CameraInfo {
         for row in 0..self.height {
             let y = (f64::from(row) - cy) * inv_fy;
             for column in 0..self.width {
-                let seen = [(f64::from(column) - cx) * inv_fx, y];
+                let along = f64::from(column) - cx;
+                // Without skew, nothing is subtracted: the rays keep their bits.
+                let along = if self.skew == 0.0 { along } else { along - self.skew * y };
+                let seen = [along * inv_fx, y];
                 let ray = if self.distortion == [0.0; 8] { Some(seen) } else { self.undistorted(seen) };
                 rays.push(ray.ok_or(CameraInfoError::Folded { column, row })?);
             }
@@ -200,20 +285,36 @@ fn of(what: &'static str) -> impl Fn(CdrError) -> CameraInfoError {
     move |fault| CameraInfoError::Cdr { what, fault }
 }
 
-/// The numbers of a model, which are all zero for an image without distortion.
+/// Names under which drivers describe a pinhole without distortion, where all numbers are zero.
+const PINHOLES: [&str; 9] = [
+    "",
+    "none",
+    "plumb_bob",
+    "rational_polynomial",
+    "brown_conrady",
+    "inverse_brown_conrady",
+    "modified_brown_conrady",
+    "radtan",
+    "pinhole",
+];
+
+/// The numbers of a model, which are all zero for an image without distortion. A fisheye with zeros is no pinhole.
 fn polynomial(model: &str, d: &[f64]) -> Result<[f64; 8], CameraInfoError> {
     let mut all = [0.0; 8];
-    if d.iter().all(|number| *number == 0.0) {
+    let is_zero = d.iter().all(|number| *number == 0.0);
+    if is_zero && PINHOLES.iter().any(|name| model.eq_ignore_ascii_case(name)) {
         return Ok(all);
     }
+    // Behind the eighth number stand the thin prism and the tilt of the sensor.
+    let (first, rest) = d.split_at(d.len().min(8));
     let fits = match model {
         "plumb_bob" => d.len() == 4 || d.len() == 5,
-        "rational_polynomial" => d.len() == 8,
+        "rational_polynomial" => [8, 12, 14].contains(&d.len()) && rest.iter().all(|n| *n == 0.0),
         _ => false,
     };
     if !fits || !d.iter().all(|number| number.is_finite()) {
-        return Err(CameraInfoError::Model { model: model.to_owned(), numbers: d.len() });
+        return Err(CameraInfoError::Model { model: quoted(model), numbers: d.len() });
     }
-    all.iter_mut().zip(d).for_each(|(to, from)| *to = *from);
+    all.iter_mut().zip(first).for_each(|(to, from)| *to = *from);
     Ok(all)
 }

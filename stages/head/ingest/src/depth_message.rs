@@ -2,13 +2,16 @@
 //! bytes in, points out.
 //!
 //! As REP 118 has it, `16UC1` is in millimetres with 0 for no measurement, `32FC1` is in metres with NaN for none. Of
-//! compressed images, PNG of 16-bit pixels is read, with or without the header of 12 bytes of `compressedDepth`.
+//! compressed images, PNG of 16-bit pixels is read, with or without the header of 12 bytes of `compressedDepth`, and RVL
+//! with it. `mono16` may be brightness: it is depth where the unit of its counts is stated.
 
 use stillpoint_cdr::{CdrError, Reader};
 use thiserror::Error;
 
 use crate::INVALID_POINT;
-use crate::depth::{DepthError, decode_png};
+use crate::checks::quoted;
+use crate::depth::{DepthError, MAX_PIXELS, decode_png};
+use crate::rvl::{self, RvlError};
 
 const MILLIMETRE: f64 = 1e-3;
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -30,9 +33,25 @@ pub enum DepthMessageError {
     /// Its pixels are no depths.
     #[error("its pixels are `{0}`; a depth image has 16UC1 (mm) or 32FC1 (m)")]
     Encoding(String),
-    /// It is not a PNG.
-    #[error("its format is `{0}`, and its bytes are no PNG; depth is read as PNG or uncompressed")]
+    /// Its pixels may be brightness or depths.
+    #[error(
+        "its pixels are `mono16`, which may be brightness: if they are depths, set `depth_unit`, such as `1 mm`"
+    )]
+    Brightness,
+    /// The unit of counts is stated, and its pixels are no counts.
+    #[error("its pixels are 32FC1, which is in metres: remove `depth_unit`")]
+    NoCounts,
+    /// It is neither a PNG nor RVL.
+    #[error("its format is `{0}`, and its bytes are no PNG; depth is read as PNG, as RVL or uncompressed")]
     Format(String),
+    /// Its quantised depths lack the numbers of the quantisation.
+    #[error(
+        "its format is `{0}`, and the header of `compressedDepth` with its quantisation of 32FC1 is missing"
+    )]
+    NoQuantisation(String),
+    /// Its RVL cannot be unpacked.
+    #[error(transparent)]
+    Rvl(#[from] RvlError),
     /// Its PNG cannot be decoded.
     #[error(transparent)]
     Png(#[from] DepthError),
@@ -74,6 +93,8 @@ pub enum DepthMessageError {
 #[derive(Debug, Clone, Copy)]
 pub struct DepthMessage<'a> {
     pixels: Pixels<'a>,
+    /// Of 16-bit pixels, m.
+    metres_per_count: f64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -86,74 +107,99 @@ enum Pixels<'a> {
         metres: bool,
         data: &'a [u8],
     },
-    /// Millimetres.
-    Png(&'a [u8]),
+    /// Counts.
+    Packed(Packed<'a>),
     /// Depth is `a / (count - b)`, m.
-    InversePng {
-        png: &'a [u8],
+    Inverse {
+        packed: Packed<'a>,
         a: f32,
         b: f32,
     },
 }
 
+/// 16-bit pixels that are compressed.
+#[derive(Debug, Clone, Copy)]
+enum Packed<'a> {
+    Png(&'a [u8]),
+    Rvl(&'a [u8]),
+}
+
+impl Packed<'_> {
+    fn unpack(self) -> Result<rvl::Unpacked, DepthMessageError> {
+        Ok(match self {
+            Self::Png(png) => {
+                let image = decode_png(png)?;
+                (image.counts, image.width, image.height)
+            }
+            Self::Rvl(bytes) => rvl::unpack(bytes, MAX_PIXELS)?,
+        })
+    }
+}
+
 impl<'a> DepthMessage<'a> {
-    /// Reads a `sensor_msgs/msg/Image` and checks its sizes. Nothing is copied.
+    /// Reads a `sensor_msgs/msg/Image` and checks its sizes. Nothing is copied. `depth_unit` is the depth of a count, m,
+    /// where it is stated: then `mono16` is depth, too.
     ///
     /// # Errors
     /// What is wrong with the message.
-    pub fn parse(bytes: &'a [u8]) -> Result<Self, DepthMessageError> {
+    pub fn parse(bytes: &'a [u8], depth_unit: Option<f64>) -> Result<Self, DepthMessageError> {
         let mut r = Reader::in_either_order(bytes).map_err(of("the encapsulation"))?;
-        r.header().map_err(of("the header"))?;
+        r.foreign_header().map_err(of("the header"))?;
         let height = r.u32().map_err(of("height"))?;
         let width = r.u32().map_err(of("width"))?;
         let encoding = r.text().map_err(of("encoding"))?;
         let big_endian = r.u8().map_err(of("is_bigendian"))? != 0;
         let step = r.u32().map_err(of("step"))?;
         let data = r.bytes().map_err(of("the data"))?;
-        let (metres, pixel) = match encoding {
-            "16UC1" => (false, 2),
-            "32FC1" => (true, 4),
-            other => return Err(DepthMessageError::Encoding(other.to_owned())),
-        };
+        let metres = in_metres(encoding, depth_unit)?;
+        let pixel = if metres { 4 } else { 2 };
         let row = u64::from(width) * u64::from(pixel);
         let end = u64::from(height.saturating_sub(1)) * u64::from(step) + row;
         let is_empty = width == 0 || height == 0;
         if is_empty || u64::from(step) < row && height > 1 || end > data.len() as u64 {
             return Err(DepthMessageError::Data { width, height, pixel, step, found: data.len() });
         }
-        Ok(Self { pixels: Pixels::Plain { width, height, step, big_endian, metres, data } })
+        let pixels = Pixels::Plain { width, height, step, big_endian, metres, data };
+        Ok(Self { pixels, metres_per_count: depth_unit.unwrap_or(MILLIMETRE) })
     }
 
-    /// Reads a `sensor_msgs/msg/CompressedImage`; its PNG is not decoded yet.
+    /// Reads a `sensor_msgs/msg/CompressedImage`; its pixels are not unpacked yet. `depth_unit` as of
+    /// [`parse`](Self::parse).
     ///
     /// # Errors
     /// What is wrong with the message.
-    pub fn parse_compressed(bytes: &'a [u8]) -> Result<Self, DepthMessageError> {
+    pub fn parse_compressed(bytes: &'a [u8], depth_unit: Option<f64>) -> Result<Self, DepthMessageError> {
         let mut r = Reader::in_either_order(bytes).map_err(of("the encapsulation"))?;
-        r.header().map_err(of("the header"))?;
+        r.foreign_header().map_err(of("the header"))?;
         let format = r.text().map_err(of("format"))?;
         let data = r.bytes().map_err(of("the data"))?;
+        let metres_per_count = depth_unit.unwrap_or(MILLIMETRE);
+        // The encoding of the image before its compression stands first; some programs leave it out.
+        let first = format.split(';').next().unwrap_or_default().trim();
+        let is_encoding = format.contains(';') || ["16UC1", "32FC1", "mono16"].contains(&first);
         if data.starts_with(PNG) {
-            return Ok(Self { pixels: Pixels::Png(data) });
-        }
-        let (head, png) = data.split_at_checked(DEPTH_HEADER).unwrap_or((data, &[]));
-        if !png.starts_with(PNG) {
-            return Err(DepthMessageError::Format(format.to_owned()));
-        }
-        // The encoding of the image before its compression stands first.
-        match format.split(';').next().unwrap_or_default().trim() {
-            "16UC1" => Ok(Self { pixels: Pixels::Png(png) }),
-            "32FC1" => {
-                let number =
-                    |at: usize| f32::from_le_bytes(head[at..].first_chunk().copied().unwrap_or_default());
-                let (a, b) = (number(4), number(8));
-                if !a.is_finite() || !b.is_finite() || a <= 0.0 {
-                    return Err(DepthMessageError::Quantisation { a, b });
-                }
-                Ok(Self { pixels: Pixels::InversePng { png, a, b } })
+            if is_encoding && in_metres(first, depth_unit)? {
+                return Err(DepthMessageError::NoQuantisation(quoted(format)));
             }
-            other => Err(DepthMessageError::Encoding(other.to_owned())),
+            return Ok(Self { pixels: Pixels::Packed(Packed::Png(data)), metres_per_count });
         }
+        let (head, behind) = data.split_at_checked(DEPTH_HEADER).unwrap_or((data, &[]));
+        let packed = if behind.starts_with(PNG) {
+            Packed::Png(behind)
+        } else if format.split_ascii_whitespace().any(|word| word == "rvl") {
+            Packed::Rvl(behind)
+        } else {
+            return Err(DepthMessageError::Format(quoted(format)));
+        };
+        if !in_metres(first, depth_unit)? {
+            return Ok(Self { pixels: Pixels::Packed(packed), metres_per_count });
+        }
+        let number = |at: usize| f32::from_le_bytes(head[at..].first_chunk().copied().unwrap_or_default());
+        let (a, b) = (number(4), number(8));
+        if !a.is_finite() || !b.is_finite() || a <= 0.0 {
+            return Err(DepthMessageError::Quantisation { a, b });
+        }
+        Ok(Self { pixels: Pixels::Inverse { packed, a, b }, metres_per_count })
     }
 
     /// The points of all pixels, row by row, on the rays of its camera, m: those without a measurement are
@@ -178,22 +224,23 @@ impl<'a> DepthMessage<'a> {
             Pixels::Plain { width, height, step, big_endian, metres, data } => {
                 check(width as usize, height as usize)?;
                 let (columns, step) = (width as usize, step as usize);
+                let unit = (!metres).then_some(self.metres_per_count);
                 for (number, (point, ray)) in points.iter_mut().zip(rays).enumerate() {
                     let at = number / columns * step;
-                    *point = on_ray(*ray, plain(data, at, number % columns, metres, big_endian));
+                    *point = on_ray(*ray, plain(data, at, number % columns, unit, big_endian));
                 }
             }
-            Pixels::Png(png) => {
-                let image = decode_png(png)?;
-                check(image.width, image.height)?;
-                for ((point, ray), count) in points.iter_mut().zip(rays).zip(&image.counts) {
-                    *point = on_ray(*ray, f64::from(*count) * MILLIMETRE);
+            Pixels::Packed(packed) => {
+                let (counts, width, height) = packed.unpack()?;
+                check(width, height)?;
+                for ((point, ray), count) in points.iter_mut().zip(rays).zip(&counts) {
+                    *point = on_ray(*ray, f64::from(*count) * self.metres_per_count);
                 }
             }
-            Pixels::InversePng { png, a, b } => {
-                let image = decode_png(png)?;
-                check(image.width, image.height)?;
-                for ((point, ray), count) in points.iter_mut().zip(rays).zip(&image.counts) {
+            Pixels::Inverse { packed, a, b } => {
+                let (counts, width, height) = packed.unpack()?;
+                check(width, height)?;
+                for ((point, ray), count) in points.iter_mut().zip(rays).zip(&counts) {
                     let depth = if *count == 0 { 0.0 } else { a / (f32::from(*count) - b) };
                     *point = on_ray(*ray, f64::from(depth));
                 }
@@ -203,15 +250,25 @@ impl<'a> DepthMessage<'a> {
     }
 }
 
-/// The depth of a pixel, m.
-fn plain(data: &[u8], row: usize, column: usize, metres: bool, big_endian: bool) -> f64 {
-    if metres {
-        let raw = data.get(row + 4 * column..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
-        f64::from(if big_endian { f32::from_be_bytes(raw) } else { f32::from_le_bytes(raw) })
-    } else {
-        let raw = data.get(row + 2 * column..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
-        f64::from(if big_endian { u16::from_be_bytes(raw) } else { u16::from_le_bytes(raw) }) * MILLIMETRE
+/// Whether pixels of an encoding are in metres, not in counts.
+fn in_metres(encoding: &str, depth_unit: Option<f64>) -> Result<bool, DepthMessageError> {
+    match (encoding, depth_unit) {
+        ("16UC1", _) | ("mono16", Some(_)) => Ok(false),
+        ("mono16", None) => Err(DepthMessageError::Brightness),
+        ("32FC1", None) => Ok(true),
+        ("32FC1", Some(_)) => Err(DepthMessageError::NoCounts),
+        (other, _) => Err(DepthMessageError::Encoding(quoted(other))),
     }
+}
+
+/// The depth of a pixel, m: of a float where no unit of counts is given.
+fn plain(data: &[u8], row: usize, column: usize, unit: Option<f64>, big_endian: bool) -> f64 {
+    let Some(unit) = unit else {
+        let raw = data.get(row + 4 * column..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+        return f64::from(if big_endian { f32::from_be_bytes(raw) } else { f32::from_le_bytes(raw) });
+    };
+    let raw = data.get(row + 2 * column..).and_then(|b| b.first_chunk()).copied().unwrap_or_default();
+    f64::from(if big_endian { u16::from_be_bytes(raw) } else { u16::from_le_bytes(raw) }) * unit
 }
 
 /// What is behind the camera, at it, or infinitely far is no measurement.

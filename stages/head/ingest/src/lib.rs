@@ -8,12 +8,15 @@
 //! - [`grey`]: 8-bit grey images.
 //! - [`ply`]: the vertices of PLY files.
 //! - [`point_cloud2`], [`depth_message`], [`camera_info`]: clouds, depth images and cameras as ROS 2 records them.
+//! - [`checks`]: what may be wrong with a cloud or an image, whoever reads it.
+//! - [`rvl`]: a compression of depth images.
 //! - [`bag`]: recordings of ROS 2, and which of their messages are read.
 //! - [`wire`]: messages of ROS 2 as they arrive: which are taken, and why the others are refused.
 //! - [`operators`]: `ingest.depth`, `ingest.pcd`, `ingest.ply`, `ingest.grey`, `ingest.mcap` and `ingest.ros2`.
 
 pub mod bag;
 pub mod camera_info;
+pub mod checks;
 pub mod depth;
 pub mod depth_message;
 pub mod grey;
@@ -21,6 +24,7 @@ pub mod operators;
 pub mod pcd;
 pub mod ply;
 pub mod point_cloud2;
+pub mod rvl;
 pub mod wire;
 
 use stillpoint_operator::Stage;

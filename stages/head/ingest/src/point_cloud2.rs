@@ -5,7 +5,7 @@
 use stillpoint_cdr::{CdrError, Reader};
 use thiserror::Error;
 
-use crate::INVALID_POINT;
+use crate::checks;
 
 /// `datatype` of a 32-bit float.
 const FLOAT32: u8 = 7;
@@ -55,8 +55,15 @@ pub enum PointCloud2Error {
         point_step: u32,
     },
     /// Rows overlap.
-    #[error("row_step is {found}, but {width} points of {point_step} bytes take {expected}")]
+    #[error(
+        "row_step is {found}, but {width} points of {point_step} bytes take {expected}, and {height} such rows do not make \
+         the {data} bytes of data"
+    )]
     RowStep {
+        /// Rows.
+        height: u32,
+        /// Bytes of data.
+        data: usize,
         /// Points in a row.
         width: u32,
         /// Bytes of a point.
@@ -114,7 +121,7 @@ impl<'a> PointCloud2<'a> {
     /// What is wrong with the message.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, PointCloud2Error> {
         let mut r = Reader::in_either_order(bytes).map_err(of("the encapsulation"))?;
-        r.header().map_err(of("the header"))?;
+        r.foreign_header().map_err(of("the header"))?;
         let height = r.u32().map_err(of("height"))?;
         let width = r.u32().map_err(of("width"))?;
         let mut found = [(0, None); 3];
@@ -135,9 +142,9 @@ impl<'a> PointCloud2<'a> {
         let data = r.bytes().map_err(of("the data"))?;
         let mut axes = [Axis { offset: 0, double: false }; 3];
         for (place, name) in ['x', 'y', 'z'].into_iter().enumerate() {
-            axes[place] = axis(name, found[place], point_step)?;
+            axes[place] = axis(name, found[place], point_step, u64::from(width) * u64::from(height))?;
         }
-        check_sizes(width, height, point_step, row_step, data.len())?;
+        let row_step = check_sizes(width, height, point_step, row_step, data.len())?;
         Ok(Self {
             width: width as usize,
             height: height as usize,
@@ -161,7 +168,8 @@ impl<'a> PointCloud2<'a> {
         self.height
     }
 
-    /// The points, row by row, in metres; those not finite are [`INVALID_POINT`].
+    /// The points, row by row, in metres; those without a return are
+    /// [`INVALID_POINT`](crate::INVALID_POINT).
     pub fn points(&self) -> impl Iterator<Item = [f32; 3]> + 'a {
         let cloud = *self;
         (0..self.height).flat_map(move |row| {
@@ -181,7 +189,7 @@ impl<'a> PointCloud2<'a> {
                 if self.big_endian { f32::from_be_bytes(raw) } else { f32::from_le_bytes(raw) }
             }
         });
-        if point.iter().all(|c| c.is_finite()) { point } else { INVALID_POINT }
+        checks::point(point)
     }
 }
 
@@ -190,14 +198,21 @@ fn of(what: &'static str) -> impl Fn(CdrError) -> PointCloud2Error {
     move |fault| PointCloud2Error::Cdr { what, fault }
 }
 
-fn axis(name: char, found: (usize, Option<Field>), point_step: u32) -> Result<Axis, PointCloud2Error> {
+/// The place of a coordinate. Some drivers write the number of points as its count, or leave the count at zero.
+fn axis(
+    name: char,
+    found: (usize, Option<Field>),
+    point_step: u32,
+    points: u64,
+) -> Result<Axis, PointCloud2Error> {
     let (1, Some(field)) = found else {
         return Err(PointCloud2Error::Coordinate { axis: name, found: found.0 });
     };
     let Field { offset, datatype, count } = field;
-    let size = match (datatype, count) {
-        (FLOAT32, 1) => 4,
-        (FLOAT64, 1) => 8,
+    let is_one = count <= 1 || u64::from(count) == points;
+    let size = match (datatype, is_one) {
+        (FLOAT32, true) => 4,
+        (FLOAT64, true) => 8,
         _ => return Err(PointCloud2Error::FieldType { axis: name, datatype, count }),
     };
     let end = u64::from(offset) + size;
@@ -207,18 +222,33 @@ fn axis(name: char, found: (usize, Option<Field>), point_step: u32) -> Result<Ax
     Ok(Axis { offset: offset as usize, double: datatype == FLOAT64 })
 }
 
-/// Whether the rows lie apart and the last point's end lies within the data.
+/// The bytes from row to row, if the rows lie apart and the last point's end lies within the data. Some drivers leave
+/// `row_step` at zero or write the size of all data: where the data are exactly the points, rows follow each other.
 fn check_sizes(
     width: u32,
     height: u32,
     point_step: u32,
     row_step: u32,
     found: usize,
-) -> Result<(), PointCloud2Error> {
+) -> Result<u32, PointCloud2Error> {
     let row = u64::from(width) * u64::from(point_step);
-    if height > 1 && u64::from(row_step) < row {
-        return Err(PointCloud2Error::RowStep { width, point_step, expected: row, found: row_step });
-    }
+    let is_packed = row.checked_mul(u64::from(height)) == Some(found as u64);
+    let is_wrong = u64::from(row_step) < row || is_packed && u64::from(row_step) != row;
+    let row_step = match u32::try_from(row) {
+        Ok(row) if height > 1 && is_packed => row,
+        _ if height > 1 && is_wrong => {
+            let (expected, data) = (row, found);
+            return Err(PointCloud2Error::RowStep {
+                width,
+                height,
+                point_step,
+                expected,
+                found: row_step,
+                data,
+            });
+        }
+        _ => row_step,
+    };
     // The step of a single row is never taken, and some drivers leave it at zero.
     let expected = match height {
         0 => 0,
@@ -229,5 +259,5 @@ fn check_sizes(
     if expected > found as u64 || (empty && (width, height) != (0, 0) && width.max(height) > 1) {
         return Err(PointCloud2Error::Data { width, height, expected, found });
     }
-    Ok(())
+    Ok(row_step)
 }

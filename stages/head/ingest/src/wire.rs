@@ -40,11 +40,15 @@ pub enum Refusal {
     Size,
     /// It has more points than a sample.
     TooManyPoints,
+    /// It is in another frame than its camera.
+    OtherCamera,
+    /// Its points are in another unit.
+    Scale,
 }
 
 impl Refusal {
     /// All of them, in their order.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::TooLong,
         Self::OtherType,
         Self::Attachment,
@@ -57,6 +61,8 @@ impl Refusal {
         Self::CameraInfo,
         Self::Size,
         Self::TooManyPoints,
+        Self::OtherCamera,
+        Self::Scale,
     ];
 
     /// Name of its count.
@@ -74,6 +80,28 @@ impl Refusal {
             Self::CameraInfo => "refused_camera_info",
             Self::Size => "refused_size",
             Self::TooManyPoints => "refused_too_many_points",
+            Self::OtherCamera => "refused_other_camera",
+            Self::Scale => "refused_scale",
+        }
+    }
+
+    /// What is wrong with the message, for people.
+    pub fn reason(self) -> &'static str {
+        match self {
+            Self::TooLong => "it has more bytes than `max_bytes`",
+            Self::OtherType => "it is of another type",
+            Self::Attachment => "number, time and sender beside it are missing or damaged",
+            Self::Damaged => "it is no message of its type",
+            Self::NoDepth => "it has no depth or no points",
+            Self::OtherFrame => "it is in another frame than `frame_id`",
+            Self::NoStamp => "its stamp is zero or before: set `stamps: arrival`",
+            Self::Ahead => "its stamp is farther ahead of the clock than `clock_ahead`",
+            Self::NoCameraInfo => "it came before any CameraInfo",
+            Self::CameraInfo => "its CameraInfo describes no camera",
+            Self::Size => "it has another size than its camera",
+            Self::TooManyPoints => "it has more points than `max_points`",
+            Self::OtherCamera => "it is in another frame than its CameraInfo",
+            Self::Scale => "its points are in another unit",
         }
     }
 
@@ -82,9 +110,13 @@ impl Refusal {
         use {DepthMessageError as Depth, PointCloud2Error as Cloud};
         Some(match error {
             MessageError::Cloud(Cloud::Cdr { .. } | Cloud::RowStep { .. } | Cloud::Data { .. })
-            | MessageError::Depth(Depth::Cdr { .. } | Depth::Data { .. } | Depth::Png(_)) => Self::Damaged,
+            | MessageError::Depth(Depth::Cdr { .. } | Depth::Data { .. } | Depth::Png(_) | Depth::Rvl(_)) => {
+                Self::Damaged
+            }
             MessageError::Depth(Depth::Size { .. }) => Self::Size,
             MessageError::Cloud(_) | MessageError::Depth(_) => Self::NoDepth,
+            MessageError::Frame(_) => Self::OtherCamera,
+            MessageError::Scale(_) => Self::Scale,
             MessageError::TooLarge { .. } => Self::TooManyPoints,
             MessageError::Step(_) => return None,
         })
@@ -101,6 +133,35 @@ pub enum Clock {
     },
     /// That of its arrival.
     Arrival,
+}
+
+/// Which messages of a topic are taken, whatever they hold: one rule for the wire and for a recording in its place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Admission<'a> {
+    /// Frame of the messages; `None` takes all.
+    pub frame: Option<&'a str>,
+    /// Which time counts.
+    pub clock: Clock,
+}
+
+impl Admission<'_> {
+    /// Stamp of a message in CDR that is taken at `now`, ns; `None` where the time of its arrival counts.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn admit(&self, message: &[u8], now: u64) -> Result<Option<u64>, Refusal> {
+        let mut reader = Reader::in_either_order(message).map_err(|_| Refusal::Damaged)?;
+        let (stamp, frame) = reader.foreign_header().map_err(|_| Refusal::Damaged)?;
+        if self.frame.is_some_and(|due| due != frame) {
+            return Err(Refusal::OtherFrame);
+        }
+        match (self.clock, stamp) {
+            (Clock::Arrival, _) => Ok(None),
+            (Clock::Stamp { .. }, None) => Err(Refusal::NoStamp),
+            (Clock::Stamp { ahead }, Some(stamp)) if stamp > now.saturating_add(ahead) => Err(Refusal::Ahead),
+            (Clock::Stamp { .. }, Some(stamp)) => Ok(Some(stamp)),
+        }
+    }
 }
 
 /// What a topic has brought, by what became of it: a message is in exactly one count.
@@ -231,17 +292,8 @@ impl Intake {
             })?);
             return Ok(None);
         }
-        let mut reader = Reader::in_either_order(message).map_err(|_| Refusal::Damaged)?;
-        let (stamp, frame) = reader.header_and_frame().map_err(|_| Refusal::Damaged)?;
-        if self.frame.as_deref().is_some_and(|due| due != frame) {
-            return Err(Refusal::OtherFrame);
-        }
-        let acquired = match self.clock {
-            Clock::Arrival => delivery.arrived,
-            Clock::Stamp { .. } if stamp == 0 => return Err(Refusal::NoStamp),
-            Clock::Stamp { ahead } if stamp > now.saturating_add(ahead) => return Err(Refusal::Ahead),
-            Clock::Stamp { .. } => stamp,
-        };
+        let admission = Admission { frame: self.frame.as_deref(), clock: self.clock };
+        let acquired = admission.admit(message, now)?.unwrap_or(delivery.arrived);
         let camera = match (self.has_camera, self.camera) {
             (true, None) => return Err(Refusal::NoCameraInfo),
             (true, Some(camera)) => camera,

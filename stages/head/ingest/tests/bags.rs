@@ -12,7 +12,7 @@ use stillpoint_ingest::bag::{self, Bag, Wanted};
 use stillpoint_ingest::camera_info::{CameraInfo, Image};
 use stillpoint_ingest::depth::{Intrinsics, deproject};
 use stillpoint_ingest::depth_message::DepthMessage;
-use stillpoint_ingest::operators::{AtEnd, IngestMcap, McapParams, Pace};
+use stillpoint_ingest::operators::{AtEnd, IngestMcap, McapParams, Pace, Unit};
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_operator::{Operator, Registry};
 use stillpoint_samples::PointCloud;
@@ -185,7 +185,7 @@ fn metres_that_were_quantised_by_their_inverse_come_back() {
     let bytes = compressed("32FC1; compressedDepth png", &[head, png(&counts)].concat());
     let camera = CameraInfo::parse(&pinhole(), Image::Raw).unwrap();
     let mut points = [[0.0; 3]; 6];
-    let message = DepthMessage::parse_compressed(&bytes).unwrap();
+    let message = DepthMessage::parse_compressed(&bytes, None).unwrap();
     message.points_into([3, 2], &camera.rays().unwrap(), &mut points).unwrap();
     assert_eq!(bits(&points[..1]), bits(&[INVALID_POINT]));
     for (point, depth) in points[1..].iter().zip([0.5, 1.0, 2.0, 4.0, 8.0]) {
@@ -286,8 +286,9 @@ fn distortion_is_undone_and_what_cannot_be_is_refused() {
     assert!(fish.contains("`equidistant` with 4 numbers is not known"), "{fish}");
     let folded = said(&camera(3, "plumb_bob", &[-1e6, 0.0, 0.0, 0.0, 0.0], 0));
     assert!(folded.contains("the distortion cannot be undone at column 0, row 0"), "{folded}");
-    let binned = said(&camera(3, "plumb_bob", &[], 2));
-    assert!(binned.contains("its images are binned 2 x 2"), "{binned}");
+    // Half of the pixels in a row, and half of the focal length.
+    let binned = CameraInfo::parse(&camera(3, "plumb_bob", &[], 2), Image::Raw).unwrap();
+    assert_eq!(([binned.width, binned.height], binned.matrix), ([1, 1], [250.0, 200.0, 0.5, 0.25]));
 }
 
 #[test]
@@ -377,7 +378,12 @@ fn params(file: &str, skip: u32, frames: Option<u32>) -> McapParams {
         file: file.into(),
         topic: "/d/image".into(),
         camera_info: None,
+        depth_unit: None,
+        unit: Unit::M,
+        image: None,
         pace: Pace::Ticks,
+        max_gap: 60_000_000_000,
+        strict: false,
         skip,
         frames,
         at_end: AtEnd::Stop,
@@ -448,7 +454,7 @@ proptest! {
             let _ = info.rays();
         }
         let rays = [[0.0; 2]; 6];
-        for message in [DepthMessage::parse(&bytes), DepthMessage::parse_compressed(&bytes)].into_iter().flatten() {
+        for message in [DepthMessage::parse(&bytes, None), DepthMessage::parse_compressed(&bytes, None)].into_iter().flatten() {
             let _ = message.points_into([3, 2], &rays, &mut [[0.0; 3]; 6]);
         }
     }

@@ -121,7 +121,10 @@ fn sizes_that_do_not_fit_are_refused_with_their_numbers() {
     let short = Message { data: message.data[..71].to_vec(), ..message.clone() };
     assert_eq!(error(&short).to_string(), "3 x 1 points need 72 bytes of data, the message has 71");
     let overlapping = Message { height: 2, row_step: 60, ..message.clone() };
-    assert_eq!(error(&overlapping).to_string(), "row_step is 60, but 3 points of 24 bytes take 72");
+    assert_eq!(
+        error(&overlapping).to_string(),
+        "row_step is 60, but 3 points of 24 bytes take 72, and 2 such rows do not make the 72 bytes of data"
+    );
     let outside = Message { point_step: 18, ..message.clone() };
     assert_eq!(error(&outside).to_string(), "field `z` ends at byte 20 of a point of 18 bytes");
     let huge = Message { width: u32::MAX, height: u32::MAX, row_step: u32::MAX, point_step: 24, ..message };

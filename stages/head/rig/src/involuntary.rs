@@ -12,7 +12,6 @@ use nalgebra::Vector3;
 /// What a person does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Habit {
-    /// Nothing.
     Still,
     /// Breathing (0.3 mm and 0.1 deg at 0.25 Hz) and drift below 2 mm over minutes.
     Breathes,

@@ -20,7 +20,6 @@ pub enum NoiseError {
     Range {
         /// Name of the quantity.
         name: &'static str,
-        /// The value given.
         value: f64,
         /// The least that is allowed.
         least: f64,

@@ -24,7 +24,6 @@ impl Default for NormalTable {
 }
 
 impl NormalTable {
-    /// Computes the table.
     pub fn new() -> Self {
         let mut upper = vec![0.0f64];
         for node in 1..BINS / 2 {

@@ -12,7 +12,6 @@ use crate::shape::{Cuboid, Ellipsoid};
 pub struct Ray {
     /// Where the ray starts, in metres.
     pub origin: Point3<f64>,
-    /// Where it goes.
     pub direction: Vector3<f64>,
 }
 

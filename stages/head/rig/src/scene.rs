@@ -15,24 +15,19 @@ use crate::shape::{Cuboid, Ellipsoid, ShapeError};
 pub enum Label {
     /// The floor, or no object.
     Background = 0,
-    /// The couch.
     Table = 1,
     /// A pad under or beside the head.
     Pad = 2,
     /// Any other object on the couch.
     Clutter = 3,
-    /// The head.
     Head = 4,
-    /// Shoulders and chest.
     Body = 5,
 }
 
 /// The form of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Form {
-    /// An ellipsoid.
     Ellipsoid(Ellipsoid),
-    /// A cuboid.
     Cuboid(Cuboid),
 }
 

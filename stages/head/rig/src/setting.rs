@@ -20,7 +20,6 @@ pub enum Setting {
     Patient,
 }
 
-/// Every setting.
 pub const SETTINGS: [Setting; 5] =
     [Setting::Pads, Setting::TightPads, Setting::Pillow, Setting::Shoulders, Setting::Patient];
 

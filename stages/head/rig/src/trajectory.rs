@@ -13,7 +13,6 @@ use crate::scene::PAD_HEIGHT;
 /// Which script the head follows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
-    /// No motion.
     Still,
     /// Every 10 s the head moves within 1.5 s to another pose and stays:
     /// up to 8 mm in height, 3 mm sideways and along, 1.5 deg in each angle, by the seed. The first 10 s are rest.

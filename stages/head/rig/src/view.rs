@@ -6,9 +6,7 @@ use crate::scene::Label;
 /// A block of pixels, from (u0, v0) up to but without (u1, v1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rect {
-    /// First column.
     pub u0: usize,
-    /// First row.
     pub v0: usize,
     /// Column after the last.
     pub u1: usize,
@@ -42,7 +40,6 @@ pub struct View {
 }
 
 impl View {
-    /// An empty view.
     pub fn empty(camera: &Pinhole) -> Self {
         Self {
             width: camera.width(),
@@ -53,12 +50,10 @@ impl View {
         }
     }
 
-    /// Columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
     pub fn height(&self) -> usize {
         self.height
     }

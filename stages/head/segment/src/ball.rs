@@ -10,7 +10,6 @@ use nalgebra::{Matrix3, Vector3};
 /// A ball and the surface that supports it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ball {
-    /// Centre in metres.
     pub centre: Vector3<f64>,
     /// Mean distance of its surface from the centre, in metres.
     pub radius: f64,
@@ -38,7 +37,6 @@ const MAX_CELLS: f64 = 3e5;
 pub struct BallSearch {
     /// All 0 between two searches.
     votes: Vec<u16>,
-    /// Cells with votes.
     voted: Vec<u32>,
     /// Cells with many votes.
     full: Vec<u32>,

@@ -26,7 +26,6 @@ fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 const ON_EDGE: f64 = 1e-9;
 
 impl ConvexHull {
-    /// An empty hull.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

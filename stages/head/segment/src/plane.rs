@@ -105,7 +105,6 @@ impl PlaneSums {
         }
     }
 
-    /// Points added.
     pub fn count(&self) -> usize {
         self.count
     }

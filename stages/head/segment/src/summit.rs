@@ -18,9 +18,7 @@ pub struct Summits {
     parents: Vec<u32>,
     /// Nodes of the island of each summit, by rank.
     sizes: Vec<u32>,
-    /// By rank.
     depths: Vec<f64>,
-    /// By node.
     prominence: Vec<f64>,
     basins: Vec<u32>,
 }

@@ -10,7 +10,6 @@ use crate::plane::vector;
 use crate::sweep::Sweep;
 use nalgebra::{Matrix3, Vector3};
 
-/// One patch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patch {
     /// Mean of its voxels in metres.
@@ -19,7 +18,6 @@ pub struct Patch {
     pub normal: Vector3<f64>,
     /// How far the surroundings lie before it along the normal, in metres.
     pub bend: f64,
-    /// Its voxels.
     pub voxels: u32,
 }
 

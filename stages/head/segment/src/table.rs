@@ -14,10 +14,8 @@ pub enum Touch {
     HullEdge,
 }
 
-/// One cluster.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClusterRow {
-    /// Its voxels.
     pub voxels: u32,
     /// Mean of its voxels in metres.
     pub centroid: Vector3<f64>,
@@ -47,7 +45,6 @@ pub struct ClusterRows {
 }
 
 impl ClusterRows {
-    /// No rows.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

@@ -28,7 +28,6 @@ pub struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    /// An empty grid.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

@@ -24,7 +24,6 @@ pub struct Drawn {
     pub scene: Scene,
     pub scale: f64,
     pub couch_from_head: Isometry3<f64>,
-    /// In words.
     pub about: String,
 }
 

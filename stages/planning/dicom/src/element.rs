@@ -14,6 +14,14 @@ pub enum TagError {
     /// The tag is not there, or empty.
     #[error("{} is missing: export the data again with it", named(*.0))]
     Missing(Tag),
+    /// The tag is not there, or empty, and the caller can state it.
+    #[error("{} is missing: {why}", named(*tag))]
+    Unstated {
+        /// The tag.
+        tag: Tag,
+        /// How to state it.
+        why: &'static str,
+    },
     /// The value cannot be used.
     #[error("{} is {found:?}: {why}", named(*tag))]
     Value {
@@ -80,10 +88,21 @@ pub(crate) fn uid(object: &InMemDicomObject, tag: Tag) -> Result<Uid, TagError> 
 /// Finite numbers, any count.
 pub(crate) fn numbers(object: &InMemDicomObject, tag: Tag) -> Result<Vec<f64>, TagError> {
     let text = text(object, tag)?;
+    parsed(tag, &text, &text)
+}
+
+/// Finite numbers, any count; an empty value after the last separator is padding.
+pub(crate) fn padded_numbers(object: &InMemDicomObject, tag: Tag) -> Result<Vec<f64>, TagError> {
+    let text = text(object, tag)?;
+    let unpadded = text.strip_suffix('\\').unwrap_or(&text);
+    parsed(tag, &text, unpadded)
+}
+
+fn parsed(tag: Tag, text: &str, parts: &str) -> Result<Vec<f64>, TagError> {
     let number = |part: &str| part.trim_matches(['\0', ' ']).parse().ok().filter(|v: &f64| v.is_finite());
-    match text.split('\\').map(number).collect() {
+    match parts.split('\\').map(number).collect() {
         Some(numbers) => Ok(numbers),
-        None => wrong(tag, &text, "finite numbers are due"),
+        None => wrong(tag, text, "finite numbers are due"),
     }
 }
 

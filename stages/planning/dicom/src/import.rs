@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use dicom_dictionary_std::tags;
 use dicom_object::InMemDicomObject;
 use stillpoint_patient::Grid;
+use stillpoint_patient::case::intake::{IntakeError, Scale, settle};
 use stillpoint_patient::case::{
-    Case, CaseError, CaseParts, Imported, NameTable, Prescription, Structure, Uid, Uids,
+    Case, CaseError, CaseParts, Imported, NameTable, PatientPosition, Prescription, Role, Structure, Uid,
+    Uids,
 };
 use thiserror::Error;
 
@@ -15,10 +17,11 @@ use crate::dataset::ReadError;
 use crate::element::{TagError, uid};
 use crate::find::{DEEPEST, Found, find, read_error};
 use crate::names;
+use crate::property::{self, Material};
 use crate::raster::{Rastered, rasterise};
 use crate::roi::{self, Roi, Rois};
 use crate::series::{SeriesError, Volume, volume};
-use crate::slice::Slice;
+use crate::slice::{Reading, Slice};
 use crate::told::sentences;
 
 /// What the files do not say.
@@ -34,10 +37,14 @@ pub struct Request<'a> {
     pub prescription: Vec<Prescription>,
     /// Number of fractions.
     pub fractions: Option<u32>,
-    /// Isocentre, mm; without it, the centroid of all targets.
+    /// Isocentre, mm; without it, the centroid of the targets with a prescription, or of all targets where none has one.
     pub isocentre_mm: Option<[f64; 3]>,
     /// How much of an organ may lie beyond the images, cm3; 0 refuses every organ that is cut.
     pub allowed_cut_cm3: f64,
+    /// How the patient lies, where the images do not say it.
+    pub position: Option<PatientPosition>,
+    /// Whether values are taken that are no Hounsfield units of a patient.
+    pub scale: Scale,
 }
 
 /// Why a folder makes no case.
@@ -113,6 +120,14 @@ pub enum ImportError {
     /// The images end inside targets or organs.
     #[error("the images end inside structures:{}", list(.0))]
     Cut(Vec<String>),
+    /// The images and structures are no patient.
+    #[error("{}: {source}", folder.display())]
+    Intake {
+        /// The folder.
+        folder: PathBuf,
+        /// The underlying error.
+        source: IntakeError,
+    },
     /// No file is of the case's study.
     #[error("{}: no file is of the study {study}: give the folder that the case was imported from", folder.display())]
     OtherStudy {
@@ -137,44 +152,90 @@ fn list(entries: &[String]) -> String {
 
 /// The case in this folder and the folders in it: one CT series and the RTSTRUCT drawn on it.
 pub fn import_folder(folder: &Path, request: &Request<'_>) -> Result<Imported, ImportError> {
-    let mut notes = Vec::new();
-    let Found { images, series, structures } = find(folder, request.series.as_ref(), &mut notes)?;
+    let (mut notes, mut left_out) = (Vec::new(), Vec::new());
+    let Found { images, series, structures } =
+        find(folder, request.series.as_ref(), &mut notes, &mut left_out)?;
+    let reading = Reading { position: request.position, scale: request.scale };
     let mut slices = Vec::with_capacity(images.len());
     for (path, data) in images {
-        let slice = Slice::read(&data).map_err(|source| read_error(&path, source))?;
+        let slice = Slice::read_as(&data, reading).map_err(|source| read_error(&path, source))?;
         slices.push((path, slice));
     }
-    let Volume { grid, hu, study, frame_of_reference: frame, position } = volume(slices)?;
+    let Volume { grid, mut hu, study, frame_of_reference: frame, position, notes: of_volume } =
+        volume(slices)?;
+    notes.extend(of_volume);
     let rois = structure_set(folder, structures, &series, &frame)?;
-    let drawn = drawn(&rois.rois, &grid, request, &mut notes)?;
+    left_out.extend(rois.left_out);
+    let Taken { mut structures, materials, written } = drawn(&rois.rois, &grid, request, &mut notes)?;
+    settle(&grid, &hu, &mut structures, request.scale, &mut notes)
+        .map_err(|source| ImportError::Intake { folder: folder.to_owned(), source })?;
+    property::apply(&grid, &materials, &mut hu, &mut structures, &mut notes);
+    let prescription: Vec<_> =
+        request.prescription.iter().map(|p| prescribed(p, &structures, &written)).collect();
+    helpers(&structures, &prescription, &mut notes);
     let end: String = series.as_str().chars().rev().take(8).collect::<Vec<_>>().into_iter().rev().collect();
     let parts = CaseParts {
         name: request.name.clone().unwrap_or_else(|| format!("ct-{end}")),
         grid,
         hu,
-        structures: drawn,
+        structures,
         isocentre_mm: request.isocentre_mm,
-        prescription: request.prescription.clone(),
+        prescription,
         fractions: request.fractions,
         reference_dose_gy: None,
         uids: Some(Uids { study, series, frame_of_reference: frame, structure_set: rois.uid }),
         provenance: "DICOM CT and RTSTRUCT".to_owned(),
     };
     let case = Case::new(parts).map_err(|source| ImportError::Case { folder: folder.to_owned(), source })?;
-    Ok(Imported { case: case.lying(position), notes })
+    Ok(Imported { case: case.lying(position), notes, left_out })
+}
+
+/// A prescription by the name that the structure has in the case, where it is given by that in the structure set.
+fn prescribed(given: &Prescription, structures: &[Structure], written: &[(String, String)]) -> Prescription {
+    let is_known = structures.iter().any(|s| s.name == given.structure);
+    let renamed = written.iter().find(|(own, _)| *own == given.structure);
+    match renamed {
+        Some((_, name)) if !is_known => Prescription { structure: name.clone(), dose_gy: given.dose_gy },
+        _ => given.clone(),
+    }
+}
+
+/// Says which targets have no dose where others have one.
+fn helpers(structures: &[Structure], prescription: &[Prescription], notes: &mut Vec<String>) {
+    if prescription.is_empty() {
+        return;
+    }
+    let is_prescribed = |s: &&Structure| prescription.iter().any(|p| p.structure == s.name);
+    let targets = structures.iter().filter(|s| s.role == Role::Target);
+    notes.extend(targets.filter(|s| !is_prescribed(s)).map(|s| {
+        format!(
+            "{:?} is a target without a prescription and does not move the isocentre: prescribe a dose to it, or give it another role by a names table (`--names`)",
+            s.name
+        )
+    }));
+}
+
+/// The structures of a structure set as voxels.
+struct Taken<'a> {
+    structures: Vec<Structure>,
+    /// Regions that say something of their material.
+    materials: Vec<Material<'a>>,
+    /// Names in the structure set with those in the case.
+    written: Vec<(String, String)>,
 }
 
 /// The structures as voxels, under the names and roles that they get.
-fn drawn(
-    rois: &[Roi],
+fn drawn<'a>(
+    rois: &'a [Roi],
     grid: &Grid,
     request: &Request<'_>,
     notes: &mut Vec<String>,
-) -> Result<Vec<Structure>, ImportError> {
+) -> Result<Taken<'a>, ImportError> {
     let unique = names::unique(rois.iter().map(|roi| roi.name.as_str()), notes);
     let written: Vec<_> = unique.iter().map(String::as_str).zip(rois.iter().map(|roi| roi.role)).collect();
     let named = request.names.apply(&written, notes);
-    let (mut structures, mut refused) = (Vec::new(), Vec::new());
+    let mut taken = Taken { structures: Vec::new(), materials: Vec::new(), written: Vec::new() };
+    let mut refused = Vec::new();
     for ((roi, own), (name, role)) in rois.iter().zip(&unique).zip(named) {
         let Rastered { mask, drawn } = rasterise(grid, &roi.contours);
         match cut(own, role, &drawn, request.allowed_cut_cm3) {
@@ -191,9 +252,13 @@ fn drawn(
             notes.push(format!("{:?} holds no voxel ({volume_cm3:.2} cm3) and is left out", own));
             continue;
         }
-        structures.push(Structure { name, role, mask });
+        if property::is_material(roi) {
+            taken.materials.push(Material { name: roi.name.as_str(), roi, mask: mask.clone() });
+        }
+        taken.written.extend([(roi.name.clone(), name.clone()), (own.clone(), name.clone())]);
+        taken.structures.push(Structure { name, role, mask });
     }
-    if refused.is_empty() { Ok(structures) } else { Err(ImportError::Cut(refused)) }
+    if refused.is_empty() { Ok(taken) } else { Err(ImportError::Cut(refused)) }
 }
 
 /// The one structure set that was drawn on the series.

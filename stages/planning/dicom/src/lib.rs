@@ -13,6 +13,7 @@
 //! - `series`: CT images to a volume
 //! - `roi`: the contours of a structure set
 //! - `names`: names of regions as names of structures
+//! - `property`: density overrides, boluses and couches
 //! - `raster`: contours to masks
 //! - `told`: what is said of a structure whose voxels are not plainly its contours
 //! - `cut`: structures that the end of the images cuts
@@ -38,6 +39,7 @@ mod names;
 mod outlines;
 mod pixels;
 mod plan;
+mod property;
 mod raster;
 mod repertoire;
 mod roi;
@@ -57,6 +59,6 @@ pub use plan::{Beam, LeafSegment, Machine, Plan, plan_file};
 pub use raster::{Beyond, Contour, ContourKind, Drawn, Rastered, rasterise};
 pub use roi::{Roi, Rois};
 pub use series::{SeriesError, Volume, volume};
-pub use slice::Slice;
+pub use slice::{Reading, Slice};
 pub use structures::structure_file;
 pub use write::{Export, ExportError, Exported, uids_of};

@@ -5,6 +5,7 @@ use std::io::Cursor;
 use dicom_core::value::Value;
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
+use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image};
 use jpeg_decoder::{CodingProcess, Decoder, PixelFormat};
 
 use crate::element::{TagError, wrong};
@@ -36,8 +37,9 @@ pub(crate) fn words(
             _ => wrong(tags::PIXEL_DATA, format!("{} pieces", fragments.len()), "RLE has one piece an image"),
         },
         uids::JPEG_LOSSLESS | uids::JPEG_LOSSLESS_SV1 => jpeg(&fragments.concat(), columns, rows),
+        uids::JPEG2000_LOSSLESS => jpeg2000(&fragments.concat(), columns, rows),
         _ => {
-            let why = "of compressed pixels RLE and JPEG lossless are read: convert the images to explicit little endian (for example `gdcmconv --raw`)";
+            let why = "of compressed pixels RLE, JPEG lossless and JPEG 2000 lossless are read: convert the images to explicit little endian (for example `gdcmconv --raw`)";
             wrong(tags::TRANSFER_SYNTAX_UID, syntax, why)
         }
     }
@@ -141,4 +143,63 @@ fn jpeg(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagError>
         }
         other => broken(format!("pixels of the kind {other:?}")),
     }
+}
+
+/// JPEG 2000: a codestream (ISO/IEC 15444-1), whose samples are the words, signed or not.
+fn jpeg2000(bytes: &[u8], columns: usize, rows: usize) -> Result<Vec<u16>, TagError> {
+    let broken = |why: String| wrong(tags::PIXEL_DATA, format!("JPEG 2000: {why}"), "export the image again");
+    // The decoder takes memory for all pixels that the header claims: what it claims is compared before.
+    let Some(Size { width, height, components: 1, is_signed, bits }) = size(bytes) else {
+        return broken("its first segment does not describe one component".to_owned());
+    };
+    if [width, height] != [columns, rows] {
+        return broken(format!("{width} x {height} pixels, but {columns} x {rows} are due"));
+    }
+    if !(1..=16).contains(&bits) {
+        return broken(format!("{bits} bits a pixel (allowed: 1 to 16)"));
+    }
+    if columns * rows / LARGEST_RATIO > bytes.len() {
+        return broken(format!("{} bytes for {columns} x {rows} pixels", bytes.len()));
+    }
+    let settings = DecodeSettings { strict: true, ..DecodeSettings::default() };
+    let image = match Image::new(bytes, &settings) {
+        Ok(image) => image,
+        Err(fault) => return broken(fault.to_string()),
+    };
+    let mut context = DecoderContext::default();
+    let decoded = match image.decode(&mut context) {
+        Ok(decoded) => decoded,
+        Err(fault) => return broken(fault.to_string()),
+    };
+    let components = decoded.components();
+    let [component] = components else { return broken(format!("{} components", components.len())) };
+    let samples = component.samples();
+    if samples.len() != columns * rows {
+        return broken(format!("{} pixels, but {} are due", samples.len(), columns * rows));
+    }
+    // The decoder moves every sample up by half the range, as is right for unsigned samples alone.
+    let shift = if is_signed { -f64::from(1_u32 << (bits - 1)) } else { 0.0 };
+    Ok(samples.iter().map(|&sample| libm::round(f64::from(sample) + shift) as i32 as u16).collect())
+}
+
+/// What a well packed image can be smaller by.
+const LARGEST_RATIO: usize = 1 << 14;
+
+/// The size segment of a codestream (A.5.1).
+struct Size {
+    width: usize,
+    height: usize,
+    components: u16,
+    is_signed: bool,
+    bits: u8,
+}
+
+fn size(bytes: &[u8]) -> Option<Size> {
+    let rest = bytes.strip_prefix(&[0xFF, 0x4F, 0xFF, 0x51])?;
+    let long = |at: usize| Some(u32::from_be_bytes(rest.get(at..at + 4)?.try_into().ok()?) as usize);
+    let components = u16::from_be_bytes(rest.get(36..38)?.try_into().ok()?);
+    let depth = *rest.get(38)?;
+    let width = long(4)?.checked_sub(long(12)?)?;
+    let height = long(8)?.checked_sub(long(16)?)?;
+    Some(Size { width, height, components, is_signed: depth & 0x80 != 0, bits: (depth & 0x7F) + 1 })
 }

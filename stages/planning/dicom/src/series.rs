@@ -12,6 +12,10 @@ use crate::slice::Slice;
 const SAME_MM: f64 = 1e-3;
 /// How far the distance of two slices may be from the others, as a part of it.
 const GAP: f64 = 0.01;
+/// How far an image may be from its place among evenly spaced ones, mm, and as a part of their distance: contours go to the
+/// nearest image all the same.
+const OFF_MM: f64 = 0.2;
+const OFF: f64 = 0.05;
 
 /// Why images make no volume.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -73,6 +77,8 @@ pub struct Volume {
     pub frame_of_reference: Uid,
     /// How the patient lies.
     pub position: PatientPosition,
+    /// What is worth a look, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// The volume of these images of one series, in whatever order they come.
@@ -84,7 +90,16 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> 
             return Err(SeriesError::Mixed { file: file.clone(), first: first_path.clone(), what });
         }
     }
-    let due_mm = evenly(&slices)?;
+    let mut notes = Vec::new();
+    let due_mm = evenly(&slices, &mut notes)?;
+    notes.extend(first.unit.clone());
+    let clipped: usize = slices.iter().map(|(_, slice)| slice.clipped).sum();
+    if let Some((file, _)) = slices.iter().find(|(_, slice)| slice.clipped > 0) {
+        notes.push(format!(
+            "{clipped} pixels, the first in {}, are beyond -32768 to 32767 Hounsfield units and are clipped",
+            file.display()
+        ));
+    }
     let grid = Grid {
         counts: [first.counts[0], first.counts[1], slices.len()],
         spacing_mm: [first.spacing_mm[0], first.spacing_mm[1], due_mm],
@@ -93,11 +108,11 @@ pub fn volume(mut slices: Vec<(PathBuf, Slice)>) -> Result<Volume, SeriesError> 
     let mut hu = Vec::with_capacity(slices.iter().map(|(_, s)| s.hu.len()).sum());
     slices.iter().for_each(|(_, slice)| hu.extend(&slice.hu));
     let (study, frame_of_reference) = (first.study.clone(), first.frame_of_reference.clone());
-    Ok(Volume { grid, hu, study, frame_of_reference, position: first.position })
+    Ok(Volume { grid, hu, study, frame_of_reference, position: first.position, notes })
 }
 
 /// The distance of the images, if it is one.
-fn evenly(slices: &[(PathBuf, Slice)]) -> Result<f64, SeriesError> {
+fn evenly(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) -> Result<f64, SeriesError> {
     let z_mm = |place: usize| slices[place].1.position_mm[2];
     let mut steps: Vec<f64> = (1..slices.len()).map(|i| z_mm(i) - z_mm(i - 1)).collect();
     if let Some(i) = steps.iter().position(|&step| step <= SAME_MM) {
@@ -107,12 +122,23 @@ fn evenly(slices: &[(PathBuf, Slice)]) -> Result<f64, SeriesError> {
     let unsorted = steps.clone();
     steps.sort_by(f64::total_cmp);
     let due_mm = steps[steps.len() / 2];
-    if let Some(i) = unsorted.iter().position(|step| (step - due_mm).abs() > (GAP * due_mm).max(SAME_MM)) {
-        let (file, next) = (slices[i].0.clone(), slices[i + 1].0.clone());
-        return Err(SeriesError::Gap { file, next, found_mm: unsorted[i], due_mm });
-    }
     // The mean keeps the last image where it is.
-    Ok((z_mm(slices.len() - 1) - z_mm(0)) / (slices.len() - 1) as f64)
+    let mean_mm = (z_mm(slices.len() - 1) - z_mm(0)) / (slices.len() - 1) as f64;
+    let uneven = unsorted.iter().position(|step| (step - due_mm).abs() > (GAP * due_mm).max(SAME_MM));
+    let Some(i) = uneven else { return Ok(mean_mm) };
+    let off_mm = (0..slices.len())
+        .map(|place| (z_mm(place) - z_mm(0) - mean_mm * place as f64).abs())
+        .fold(0.0, f64::max);
+    if off_mm <= OFF_MM.min(OFF * mean_mm) {
+        notes.push(format!(
+            "the images are {:.3} to {:.3} mm apart and are taken as evenly spaced, {mean_mm:.3} mm: none is off by more than {off_mm:.3} mm",
+            steps[0],
+            steps[steps.len() - 1]
+        ));
+        return Ok(mean_mm);
+    }
+    let (file, next) = (slices[i].0.clone(), slices[i + 1].0.clone());
+    Err(SeriesError::Gap { file, next, found_mm: unsorted[i], due_mm })
 }
 
 /// What two images of one volume must share but do not.
@@ -123,6 +149,7 @@ fn difference(a: &Slice, b: &Slice) -> Option<&'static str> {
         (a.series == b.series, "(0020,000E) SeriesInstanceUID"),
         (a.frame_of_reference == b.frame_of_reference, "(0020,0052) FrameOfReferenceUID"),
         (a.position == b.position, "(0018,5100) PatientPosition"),
+        (a.unit == b.unit, "(0028,1054) RescaleType"),
         (a.counts == b.counts, "the count of (0028,0010) Rows or (0028,0011) Columns"),
         (near(&a.spacing_mm, &b.spacing_mm), "(0028,0030) PixelSpacing"),
         (near(&a.position_mm[..2], &b.position_mm[..2]), "the corner in (0020,0032) ImagePositionPatient"),

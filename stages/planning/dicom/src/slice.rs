@@ -2,6 +2,7 @@
 
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::InMemDicomObject;
+use stillpoint_patient::case::intake::Scale;
 use stillpoint_patient::case::{PatientPosition, Uid};
 
 use crate::dataset::DataSet;
@@ -12,6 +13,8 @@ use crate::pixels::words;
 const OBLIQUE: f64 = 1e-4;
 /// Padding outside the scanner's circle holds no measurement; it is air.
 const AIR_HU: i16 = -1000;
+/// The part of an image that metal may saturate.
+const CLIPPED: f64 = 0.01;
 
 /// One CT image, in Hounsfield units.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +27,10 @@ pub struct Slice {
     pub position_mm: [f64; 3],
     /// Values, x fastest.
     pub hu: Vec<i16>,
+    /// Pixels beyond 16 bits of Hounsfield units, which are clipped: metal.
+    pub clipped: usize,
+    /// What is to be said of the unit of the values.
+    pub unit: Option<String>,
     /// How the patient lies.
     pub position: PatientPosition,
     /// Study, series and frame of reference.
@@ -34,9 +41,23 @@ pub struct Slice {
     pub frame_of_reference: Uid,
 }
 
+/// What the caller knows of images, and accepts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reading {
+    /// How the patient lies, where the images do not say it.
+    pub position: Option<PatientPosition>,
+    /// Whether values are taken that are no Hounsfield units of a patient.
+    pub scale: Scale,
+}
+
 impl Slice {
+    /// The image in this data set, which says all of itself.
+    pub fn read(data: &DataSet) -> Result<Self, TagError> {
+        Self::read_as(data, Reading::default())
+    }
+
     /// The image in this data set.
-    pub fn read(DataSet { object, compressed }: &DataSet) -> Result<Self, TagError> {
+    pub fn read_as(DataSet { object, compressed }: &DataSet, reading: Reading) -> Result<Self, TagError> {
         let class = text(object, tags::SOP_CLASS_UID)?;
         if class != uids::CT_IMAGE_STORAGE {
             return wrong(
@@ -45,7 +66,8 @@ impl Slice {
                 "single-frame CT images are read: export them as CT Image Storage",
             );
         }
-        let position = position(object)?;
+        let position = position(object, reading.position)?;
+        let unit = unit(object, reading.scale)?;
         let [against_x, against_y] = reversed(object)?;
         let mut position_mm: [f64; 3] = exactly(object, tags::IMAGE_POSITION_PATIENT)?;
         let [row_mm, column_mm] = exactly(object, tags::PIXEL_SPACING)?;
@@ -60,7 +82,7 @@ impl Slice {
         let [Ok(columns), Ok(rows)] = counts.map(usize::try_from) else {
             return wrong(tags::ROWS, format!("{counts:?}"), "a count is due");
         };
-        let mut hu = hounsfield(object, compressed.as_deref(), columns, rows)?;
+        let (mut hu, clipped) = hounsfield(object, compressed.as_deref(), columns, rows)?;
         if against_x {
             hu.chunks_exact_mut(columns).for_each(<[i16]>::reverse);
             position_mm[0] -= (columns - 1) as f64 * column_mm;
@@ -74,6 +96,8 @@ impl Slice {
             spacing_mm: [column_mm, row_mm],
             position_mm,
             hu,
+            clipped,
+            unit,
             position,
             study: uid(object, tags::STUDY_INSTANCE_UID)?,
             series: uid(object, tags::SERIES_INSTANCE_UID)?,
@@ -83,8 +107,15 @@ impl Slice {
 }
 
 /// How the patient lies, where it is a position that can be planned.
-fn position(object: &InMemDicomObject) -> Result<PatientPosition, TagError> {
-    let term = text(object, tags::PATIENT_POSITION)?;
+fn position(object: &InMemDicomObject, stated: Option<PatientPosition>) -> Result<PatientPosition, TagError> {
+    let Some(term) = text_if_any(object, tags::PATIENT_POSITION)? else {
+        let why = "state it by `--position HFS` (or HFP, FFS, FFP)";
+        return stated.ok_or(TagError::Unstated { tag: tags::PATIENT_POSITION, why });
+    };
+    let term = term.to_ascii_uppercase();
+    if stated.is_some_and(|stated| stated.term() != term) {
+        return wrong(tags::PATIENT_POSITION, term, "`--position` states another: leave it out");
+    }
     PatientPosition::of_term(&term).map_or_else(
         || {
             let name = match term.as_str() {
@@ -102,6 +133,33 @@ fn position(object: &InMemDicomObject) -> Result<PatientPosition, TagError> {
         },
         Ok,
     )
+}
+
+/// What is to be said of the unit of the values; refuses values that are no Hounsfield units.
+fn unit(object: &InMemDicomObject, scale: Scale) -> Result<Option<String>, TagError> {
+    let kernel = text_if_any(object, tags::CONVOLUTION_KERNEL)?.unwrap_or_default();
+    let is_density = |kernel: &str| {
+        kernel.strip_prefix("Sd").is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit()))
+    };
+    if is_density(&kernel) {
+        let said = format!(
+            "the kernel {kernel} makes values that are proportional to density: the density table of the machine must be that of this kernel"
+        );
+        return Ok(Some(said));
+    }
+    let Some(unit) = text_if_any(object, tags::RESCALE_TYPE)? else { return Ok(None) };
+    let also = "another density table is required (`plan --machine FILE`)";
+    match unit.to_ascii_uppercase().as_str() {
+        // Unspecified: many writers mean Hounsfield units, and whether the values can be is checked later.
+        "HU" | "US" => Ok(None),
+        "HU_MOD" => Ok(Some(format!("the values are modified Hounsfield units (HU_MOD): {also}"))),
+        _ if scale == Scale::Any => Ok(Some(format!("the values are no Hounsfield units ({unit}): {also}"))),
+        _ => wrong(
+            tags::RESCALE_TYPE,
+            unit,
+            "HU is required: export the images in Hounsfield units, or take the values as they are by `--any-hounsfield`",
+        ),
+    }
 }
 
 /// Whether rows and columns run against x and y. Refuses images that are not across the patient.
@@ -137,7 +195,7 @@ fn hounsfield(
     compressed: Option<&str>,
     columns: usize,
     rows: usize,
-) -> Result<Vec<i16>, TagError> {
+) -> Result<(Vec<i16>, usize), TagError> {
     must_be(object, tags::SAMPLES_PER_PIXEL, 1, "a CT has one sample per pixel")?;
     must_be(object, tags::BITS_ALLOCATED, 16, "16 bits per pixel are read")?;
     let photometric = text(object, tags::PHOTOMETRIC_INTERPRETATION)?;
@@ -171,6 +229,7 @@ fn hounsfield(
     };
     let words = words(object, compressed, columns, rows)?;
     let mut hu = Vec::with_capacity(words.len());
+    let mut clipped = 0;
     for word in words {
         let stored = value(word);
         let exact = libm::round(slope * f64::from(stored) + intercept);
@@ -178,13 +237,17 @@ fn hounsfield(
             _ if Some(stored) == padding => AIR_HU,
             _ if (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&exact) => exact as i16,
             _ => {
-                return wrong(
-                    tags::RESCALE_SLOPE,
-                    slope,
-                    "it takes a pixel beyond -32768 to 32767 Hounsfield units",
-                );
+                clipped += 1;
+                exact.clamp(f64::from(i16::MIN), f64::from(i16::MAX)) as i16
             }
         });
     }
-    Ok(hu)
+    if clipped as f64 > CLIPPED * hu.len() as f64 {
+        return wrong(
+            tags::RESCALE_SLOPE,
+            slope,
+            "it takes more than a hundredth of the pixels beyond -32768 to 32767 Hounsfield units",
+        );
+    }
+    Ok((hu, clipped))
 }

@@ -131,7 +131,7 @@ proptest! {
 
     #[test]
     fn broken_compressed_images_are_refused_or_read_whole(
-        which in 0..3_usize, harms in prop::collection::vec(harm(), 1..4), inside in prop::collection::vec(harm(), 0..4),
+        which in 0..4_usize, harms in prop::collection::vec(harm(), 1..4), inside in prop::collection::vec(harm(), 0..4),
     ) {
         let (syntax, piece) = &compressed::pieces()[which];
         let bytes = compressed::image(1, syntax, &harmed(piece.clone(), &inside));

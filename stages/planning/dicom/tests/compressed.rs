@@ -1,4 +1,4 @@
-//! An image that another program compressed: GDCM 3, from 12 x 9 words of 12 bits.
+//! An image that another program compressed: GDCM 3 and, to JPEG 2000, OpenJPEG 2.5; from 12 x 9 words of 12 bits.
 
 use dicom_core::value::{PixelFragmentSequence, Value};
 use dicom_core::{DataElement, VR};
@@ -20,15 +20,41 @@ const RLE: &str = "\
 a9ce07183d62870b07d1f61b40078aafd4f907430b688db207fc21466b07b5daff0b24076e93b8dd07274c7196070be0052a4f0799bee3\
 0807527700";
 
+const JPEG2000: &str = "\
+ff4fff51002900000000000c0000000900000000000000000000000c00000009000000000000000000010b0101ff52000c000000010000\
+04040001ff5c00044060ff640025000143726561746564206279204f70656e4a5045472076657273696f6e20322e352e34ff90000a0000\
+000000b30001ff93cfe6a2111df667f1164c0fe920e8063afaea25f28d3d033a9634006afb78f211df7314cb99c5d93d03bf8efa900a8b\
+2e9fb2456acfda4c62b884b635683dee796f60fc0287a11ff394d290459cc0b1967415bcf07735d3ac3f16ecbe3a24f7a88e2fca571699\
+e7f88476678c7ffeee361432ebaaff71990f049c6eba647baac77586bf8108676085fe11f036bbf3565c77c53780bb4bed7286d1e4862b\
+ceb3b6777f02b915ffd9";
+/// The words less 2048, as signed ones.
+const JPEG2000_SIGNED: &str = "\
+ff4fff51002900000000000c0000000900000000000000000000000c00000009000000000000000000018b0101ff52000c000000010000\
+04040001ff5c00044060ff640025000143726561746564206279204f70656e4a5045472076657273696f6e20322e352e34ff90000a0000\
+000000b30001ff93cfe6a2111df667f1164c0fe920e8063afaea25f28d3d033a9634006afb78f211df7314cb99c5d93d03bf8efa900a8b\
+2e9fb2456acfda4c62b884b635683dee796f60fc0287a11ff394d290459cc0b1967415bcf07735d3ac3f16ecbe3a24f7a88e2fca571699\
+e7f88476678c7ffeee361432ebaaff71990f049c6eba647baac77586bf8108676085fe11f036bbf3565c77c53780bb4bed7286d1e4862b\
+ceb3b6777f02b915ffd9";
+
 /// The words that were compressed.
 pub fn words() -> impl Iterator<Item = u16> {
     (0..(COUNTS[0] * COUNTS[1]) as u16).map(|i| if i % 5 == 0 { 7 } else { i * 37 % 4096 })
 }
 
 /// Transfer syntaxes with the compressed image.
-pub fn pieces() -> [(&'static str, Vec<u8>); 3] {
+pub fn pieces() -> [(&'static str, Vec<u8>); 4] {
     let jpeg = bytes(JPEG);
-    [(uids::JPEG_LOSSLESS, jpeg.clone()), (uids::JPEG_LOSSLESS_SV1, jpeg), (uids::RLE_LOSSLESS, bytes(RLE))]
+    [
+        (uids::JPEG_LOSSLESS, jpeg.clone()),
+        (uids::JPEG_LOSSLESS_SV1, jpeg),
+        (uids::RLE_LOSSLESS, bytes(RLE)),
+        (uids::JPEG2000_LOSSLESS, bytes(JPEG2000)),
+    ]
+}
+
+/// JPEG 2000 with signed words, each less by 2048 than that of [`words`].
+pub fn signed_piece() -> Vec<u8> {
+    bytes(JPEG2000_SIGNED)
 }
 
 fn bytes(hex: &str) -> Vec<u8> {

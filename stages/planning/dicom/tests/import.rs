@@ -5,6 +5,7 @@ use std::path::Path;
 use dicom_core::{PrimitiveValue, VR};
 use dicom_dictionary_std::tags;
 use stillpoint_dicom::{Identity, Request, import_folder};
+use stillpoint_patient::case::intake::Scale;
 use stillpoint_patient::case::{Imported, NameTable, Prescription, Role, Uid, Uids, to_bytes};
 
 use crate::fixture::{
@@ -21,6 +22,8 @@ pub fn request(names: &NameTable) -> Request<'_> {
         fractions: None,
         isocentre_mm: None,
         allowed_cut_cm3: 0.0,
+        position: None,
+        scale: Scale::OfPatients,
     }
 }
 
@@ -39,7 +42,7 @@ fn refusal(slice: usize, change: impl FnOnce(&mut dicom_object::InMemDicomObject
 #[test]
 fn slices_are_sorted_by_their_position_and_rescaled() {
     let folder = folder();
-    let Imported { case, notes } = import(folder.path()).unwrap();
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
     assert_eq!((case.grid().counts, case.grid().spacing_mm), (COUNTS, [2.0, 3.0, 2.5]));
     assert_eq!(case.grid().origin_mm, [-10.0, -12.0, 100.0]);
     let slice: Vec<i16> = (0..108).map(|i| 10 * i - 1000).collect();
@@ -153,8 +156,15 @@ fn of_several_series_one_must_be_chosen() {
         put(&mut object, tags::SERIES_INSTANCE_UID, VR::UI, "1.2.99");
         std::fs::write(folder.path().join(format!("other{slice}.dcm")), file(&object)).unwrap();
     }
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
+    assert_eq!(case.uids().unwrap().series.as_str(), SERIES, "the structure set names it");
+    assert!(notes[0].contains("of 2 CT series that is taken which the RTSTRUCT names"), "{notes:?}");
+    let mut set = small_structures();
+    set.take(tags::REFERENCED_FRAME_OF_REFERENCE_SEQUENCE);
+    std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
     let said = import(folder.path()).unwrap_err();
     assert!(said.contains("--series") && said.contains(SERIES) && said.contains("1.2.99"), "{said}");
+    std::fs::write(folder.path().join("rs.dcm"), file(&small_structures())).unwrap();
     let names = NameTable::shipped().unwrap();
     let of = |uid: &str| {
         import_folder(folder.path(), &Request { series: Some(Uid::parse(uid).unwrap()), ..request(&names) })
@@ -290,11 +300,154 @@ fn what_holds_no_volume_is_left_out_and_told() {
     let set = structure_set(vec![("iso", "ISOCENTER", vec![line]), ("ptv", "PTV", ptv)]);
     let folder = folder();
     std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
-    let Imported { case, notes } = import(folder.path()).unwrap();
-    assert_eq!(case.structures().len(), 1);
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
+    let names: Vec<_> = case.structures().iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(names, ["PTV", "Body"], "the outline is made");
     let notes = notes.join("\n");
     assert!(
         notes.contains(r#""iso": 1 contours are points"#) && notes.contains(r#""iso" holds no voxel"#),
         "{notes}"
     );
+}
+
+/// The case with a structure set that is changed.
+fn with_set(change: impl FnOnce(&mut dicom_object::InMemDicomObject)) -> Result<Imported, String> {
+    let folder = folder();
+    let mut set = small_structures();
+    change(&mut set);
+    std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
+    import(folder.path())
+}
+
+fn items(
+    object: &mut dicom_object::InMemDicomObject,
+    tag: dicom_core::Tag,
+) -> Vec<dicom_object::InMemDicomObject> {
+    object.get(tag).and_then(|e| e.value().items()).unwrap().to_vec()
+}
+
+#[test]
+fn two_regions_of_one_number_are_refused_by_their_names() {
+    let said = with_set(|set| {
+        for (tag, number) in [
+            (tags::STRUCTURE_SET_ROI_SEQUENCE, tags::ROI_NUMBER),
+            (tags::ROI_CONTOUR_SEQUENCE, tags::REFERENCED_ROI_NUMBER),
+            (tags::RTROI_OBSERVATIONS_SEQUENCE, tags::REFERENCED_ROI_NUMBER),
+        ] {
+            let mut regions = items(set, tag);
+            regions.iter_mut().for_each(|region| put(region, number, VR::IS, "2"));
+            crate::fixture::sequence(set, tag, regions);
+        }
+    })
+    .unwrap_err();
+    assert!(said.contains("(3006,0022)") && said.contains("outline") && said.contains("ptv"), "{said}");
+}
+
+#[test]
+fn one_bad_item_is_left_out_and_told_and_stops_nothing() {
+    let expected = import(folder().path()).unwrap().case;
+    let empty = with_set(|set| {
+        let mut regions = items(set, tags::ROI_CONTOUR_SEQUENCE);
+        let mut contours = items(&mut regions[1], tags::CONTOUR_SEQUENCE);
+        let mut none = contour(105.0, &[]);
+        put(&mut none, tags::CONTOUR_DATA, VR::DS, PrimitiveValue::Empty);
+        contours.extend([none, contour(105.0, &[[0.0, 0.0]]), contour(105.0, &[[0.0, 0.0], [1.0, 0.0]])]);
+        crate::fixture::sequence(&mut regions[1], tags::CONTOUR_SEQUENCE, contours);
+        crate::fixture::sequence(set, tags::ROI_CONTOUR_SEQUENCE, regions);
+    })
+    .unwrap();
+    assert_eq!(empty.case, expected);
+    assert_eq!(empty.left_out, [r#""ptv": 3 contours have fewer than three points and are left out"#]);
+    let orphan = with_set(|set| {
+        let mut regions = items(set, tags::ROI_CONTOUR_SEQUENCE);
+        let mut stray = regions[1].clone();
+        put(&mut stray, tags::REFERENCED_ROI_NUMBER, VR::IS, "77");
+        regions.push(stray);
+        crate::fixture::sequence(set, tags::ROI_CONTOUR_SEQUENCE, regions);
+    })
+    .unwrap();
+    assert_eq!(orphan.case, expected);
+    assert!(orphan.left_out[0].contains("5 contours are of the region number 77"), "{:?}", orphan.left_out);
+    let strange = with_set(|set| {
+        let mut regions = items(set, tags::STRUCTURE_SET_ROI_SEQUENCE);
+        put(&mut regions[0], tags::REFERENCED_FRAME_OF_REFERENCE_UID, VR::UI, "1.2.77");
+        crate::fixture::sequence(set, tags::STRUCTURE_SET_ROI_SEQUENCE, regions);
+    })
+    .unwrap();
+    assert!(strange.left_out[0].contains(r#""outline" is drawn in another frame of reference"#));
+    let beside = folder();
+    let copy = std::fs::read(beside.path().join(name(1))).unwrap();
+    std::fs::write(beside.path().join("copy.dcm"), copy).unwrap();
+    std::fs::write(beside.path().join("._ct1.dcm"), b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X").unwrap();
+    let mut directory = dicom_object::InMemDicomObject::new_empty();
+    crate::fixture::sequence(&mut directory, tags::DIRECTORY_RECORD_SEQUENCE, Vec::new());
+    std::fs::write(beside.path().join("DICOMDIR"), file(&directory)).unwrap();
+    let Imported { case, notes, left_out } = import(beside.path()).unwrap();
+    assert_eq!((case, left_out), (expected, Vec::new()));
+    let notes = notes.join("\n");
+    for said in ["DICOMDIR", "1 files are resource forks", "1 files are copies of others"] {
+        assert!(notes.contains(said), "{said}: {notes}");
+    }
+}
+
+#[test]
+fn a_position_that_the_images_do_not_say_can_be_stated_and_one_that_they_say_not_changed() {
+    use stillpoint_patient::case::PatientPosition;
+    let folder = folder();
+    for slice in 0..COUNTS[2] {
+        replace(folder.path(), slice, |o| drop(o.take(tags::PATIENT_POSITION)));
+    }
+    let names = NameTable::shipped().unwrap();
+    let stated = |position| import_folder(folder.path(), &Request { position, ..request(&names) });
+    assert!(stated(None).unwrap_err().to_string().contains("--position HFS"));
+    let prone = Some(PatientPosition::HeadFirstProne);
+    assert_eq!(stated(prone).unwrap().case.position(), PatientPosition::HeadFirstProne);
+    replace(folder.path(), 2, |_| {});
+    assert!(stated(prone).unwrap_err().to_string().contains("states another"));
+}
+
+#[test]
+fn values_that_are_no_hounsfield_units_are_refused_by_tag() {
+    let folder = folder();
+    for slice in 0..COUNTS[2] {
+        replace(folder.path(), slice, |o| put(o, tags::RESCALE_TYPE, VR::LO, "EDW"));
+    }
+    let said = import(folder.path()).unwrap_err();
+    assert!(said.contains("(0028,1054)") && said.contains("--any-hounsfield"), "{said}");
+    for slice in 0..COUNTS[2] {
+        replace(folder.path(), slice, |o| put(o, tags::RESCALE_INTERCEPT, VR::DS, "24"));
+    }
+    let said = import(folder.path()).unwrap_err();
+    assert!(said.contains("implausible Hounsfield units"), "{said}");
+}
+
+#[test]
+fn densities_boluses_and_couches_are_used_or_told() {
+    let density = |value: &str| {
+        let mut property = dicom_object::InMemDicomObject::new_empty();
+        put(&mut property, tags::ROI_PHYSICAL_PROPERTY, VR::CS, "REL_ELEC_DENSITY");
+        put(&mut property, tags::ROI_PHYSICAL_PROPERTY_VALUE, VR::DS, value);
+        property
+    };
+    let folder = folder();
+    let regions = vec![
+        ("outline", "EXTERNAL", crate::fixture::on_every_slice([-9.0, 7.0, -13.5, 13.5])),
+        ("ptv", "PTV", crate::fixture::on_every_slice([-1.0, 5.0, -1.5, 4.5])),
+        ("bolus", "BOLUS", crate::fixture::on_every_slice([7.0, 9.0, -13.5, 13.5])),
+        ("couch", "SUPPORT", crate::fixture::on_every_slice([9.0, 11.0, -13.5, 13.5])),
+    ];
+    let mut set = structure_set(regions);
+    let mut observed = items(&mut set, tags::RTROI_OBSERVATIONS_SEQUENCE);
+    crate::fixture::sequence(&mut observed[1], tags::ROI_PHYSICAL_PROPERTIES_SEQUENCE, vec![density("1.5")]);
+    crate::fixture::sequence(&mut set, tags::RTROI_OBSERVATIONS_SEQUENCE, observed);
+    std::fs::write(folder.path().join("rs.dcm"), file(&set)).unwrap();
+    let Imported { case, notes, .. } = import(folder.path()).unwrap();
+    let hu: Vec<i16> = case.structure("PTV").unwrap().mask.indices().map(|i| case.hu()[i]).collect();
+    assert!(hu.iter().all(|&hu| hu == 933), "density 1.5: {hu:?}");
+    let bolus = &case.structure("bolus").unwrap().mask;
+    assert!(bolus.indices().all(|i| case.external().unwrap().mask.contains(i) && case.hu()[i] > -300));
+    let notes = notes.join("\n");
+    for said in ["\"bolus\" is a bolus", "\"couch\" does not count for the dose", "set to 933 HU"] {
+        assert!(notes.contains(said), "{said}: {notes}");
+    }
 }

@@ -10,7 +10,8 @@ use crate::import::request;
 fn the_dicom_folder_and_the_nrrd_files_of_one_case_agree() {
     let Some(root) = reference::folder("planning") else { return };
     let names = NameTable::shipped().unwrap();
-    let Imported { case, notes } = import_folder(&root.join("pelvis_000/dicom"), &request(&names)).unwrap();
+    let Imported { case, notes, .. } =
+        import_folder(&root.join("pelvis_000/dicom"), &request(&names)).unwrap();
     let described = import_described(&root.join("pelvis_000/pelvis_000.json"), &names).unwrap().case;
     assert_eq!(case.grid(), described.grid());
     assert_eq!(case.hu(), described.hu());
@@ -47,7 +48,7 @@ fn the_samples_of_vendors_are_read_for_what_they_are() {
     let object = DataSet::read(&bytes).unwrap().object;
     let frame = Uid::parse("1.2.826.0.1.3680043.8.498.2010020400001.2").unwrap();
     let rois = Rois::read(&object, &frame).unwrap().rois;
-    let told: Vec<_> = rois.iter().map(|r| (r.name.as_str(), r.role, r.contours.len())).collect();
+    let told: Vec<_> = rois.iter().map(|r| (r.name.as_str(), r.role.unwrap(), r.contours.len())).collect();
     let iso = |name| (name, Role::Other, 0);
     assert_eq!(told, [("patient", Role::External, 3), iso("Isocenter 1"), iso("Isocenter 2")]);
 }

@@ -188,3 +188,61 @@ proptest! {
         }
     }
 }
+
+/// Boxes of a body with a hole and of an island, each on planes of its own, and the same on one plane.
+fn jittered(jitter: &[f64], slices: usize, hole: bool) -> [Vec<Contour>; 2] {
+    let boxes = [OUTER, INNER, [7.0, 10.0, -7.0, -1.0], [7.0, 10.0, 2.0, 8.0]];
+    let (mut moved, mut plain) = (Vec::new(), Vec::new());
+    for slice in 0..slices {
+        for (place, corners) in boxes.iter().enumerate().filter(|(place, _)| hole || *place != 1) {
+            let z_mm = 50.0 + 2.0 * slice as f64;
+            let off = jitter[(4 * slice + place) % jitter.len()];
+            moved.push(contour(z_mm + off, rectangle(*corners)));
+            plain.push(contour(z_mm, rectangle(*corners)));
+        }
+    }
+    [moved, plain]
+}
+
+proptest! {
+    #[test]
+    fn islands_and_holes_keep_their_volume_wherever_their_planes_jitter(
+        jitter in prop::collection::vec(-0.25..0.25_f64, 1..24), slices in 2..6_usize,
+    ) {
+        let [moved, plain] = jittered(&jitter, slices, true);
+        let (moved, plain) = (rasterise(&GRID, &moved), rasterise(&GRID, &plain));
+        prop_assert_eq!(&moved.mask, &plain.mask);
+        prop_assert_eq!(moved.drawn.skipped, 0);
+        prop_assert!((moved.drawn.drawn_cm3 - plain.drawn.drawn_cm3).abs() < 0.15 * plain.drawn.drawn_cm3);
+    }
+
+    #[test]
+    fn islands_that_lie_apart_keep_their_volume_on_planes_of_their_own(
+        offset in prop::collection::vec(-0.99..0.99_f64, 3), slices in 3..6_usize,
+    ) {
+        // Each island's planes are shifted as one: half a slice is as likely as a hundredth.
+        let jitter: Vec<f64> = vec![offset[0], 0.0, offset[1], offset[2]];
+        let [moved, plain] = jittered(&jitter, slices, false);
+        let volume = |contours: &[Contour]| rasterise(&GRID, contours).mask.count() as f64;
+        // A shifted island may lose its first or last slice to the end of the images; it never loses more.
+        let due = volume(&plain);
+        prop_assert!(volume(&moved) >= due * (slices - 1) as f64 / slices as f64, "{} of {due}", volume(&moved));
+    }
+
+    #[test]
+    fn planes_finer_than_the_slices_are_no_jitter(step in 0.25..1.0_f64) {
+        // A cone: were two of its planes one, the smaller contour were a hole in the larger.
+        let cone: Vec<Contour> = (0..24)
+            .map(|place| {
+                let half = 8.0 - 0.3 * f64::from(place);
+                contour(50.0 + step * f64::from(place), rectangle([-half, half, -half, half]))
+            })
+            .collect();
+        let mask = rasterise(&GRID, &cone).mask;
+        let middle = [10, 7];
+        let last = ((step * 23.0) / 2.0) as usize;
+        for z in 0..=last.min(5) {
+            prop_assert!(mask.contains(GRID.index([middle[0], middle[1], z])), "slice {z} has a hole");
+        }
+    }
+}

@@ -5,7 +5,7 @@
 
 use stillpoint_patient::case::{Case, Mask, Role};
 use stillpoint_plan::dose::Machine;
-use stillpoint_plan::fluence::{Objective, Wanted};
+use stillpoint_plan::fluence::StructureObjectives;
 use thiserror::Error;
 
 use crate::lattice::Lattice;
@@ -82,11 +82,12 @@ struct Seen {
 
 impl Eye {
     /// Looks at a case from `angles` equal steps around it. `wanted` are the objectives, as of
-    /// [`stillpoint_plan::objectives::Aims`]; of each structure but targets the overdose objective with the largest weight
-    /// below the prescription counts. `bixel_mm` is the width of the bixels of which the beams will be made.
+    /// [`stillpoint_plan::objectives::ObjectiveSet`]; of each structure but targets the objective of the largest
+    /// weight that limits its dose below the prescription counts. `bixel_mm` is the width of the bixels of which the beams
+    /// will be made.
     pub fn of_case(
         case: &Case,
-        wanted: &[Wanted],
+        wanted: &[StructureObjectives],
         machine: &Machine,
         angles: usize,
         bixel_mm: f64,
@@ -171,18 +172,13 @@ impl Eye {
 }
 
 /// The structures at risk, in the order of `wanted`.
-fn risks<'a>(case: &'a Case, wanted: &[Wanted], prescribed: f64) -> Vec<Risk<'a>> {
+fn risks<'a>(case: &'a Case, wanted: &[StructureObjectives], prescribed: f64) -> Vec<Risk<'a>> {
     let mut risks = Vec::new();
     for wish in wanted {
         let Some(structure) = case.structure(&wish.name).filter(|s| s.role != Role::Target) else { continue };
-        let over = wish.objectives.iter().filter_map(|objective| match objective {
-            Objective::Overdose { dose, weight } | Objective::DvhAtMost { dose, weight, .. }
-                if *dose < prescribed =>
-            {
-                Some((*dose, *weight))
-            }
-            Objective::MeanDose { dose, weight } if *dose < prescribed => Some((*dose, *weight)),
-            _ => None,
+        let over = wish.objectives.iter().filter_map(|objective| {
+            let dose = objective.tolerated_gy().filter(|dose| *dose < prescribed)?;
+            Some((dose, objective.weight()))
         });
         let Some((dose, weight)) = over.reduce(|a, b| if b.1 > a.1 { b } else { a }) else { continue };
         if weight > 0.0 && !structure.mask.is_empty() && risks.len() + 2 < MOST_STRUCTURES {

@@ -36,7 +36,7 @@ pub enum ModelFileError {
     Form(String),
     /// It is not of this network.
     #[error(
-        "its metadata has no `{ENTRY}` that this build reads ({0}); train the model with `stillpoint train planner`"
+        "its metadata has no `{ENTRY}` that this build reads ({0}); train the model with `stillpoint-research train planner`"
     )]
     Meaning(String),
     /// A tensor is not there, or of another form.

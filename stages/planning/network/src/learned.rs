@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stillpoint_patient::case::Case;
 use stillpoint_plan::beams::{BeamSet, Prior, Ring, RingError};
 use stillpoint_plan::dose::DoseParams;
-use stillpoint_plan::objectives::AimsError;
+use stillpoint_plan::objectives::ObjectiveSetError;
 use stillpoint_plan::recipe::{LearnedBeams, PlanRequest, RequestError, SetupSpec};
 use thiserror::Error;
 
@@ -31,7 +31,7 @@ pub enum LearnedError {
     File(#[from] ModelFileError),
     /// The objectives do not fit the case.
     #[error(transparent)]
-    Objectives(#[from] AimsError),
+    Objectives(#[from] ObjectiveSetError),
     /// The case cannot be seen.
     #[error(transparent)]
     Eye(#[from] EyeError),
@@ -67,7 +67,7 @@ pub fn with_network(
     };
     let grid = DoseParams::over(case.grid(), GRID_MM).grid;
     let aims = spec.objectives.for_case(case, &grid)?;
-    let eye = Eye::of_case(case, &aims.wanted, &spec.machine, ANGLES, spec.bixel_mm)?;
+    let eye = Eye::of_case(case, &aims.structures, &spec.machine, ANGLES, spec.bixel_mm)?;
     let judgement: Arc<dyn LearnedBeams> = Arc::new(model.judge(&eye));
     for request in requests.iter_mut().filter(|request| request.uses_network()) {
         request.network = Some(Arc::clone(&judgement));

@@ -7,8 +7,8 @@ use stillpoint_patient::case::Case;
 use stillpoint_plan::Rows;
 use stillpoint_plan::beams::Ring;
 use stillpoint_plan::dose::{BeamInfluence, DoseEngine, DoseError, Machine};
-use stillpoint_plan::fluence::{Goals, Wanted};
-use stillpoint_plan::objectives::{AimsError, ObjectiveTable};
+use stillpoint_plan::fluence::{Goals, StructureObjectives};
+use stillpoint_plan::objectives::{ObjectiveSetError, ObjectiveTable};
 use stillpoint_plan::recipe::{PlanSetup, PointScheme, SetupError, SetupSpec};
 use thiserror::Error;
 
@@ -35,7 +35,7 @@ pub enum ProblemError {
     Setup(#[from] SetupError),
     /// The objectives do not fit the case.
     #[error(transparent)]
-    Aims(#[from] AimsError),
+    ObjectiveSet(#[from] ObjectiveSetError),
     /// There is no dose.
     #[error(transparent)]
     Dose(#[from] DoseError),
@@ -75,8 +75,8 @@ impl Problem {
     }
 
     /// The objectives, structure by structure; voxels are rows of the doses.
-    pub fn wanted(&self) -> &[Wanted] {
-        &self.setup.aims.wanted
+    pub fn wanted(&self) -> &[StructureObjectives] {
+        &self.setup.aims.structures
     }
 
     /// The same, checked.
@@ -102,7 +102,7 @@ impl Problem {
     }
 
     /// The goals in two parts: of what moves through the beams with the patient, and of the outline, which counts as planned.
-    pub fn parts(&self) -> Result<[Goals; 2], AimsError> {
+    pub fn parts(&self) -> Result<[Goals; 2], ObjectiveSetError> {
         self.setup.aims.parts()
     }
 

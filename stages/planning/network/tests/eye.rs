@@ -7,7 +7,7 @@ use stillpoint_network::eye::EyeError;
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::{Case, CaseParts, Mask, PatientPosition, Prescription, Role, Structure};
 use stillpoint_plan::dose::Machine;
-use stillpoint_plan::fluence::{Objective, Wanted};
+use stillpoint_plan::fluence::{Objective, ObjectiveSpec, Overdose, StructureObjectives};
 
 const COUNT: usize = 43;
 /// No multiple of the steps of rays and points, so that none of these lies on the border of two voxels.
@@ -66,13 +66,13 @@ fn patient(origin_mm: [f64; 3], place: impl Fn([f64; 3]) -> [f64; 3]) -> Case {
     .unwrap()
 }
 
-fn wanted() -> Vec<Wanted> {
-    let over = |name: &str, dose, weight| Wanted {
+fn wanted() -> Vec<StructureObjectives> {
+    let over = |name: &str, dose, weight| StructureObjectives {
         name: name.into(),
         voxels: Vec::new(),
         volumes: Vec::new(),
         to_target_mm: Vec::new(),
-        objectives: vec![Objective::Overdose { dose, weight }],
+        objectives: vec![Objective::Overdose(Overdose { dose, weight })],
     };
     vec![
         over("PTV", 60.0, 100.0),
@@ -151,4 +151,33 @@ fn cases_that_cannot_be_seen_are_refused() {
     let machine = Machine::shipped().unwrap();
     assert_eq!(Eye::of_case(&case, &[], &machine, ANGLES, 10.0), Err(EyeError::NoRisk));
     assert_eq!(Eye::of_case(&case, &wanted(), &machine, 4, 10.0), Err(EyeError::Angles(4)));
+}
+
+/// What an organ tolerates is what its objective says, whatever its shape.
+#[test]
+fn every_objective_that_limits_the_dose_of_an_organ_is_seen() {
+    let (case, machine) = (patient([0.0; 3], |p| p), Machine::shipped().unwrap());
+    let seen = |text: &str| {
+        let spec: ObjectiveSpec = serde_json::from_str(text).unwrap();
+        let mut structures = wanted();
+        structures[1].objectives = vec![spec.resolve(60.0, 60.0)];
+        Eye::of_case(&case, &structures, &machine, ANGLES, 10.0).unwrap()
+    };
+    let overdose = seen(r#"{"overdose": {"dose": "24 Gy", "weight": 20}}"#);
+    for text in [
+        r#"{"geud": {"a": 8, "limit": "<= 40 %", "weight": 20}}"#,
+        r#"{"dvh_point": {"limit": "V24Gy <= 30 %", "weight": 20}}"#,
+        r#"{"dvh_point": {"limit": "D5% <= 24 Gy", "weight": 20}}"#,
+        r#"{"mean_dose": {"dose": "24 Gy", "weight": 20}}"#,
+    ] {
+        assert_eq!(seen(text), overdose, "{text}");
+    }
+    let risks = overdose.structures.len();
+    for text in [
+        r#"{"geud": {"a": -10, "limit": ">= 24 Gy", "weight": 20}}"#,
+        r#"{"mean_at_least": {"dose": "24 Gy", "weight": 20}}"#,
+        r#"{"dvh_point": {"limit": "D95% >= 24 Gy", "weight": 20}}"#,
+    ] {
+        assert_eq!(seen(text).structures.len(), risks - 1, "{text}");
+    }
 }

@@ -19,9 +19,11 @@
 //! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
 //! - [`sampling`]: the points whose dose is optimised
 //! - `sparse`: the dose-influence matrix
-//! - `threads`: the same work on many items
+//! - [`threads`]: the same work on many items
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 
 pub mod beams;
 pub mod delivery;
@@ -39,6 +41,6 @@ pub mod recipe;
 pub mod recompute;
 pub mod sampling;
 mod sparse;
-mod threads;
+pub mod threads;
 
 pub use sparse::{Csc, CscError, CscRef, Rows, RowsError, RowsRef, Setups};

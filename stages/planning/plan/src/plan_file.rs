@@ -45,6 +45,9 @@ pub struct PlanFile {
     /// Objectives as they were solved: doses in gray, over the points that count for the structure.
     #[serde(default)]
     pub wanted: Vec<PlanFileObjectives>,
+    /// The objectives with what the planned fluence gives.
+    #[serde(default)]
+    pub objectives: Vec<Value>,
     /// How the beams were chosen.
     pub method: MethodName,
     /// Seed of the random methods.

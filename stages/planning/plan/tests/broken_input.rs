@@ -168,8 +168,11 @@ proptest! {
     fn broken_nrrd_files_are_refused_or_read_whole(harms in prop::collection::vec(harm(), 1..4)) {
         if let Ok(volume) = read_nrrd(&harmed(NRRD.clone(), &harms)) {
             let len = match &volume.values {
+                Values::U8(v) => v.len(),
                 Values::I16(v) => v.len(),
                 Values::U16(v) => v.len(),
+                Values::U32(v) => v.len(),
+                Values::F64(v) => v.len(),
             };
             prop_assert_eq!(len, volume.grid.len());
             prop_assert!(volume.grid.spacing_mm.iter().all(|s| *s > 0.0));
@@ -197,7 +200,7 @@ proptest! {
             && let Ok(goals) = aims.goals(2)
         {
             prop_assert_eq!(goals.rows(), 2 * CASE.grid().len());
-            prop_assert!(goals.problem(&[]).is_ok() || aims.wanted.iter().any(|w| !w.objectives.is_empty()));
+            prop_assert!(goals.problem(&[]).is_ok() || aims.structures.iter().any(|w| !w.objectives.is_empty()));
         }
     }
 }

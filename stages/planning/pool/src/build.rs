@@ -8,7 +8,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Mask;
 use stillpoint_plan::beams::{SOLVE_TOLERANCE, price_beams, solve_beams};
 use stillpoint_plan::dose::{Anatomy, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_plan::{Rows, Setups};
 
 use crate::{Hash, answer};
@@ -103,7 +103,7 @@ fn probe() -> Result<Hash, String> {
         let beam = engine.beam(angle).map_err(|e| e.to_string())?;
         rows.push(Rows::from_columns(beam.dose.view()).map_err(|e| e.to_string())?);
     }
-    let structure = |name: &str, mm: f64, objectives| Wanted {
+    let structure = |name: &str, mm: f64, objectives| StructureObjectives {
         name: name.to_owned(),
         voxels: (0..engine.rows() as u32).filter(|v| within_grid(&engine, *v, mm)).collect(),
         volumes: Vec::new(),
@@ -111,12 +111,12 @@ fn probe() -> Result<Hash, String> {
         objectives,
     };
     let target = vec![
-        Objective::Underdose { dose: 60.0, weight: 100.0 },
-        Objective::Overdose { dose: 62.0, weight: 80.0 },
+        Objective::Underdose(Underdose { dose: 60.0, weight: 100.0 }),
+        Objective::Overdose(Overdose { dose: 62.0, weight: 80.0 }),
     ];
     let wanted = vec![
         structure("target", 22.0, target),
-        structure("body", 70.0, vec![Objective::Overdose { dose: 20.0, weight: 10.0 }]),
+        structure("body", 70.0, vec![Objective::Overdose(Overdose { dose: 20.0, weight: 10.0 })]),
     ];
     let goals = Goals::new(wanted, engine.rows()).map_err(|e| e.to_string())?;
     let beams: Vec<Setups<'_>> = rows.iter().map(|rows| rows.view().into()).collect();

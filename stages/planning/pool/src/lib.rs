@@ -6,7 +6,7 @@
 //!
 //! Nothing here knows a network or a clock: a [`Courier`] carries messages and tells the time.
 //!
-//! - `hash`: names of contents; `wire`: canonical bytes
+//! - `hash`: names of contents; `wire`: canonical bytes, by serde
 //! - `build`: what must be alike so that two processes give the same bytes
 //! - `call`: what is asked; [`goals`] and [`answer`]: arguments and answers as bytes; `compute`: the functions
 //! - `message`: what clients and workers say; `fetch`: contents, part by part
@@ -16,7 +16,7 @@
 //! - `pool`: a client behind a courier
 //! - `ground`: what a search stands on, with the names of its contents
 //! - `solver`: the solver of a search over the pool; `later`: the solver of a search that does not wait
-//! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules as bytes
+//! - `doses`: the doses of beams over the pool; `games`: the games of a training; `game`: their patients and rules on the wire
 
 #![forbid(unsafe_code)]
 

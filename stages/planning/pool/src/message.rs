@@ -1,11 +1,11 @@
 //! The messages between those who ask and workers.
 
+use serde::{Deserialize, Serialize, Serializer};
 use stillpoint_samples::PoolWord;
 
-use crate::wire::{Reader, WireError, Writer};
+use crate::wire::{self, Format, WireError, at_most};
 use crate::{Hash, build, call};
 
-const MAGIC: &[u8; 4] = b"SPM2";
 /// Bytes of a part of a content.
 pub const PART: usize = 128 << 10;
 /// The longest answer that is sent as one message, bytes. A longer one is fetched in parts.
@@ -18,8 +18,14 @@ const LONGEST_NAME: usize = 64;
 /// The most contents of a message.
 pub const MOST_HELD: usize = 1024;
 
+/// The most of the slots of a worker, and of its calls.
+const MOST_CALLS: u32 = 65_536;
+
+/// A message with a call is the longest one.
+const FORMAT: Format = Format { what: "a message", mark: b"SPM3", most: call::MOST_BYTES + 1024 };
+
 /// A message.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Message {
     /// A worker is there.
     Hello(Hello),
@@ -28,6 +34,7 @@ pub enum Message {
         /// Its key.
         key: Hash,
         /// Its bytes.
+        #[serde(with = "wire::bytes")]
         call: Vec<u8>,
     },
     /// The worker has the call and has no answer yet.
@@ -44,7 +51,8 @@ pub enum Message {
     Answer {
         /// Key of the call.
         key: Hash,
-        /// The answer.
+        /// The answer; its CRC-32 is on the wire.
+        #[serde(with = "wire::bytes::checked")]
         bytes: Vec<u8>,
     },
     /// A long answer can be fetched.
@@ -59,6 +67,7 @@ pub enum Message {
         /// Key of the call.
         key: Hash,
         /// Why.
+        #[serde(serialize_with = "beginning")]
         reason: String,
     },
     /// The answer is no longer wanted.
@@ -84,6 +93,7 @@ pub enum Message {
         /// Length of the whole content.
         length: u64,
         /// The bytes; their CRC-32 is on the wire.
+        #[serde(with = "wire::bytes::checked")]
         bytes: Vec<u8>,
     },
     /// The content is not here.
@@ -113,7 +123,7 @@ pub enum Message {
 }
 
 /// What a worker tells of itself, several times a second.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
     /// Its build.
     pub build: String,
@@ -138,53 +148,7 @@ pub struct Hello {
 impl Message {
     /// The bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut out = Writer(MAGIC.to_vec());
-        match self {
-            Self::Hello(hello) => {
-                out.byte(0);
-                out.bytes(hello.build.as_bytes());
-                out.number(hello.incarnation);
-                let counts = [hello.slots, hello.running, hello.waiting].map(u64::from);
-                counts.into_iter().for_each(|count| out.number(count));
-                let more = [hello.answered, hello.known, hello.cache, hello.cache_most];
-                more.into_iter().for_each(|count| out.number(count));
-            }
-            Self::Ask { key, call } => keyed(&mut out, 1, key).bytes(call),
-            Self::Working { key } => drop(keyed(&mut out, 2, key)),
-            Self::Busy { key } => drop(keyed(&mut out, 3, key)),
-            Self::Answer { key, bytes } => {
-                let out = keyed(&mut out, 4, key);
-                out.number(u64::from(crc32fast::hash(bytes)));
-                out.bytes(bytes);
-            }
-            Self::Done { key, answer } => keyed(&mut out, 5, key).hash(answer),
-            Self::Failed { key, reason } => {
-                let end = reason.floor_char_boundary(LONGEST_REASON);
-                keyed(&mut out, 6, key).bytes(&reason.as_bytes()[..end]);
-            }
-            Self::Cancel { key } => drop(keyed(&mut out, 7, key)),
-            Self::Want { content, part, only } => {
-                let out = keyed(&mut out, 8, content);
-                out.number(u64::from(*part));
-                out.byte(u8::from(*only));
-            }
-            Self::Part { content, part, length, bytes } => {
-                let out = keyed(&mut out, 9, content);
-                out.number(u64::from(*part));
-                out.number(*length);
-                out.number(u64::from(crc32fast::hash(bytes)));
-                out.bytes(bytes);
-            }
-            Self::Absent { content } => drop(keyed(&mut out, 10, content)),
-            Self::Elsewhere { content, peer } => keyed(&mut out, 11, content).bytes(peer.as_bytes()),
-            Self::Holds { contents } => {
-                out.byte(12);
-                out.number(contents.len() as u64);
-                contents.iter().for_each(|content| out.hash(content));
-            }
-            Self::Wrong { content, peer } => keyed(&mut out, 13, content).bytes(peer.as_bytes()),
-        }
-        out.0
+        FORMAT.write(self)
     }
 
     /// What it says, and the call or content that it is about.
@@ -212,82 +176,33 @@ impl Message {
     /// # Errors
     /// The bytes are no message.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
-        let mut from = Reader::new(bytes);
-        if from.raw(4, "a message")? != MAGIC {
-            return Err(WireError::Unknown("the version of a message"));
+        let message: Self = FORMAT.read(bytes)?;
+        match &message {
+            Self::Hello(Hello { build, slots, running, waiting, .. }) => {
+                at_most(build.len(), build::LONGEST, "the length of a build")?;
+                let most = *slots.max(running).max(waiting);
+                at_most(most as usize, MOST_CALLS as usize, "the number of calls of a worker")?;
+            }
+            Self::Ask { call, .. } => at_most(call.len(), call::MOST_BYTES, "the length of a call")?,
+            Self::Answer { bytes, .. } => at_most(bytes.len(), INLINE, "the length of an answer")?,
+            Self::Failed { reason, .. } => at_most(reason.len(), LONGEST_REASON, "the length of a reason")?,
+            Self::Part { bytes, .. } => at_most(bytes.len(), PART, "the length of a part")?,
+            Self::Elsewhere { peer, .. } | Self::Wrong { peer, .. } => {
+                at_most(peer.len(), LONGEST_NAME, "the length of a name")?;
+            }
+            Self::Holds { contents } => at_most(contents.len(), MOST_HELD, "the number of contents")?,
+            Self::Working { .. }
+            | Self::Busy { .. }
+            | Self::Done { .. }
+            | Self::Cancel { .. }
+            | Self::Want { .. }
+            | Self::Absent { .. } => {}
         }
-        let kind = from.byte("the kind of a message")?;
-        if kind == 0 {
-            let hello = hello(&mut from)?;
-            from.end()?;
-            return Ok(Self::Hello(hello));
-        }
-        if kind == 12 {
-            let contents = from.list(MOST_HELD, "the number of contents", |from| from.hash("a content"))?;
-            from.end()?;
-            return Ok(Self::Holds { contents });
-        }
-        let key = from.hash("a key")?;
-        let message = match kind {
-            1 => Self::Ask { key, call: from.bytes(call::MOST_BYTES, "a call")?.to_vec() },
-            2 => Self::Working { key },
-            3 => Self::Busy { key },
-            4 => Self::Answer { key, bytes: checked(&mut from, INLINE)? },
-            5 => Self::Done { key, answer: from.hash("an answer")? },
-            6 => Self::Failed { key, reason: from.text(LONGEST_REASON, "a reason")? },
-            7 => Self::Cancel { key },
-            8 => Self::Want {
-                content: key,
-                part: from.count(u32::MAX as usize, "a part")? as u32,
-                only: from.flag("whether nobody else is to give it")?,
-            },
-            9 => Self::Part {
-                content: key,
-                part: from.count(u32::MAX as usize, "a part")? as u32,
-                length: from.number("a length")?,
-                bytes: checked(&mut from, PART)?,
-            },
-            10 => Self::Absent { content: key },
-            11 => Self::Elsewhere { content: key, peer: from.text(LONGEST_NAME, "a name")? },
-            13 => Self::Wrong { content: key, peer: from.text(LONGEST_NAME, "a name")? },
-            _ => return Err(WireError::Unknown("the kind of a message")),
-        };
-        from.end()?;
         Ok(message)
     }
 }
 
-fn keyed<'w>(out: &'w mut Writer, kind: u8, key: &Hash) -> &'w mut Writer {
-    out.byte(kind);
-    out.hash(key);
-    out
-}
-
-/// Bytes behind their checksum.
-fn checked(from: &mut Reader<'_>, most: usize) -> Result<Vec<u8>, WireError> {
-    let checksum = from.number("a checksum")?;
-    let bytes = from.bytes(most, "a content")?;
-    match u64::from(crc32fast::hash(bytes)) == checksum {
-        true => Ok(bytes.to_vec()),
-        false => Err(WireError::Unknown("a content that does not have its checksum")),
-    }
-}
-
-fn hello(from: &mut Reader<'_>) -> Result<Hello, WireError> {
-    let build = from.text(build::LONGEST, "a build")?;
-    let incarnation = from.number("an incarnation")?;
-    let mut count = |what| Ok::<_, WireError>(from.count(65_536, what)? as u32);
-    let (slots, running, waiting) = (count("slots")?, count("running calls")?, count("waiting calls")?);
-    let mut number = || from.number("a count");
-    Ok(Hello {
-        build,
-        incarnation,
-        slots,
-        running,
-        waiting,
-        answered: number()?,
-        known: number()?,
-        cache: number()?,
-        cache_most: number()?,
-    })
+/// The beginning of a reason, as much as a reader takes.
+fn beginning<S: Serializer>(reason: &str, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_str(&reason[..reason.floor_char_boundary(LONGEST_REASON)])
 }

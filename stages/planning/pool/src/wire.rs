@@ -1,15 +1,16 @@
-//! Canonical bytes: little endian, lists and texts behind their length. The reader makes nothing before its bytes are there.
+//! Canonical bytes: a mark with the version of the format, then the value in postcard (version 1 of its wire format): lists and
+//! texts behind their length, whole numbers as variable-length integers, floats by their bits.
+//!
+//! A reader checks the length before it reads, makes nothing before its bytes are there, and takes no other bytes than a
+//! writer makes, so that one value has one hash.
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use thiserror::Error;
-
-use crate::Hash;
 
 /// Why bytes cannot be read.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum WireError {
-    /// They end too early.
-    #[error("the bytes end within {0}")]
-    Short(&'static str),
     /// A length or a number is beyond its bound.
     #[error("{what} is {found}; at most {most} is allowed")]
     Bound {
@@ -20,160 +21,145 @@ pub enum WireError {
         /// The most.
         most: u64,
     },
-    /// A number names nothing.
-    #[error("{0} is not known")]
-    Unknown(&'static str),
-    /// A text is not UTF-8.
-    #[error("{0} is not a text")]
-    Text(&'static str),
+    /// They do not begin with the mark of their format.
+    #[error("the bytes are not {0} of this version")]
+    Version(&'static str),
+    /// They are broken.
+    #[error("the bytes of {what} are broken: {why}")]
+    Broken {
+        /// What they should be.
+        what: &'static str,
+        /// Why they are not.
+        why: postcard::Error,
+    },
     /// There are bytes behind the end.
     #[error("there are {0} bytes behind the end")]
     Trailing(usize),
+    /// The same value has other bytes.
+    #[error("the bytes of {0} are not its canonical ones")]
+    NotCanonical(&'static str),
+    /// A value is not allowed.
+    #[error("{0} is not allowed")]
+    Value(&'static str),
 }
 
-/// Appends values.
-#[derive(Default)]
-pub struct Writer(pub Vec<u8>);
-
-impl Writer {
-    /// Appends a byte.
-    pub fn byte(&mut self, value: u8) {
-        self.0.push(value);
-    }
-
-    /// Appends a number.
-    pub fn number(&mut self, value: u64) {
-        self.0.extend(value.to_le_bytes());
-    }
-
-    /// Appends a number with a fraction, by its bits.
-    pub fn real(&mut self, value: f64) {
-        self.number(value.to_bits());
-    }
-
-    /// Appends a hash.
-    pub fn hash(&mut self, hash: &Hash) {
-        self.0.extend(hash.0);
-    }
-
-    /// Appends bytes behind their length.
-    pub fn bytes(&mut self, bytes: &[u8]) {
-        self.number(bytes.len() as u64);
-        self.0.extend(bytes);
-    }
-
-    /// Appends numbers behind their count.
-    pub fn reals(&mut self, values: &[f64]) {
-        self.number(values.len() as u64);
-        values.iter().for_each(|value| self.real(*value));
-    }
-
-    /// Appends numbers behind their count.
-    pub fn words(&mut self, values: &[u32]) {
-        self.number(values.len() as u64);
-        values.iter().for_each(|value| self.0.extend(value.to_le_bytes()));
-    }
+/// A format of bytes.
+pub struct Format {
+    /// What it holds.
+    pub what: &'static str,
+    /// Its first bytes; another version has another mark.
+    pub mark: &'static [u8],
+    /// Its longest bytes.
+    pub most: usize,
 }
 
-/// Reads values.
-pub struct Reader<'a> {
-    rest: &'a [u8],
-}
-
-impl<'a> Reader<'a> {
-    /// Of these bytes.
-    pub fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes }
+impl Format {
+    /// The bytes of a value. All types of this crate have lists of known length, so that no value fails to be written; the
+    /// mark alone would be refused by every reader.
+    pub fn write<T: Serialize + ?Sized>(&self, value: &T) -> Vec<u8> {
+        postcard::to_extend(value, self.mark.to_vec()).unwrap_or_else(|_| self.mark.to_vec())
     }
 
-    /// As many bytes.
-    pub fn raw(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], WireError> {
-        let (taken, rest) = self.rest.split_at_checked(count).ok_or(WireError::Short(what))?;
-        self.rest = rest;
-        Ok(taken)
-    }
-
-    fn fixed<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], WireError> {
-        let mut bytes = [0; N];
-        bytes.copy_from_slice(self.raw(N, what)?);
-        Ok(bytes)
-    }
-
-    /// A byte.
-    pub fn byte(&mut self, what: &'static str) -> Result<u8, WireError> {
-        Ok(self.fixed::<1>(what)?[0])
-    }
-
-    /// Whether something holds.
-    pub fn flag(&mut self, what: &'static str) -> Result<bool, WireError> {
-        match self.byte(what)? {
-            0 => Ok(false),
-            1 => Ok(true),
-            _ => Err(WireError::Unknown(what)),
+    /// The value of bytes that anybody may have made.
+    pub fn read<T: Serialize + DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, WireError> {
+        let value = self.head(bytes)?;
+        match self.write(&value) == bytes {
+            true => Ok(value),
+            false => Err(WireError::NotCanonical(self.what)),
         }
     }
 
-    /// A number.
-    pub fn number(&mut self, what: &'static str) -> Result<u64, WireError> {
-        Ok(u64::from_le_bytes(self.fixed(what)?))
+    /// The same where the bytes are long: what stands first, which says how much follows, is checked before the rest is read.
+    pub fn read_after<H: DeserializeOwned, T: Serialize + DeserializeOwned>(
+        &self,
+        bytes: &[u8],
+        check: impl FnOnce(H) -> Result<(), WireError>,
+    ) -> Result<T, WireError> {
+        let (head, _) = postcard::take_from_bytes(self.behind_mark(bytes)?).map_err(self.broken())?;
+        check(head)?;
+        self.read(bytes)
     }
 
-    /// A number of at most `most`.
-    pub fn count(&mut self, most: usize, what: &'static str) -> Result<usize, WireError> {
-        let found = self.number(what)?;
-        match usize::try_from(found) {
-            Ok(count) if count <= most => Ok(count),
-            _ => Err(WireError::Bound { what, found, most: most as u64 }),
+    fn head<T: DeserializeOwned>(&self, bytes: &[u8]) -> Result<T, WireError> {
+        let (value, rest) = postcard::take_from_bytes(self.behind_mark(bytes)?).map_err(self.broken())?;
+        if rest.is_empty() { Ok(value) } else { Err(WireError::Trailing(rest.len())) }
+    }
+
+    fn behind_mark<'a>(&self, bytes: &'a [u8]) -> Result<&'a [u8], WireError> {
+        at_most(bytes.len(), self.most, "the length of the bytes")?;
+        bytes.strip_prefix(self.mark).ok_or(WireError::Version(self.what))
+    }
+
+    fn broken(&self) -> impl Fn(postcard::Error) -> WireError {
+        let what = self.what;
+        move |why| WireError::Broken { what, why }
+    }
+}
+
+/// Refuses a number beyond its bound.
+pub fn at_most(found: usize, most: usize, what: &'static str) -> Result<(), WireError> {
+    let bound = WireError::Bound { what, found: found as u64, most: most as u64 };
+    if found <= most { Ok(()) } else { Err(bound) }
+}
+
+/// Bytes as one piece, not as a list of numbers.
+pub mod bytes {
+    use std::fmt;
+
+    use serde::de::{Error, Visitor};
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(bytes)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+        Piece::deserialize(from).map(|piece| piece.0)
+    }
+
+    /// Bytes that serde takes as one piece.
+    struct Piece(Vec<u8>);
+
+    impl<'de> Deserialize<'de> for Piece {
+        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+            struct Bytes;
+            impl Visitor<'_> for Bytes {
+                type Value = Piece;
+
+                fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                    f.write_str("bytes")
+                }
+
+                fn visit_bytes<E: Error>(self, bytes: &[u8]) -> Result<Piece, E> {
+                    Ok(Piece(bytes.to_vec()))
+                }
+            }
+            from.deserialize_bytes(Bytes)
         }
     }
 
-    /// A number with a fraction.
-    pub fn real(&mut self, what: &'static str) -> Result<f64, WireError> {
-        Ok(f64::from_bits(self.number(what)?))
-    }
+    /// Bytes behind their CRC-32.
+    pub mod checked {
+        use super::{Deserialize, Deserializer, Error, Piece, Serialize, Serializer};
 
-    /// A hash.
-    pub fn hash(&mut self, what: &'static str) -> Result<Hash, WireError> {
-        Ok(Hash(self.fixed(what)?))
-    }
+        struct Borrowed<'a>(&'a [u8]);
 
-    /// At most `most` bytes.
-    pub fn bytes(&mut self, most: usize, what: &'static str) -> Result<&'a [u8], WireError> {
-        let count = self.count(most, what)?;
-        self.raw(count, what)
-    }
+        impl Serialize for Borrowed<'_> {
+            fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                to.serialize_bytes(self.0)
+            }
+        }
 
-    /// A text of at most `most` bytes.
-    pub fn text(&mut self, most: usize, what: &'static str) -> Result<String, WireError> {
-        let bytes = self.bytes(most, what)?.to_vec();
-        String::from_utf8(bytes).map_err(|_| WireError::Text(what))
-    }
+        pub fn serialize<S: Serializer>(bytes: &[u8], to: S) -> Result<S::Ok, S::Error> {
+            (crc32fast::hash(bytes), Borrowed(bytes)).serialize(to)
+        }
 
-    /// As many numbers as there are bytes for.
-    pub fn reals(&mut self, what: &'static str) -> Result<Vec<f64>, WireError> {
-        let count = self.count(self.rest.len() / 8, what)?;
-        (0..count).map(|_| self.real(what)).collect()
-    }
-
-    /// As many numbers as there are bytes for.
-    pub fn words(&mut self, what: &'static str) -> Result<Vec<u32>, WireError> {
-        let count = self.count(self.rest.len() / 4, what)?;
-        (0..count).map(|_| Ok(u32::from_le_bytes(self.fixed(what)?))).collect()
-    }
-
-    /// A list of at most `most`.
-    pub fn list<T>(
-        &mut self,
-        most: usize,
-        what: &'static str,
-        mut each: impl FnMut(&mut Self) -> Result<T, WireError>,
-    ) -> Result<Vec<T>, WireError> {
-        let count = self.count(most, what)?;
-        (0..count).map(|_| each(self)).collect()
-    }
-
-    /// That nothing is left.
-    pub fn end(self) -> Result<(), WireError> {
-        if self.rest.is_empty() { Ok(()) } else { Err(WireError::Trailing(self.rest.len())) }
+        pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u8>, D::Error> {
+            let (checksum, Piece(bytes)) = <(u32, Piece)>::deserialize(from)?;
+            match crc32fast::hash(&bytes) == checksum {
+                true => Ok(bytes),
+                false => Err(D::Error::custom("a content without its checksum")),
+            }
+        }
     }
 }

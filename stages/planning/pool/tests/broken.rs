@@ -1,9 +1,10 @@
 //! Bytes of anybody: no panic, and no memory beyond what arrives.
 
 use proptest::prelude::*;
-use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::fluence::{Goals, ObjectiveSpec, StructureObjectives};
 use stillpoint_pool::{
-    Call, Client, ClientSettings, Hash, Inside, Message, Store, Worker, WorkerSettings, answer, goals,
+    Call, Client, ClientSettings, Hash, Inside, Message, Store, WireError, Worker, WorkerSettings, answer,
+    goals,
 };
 
 use crate::simulated::build;
@@ -79,8 +80,82 @@ fn messages_are_read_as_they_are_written() {
     let water = Water::new();
     let bytes = goals::to_bytes(&water.goals);
     let again: Goals = goals::from_bytes(&bytes, water.goals.rows()).unwrap();
-    assert_eq!((again.wanted(), again.voxels()), (water.goals.wanted(), water.goals.voxels()));
+    assert_eq!((again.structures(), again.voxels()), (water.goals.structures(), water.goals.voxels()));
     assert!(goals::from_bytes(&bytes, water.goals.rows() + 1).is_err());
+}
+
+#[test]
+fn goals_with_every_shape_of_objective_are_read_as_they_are_written() {
+    let texts = ObjectiveSpec::EXAMPLES.iter().flat_map(|(_, texts)| *texts);
+    let specs = texts.map(|text| serde_json::from_str::<ObjectiveSpec>(text).unwrap());
+    let structure = StructureObjectives {
+        name: "all".into(),
+        voxels: vec![1, 4, 300],
+        volumes: vec![1.0, 0.5, 0.25],
+        to_target_mm: vec![0.0, 3.0, 12.5],
+        objectives: specs.map(|spec| spec.resolve(60.0, 70.0)).collect(),
+    };
+    assert!(structure.objectives.len() >= ObjectiveSpec::EXAMPLES.len());
+    let goals = Goals::new(vec![structure], 301).unwrap();
+    let bytes = goals::to_bytes(&goals);
+    assert_eq!(goals::from_bytes(&bytes, 301).unwrap().structures(), goals.structures());
+}
+
+/// One value has one hash: a number has no longer form, and a float every bit of its own.
+#[test]
+fn a_call_has_no_other_bytes_than_its_canonical_ones() {
+    let bytes = call().to_bytes();
+    // Behind the mark of 8 bytes stands the kind, 1 in one byte; the same number in two bytes means the same.
+    assert_eq!(bytes[8], 1);
+    let longer = [&bytes[..8], &[0x81, 0x00], &bytes[9..]].concat();
+    assert_eq!(Call::from_bytes(&longer), Err(WireError::NotCanonical("a call")));
+    let behind = [&bytes[..], &[0]].concat();
+    assert_eq!(Call::from_bytes(&behind), Err(WireError::Trailing(1)));
+    let other = [b"SPCALL01", &bytes[8..]].concat();
+    assert_eq!(Call::from_bytes(&other), Err(WireError::Version("a call")));
+    for bits in [0x7ff8_dead_beef_0001_u64, 0x8000_0000_0000_0000, 1] {
+        let dose = Call::Dose { engine: Hash::of(b"engine"), gantry_deg: f64::from_bits(bits) };
+        let Call::Dose { gantry_deg, .. } = Call::from_bytes(&dose.to_bytes()).unwrap() else {
+            unreachable!()
+        };
+        assert_eq!(gantry_deg.to_bits(), bits);
+        assert!(dose.to_bytes().ends_with(&bits.to_le_bytes()));
+    }
+}
+
+#[test]
+fn a_length_beyond_its_bound_is_refused_before_anything_is_read() {
+    let most = stillpoint_pool::MOST_BYTES;
+    let long = [b"SPCALL02".as_slice(), &vec![0xff; most]].concat();
+    assert!(
+        matches!(Call::from_bytes(&long), Err(WireError::Bound { found, .. }) if found == most as u64 + 8)
+    );
+    let message = [b"SPM3".as_slice(), &vec![0xff; most + 4096]].concat();
+    assert!(matches!(Message::from_bytes(&message), Err(WireError::Bound { .. })));
+    // Two rows, and a list of 5000 structures of which no byte is there.
+    let goals = [b"SPGOAL02".as_slice(), &[2, 0x88, 0x27]].concat();
+    assert!(
+        goals::from_bytes(&goals, 2).unwrap_err().contains("the number of structures is 5000; at most 4096")
+    );
+    let key = Hash::of(b"key");
+    let name = "w".repeat(65);
+    let named = Message::Elsewhere { content: key, peer: name }.to_bytes();
+    assert!(matches!(Message::from_bytes(&named), Err(WireError::Bound { found: 65, most: 64, .. })));
+    let failed = Message::Failed { key, reason: "\u{e9}".repeat(4000) }.to_bytes();
+    let Ok(Message::Failed { reason, .. }) = Message::from_bytes(&failed) else { unreachable!() };
+    assert_eq!(reason.len(), 4096, "the beginning of a long reason");
+}
+
+#[test]
+fn a_part_of_a_content_with_a_changed_bit_is_refused() {
+    let part = Message::Part { content: Hash::of(b"goals"), part: 0, length: 100, bytes: vec![1; 100] };
+    let whole = part.to_bytes();
+    assert_eq!(Message::from_bytes(&whole), Ok(part));
+    for at in whole.len() - 100..whole.len() {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 4;
+        assert!(matches!(Message::from_bytes(&bytes), Err(WireError::Broken { what: "a message", .. })));
+    }
 }
 
 #[test]
@@ -124,7 +199,7 @@ proptest! {
     fn any_bytes_are_read_or_refused(bytes in prop::collection::vec(any::<u8>(), 0..300), kind in 0..15_u8) {
         let mut bytes = bytes;
         let _ = Message::from_bytes(&bytes);
-        let magics: [&[u8]; 5] = [b"SPM2", b"SPCALL01", b"SPGOAL01", b"SPPLAN01", b"SPPRIC01"];
+        let magics: [&[u8]; 5] = [b"SPM3", b"SPCALL02", b"SPGOAL02", b"SPPLAN02", b"SPPRIC02"];
         for magic in magics {
             let mut named = magic.to_vec();
             named.push(kind);

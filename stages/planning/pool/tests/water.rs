@@ -6,7 +6,7 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Mask;
 use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, MeanDose, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_pool::{Courier, Pool, PoolDoses, PoolGround, PoolSolver, answer};
 
 const SIDE: usize = 16;
@@ -42,7 +42,7 @@ impl Water {
         };
         let params = DoseParams { grid, bixels: BixelSpec::of_width(15.0), ..DoseParams::over(&grid, 10.0) };
         let engine = DoseEngine::new(&anatomy, Machine::shipped().unwrap(), params).unwrap();
-        let structure = |name: &str, middle, mm, objectives| Wanted {
+        let structure = |name: &str, middle, mm, objectives| StructureObjectives {
             name: name.into(),
             voxels: (0..grid.len() as u32).filter(|v| within(*v as usize, middle, mm)).collect(),
             volumes: Vec::new(),
@@ -50,17 +50,22 @@ impl Water {
             objectives,
         };
         let target = vec![
-            Objective::Underdose { dose: 60.0, weight: 200.0 },
-            Objective::Overdose { dose: 63.0, weight: 100.0 },
+            Objective::Underdose(Underdose { dose: 60.0, weight: 200.0 }),
+            Objective::Overdose(Overdose { dose: 63.0, weight: 100.0 }),
         ];
         let organ = vec![
-            Objective::Overdose { dose: 10.0, weight: 40.0 },
-            Objective::MeanDose { dose: 8.0, weight: 5.0 },
+            Objective::Overdose(Overdose { dose: 10.0, weight: 40.0 }),
+            Objective::MeanDose(MeanDose { dose: 8.0, weight: 5.0 }),
         ];
         let wanted = vec![
             structure("target", [5.0, 0.0, 0.0], 20.0, target),
             structure("organ", [5.0, 40.0, 0.0], 16.0, organ),
-            structure("body", [0.0; 3], 74.0, vec![Objective::Overdose { dose: 20.0, weight: 10.0 }]),
+            structure(
+                "body",
+                [0.0; 3],
+                74.0,
+                vec![Objective::Overdose(Overdose { dose: 20.0, weight: 10.0 })],
+            ),
         ];
         Self { engine, goals: Goals::new(wanted, grid.len()).unwrap() }
     }

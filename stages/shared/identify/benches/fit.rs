@@ -7,7 +7,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::dvector;
 use stillpoint_identify::{Companion, Record, fit};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 const SAMPLES: usize = 4000;
 

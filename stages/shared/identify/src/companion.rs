@@ -10,7 +10,6 @@ use nalgebra::{DMatrix, DVector};
 pub struct Companion {
     /// The last row of A.
     pub last: DVector<f64>,
-    /// B.
     pub input: DVector<f64>,
     /// K.
     pub gain: DVector<f64>,
@@ -30,11 +29,9 @@ pub struct Prediction {
 /// The normal equations of a prediction: with psi = d e / d theta, sum psi psi^T and sum psi e.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normal {
-    /// sum psi psi^T.
     pub matrix: DMatrix<f64>,
     /// sum psi e, the gradient of the loss.
     pub gradient: DVector<f64>,
-    /// V.
     pub loss: f64,
 }
 
@@ -45,7 +42,6 @@ impl Companion {
         self.last.len()
     }
 
-    /// A.
     #[must_use]
     pub fn a(&self) -> DMatrix<f64> {
         let n = self.order();

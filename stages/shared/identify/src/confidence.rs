@@ -9,18 +9,14 @@ use crate::descent::is_stable;
 /// A number and its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// The number.
     pub value: f64,
-    /// Its standard deviation.
     pub sd: f64,
 }
 
 /// A pole of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Pole {
-    /// Real part.
     pub re: Estimate,
-    /// Imaginary part.
     pub im: Estimate,
     /// Distance from 0; 1 and more is unstable.
     pub modulus: Estimate,

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::companion::Companion;
 
-/// Steps at most.
 const STEPS: usize = 200;
 /// A step that takes off less than this part of the loss is the last.
 const ENOUGH: f64 = 1e-12;
@@ -12,13 +11,10 @@ const ENOUGH: f64 = 1e-12;
 /// A model at the foot of the descent.
 #[derive(Clone, Debug)]
 pub struct Foot {
-    /// The model.
     pub model: Companion,
-    /// Its loss.
     pub loss: f64,
     /// sum psi psi^T there.
     pub curvature: DMatrix<f64>,
-    /// Steps taken.
     pub steps: usize,
 }
 

@@ -14,16 +14,13 @@ use crate::{FitError, MAX_ORDER};
 /// which the system rests.
 #[derive(Clone, Copy, Debug)]
 pub struct Record<'a> {
-    /// u.
     pub input: &'a [f64],
-    /// y.
     pub output: &'a [f64],
 }
 
 /// A fitted model and how good it is, in the units of the record.
 #[derive(Clone, Debug, Serialize)]
 pub struct Found {
-    /// The model.
     #[serde(skip)]
     pub model: Companion,
     /// V = 1/2 sum e^2.
@@ -34,7 +31,6 @@ pub struct Found {
     pub fit_percent: f64,
     /// The same for the output that the input alone makes.
     pub simulation_fit_percent: f64,
-    /// The poles.
     pub poles: Vec<Pole>,
     /// The DC gain; `None` where a pole's modulus is 1 or more.
     pub dc_gain: Option<Estimate>,
@@ -42,7 +38,6 @@ pub struct Found {
     pub parameter_sd: Vec<f64>,
     /// Whether the errors are noise.
     pub residuals: [ResidualTest; 2],
-    /// Samples.
     pub samples: usize,
     /// Steps of the descent.
     pub steps: usize,

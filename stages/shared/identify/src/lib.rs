@@ -60,24 +60,10 @@ pub enum FitError {
     },
     /// There are fewer samples than a fit needs.
     #[error("a model of order {order} needs at least {needed} samples, and there are {found}: record longer")]
-    TooShort {
-        /// Order asked for.
-        order: usize,
-        /// Samples needed.
-        needed: usize,
-        /// Samples found.
-        found: usize,
-    },
+    TooShort { order: usize, needed: usize, found: usize },
     /// A number that is none.
     #[error("sample {place} of the {what} is {value}: leave such samples out")]
-    NotFinite {
-        /// Input or output.
-        what: &'static str,
-        /// Its place.
-        place: usize,
-        /// The value.
-        value: f64,
-    },
+    NotFinite { what: &'static str, place: usize, value: f64 },
     /// A signal without information.
     #[error("the {0} never changes: excite the system while it is recorded")]
     Constant(&'static str),

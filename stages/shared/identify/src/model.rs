@@ -72,11 +72,8 @@ pub enum ModelError {
     Shape {
         /// Name of the quantity.
         what: &'static str,
-        /// Numbers found.
         found: usize,
-        /// Rows of A.
         order: usize,
-        /// Numbers needed.
         needed: usize,
     },
     /// A number that cannot be.
@@ -84,9 +81,7 @@ pub enum ModelError {
     Number {
         /// Name of the quantity.
         what: &'static str,
-        /// The value.
         value: f64,
-        /// The allowed values.
         must: &'static str,
     },
     /// A pole of A is outside the unit circle.
@@ -243,7 +238,6 @@ impl InnovationModel {
         self.sample_time_s
     }
 
-    /// A.
     #[must_use]
     pub fn a(&self) -> DMatrix<f64> {
         DMatrix::from_fn(self.order(), self.order(), |i, j| self.a[i][j])
@@ -255,13 +249,11 @@ impl InnovationModel {
         DVector::from_column_slice(&self.b)
     }
 
-    /// C.
     #[must_use]
     pub fn c(&self) -> DVector<f64> {
         DVector::from_column_slice(&self.c)
     }
 
-    /// D.
     #[must_use]
     pub fn d(&self) -> f64 {
         self.d
@@ -279,13 +271,11 @@ impl InnovationModel {
         self.noise_variance
     }
 
-    /// The input.
     #[must_use]
     pub fn input(&self) -> &Signal {
         &self.input
     }
 
-    /// The output.
     #[must_use]
     pub fn output(&self) -> &Signal {
         &self.output

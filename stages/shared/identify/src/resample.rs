@@ -15,20 +15,16 @@ pub struct Grid {
     pub start: u64,
     /// From one to the next, ns.
     pub step: u64,
-    /// Number of them.
     pub count: usize,
 }
 
 /// A record, and the account of its resampling.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Resampled {
-    /// The input.
     #[serde(skip)]
     pub input: Vec<f64>,
-    /// The output.
     #[serde(skip)]
     pub output: Vec<f64>,
-    /// The times.
     pub grid: Grid,
     /// The largest distance of a time of the record from a sample of the output, ns: 0 if nothing was interpolated.
     pub farthest: u64,
@@ -43,12 +39,7 @@ pub struct Resampled {
 pub enum ResampleError {
     /// Too few samples to have a sample time.
     #[error("the {what} has {found} finite samples: a record needs more")]
-    TooFew {
-        /// Input or output.
-        what: &'static str,
-        /// Samples.
-        found: usize,
-    },
+    TooFew { what: &'static str, found: usize },
     /// Input and output do not overlap.
     #[error("input and output were not recorded at the same time")]
     Apart,

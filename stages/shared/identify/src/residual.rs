@@ -15,7 +15,6 @@ const WITHIN_99: f64 = 2.575_829_303_548_901;
 /// A test of the errors.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ResidualTest {
-    /// The test.
     pub name: &'static str,
     /// The sum of squared correlations over their variance.
     pub statistic: f64,

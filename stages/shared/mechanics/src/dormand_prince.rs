@@ -109,9 +109,7 @@ pub enum IntegrateError {
         from: f64,
         /// Where it was to end.
         to: f64,
-        /// The relative tolerance.
         relative: f64,
-        /// The absolute tolerance.
         absolute: f64,
     },
     /// The state or its slope stopped being finite.
@@ -127,7 +125,6 @@ pub enum IntegrateError {
     Stuck {
         /// How far it came.
         at: f64,
-        /// Steps tried.
         steps: u32,
     },
 }

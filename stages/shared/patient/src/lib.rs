@@ -7,12 +7,16 @@
 //! - [`couch`]: from the couch's frame to the patient's
 //! - `grid`: where the voxels are
 //! - [`outline`]: the surface of a patient, and files of surfaces
+//! - [`ply`]: the reader of PLY files, of meshes and of point clouds
 
 #![forbid(unsafe_code)]
+// Outsiders use it.
+#![warn(missing_docs)]
 
 pub mod case;
 pub mod couch;
 mod grid;
 pub mod outline;
+pub mod ply;
 
 pub use grid::Grid;

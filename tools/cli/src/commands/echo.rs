@@ -15,6 +15,7 @@ use stillpoint_shm::{Contract, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
+use crate::recorded::with_topics;
 use crate::show;
 use crate::signals::stop_flag;
 
@@ -43,12 +44,9 @@ impl Echo {
     }
 
     fn recorded(&self, path: &std::path::Path) -> Ended {
-        let session = Session::open(path).map_err(Failure::failed)?;
+        let session = with_topics(Session::open(path), path)?;
         let names = || session.topics().iter().map(|t| t.name.as_str());
         let Some(number) = session.topic_number(&self.topic) else {
-            if session.topics().is_empty() {
-                return Err(Failure::failed(format!("{}: it holds no topic", path.display())));
-            }
             return Err(no_topic(&self.topic, names()));
         };
         let Some(kind) = session.topics()[number].kind.kind() else {

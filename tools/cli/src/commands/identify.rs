@@ -11,6 +11,7 @@ use stillpoint_pipeline::config::quantity;
 use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::recorded::with_topics;
 use crate::series::{self, Clock, Series};
 
 /// Fit a model to the recorded input and output of a system.
@@ -133,7 +134,7 @@ impl Identify {
                 .map_err(|e| Failure::failed(format!("{}: {e}", self.recording.display())))?;
             return series::of_table(&text, [&self.input, &self.output], step);
         }
-        let session = Session::open_any(&self.recording).map_err(Failure::failed)?;
+        let session = with_topics(Session::open_any(&self.recording), &self.recording)?;
         Ok([
             series::of_session(&session, &self.input, Clock::Stamp)?,
             series::of_session(&session, &self.output, Clock::Origin)?,

@@ -10,6 +10,7 @@ use stillpoint_recorder::{LEDGER_ATTACHMENT, Session};
 use stillpoint_report::facts::{ending, gaps_of, layout};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::recorded::with_topics;
 use stillpoint_report::numbers::started;
 
 /// Digits of a build's hash that are shown to people.
@@ -28,7 +29,7 @@ pub struct Info {
 impl Info {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+        let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let gaps = gaps_of(&session, registry);
         let ended = ending(&session);
         if self.json {

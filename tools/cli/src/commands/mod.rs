@@ -9,6 +9,7 @@ mod delivered;
 mod echo;
 mod identify;
 mod info;
+mod manual;
 mod merge;
 mod operators;
 mod plan;
@@ -20,10 +21,6 @@ mod rig;
 pub mod run;
 mod schema;
 pub mod send;
-#[cfg(feature = "train")]
-mod train;
-#[cfg(not(feature = "train"))]
-#[path = "train_absent.rs"]
 mod train;
 
 use clap::Subcommand;
@@ -54,6 +51,8 @@ pub enum Command {
     Operators(operators::Operators),
     /// Print the JSON Schema of pipeline files.
     Schema(schema::Schema),
+    /// Write completions for shells, man pages, or the reference page of the command.
+    Manual(manual::Manual),
     /// Print a map of the targets that a rig can hold.
     Reach(reach::Reach),
     /// Print the pressure of a bladder against its stretch.
@@ -62,7 +61,7 @@ pub enum Command {
     Send(send::Send),
     /// Fit a model to the recorded input and output of a system.
     Identify(identify::Identify),
-    /// Train the network of a controller, or the prior of beams, offline.
+    /// Print the command that trains the network of a controller, or the prior of beams.
     Train(train::Train),
     /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),
@@ -98,6 +97,7 @@ impl Command {
             Self::Recover(c) => c.execute(),
             Self::Operators(c) => c.execute(registry),
             Self::Schema(c) => c.execute(registry),
+            Self::Manual(c) => c.execute(),
             Self::Reach(c) => c.execute(),
             Self::Bladder(c) => c.execute(),
             Self::Send(c) => c.execute(registry),

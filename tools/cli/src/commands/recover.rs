@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
-use stillpoint_recorder::{Session, recover_session, write_metadata};
+use stillpoint_recorder::{METADATA_FILE, Session, recover_session, write_metadata};
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 
@@ -22,7 +22,9 @@ impl Recover {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let mended = recover_session(&self.session).map_err(Failure::failed)?;
-        if !mended.is_empty() {
+        // After the death of the supervisor, the parts may be whole, and nobody wrote what makes their folder a bag.
+        let is_no_bag = self.session.is_dir() && !self.session.join(METADATA_FILE).exists();
+        if !mended.is_empty() || is_no_bag {
             let session = Session::open_any(&self.session).map_err(Failure::failed)?;
             write_metadata(&self.session, &session).map_err(Failure::failed)?;
         }
@@ -47,8 +49,11 @@ impl Recover {
             print_json(&all)?;
             return Ok(Exit::Done);
         }
-        if mended.is_empty() {
+        if mended.is_empty() && !is_no_bag {
             outln!("{}: nothing to mend", self.session.display());
+        }
+        if is_no_bag {
+            outln!("{}: its {METADATA_FILE} was missing and has been written", self.session.display());
         }
         for (part, report) in mended {
             outln!("{}: {report}", part.display());

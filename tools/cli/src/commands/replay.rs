@@ -19,6 +19,7 @@ use stillpoint_samples::Entry;
 
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
+use crate::recorded::with_topics;
 
 /// Replay a session from its journals and compare every recorded topic byte by byte.
 #[derive(Args)]
@@ -57,7 +58,7 @@ impl Observer for Nobody {
 impl Replay {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let session = Session::open(&self.session).map_err(Failure::failed)?;
+        let session = with_topics(Session::open(&self.session), &self.session)?;
         let (graph, files) = pipeline_of(&session, registry)?;
         self.warn_of_other_layouts(&session);
         self.warn_of_other_machine(&session);

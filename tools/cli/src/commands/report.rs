@@ -11,6 +11,7 @@ use stillpoint_report::{Section, html, sections_of};
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::private;
+use crate::recorded::with_topics;
 
 /// Write a report of a session: tracks against the truth, pictures, rates, latencies, ledger, faults, provenance.
 ///
@@ -34,7 +35,7 @@ pub struct Report {
 impl Report {
     /// Executes the subcommand.
     pub fn execute(&self, registry: &Registry) -> Ended {
-        let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+        let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let sections = sections_of(&session, &self.session, registry, usize::from(self.pictures))
             .map_err(Failure::failed)?;
         let name = name(&self.session);

@@ -149,7 +149,8 @@ impl Run {
         }
         let session = session.as_deref();
         let graph = &checked.graph;
-        let summary = Summary::new(&report, graph, registry, is_live, session, opened.as_ref(), observed);
+        let summary = Summary::new(&report, graph, registry, is_live, session, opened.as_ref(), observed)
+            .with_remarks(checked.source.files.remarks());
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
             && report.recording_failed.is_none()

@@ -53,6 +53,8 @@ fn generated_pages_are_current() {
     is_current("docs/reference/operators.md", &text(&reference.stdout));
     let schema = stillpoint(folder.path(), &["schema"]);
     is_current("docs/pipeline.schema.json", &text(&schema.stdout));
+    let page = stillpoint(folder.path(), &["manual", "page"]);
+    is_current("docs/reference/cli.md", &text(&page.stdout));
 }
 
 #[test]
@@ -96,12 +98,15 @@ fn a_simulated_run_is_compressed_as_asked() {
 }
 
 #[test]
-fn every_example_stands_in_the_readme() {
-    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+fn every_example_is_in_the_list_of_examples() {
+    let list = std::fs::read_to_string(root().join("examples/README.md")).unwrap();
     for example in std::fs::read_dir(root().join("examples")).unwrap() {
         let name = example.unwrap().file_name().to_string_lossy().into_owned();
         let command = format!("stillpoint run examples/{name}");
-        assert!(!name.ends_with(".yaml") || readme.contains(&command), "{command} is not in README.md");
+        assert!(
+            !name.ends_with(".yaml") || list.contains(&command),
+            "{command} is not in examples/README.md"
+        );
     }
 }
 
@@ -234,6 +239,9 @@ fn echo_refuses_what_it_cannot_show() {
         (&["echo", "imu", "--session", "foreign.mcap"][..], 1, "`imu` has messages of another program"),
         (&["echo", "imo", "--session", "foreign.mcap"], 2, "did you mean imu?"),
         (&["echo", "imu", "--session", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
+        (&["report", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
+        (&["info", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
+        (&["replay", "empty.mcap"], 1, "empty.mcap: it holds no topic"),
         (&["echo", "imu", "--session", "none.mcap"], 1, "this is no MCAP file"),
         (&["echo", "imu", "--count", "0"], 2, "0 is not in 1.."),
     ] {
@@ -332,6 +340,12 @@ fn a_cut_session_is_mended_once_and_replays_up_to_where_it_was_cut() {
         "{said}"
     );
     assert_eq!(call(&["recover", "--json"]), (Some(0), "[]\n".to_owned()), "it is whole now");
+    // A supervisor that died wrote no metadata.yaml, though the parts are whole.
+    let metadata = folder.path().join("s/one-dof-tracking-0001/metadata.yaml");
+    std::fs::remove_file(&metadata).unwrap();
+    let (code, said) = call(&["recover"]);
+    assert!(code == Some(0) && said.contains("metadata.yaml was missing and has been written"), "{said}");
+    assert!(metadata.exists());
     let (_, said) = call(&["info"]);
     assert!(said.contains("ended cut, and ") && said.contains(" is mended"), "{said}");
     assert!(!said.contains("stillpoint recover"), "{said}");

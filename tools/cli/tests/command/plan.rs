@@ -88,6 +88,51 @@ fn the_command_gives_the_plan_of_the_recipe_of_the_library() {
         let weights: Vec<f64> = beam.bixels_x_z_mm_weight.iter().map(|[_, _, weight]| *weight).collect();
         assert_eq!(weights, planned.best().weights_of(*number).unwrap());
     }
+/// A DVH point and an equivalent uniform dose are optimised by their costs; the plan says what they truly came to.
+#[test]
+fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = r#"{"objectives": [{"match": ["Rectum"], "wanted": [
+        {"dvh_point": {"limit": "V40Gy <= 20 %", "weight": 50}},
+        {"geud": {"a": 8, "limit": "<= 50 %", "weight": 20}},
+        {"overdose": {"dose": "70 Gy", "weight": 5}}]}]}"#;
+    std::fs::write(folder.path().join("own.json"), own).unwrap();
+    let asked =
+        ["--angles", "0,72,144,216,288", "--objectives", "own.json", "--fluence-only", "--out", "own"];
+    let told = plan(folder.path(), &asked);
+    let of_rectum: Vec<&Value> =
+        told["objectives"].as_array().unwrap().iter().filter(|o| o["structure"] == "Rectum").collect();
+    assert_eq!(of_rectum.len(), 3);
+    let (point, geud) = (&of_rectum[0], &of_rectum[1]);
+    assert_eq!(
+        (&point["measured"]["quantity"], &point["measured"]["limit"]),
+        (&"V40Gy".into(), &20.0.into())
+    );
+    assert_eq!(
+        (&geud["measured"]["quantity"], &geud["measured"]["limit"]),
+        (&"gEUD(8)".into(), &39.0.into())
+    );
+    assert!(of_rectum[2]["measured"].is_null() && of_rectum[2]["cost"].as_f64().unwrap() >= 0.0);
+    // The same volume as in the histogram of the plan.
+    let histograms = told["histograms"].as_array().unwrap();
+    let rectum = histograms.iter().find(|h| h["structure"] == "Rectum").unwrap();
+    let step = (40.0 / rectum["step_gy"].as_f64().unwrap()).floor() as usize;
+    let volume = |at: usize| rectum["volumes_percent"][at].as_f64().unwrap();
+    let value = point["measured"]["value"].as_f64().unwrap();
+    assert!(volume(step + 1) - 1e-3 <= value && value <= volume(step) + 1e-3, "{value} {}", volume(step));
+    assert_eq!(point["met"], value <= 20.0);
+    let sum: f64 = told["objectives"].as_array().unwrap().iter().map(|o| o["cost"].as_f64().unwrap()).sum();
+    let whole = told["objective"].as_f64().unwrap();
+    assert!((sum - whole).abs() <= 1e-6 * whole, "{sum} {whole}");
+    let page = std::fs::read_to_string(folder.path().join("own/plan.html")).unwrap();
+    assert!(
+        page.contains("gEUD(8) &lt;= 39 Gy") && page.contains("V40Gy &lt;= 20 %"),
+        "no true values on the page"
+    );
+    let printed =
+        stillpoint(folder.path(), &[&["plan"], &asked[..], &COARSE, &["--doses", "doses"]].concat());
+    let printed = text(&printed.stdout);
+    assert!(printed.contains("gEUD(8) <= 39 Gy") && printed.contains("V40Gy <= 20 %"), "{printed}");
 }
 
 #[test]
@@ -393,10 +438,8 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
         assert!(out.status.code() == Some(2) && said.contains("none."), "{missing:?}: {said}");
     }
     assert!(said(&["--beams", "19"]).contains("19 beams, 5 steps apart, do not fit"));
-    assert!(
-        said(&["--angles", "0,10"])
-            .contains("invalid gantry angle: 10 (angles must be multiples of 4 degrees)")
-    );
+    assert!(said(&["--angles", "0,10,370"]).contains("two beams have the gantry angle 10 degrees"));
+    assert!(said(&["--angles", "-40,nan"]).contains("invalid gantry angle: NaN"));
     assert!(said(&["--grid", "5"]).contains("must be a number with its unit, mm"));
     assert!(said(&["--grid", "0mm"]).contains("the spacing of voxels is 0; it must be from 0.1 to 100"));
     std::fs::write(folder.path().join("file"), "").unwrap();

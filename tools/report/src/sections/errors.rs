@@ -33,7 +33,6 @@ struct Binned {
 
 /// An estimate beside the truth of its frame.
 pub struct Compared<'r> {
-    /// The estimate.
     pub signal: &'r Signal,
     /// The comparison with the truth.
     pub found: Comparison,

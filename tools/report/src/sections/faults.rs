@@ -44,9 +44,7 @@ pub struct Faults {
 pub struct Event {
     /// When, s since the session began.
     pub at_s: f64,
-    /// The operator.
     pub operator: String,
-    /// Its incarnation.
     pub incarnation: u32,
     /// Description of the event.
     pub what: String,

@@ -28,7 +28,6 @@ pub enum From {
     Session,
     /// The journals, since the session has no end of its own.
     Journals,
-    /// Nowhere.
     Nowhere,
 }
 

@@ -26,9 +26,7 @@ struct OperatorsFigures {
 /// One operator over all its incarnations. Times in ms.
 #[derive(Serialize)]
 pub struct Operator {
-    /// Its name.
     pub operator: String,
-    /// Activations.
     pub activations: u64,
     /// Activations per second of the session.
     pub rate_hz: f64,
@@ -38,13 +36,10 @@ pub struct Operator {
     pub step_ms: Spread,
     /// From the acquisition behind the outputs to their sending.
     pub age_ms: Spread,
-    /// Samples sent.
     pub sent: u64,
     /// Activations that returned an error.
     pub errors: u64,
-    /// Activations that panicked.
     pub panics: u64,
-    /// Lives.
     pub incarnations: u64,
 }
 

@@ -25,7 +25,6 @@ pub struct Card {
     pub parameters: usize,
     /// The channels, in their order.
     pub channels: Vec<ChannelCard>,
-    /// Bladders.
     pub bladders: usize,
     /// From sample to sample, s.
     pub sample_time_s: f64,
@@ -33,7 +32,6 @@ pub struct Card {
     pub window: usize,
     /// Where the data come from.
     pub data: Data,
-    /// Windows trained on.
     pub windows: usize,
     /// Windows of other runs, validated on.
     pub validation_windows: usize,
@@ -41,14 +39,12 @@ pub struct Card {
     pub options: Options,
     /// The epoch whose numbers were kept.
     pub best: Epoch,
-    /// All epochs.
     pub epochs: Vec<Epoch>,
 }
 
 /// How well a channel is predicted.
 #[derive(Clone, Debug, Serialize)]
 pub struct ChannelCard {
-    /// Its name.
     pub name: &'static str,
     /// m or rad.
     pub unit: &'static str,
@@ -66,7 +62,6 @@ pub struct ChannelCard {
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Data {
-    /// The simulated rig.
     Rig(Excitation),
     /// Recorded sessions, by name.
     Sessions(Vec<String>),

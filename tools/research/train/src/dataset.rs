@@ -1,7 +1,7 @@
 //! Samples of a head and its valves, windows of them, and what is to be predicted.
 
 use crate::TrainError;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// A sample: the pose at its beginning, and the duties during it.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +53,6 @@ const FEWEST: usize = 50;
 pub struct Dataset {
     /// Numbers of a sample.
     inputs: usize,
-    /// Channels.
     channels: usize,
     cut: Cut,
     /// Samples one behind the other, as the network takes them.
@@ -69,7 +68,6 @@ pub struct Dataset {
 /// Where a window begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Start {
-    /// Among all samples.
     sample: usize,
     run: usize,
     /// Of its last sample in the run.
@@ -78,7 +76,6 @@ struct Start {
 
 /// Windows as a network takes them, row by row.
 pub struct Batch {
-    /// Windows.
     pub count: usize,
     /// For each window its samples, oldest first.
     pub inputs: Vec<f32>,

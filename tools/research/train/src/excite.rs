@@ -10,7 +10,7 @@ use stillpoint_control::reference::{ReferenceModel, pole_of_rise};
 use stillpoint_control::tracking::Errors;
 use stillpoint_control::valves::{clip, split};
 use stillpoint_mechanics::plant::{State, ThreeDof};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use crate::TrainError;
 use crate::dataset::Sample;

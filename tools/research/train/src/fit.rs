@@ -3,7 +3,7 @@
 use candle_core::Tensor;
 use candle_nn::optim::{AdamW, Optimizer, ParamsAdamW, SGD};
 use stillpoint_control::lstm::Lstm;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use crate::TrainError;
 use crate::dataset::{Batch, Dataset};
@@ -25,7 +25,6 @@ pub enum Optimiser {
 pub struct Options {
     /// How the gradient is followed.
     pub optimiser: Optimiser,
-    /// alpha.
     pub learning_rate: f64,
     /// Windows of a batch.
     pub batch: usize,
@@ -33,7 +32,6 @@ pub struct Options {
     pub dropout: f64,
     /// Cells of each layer.
     pub hidden: Vec<usize>,
-    /// Most epochs.
     pub epochs: usize,
     /// Epochs without a better validation after which training stops.
     pub patience: usize,
@@ -67,12 +65,10 @@ pub struct Epoch {
     pub validation: f64,
 }
 
-/// A trained network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fitted {
     /// The network of the best epoch.
     pub network: Lstm,
-    /// All epochs.
     pub epochs: Vec<Epoch>,
     /// Number of the best.
     pub best: usize,

@@ -32,16 +32,13 @@ pub enum TrainError {
         "this build trains on a CUDA device, and the first one cannot be used: {0}; a build without the feature `cuda` trains on the processor"
     )]
     Device(String),
-    /// Too little data.
     #[error(
         "there are {found} windows to {what}, and at least {needed} are needed: give more or longer runs"
     )]
     TooLittle {
         /// Train on, or validate on.
         what: &'static str,
-        /// Windows.
         found: usize,
-        /// Windows needed.
         needed: usize,
     },
     /// A channel that never moves.
@@ -52,9 +49,7 @@ pub enum TrainError {
     Option {
         /// Name of the quantity.
         what: &'static str,
-        /// The value.
         value: f64,
-        /// The allowed values.
         must: &'static str,
     },
     /// The descent left the finite numbers.

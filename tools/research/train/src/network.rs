@@ -2,7 +2,7 @@
 
 use candle_core::{D, DType, Device, Tensor, Var};
 use stillpoint_control::lstm::{Layer, Lstm, NetworkError};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use crate::TrainError;
 use crate::device::device;

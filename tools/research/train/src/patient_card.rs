@@ -33,7 +33,6 @@ pub struct PatientCard {
     pub sample_time_s: f64,
     /// Samples that the network goes over.
     pub window: usize,
-    /// The patients.
     pub patients: Patients,
     /// Windows trained on, validated on and tested on, each of other patients.
     pub windows: [usize; 3],
@@ -41,7 +40,6 @@ pub struct PatientCard {
     pub options: Options,
     /// The epoch whose numbers were kept.
     pub best: Option<Epoch>,
-    /// All epochs.
     pub epochs: Vec<Epoch>,
     /// How well patients are predicted that nobody was trained on.
     pub predictions: Vec<Prediction>,
@@ -52,9 +50,7 @@ pub struct PatientCard {
 pub struct Prediction {
     /// Which patients, and whether there is a cough in the window or until the predicted pose.
     pub patients: &'static str,
-    /// Windows.
     pub windows: usize,
-    /// Height or pitch.
     pub channel: &'static str,
     /// mm or degrees.
     pub unit: &'static str,
@@ -68,9 +64,7 @@ pub struct Prediction {
     pub linear: f64,
     /// Least squares over windows without coughs.
     pub calm: f64,
-    /// Tracked tones.
     pub tones: f64,
-    /// The network.
     pub network: f64,
 }
 

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 use stillpoint_control::effect::Effect;
 use stillpoint_control::harmonic::{CHANNELS, Position};
 use stillpoint_control::periodic::Periodic;
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 use stillpoint_rig::involuntary::{Habit, Involuntary};
 
 use crate::TrainError;

@@ -4,11 +4,11 @@
 
 use candle_core::{Device, Tensor, Var};
 use serde_json::Value;
+use stillpoint_mechanics::random::Random;
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
 use stillpoint_network::patient::{Body, Table};
 use stillpoint_network::{Coarseness, Due, Eye, Game, Group, Model, Patient, Rules, Sizes};
 use stillpoint_plan::beams::Ring;
-use stillpoint_random::Random;
 use stillpoint_train::TrainError;
 use stillpoint_train::planner::{
     Checkpoint, Done, Example, Network, Options, Players, Ready, Schedule, Told, Training, Weights, loss,

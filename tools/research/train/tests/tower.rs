@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use candle_core::{Device, Tensor, Var};
+use stillpoint_mechanics::random::Random;
 use stillpoint_patient::case::phantom;
 use stillpoint_plan::beams::Ring;
-use stillpoint_random::Random;
 use stillpoint_train::planner::{Adam, Weights, loss};
 use stillpoint_train::tower::{PLANES, Tower, TowerConfig, convolve, planes};
 

@@ -171,7 +171,6 @@ impl ControllerShell {
         OWN + own + learned
     }
 
-    /// The plant.
     pub fn plant(&self) -> &CheckedPlant {
         &self.plant
     }

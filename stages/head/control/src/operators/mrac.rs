@@ -65,7 +65,7 @@ pub struct MracParams {
     /// The features that the weights Theta multiply.
     #[param(default = "tanh")]
     pub features: FeatureMap,
-    /// The network of `features: lstm`, a file of `stillpoint train controller`.
+    /// The network of `features: lstm`, a file of `stillpoint-research train controller`.
     #[param(file)]
     pub model: Option<String>,
     /// Time for which an estimate is used after its newest measurement.
@@ -216,7 +216,7 @@ fn features(params: &MracParams, plant: &CheckedPlant, setup: &Setup<'_>) -> Res
         }
         (FeatureMap::Lstm, None) => {
             return Err(SetupError(
-                "`features: lstm` needs a network: add `model: ...`, a file of `stillpoint train controller`"
+                "`features: lstm` needs a network: add `model: ...`, a file of `stillpoint-research train controller`"
                     .into(),
             ));
         }

@@ -12,7 +12,7 @@ use stillpoint_samples::Diagnostics;
 use super::loops::{STEP, worst_after};
 use super::network::predictor;
 use super::plants::{closed_loop_with, truth, try_loop};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// A model of the head on one bladder, from a record in which its valves open and shut at random about its rest.
 fn identified(unit: &str) -> MemoryFiles {

@@ -10,7 +10,7 @@ use stillpoint_control::predictor::{Meaning, Predictor, PredictorError};
 use stillpoint_control::tensor_file::TensorFileError;
 
 use super::vectors::{assert_all_close, assert_close, cases, matrix, number, numbers, vectors};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// The numbers of a matrix, row by row.
 fn rows(value: &Value) -> Vec<f64> {

@@ -10,7 +10,7 @@ use stillpoint_pose::PoseNumbers;
 use stillpoint_samples::{Duties, DutiesElement, Sample, Standing, Track, TrackElement};
 use stillpoint_testing::{Run, run};
 
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// What answers to the duties.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]

@@ -5,7 +5,7 @@ use stillpoint_samples::{Header, Pieces, Pose, PoseElement, Sample, Track, Track
 use stillpoint_testing::Quiet;
 use stillpoint_testing::sample::bytes_of;
 
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 const TEXT: &str = "
 stillpoint: 1

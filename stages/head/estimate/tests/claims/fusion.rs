@@ -7,7 +7,7 @@ use stillpoint_estimate::fusion::{cross_covariance, fused, intersection, inverse
 use stillpoint_estimate::offset::ClockOffset;
 use stillpoint_estimate::{Hold, Kalman, KalmanParams, Measurement, Outcome, ProcessNoise, State};
 
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// A sensor: its period in frames of the fast one, and its standard deviation, mm.
 #[derive(Clone, Copy)]

@@ -9,7 +9,7 @@ use stillpoint_samples::{
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
 
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 const TEXT: &str = "
 stillpoint: 1

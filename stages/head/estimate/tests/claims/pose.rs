@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Matrix6, SVector, Vector3, Vector6};
 use stillpoint_estimate::{Kalman, KalmanParams, Manifold, Measurement, Outcome, ProcessNoise};
 
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 const PERIOD: u64 = 33_333_333;
 

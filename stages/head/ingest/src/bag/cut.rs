@@ -7,6 +7,7 @@ use mcap::records::MessageHeader;
 
 use super::files::Bag;
 use super::select::{At, Selection};
+use super::walk::Walk;
 
 /// The files of a recording, each with the messages of it that the selections read. Messages that are skipped keep their
 /// place and lose their bytes, so that the same parameters read the same messages of it.
@@ -26,8 +27,8 @@ pub fn cut(bag: &Bag, selections: &[Selection]) -> Result<Vec<(String, Vec<u8>)>
             .compression_threads(0)
             .compression(Some(mcap::Compression::Lz4));
         let mut writer = options.create(Cursor::new(Vec::new())).map_err(fault)?;
-        for (message, place) in mcap::MessageStream::new(bytes).map_err(fault)?.zip(0..) {
-            let message = message.map_err(fault)?;
+        for (message, place) in Walk::new(name, bytes).zip(0..) {
+            let message = message?;
             let at = (number, place);
             let is_read = read.contains(&at);
             if !is_read && !skipped.contains(&at) {
@@ -41,12 +42,7 @@ pub fn cut(bag: &Bag, selections: &[Selection]) -> Result<Vec<(String, Vec<u8>)>
             let encoding = &channel.message_encoding;
             let channel_id =
                 writer.add_channel(schema, &channel.topic, encoding, &channel.metadata).map_err(fault)?;
-            let header = MessageHeader {
-                channel_id,
-                sequence: message.sequence,
-                log_time: message.log_time,
-                publish_time: message.publish_time,
-            };
+            let header = MessageHeader { channel_id, ..message.header };
             let data: &[u8] = if is_read { &message.data } else { &[] };
             writer.write_to_known_channel(&header, data).map_err(fault)?;
         }

@@ -1,10 +1,12 @@
 //! The MCAP files of a recording.
 
-use mcap::{McapError, Message, MessageStream};
 use stillpoint_operator::Files;
 use stillpoint_operator::config::faults::Findings;
 use stillpoint_operator::config::tree::{Node, Value};
 use stillpoint_operator::config::yaml;
+
+use super::walk::{Message, Walk};
+use crate::checks::quoted;
 
 const METADATA: &str = "metadata.yaml";
 /// What to do with a recording in a database.
@@ -28,10 +30,12 @@ impl From<String> for OpenError {
     }
 }
 
-/// A recording, in memory.
+/// A recording, in memory. A file is in it once.
 pub struct Bag {
     /// Its files: name and bytes.
     pub files: Vec<(String, Vec<u8>)>,
+    /// Files that its list names more than once.
+    pub repeated: Vec<String>,
 }
 
 impl Bag {
@@ -41,6 +45,7 @@ impl Bag {
     /// A file that cannot be read, or a folder that is no recording in MCAP.
     pub fn open(files: &dyn Files, place: &str) -> Result<Self, OpenError> {
         let read = |name: &str| files.read(name).map_err(|e| OpenError::Unreadable(format!("{name}: {e}")));
+        let mut repeated = Vec::new();
         let found = files.list(place).map_err(OpenError::Unreadable)?;
         let named = match &found[..] {
             [one] if last(one) == METADATA => {
@@ -49,9 +54,8 @@ impl Bag {
             [one] if is_database(one) => return Err(CONVERT.to_owned().into()),
             [one] => vec![one.clone()],
             several => match several.iter().find(|name| last(name) == METADATA) {
-                Some(metadata) => {
-                    listed(&read(metadata)?, several).map_err(|e| format!("{metadata}: {e}"))?
-                }
+                Some(metadata) => listed(&read(metadata)?, several, &mut repeated)
+                    .map_err(|e| format!("{metadata}: {e}"))?,
                 None => several.iter().filter(|name| name.ends_with(".mcap")).cloned().collect(),
             },
         };
@@ -63,42 +67,26 @@ impl Bag {
         }
         let files = named.into_iter().map(|name| Ok((read(&name)?, name)));
         let files: Result<Vec<_>, OpenError> = files.map(|f| f.map(|(bytes, name)| (name, bytes))).collect();
-        Ok(Self { files: files? })
+        Ok(Self { files: files?, repeated })
     }
 
     /// The messages of all files, each with the numbers of its file and of its place in it.
-    pub fn messages(&self) -> impl Iterator<Item = Result<((usize, u64), Message<'_>), String>> {
+    pub fn messages(&self) -> impl Iterator<Item = Result<((usize, u64), Message), String>> {
         self.files.iter().enumerate().flat_map(|(file, (name, bytes))| {
-            let (stream, fault) = match MessageStream::new(bytes) {
-                Ok(stream) => (Some(stream), None),
-                Err(e) => (None, Some(Err(unread(name, &e)))),
-            };
-            let each = stream.into_iter().flatten().zip(0..);
-            fault.into_iter().chain(each.map(move |(message, number)| {
-                message.map(|m| ((file, number), m)).map_err(|e| unread(name, &e))
-            }))
+            let each = Walk::new(name, bytes).zip(0..);
+            each.map(move |(message, number)| message.map(|m| ((file, number), m)))
         })
     }
 }
 
-/// Why a file is not read.
-pub(super) fn unread(name: &str, fault: &McapError) -> String {
-    match fault {
-        McapError::BadMagic => format!("{name}: it is no MCAP file"),
-        McapError::UnexpectedEof => {
-            format!(
-                "{name}: it ends in the middle of a record: repair a copy of it with `stillpoint recover`"
-            )
-        }
-        other => format!("{name}: {other}"),
-    }
-}
-
 /// The files that a `metadata.yaml` lists, which must be among those that are there.
-fn listed(metadata: &[u8], there: &[String]) -> Result<Vec<String>, String> {
+fn listed(metadata: &[u8], there: &[String], repeated: &mut Vec<String>) -> Result<Vec<String>, String> {
     let text = std::str::from_utf8(metadata).map_err(|e| e.to_string())?;
     let findings = Findings::default();
-    let root = yaml::parse(text, 0, 0, &findings).filter(|_| findings.is_empty()).ok_or("it is no YAML")?;
+    let root = yaml::parse(text, 0, 0, &findings).filter(|_| findings.is_empty());
+    let root = root.ok_or(
+        "it is not YAML that is read: empty, damaged, or with anchors or tags, which rosbag2 does not write",
+    )?;
     let bag = entry(&root, "rosbag2_bagfile_information")
         .ok_or("it has no `rosbag2_bagfile_information`: it is of no bag")?;
     match entry(bag, "storage_identifier").and_then(text_of) {
@@ -121,7 +109,10 @@ fn listed(metadata: &[u8], there: &[String]) -> Result<Vec<String>, String> {
     for path in paths.iter().filter_map(text_of) {
         // Bags of ROS 2 Dashing name the folder, too.
         let found = there.iter().find(|name| last(name) == last(path));
-        names.push(found.ok_or_else(|| format!("it lists {path}, which is not there"))?.clone());
+        let found = found.ok_or_else(|| format!("it lists {}, which is not there", quoted(path)))?;
+        // A list that was written by hand or by a conversion may name a file twice; it is played once.
+        let to = if names.contains(found) { &mut *repeated } else { &mut names };
+        to.push(found.clone());
     }
     Ok(names)
 }

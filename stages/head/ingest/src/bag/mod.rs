@@ -3,14 +3,17 @@
 //! - `files`: the MCAP files of a recording
 //! - `topics`: which topics it has, and which of them can be read
 //! - `select`: which messages are read
+//! - `walk`: the messages of a file, with checksums and bounds
 //! - `cut`: a recording with the messages that are read, and no others
 
 mod cut;
 mod files;
 mod select;
 mod topics;
+mod walk;
 
 pub use cut::cut;
 pub use files::{Bag, OpenError};
 pub use select::{At, Selection, Wanted, select};
 pub use topics::{Reading, check};
+pub use walk::Message;

@@ -1,10 +1,11 @@
 //! Which topics a recording has, and which of them can be read.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
+use std::sync::Arc;
 
-use mcap::{Channel, Summary};
+use mcap::Channel;
 
-use super::files::{Bag, unread};
+use super::files::Bag;
 
 /// Entry in the metadata of a channel of a session: the session's own name of the topic.
 const OWN_NAME: &str = "stillpoint.topic";
@@ -56,18 +57,17 @@ pub fn is_named(channel: &Channel<'_>, topic: &str) -> bool {
     channel.topic == topic || channel.metadata.get(OWN_NAME).is_some_and(|name| name == topic)
 }
 
-/// Checks that the recording has messages of a known type on the topic, and a `CameraInfo` where they are images. It
-/// reads the summaries of the files alone, where they have one.
+/// Checks that the recording has messages of a known type on the topic, and a `CameraInfo` where they are images.
 ///
 /// # Errors
 /// What is missing or of another type, with what is there.
 pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named, String> {
     let topics = topics(bag)?;
     let with = |schema: &str| -> Vec<&str> {
-        topics.keys().filter(|kind| kind.schema == schema).map(|kind| kind.topic.as_str()).collect()
+        topics.iter().filter(|kind| kind.schema == schema).map(|kind| kind.topic.as_str()).collect()
     };
     let of_name = |topic: &str| {
-        let found = topics.keys().find(|k| k.topic == topic || k.own_name.as_deref() == Some(topic));
+        let found = topics.iter().find(|k| k.topic == topic || k.own_name.as_deref() == Some(topic));
         found.cloned()
     };
     let Some(kind) = of_name(topic) else {
@@ -81,7 +81,7 @@ pub fn check(bag: &Bag, topic: &str, camera_info: Option<&str>) -> Result<Named,
     let readable =
         |k: &&Kind| k.encoding == "cdr" && Reading::ALL.iter().any(|reading| reading.schema() == k.schema);
     if let Some(other) =
-        topics.keys().filter(|k| k.topic == kind.topic).find(|k| !readable(k) || k.schema != kind.schema)
+        topics.iter().filter(|k| k.topic == kind.topic).find(|k| !readable(k) || k.schema != kind.schema)
     {
         let schemas = Reading::ALL.map(Reading::schema).join(", ");
         return Err(format!(
@@ -131,37 +131,24 @@ fn beside(topic: &str) -> Vec<String> {
     all
 }
 
-/// The topics that have messages, and how many.
-fn topics(bag: &Bag) -> Result<BTreeMap<Kind, u64>, String> {
-    let mut topics = BTreeMap::new();
-    let mut add = |channel: &Channel<'_>, count: u64| {
-        let kind = Kind {
+/// The topics that have messages. Summaries are not believed: what a file has is what stands in it.
+fn topics(bag: &Bag) -> Result<BTreeSet<Kind>, String> {
+    let mut topics = BTreeSet::new();
+    // A channel is looked at once.
+    let mut last = None;
+    for message in bag.messages() {
+        let (_, message) = message?;
+        if last.as_ref().is_some_and(|channel| Arc::ptr_eq(channel, &message.channel)) {
+            continue;
+        }
+        let channel = &message.channel;
+        topics.insert(Kind {
             topic: channel.topic.clone(),
             own_name: channel.metadata.get(OWN_NAME).cloned(),
             schema: channel.schema.as_ref().map_or(String::new(), |s| s.name.clone()),
             encoding: channel.message_encoding.clone(),
-        };
-        *topics.entry(kind).or_default() += count;
-    };
-    for (name, bytes) in &bag.files {
-        // A damaged end is told by the walk over the messages.
-        let summary = Summary::read(bytes).ok().flatten();
-        let counted = summary.and_then(|s| s.stats.map(|stats| (s.channels, stats)));
-        match counted {
-            Some((channels, stats)) => {
-                for (id, count) in stats.channel_message_counts {
-                    if let Some(channel) = channels.get(&id).filter(|_| count > 0) {
-                        add(channel, count);
-                    }
-                }
-            }
-            None => {
-                let stream = mcap::MessageStream::new(bytes).map_err(|e| unread(name, &e))?;
-                for message in stream {
-                    add(&message.map_err(|e| unread(name, &e))?.channel, 1);
-                }
-            }
-        }
+        });
+        last = Some(message.channel);
     }
     Ok(topics)
 }

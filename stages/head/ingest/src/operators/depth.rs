@@ -1,12 +1,13 @@
 //! `ingest.depth`: depth images, from another operator or from PNG files, to organised clouds.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Files, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{self as samples, DepthImage, PointCloud, Sample};
 
 use super::files::{self, RecordedFile};
 use super::points::send_cloud;
 use super::turn::{AtEnd, Turn};
+use crate::checks::{self, Fault, Scale};
 use crate::depth::{Intrinsics, decode_png, deproject};
 
 const IMAGE: usize = 0;
@@ -24,6 +25,9 @@ pub struct DepthParams {
     /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
+    /// Refuses damaged files. Without it, they are left out and counted at the end of the run.
+    #[param(default = false)]
+    pub strict: bool,
     /// Largest number of pixels of an image: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_pixels: u32,
@@ -102,6 +106,12 @@ impl Operator for IngestDepth {
         .map(Self)
     }
 
+    fn remarks(params: &DepthParams, files: &dyn Files) -> Vec<String> {
+        let (Some(place), Some(camera)) = (&params.files, &params.camera) else { return Vec::new() };
+        let camera = pinhole(camera);
+        files::remarks(files, place, params.strict, |file| look(params, &camera, file))
+    }
+
     fn capacities(params: &DepthParams) -> Vec<usize> {
         vec![params.max_pixels as usize]
     }
@@ -139,21 +149,9 @@ fn from_files(
     camera: &CameraParams,
     setup: &Setup<'_>,
 ) -> Result<Source, SetupError> {
-    let files = files::read(setup, place)?;
-    for file in &files {
-        let image = decode_png(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
-        let pixels = image.counts.len();
-        if pixels > params.max_pixels as usize {
-            return Err(SetupError(format!("{}: it has {pixels} pixels: raise `max_pixels`", file.name)));
-        }
-    }
-    let camera = Intrinsics {
-        fx: camera.fx,
-        fy: camera.fy,
-        cx: camera.cx,
-        cy: camera.cy,
-        metres_per_count: camera.depth_unit,
-    };
+    let camera = pinhole(camera);
+    let files = files::read(setup, place, params.strict, |file| look(params, &camera, file))?;
+    let files: Vec<RecordedFile> = files.into_iter().map(|(file, ())| file).collect();
     Ok(Source::Files { turn: Turn::new(files.len(), params.at_end), files, camera })
 }
 
@@ -165,14 +163,27 @@ fn send(counts: &[u16], camera: &samples::Intrinsics, outputs: &mut Outputs<'_>)
         cy: camera.cy,
         metres_per_count: camera.depth_unit,
     };
-    let numbers = [pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy, pinhole.metres_per_count];
-    let usable = numbers.iter().all(|n| n.is_finite()) && pinhole.fx > 0.0 && pinhole.fy > 0.0;
-    if !usable {
-        return Err(StepError(format!(
-            "the intrinsics of an image are impossible for a camera: {numbers:?}"
-        )));
-    }
-    deproject_into(counts, camera.width as usize, camera.height as usize, &pinhole, outputs)
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    checks::camera(&pinhole, width, height)
+        .map_err(|e| StepError(format!("the intrinsics of an image are not those of a camera: {e}")))?;
+    deproject_into(counts, width, height, &pinhole, outputs)
+}
+
+/// The camera of the parameters.
+fn pinhole(camera: &CameraParams) -> Intrinsics {
+    let CameraParams { fx, fy, cx, cy, depth_unit: metres_per_count } = *camera;
+    Intrinsics { fx, fy, cx, cy, metres_per_count }
+}
+
+/// Looks at a file as a step does.
+fn look(params: &DepthParams, camera: &Intrinsics, file: &RecordedFile) -> Result<(), Fault> {
+    let image = decode_png(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
+    files::at_most(params.max_pixels, image.counts.len(), "pixels", "max_pixels")?;
+    checks::camera(camera, image.width, image.height).map_err(Fault::Params)?;
+    let mut points = vec![[0.0; 3]; image.counts.len()];
+    deproject(&image.counts, image.width, image.height, camera, &mut points)
+        .map_err(|e| Fault::Item(e.to_string()))?;
+    checks::scale(points, Scale::Depths).map_err(Fault::Params)
 }
 
 fn send_file(file: &RecordedFile, camera: &Intrinsics, outputs: &mut Outputs<'_>) -> Result<(), StepError> {

@@ -1,7 +1,9 @@
 //! The files of a recording that a parameter names.
 
-use stillpoint_operator::Setup;
-use stillpoint_operator::SetupError;
+use stillpoint_operator::files::Files;
+use stillpoint_operator::{Setup, SetupError};
+
+use crate::checks::{Fault, Kept};
 
 /// A file of a recording, as it is on disk.
 pub struct RecordedFile {
@@ -11,12 +13,62 @@ pub struct RecordedFile {
     pub bytes: Vec<u8>,
 }
 
-/// Reads the files that `path` names, in the order of their names. Names are sorted as text, so numbers in names need
-/// leading zeros.
+/// Reads the files that `path` names, in the order of their names, with numbers in names by their value, and looks at
+/// each. A damaged file is left out, or refused where `strict`.
 ///
 /// # Errors
-/// A path or a file that cannot be read.
-pub fn read(setup: &Setup<'_>, path: &str) -> Result<Vec<RecordedFile>, SetupError> {
-    let names = setup.files.list(path).map_err(|e| SetupError(format!("{path}: {e}")))?;
-    names.into_iter().map(|name| Ok(RecordedFile { bytes: setup.file(&name)?, name })).collect()
+/// A path or a file that cannot be read, or what `look` finds in a file.
+pub fn read<T>(
+    setup: &Setup<'_>,
+    path: &str,
+    strict: bool,
+    look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
+) -> Result<Vec<(RecordedFile, T)>, SetupError> {
+    kept(setup.files, path, strict, look).map(|kept| kept.items).map_err(SetupError)
+}
+
+/// What a run says about the files that `path` names; nothing where they cannot be read, which their operator says.
+pub fn remarks<T>(
+    files: &dyn Files,
+    path: &str,
+    strict: bool,
+    look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
+) -> Vec<String> {
+    let kept = kept(files, path, strict, look);
+    let remark = kept.ok().and_then(|kept| kept.remark("files"));
+    remark.into_iter().map(|remark| format!("{path}: {remark}")).collect()
+}
+
+/// The files that `look` finds nothing wrong with, each with what it made of them.
+type Looked<T> = Kept<(RecordedFile, T)>;
+
+fn kept<T>(
+    files: &dyn Files,
+    path: &str,
+    strict: bool,
+    mut look: impl FnMut(&RecordedFile) -> Result<T, Fault>,
+) -> Result<Looked<T>, String> {
+    let names = files.list(path).map_err(|e| format!("{path}: {e}"))?;
+    let each = names.into_iter().map(|name| {
+        let bytes = files.read(&name).map_err(|e| Fault::Params(format!("{name}: {e}")))?;
+        let file = RecordedFile { name, bytes };
+        let named = |e: &str| format!("{}: {e}", file.name);
+        match look(&file) {
+            Ok(made) => Ok((file, made)),
+            Err(Fault::Item(e)) => Err(Fault::Item(named(&e))),
+            Err(Fault::Params(e)) => Err(Fault::Params(named(&e))),
+        }
+    });
+    Kept::of(each, strict)
+}
+
+/// Refuses more points or pixels than the parameter of this name allows.
+///
+/// # Errors
+/// How many there are.
+pub fn at_most(most: u32, found: usize, what: &str, parameter: &str) -> Result<(), Fault> {
+    match found <= most as usize {
+        true => Ok(()),
+        false => Err(Fault::Params(format!("it has {found} {what}: raise `{parameter}`"))),
+    }
 }

@@ -1,11 +1,12 @@
 //! `ingest.grey`: grey images out of PNG files, one per tick.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Files, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{GreyImage, GreyShape, Sample};
 
 use super::files::{self, RecordedFile};
 use super::turn::{AtEnd, Turn};
+use crate::checks::Fault;
 use crate::grey::decode_png;
 
 const IMAGE: usize = 0;
@@ -19,6 +20,9 @@ pub struct GreyParams {
     /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
+    /// Refuses damaged files. Without it, they are left out and counted at the end of the run.
+    #[param(default = false)]
+    pub strict: bool,
     /// Largest number of pixels of an image: sets the size of shared memory.
     #[param(default = 1310720, min = 1, max = 16777216)]
     pub max_pixels: u32,
@@ -48,15 +52,13 @@ impl Operator for IngestGrey {
     };
 
     fn new(params: GreyParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let files = files::read(setup, &params.files)?;
-        for file in &files {
-            let image = decode_png(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
-            let pixels = image.pixels.len();
-            if pixels > params.max_pixels as usize {
-                return Err(SetupError(format!("{}: it has {pixels} pixels: raise `max_pixels`", file.name)));
-            }
-        }
+        let files = files::read(setup, &params.files, params.strict, |file| look(&params, file))?;
+        let files: Vec<RecordedFile> = files.into_iter().map(|(file, ())| file).collect();
         Ok(Self { turn: Turn::new(files.len(), params.at_end), files })
+    }
+
+    fn remarks(params: &GreyParams, files: &dyn Files) -> Vec<String> {
+        files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
     fn capacities(params: &GreyParams) -> Vec<usize> {
@@ -74,4 +76,10 @@ impl Operator for IngestGrey {
         let shape = GreyShape { width: image.width as u32, height: image.height as u32, reserved: 0, length };
         outputs.send_slice::<GreyImage>(IMAGE, &shape, &image.pixels)
     }
+}
+
+/// Looks at a file as a step does.
+fn look(params: &GreyParams, file: &RecordedFile) -> Result<(), Fault> {
+    let image = decode_png(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
+    files::at_most(params.max_pixels, image.pixels.len(), "pixels", "max_pixels")
 }

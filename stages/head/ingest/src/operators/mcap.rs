@@ -6,10 +6,13 @@ use stillpoint_operator::{Activation, Files, Operator, Outputs, ParamConflict, P
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Sample};
 
+use super::messages::Form;
 use super::playback::Pace;
-use super::recording::{self, Recording};
+use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
-use crate::bag::{Bag, Wanted};
+use super::unit::Unit;
+use crate::bag::{Bag, Reading, Wanted};
+use crate::camera_info::Image;
 
 const CLOUD: usize = 0;
 
@@ -21,16 +24,31 @@ pub struct McapParams {
     #[param(files = "*")]
     pub file: String,
     /// Topic of `sensor_msgs/msg/PointCloud2`, of depth as `sensor_msgs/msg/Image` (16UC1 in mm, 32FC1 in m) or of depth
-    /// as PNG in `sensor_msgs/msg/CompressedImage`. Of a session, its own name (`cloud.cloud`) or that of ROS 2
+    /// as PNG or RVL in `sensor_msgs/msg/CompressedImage`. Of a session, its own name (`cloud.cloud`) or that of ROS 2
     /// (`/cloud/cloud`).
     pub topic: String,
     /// Topic of the `sensor_msgs/msg/CameraInfo` of images. Without it: `camera_info` in the namespace of the image, or
-    /// below the image. The distortion `plumb_bob` or `rational_polynomial` is undone; an image whose name has `rect` is
-    /// rectified already.
+    /// below the image. The distortion `plumb_bob` or `rational_polynomial` is undone.
     pub camera_info: Option<String>,
+    /// Depth of a count of images of 16 bits: 1 mm without it, as 16UC1 has it; 0.25 mm for some cameras. If it is set,
+    /// pixels of `mono16` are depths, too.
+    #[param(unit = "m", above = "0 mm", max = "100 mm")]
+    pub depth_unit: Option<f64>,
+    /// Unit of the coordinates of clouds.
+    #[param(default = "m")]
+    pub unit: Unit,
+    /// Whether images are raw or rectified. Without it: rectified where the name of the image has the word `rect` or
+    /// `rectified`, as `image_rect`; the projection P is used then, and no distortion.
+    pub image: Option<Image>,
     /// When a message is sent. `run --clock simulated` plays a recording as fast as the machine goes, at either pace.
     #[param(default = "ticks")]
     pub pace: Pace,
+    /// The longest time between two messages. A longer one shows that a clock was set while it was recorded.
+    #[param(unit = "ns", default = "1 min", min = "1 ms", max = "24 h")]
+    pub max_gap: u64,
+    /// Refuses damaged messages. Without it, they are left out and counted at the end of the run.
+    #[param(default = false)]
+    pub strict: bool,
     /// Number of messages to skip at the beginning, in the order of their log times.
     #[param(default = 0)]
     pub skip: u32,
@@ -78,11 +96,13 @@ impl Operator for IngestMcap {
         recording::cut(&wanted, files)
     }
 
+    fn remarks(params: &McapParams, files: &dyn Files) -> Vec<String> {
+        recording::remarks(files, &params.file, &wanted(params), &play(params))
+    }
+
     fn new(params: McapParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let bag = Bag::open(setup.files, &params.file).map_err(|e| e.to_string());
-        let played = (params.pace, params.at_end);
-        let max_points = params.max_points as usize;
-        let read = bag.and_then(|bag| Recording::read(&bag, &wanted(&params), played, max_points));
+        let read = bag.and_then(|bag| Recording::read(&bag, &wanted(&params), &play(&params)));
         let read = read.map_err(|e| SetupError(format!("{}: {e}", params.file)))?;
         match (params.pace, read.period(), setup.every) {
             (Pace::Recorded, Some(period), Some(every)) if every > period => Err(SetupError(format!(
@@ -99,7 +119,7 @@ impl Operator for IngestMcap {
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        self.0.play(activation.time, CLOUD, outputs)
+        self.0.play(activation.time, CLOUD, None, outputs).map(drop)
     }
 }
 
@@ -109,5 +129,19 @@ fn wanted(params: &McapParams) -> Wanted<'_> {
         camera_info: params.camera_info.as_deref(),
         skip: params.skip as usize,
         frames: params.frames.map(|frames| frames as usize),
+    }
+}
+
+fn play(params: &McapParams) -> Play<'static> {
+    Play {
+        // The recording says what its messages are.
+        form: Form { reading: Reading::Cloud, unit: params.unit, depth_unit: params.depth_unit },
+        pace: params.pace,
+        at_end: params.at_end,
+        max_gap: params.max_gap,
+        image: params.image,
+        max_points: params.max_points as usize,
+        strict: params.strict,
+        wire: None,
     }
 }

@@ -1,10 +1,13 @@
 //! Clouds out of messages of ROS 2, of recordings and of the wire alike.
 
+use stillpoint_cdr::Reader;
 use stillpoint_operator::{Outputs, StepError};
 
 use super::points::send_cloud;
+use super::unit::Unit;
 use crate::bag::Reading;
 use crate::camera_info::{CameraInfo, CameraInfoError, Image};
+use crate::checks::{self, Scale};
 use crate::depth_message::{DepthMessage, DepthMessageError};
 use crate::point_cloud2::{PointCloud2, PointCloud2Error};
 
@@ -20,6 +23,12 @@ pub enum MessageError {
     /// It is no depth image.
     #[error(transparent)]
     Depth(#[from] DepthMessageError),
+    /// The image and its camera are in two frames.
+    #[error("{0}")]
+    Frame(String),
+    /// Its points are in another unit.
+    #[error("{0}")]
+    Scale(String),
     /// No sample has so many points.
     #[error("it has {points} points: raise `max_points`")]
     TooLarge {
@@ -35,6 +44,8 @@ pub enum MessageError {
 pub struct Camera {
     /// Pixels in a row, and rows.
     pub size: [u32; 2],
+    /// Its frame; empty where none is given.
+    pub frame: String,
     /// For each pixel: x and y of the point of its ray at a depth of 1.
     pub rays: Vec<[f64; 2]>,
 }
@@ -66,10 +77,26 @@ pub enum CamerasError {
     },
 }
 
+/// Which image a topic has: by the words of its last name (`image_rect`, `image_rect_raw`), not by letters that other
+/// words contain (`corrected`, `unrectified`), and not by its namespace.
+pub fn image_of_name(topic: &str) -> Image {
+    let image = match topic.rsplit_once('/') {
+        // A transport stands behind the name of the image.
+        Some((image, "compressedDepth" | "compressed")) => image,
+        _ => topic,
+    };
+    let last = image.rsplit('/').next().unwrap_or(image);
+    match last.split('_').any(|word| word == "rect" || word == "rectified") {
+        true => Image::Rectified,
+        false => Image::Raw,
+    }
+}
+
 impl Cameras {
-    /// Those of images of a topic of this name, of at most so many pixels.
-    pub fn of_topic(topic: &str, most_pixels: usize) -> Self {
-        let image = if topic.contains("rect") { Image::Rectified } else { Image::Raw };
+    /// Those of images of a topic, of at most so many pixels. `image` is stated where the name of the topic does not
+    /// decide.
+    pub fn of_topic(topic: &str, image: Option<Image>, most_pixels: usize) -> Self {
+        let image = image.unwrap_or_else(|| image_of_name(topic));
         Self { image, infos: Vec::new(), cameras: Vec::new(), most_pixels }
     }
 
@@ -89,7 +116,8 @@ impl Cameras {
         if u64::from(width) * u64::from(height) > self.most_pixels as u64 {
             return Err(CamerasError::TooLarge { width, height });
         }
-        self.cameras.push(Camera { size: [width, height], rays: info.rays()? });
+        let frame = info.frame.clone();
+        self.cameras.push(Camera { size: [width, height], frame, rays: info.rays()? });
         self.infos.push(info);
         Ok(self.infos.len() - 1)
     }
@@ -100,70 +128,110 @@ impl Cameras {
     }
 }
 
-/// Sends a message as a cloud; `camera` is that of an image.
-///
-/// # Errors
-/// Why it becomes no cloud; nothing is sent then.
-pub fn send_message(
-    reading: Reading,
-    bytes: &[u8],
-    camera: Option<&Camera>,
-    port: usize,
-    outputs: &mut Outputs<'_>,
-) -> Result<(), MessageError> {
-    let fits = |points: usize, outputs: &Outputs<'_>| match points <= outputs.capacity(port) {
-        true => Ok(()),
-        false => Err(MessageError::TooLarge { points }),
-    };
-    if reading == Reading::Cloud {
-        let cloud = PointCloud2::parse(bytes)?;
-        fits(cloud.width() * cloud.height(), outputs)?;
-        let sent = send_cloud(outputs, port, cloud.width(), cloud.height(), |points| {
-            points.iter_mut().zip(cloud.points()).for_each(|(to, from)| *to = from);
-            Ok(())
+/// How messages become clouds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Form {
+    /// Their type.
+    pub reading: Reading,
+    /// Unit of the coordinates of clouds.
+    pub unit: Unit,
+    /// Depth of a count of images, m, where it is stated.
+    pub depth_unit: Option<f64>,
+}
+
+/// A message that was read, and the camera of an image.
+enum Read<'a> {
+    Cloud(PointCloud2<'a>),
+    Image(DepthMessage<'a>, [u32; 2], &'a [[f64; 2]]),
+}
+
+impl Form {
+    /// Sends a message as a cloud; `camera` is that of an image.
+    ///
+    /// # Errors
+    /// Why it becomes no cloud; nothing is sent then.
+    pub fn send(
+        &self,
+        bytes: &[u8],
+        camera: Option<&Camera>,
+        port: usize,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<(), MessageError> {
+        let read = self.read(bytes, camera)?;
+        let [width, height] = read.size(outputs.capacity(port))?;
+        let mut fault = None;
+        let sent = send_cloud(outputs, port, width, height, |points| {
+            self.fill(&read, points).map_err(|e| {
+                let reason = StepError(e.to_string());
+                fault = Some(e);
+                reason
+            })
         });
-        return sent.map_err(MessageError::Step);
+        match fault {
+            Some(fault) => Err(fault),
+            None => sent.map_err(MessageError::Step),
+        }
     }
-    let image = depth_image(reading, bytes)?;
-    let (size, rays) = camera.map_or(([0, 0], &[][..]), |camera| (camera.size, &camera.rays));
-    fits(rays.len(), outputs)?;
-    let mut fault = None;
-    let sent = send_cloud(outputs, port, size[0] as usize, size[1] as usize, |points| {
-        image.points_into(size, rays, points).map_err(|e| {
-            let reason = StepError(e.to_string());
-            fault = Some(e);
-            reason
-        })
-    });
-    match fault {
-        Some(fault) => Err(fault.into()),
-        None => sent.map_err(MessageError::Step),
+
+    /// Looks at a message as [`send`](Self::send) does.
+    ///
+    /// # Errors
+    /// Why it becomes no cloud of `most` points.
+    pub fn check(
+        &self,
+        bytes: &[u8],
+        camera: Option<&Camera>,
+        most: usize,
+        scratch: &mut Vec<[f32; 3]>,
+    ) -> Result<(), MessageError> {
+        let read = self.read(bytes, camera)?;
+        let [width, height] = read.size(most)?;
+        scratch.resize(width * height, [0.0; 3]);
+        self.fill(&read, scratch)
+    }
+
+    fn read<'a>(&self, bytes: &'a [u8], camera: Option<&'a Camera>) -> Result<Read<'a>, MessageError> {
+        if self.reading == Reading::Cloud {
+            return Ok(Read::Cloud(PointCloud2::parse(bytes)?));
+        }
+        let image = match self.reading {
+            Reading::Compressed => DepthMessage::parse_compressed(bytes, self.depth_unit)?,
+            _ => DepthMessage::parse(bytes, self.depth_unit)?,
+        };
+        let Some(camera) = camera else { return Ok(Read::Image(image, [0, 0], &[])) };
+        let frame =
+            Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header()).map_or("", |(_, f)| f);
+        checks::same_frame(frame, &camera.frame).map_err(MessageError::Frame)?;
+        Ok(Read::Image(image, camera.size, &camera.rays))
+    }
+
+    /// Writes all points, in metres.
+    fn fill(&self, read: &Read<'_>, points: &mut [[f32; 3]]) -> Result<(), MessageError> {
+        let of = match read {
+            Read::Cloud(cloud) => {
+                let all = points.iter_mut().zip(cloud.points());
+                all.for_each(|(to, from)| *to = checks::point(self.unit.in_metres(from)));
+                self.unit.scale()
+            }
+            Read::Image(image, size, rays) => {
+                image.points_into(*size, rays, points)?;
+                Scale::Depths
+            }
+        };
+        checks::scale(points.iter().copied(), of).map_err(MessageError::Scale)
     }
 }
 
-/// How many points a message has. Its pixels are looked at as a step does.
-///
-/// # Errors
-/// Why it becomes no cloud.
-pub fn points_of(
-    reading: Reading,
-    bytes: &[u8],
-    camera: Option<&Camera>,
-    scratch: &mut Vec<[f32; 3]>,
-) -> Result<usize, MessageError> {
-    if reading == Reading::Cloud {
-        let cloud = PointCloud2::parse(bytes)?;
-        return Ok(cloud.width() * cloud.height());
-    }
-    let (size, rays) = camera.map_or(([0, 0], &[][..]), |camera| (camera.size, &camera.rays));
-    scratch.resize(rays.len(), [0.0; 3]);
-    depth_image(reading, bytes)?.points_into(size, rays, scratch)?;
-    Ok(rays.len())
-}
-
-fn depth_image(reading: Reading, bytes: &[u8]) -> Result<DepthMessage<'_>, DepthMessageError> {
-    match reading {
-        Reading::Compressed => DepthMessage::parse_compressed(bytes),
-        _ => DepthMessage::parse(bytes),
+impl Read<'_> {
+    /// Columns and rows of the cloud.
+    fn size(&self, most: usize) -> Result<[usize; 2], MessageError> {
+        let [width, height] = match self {
+            Self::Cloud(cloud) => [cloud.width(), cloud.height()],
+            Self::Image(_, size, _) => size.map(|n| n as usize),
+        };
+        match width.saturating_mul(height) {
+            points if points <= most => Ok([width, height]),
+            points => Err(MessageError::TooLarge { points }),
+        }
     }
 }

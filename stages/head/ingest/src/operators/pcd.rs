@@ -1,6 +1,6 @@
 //! `ingest.pcd`: point cloud files, one per tick.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Files, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Sample};
 
@@ -8,6 +8,7 @@ use super::files::{self, RecordedFile};
 use super::points::send_cloud;
 use super::turn::{AtEnd, Turn};
 use super::unit::Unit;
+use crate::checks::Fault;
 use crate::pcd;
 
 const CLOUD: usize = 0;
@@ -25,6 +26,9 @@ pub struct PcdParams {
     /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
+    /// Refuses damaged files. Without it, they are left out and counted at the end of the run.
+    #[param(default = false)]
+    pub strict: bool,
     /// Largest number of points of a cloud: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_points: u32,
@@ -55,16 +59,13 @@ impl Operator for IngestPcd {
     };
 
     fn new(params: PcdParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let files = files::read(setup, &params.files)?;
-        for file in &files {
-            let cloud = pcd::read(&file.bytes).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
-            let points = cloud.points.len();
-            if points > params.max_points as usize {
-                return Err(SetupError(format!("{}: it has {points} points: raise `max_points`", file.name)));
-            }
-            params.unit.check(&cloud.points).map_err(|e| SetupError(format!("{}: {e}", file.name)))?;
-        }
+        let files = files::read(setup, &params.files, params.strict, |file| look(&params, file))?;
+        let files: Vec<RecordedFile> = files.into_iter().map(|(file, ())| file).collect();
         Ok(Self { turn: Turn::new(files.len(), params.at_end), files, unit: params.unit })
+    }
+
+    fn remarks(params: &PcdParams, files: &dyn Files) -> Vec<String> {
+        files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
     fn capacities(params: &PcdParams) -> Vec<usize> {
@@ -83,4 +84,11 @@ impl Operator for IngestPcd {
             Ok(())
         })
     }
+}
+
+/// Looks at a file as a step does.
+fn look(params: &PcdParams, file: &RecordedFile) -> Result<(), Fault> {
+    let cloud = pcd::read(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
+    files::at_most(params.max_points, cloud.points.len(), "points", "max_points")?;
+    params.unit.check(&cloud.points).map_err(Fault::Params)
 }

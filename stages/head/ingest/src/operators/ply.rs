@@ -1,13 +1,14 @@
 //! `ingest.ply`: point cloud files, one per tick.
 
-use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Activation, Files, Operator, Outputs, Params, Setup};
 use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{PointCloud, Sample};
 
-use super::files;
+use super::files::{self, RecordedFile};
 use super::points::send_cloud;
 use super::turn::{AtEnd, Turn};
 use super::unit::Unit;
+use crate::checks::Fault;
 use crate::ply;
 
 const CLOUD: usize = 0;
@@ -27,6 +28,9 @@ pub struct PlyParams {
     /// What follows the last file.
     #[param(default = "stop")]
     pub at_end: AtEnd,
+    /// Refuses damaged files. Without it, they are left out and counted at the end of the run.
+    #[param(default = false)]
+    pub strict: bool,
     /// Largest number of points of a cloud: sets the size of shared memory.
     #[param(default = 307200, min = 1, max = 16777216)]
     pub max_points: u32,
@@ -56,25 +60,23 @@ impl Operator for IngestPly {
     };
 
     fn new(params: PlyParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let mut clouds = Vec::new();
         let mut total = 0;
-        for file in files::read(setup, &params.files)? {
-            let fault = |e: String| SetupError(format!("{}: {e}", file.name));
-            let mut cloud = ply::read(&file.bytes).map_err(|e| fault(e.to_string()))?;
-            if cloud.len() > params.max_points as usize {
-                return Err(fault(format!("it has {} points: raise `max_points`", cloud.len())));
-            }
+        let read = files::read(setup, &params.files, params.strict, |file| {
+            let cloud = look(&params, file)?;
             total += cloud.len();
             if total > MOST_POINTS {
-                return Err(fault(
+                return Err(Fault::Params(
                     "with it, the clouds take more than 1 GiB of memory: name fewer files".into(),
                 ));
             }
-            params.unit.check(&cloud).map_err(fault)?;
-            cloud.iter_mut().for_each(|point| *point = params.unit.in_metres(*point));
-            clouds.push(cloud);
-        }
+            Ok(cloud)
+        })?;
+        let clouds: Vec<_> = read.into_iter().map(|(_, cloud)| cloud).collect();
         Ok(Self { turn: Turn::new(clouds.len(), params.at_end), clouds })
+    }
+
+    fn remarks(params: &PlyParams, files: &dyn Files) -> Vec<String> {
+        files::remarks(files, &params.files, params.strict, |file| look(params, file))
     }
 
     fn capacities(params: &PlyParams) -> Vec<usize> {
@@ -92,4 +94,13 @@ impl Operator for IngestPly {
             Ok(())
         })
     }
+}
+
+/// The cloud of a file, in metres.
+fn look(params: &PlyParams, file: &RecordedFile) -> Result<Vec<[f32; 3]>, Fault> {
+    let mut cloud = ply::read(&file.bytes).map_err(|e| Fault::Item(e.to_string()))?;
+    files::at_most(params.max_points, cloud.len(), "points", "max_points")?;
+    params.unit.check(&cloud).map_err(Fault::Params)?;
+    cloud.iter_mut().for_each(|point| *point = params.unit.in_metres(*point));
+    Ok(cloud)
 }

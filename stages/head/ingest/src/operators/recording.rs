@@ -5,101 +5,226 @@ use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_cdr::Reader;
 use stillpoint_operator::{Files, Outputs, SetupError, StepError};
 
-use super::messages::{Cameras, CamerasError, points_of, send_message};
+use super::messages::{Cameras, CamerasError, Form, MessageError};
 use super::playback::{Due, Pace, Playback};
 use super::turn::AtEnd;
 use crate::bag::{self, At, Bag, OpenError, Reading, Selection, Wanted};
+use crate::camera_info::Image;
+use crate::checks::{self, Fault, Kept};
+use crate::wire::{Admission, Counts, Refusal};
 
 /// Largest size of all messages together: 1 GiB.
 const MOST_BYTES: usize = 1 << 30;
 
 /// The messages of a recording, in the order of their log times.
 pub struct Recording {
-    reading: Reading,
-    /// Each message as it was recorded, and the number of its camera.
-    frames: Vec<(Vec<u8>, usize)>,
+    form: Form,
+    frames: Vec<Played>,
     cameras: Cameras,
     playback: Playback,
+    remarks: Vec<String>,
+}
+
+/// A message that is played.
+struct Played {
+    /// As it was recorded.
+    message: Vec<u8>,
+    /// Number of its camera.
+    camera: usize,
+    /// What the wire would have brought since the message before it.
+    since: Since,
+}
+
+/// What came between two messages that are played.
+#[derive(Clone, Debug, Default)]
+struct Since {
+    camera_infos: u64,
+    refused: Vec<Refusal>,
+}
+
+/// How a recording is read and played.
+#[derive(Clone, Debug)]
+pub struct Play<'a> {
+    /// How its messages become clouds.
+    pub form: Form,
+    /// Its pace.
+    pub pace: Pace,
+    /// What follows its last message.
+    pub at_end: AtEnd,
+    /// The longest time between two messages that is waited for, ns.
+    pub max_gap: u64,
+    /// Which image it has, where it is stated.
+    pub image: Option<Image>,
+    /// The most points of a cloud.
+    pub max_points: usize,
+    /// Whether a damaged message is refused and not left out.
+    pub strict: bool,
+    /// What the wire refuses, where the recording is played in its place.
+    pub wire: Option<Admission<'a>>,
 }
 
 impl Recording {
-    /// Reads the messages that are wanted, and looks at each as a step does.
+    /// Reads the messages that are wanted, and looks at each as a step does. Those that become no cloud are left out.
     ///
     /// # Errors
     /// What is missing or wrong.
-    pub fn read(
-        bag: &Bag,
-        wanted: &Wanted<'_>,
-        (pace, at_end): (Pace, AtEnd),
-        max_points: usize,
-    ) -> Result<Self, String> {
-        let Selection { reading, frames, .. } = bag::select(bag, wanted)?;
-        let mut bytes = BTreeMap::<At, Vec<u8>>::new();
-        for frame in &frames {
-            bytes.insert(frame.at, Vec::new());
-            frame.camera.map(|camera| bytes.insert(camera, Vec::new()));
-        }
-        let mut total = 0;
-        for message in bag.messages() {
-            let (at, message) = message?;
-            let Some(kept) = bytes.get_mut(&at) else { continue };
-            total += message.data.len();
-            if total > MOST_BYTES {
-                return Err("its messages take more than 1 GiB of memory: set `frames`".to_string());
-            }
-            *kept = message.data.into_owned();
-        }
-        let mut cameras = Cameras::of_topic(wanted.topic, max_points);
-        let (mut times, mut read, mut scratch) = (Vec::new(), Vec::new(), Vec::new());
-        for (place, frame) in frames.iter().enumerate() {
+    pub fn read(bag: &Bag, wanted: &Wanted<'_>, play: &Play<'_>) -> Result<Self, String> {
+        let selection = bag::select(bag, wanted)?;
+        let form = Form { reading: selection.reading, ..play.form };
+        let mut bytes = bytes_of(bag, &selection)?;
+        let mut cameras = Cameras::of_topic(wanted.topic, play.image, play.max_points);
+        let (mut times, mut scratch, mut since) = (Vec::new(), Vec::new(), Since::default());
+        let mut last_camera = None;
+        let mut items = Vec::new();
+        for (place, frame) in selection.frames.iter().enumerate() {
             // The number that `skip` counts.
             let by_time = wanted.skip + place + 1;
-            let fault = |e: String| format!("message {by_time} by time: {e}");
-            let camera = match frame.camera {
-                Some(at) => cameras
-                    .number(bytes.get(&at).map_or(&[], Vec::as_slice))
-                    .map_err(|e| fault(format!("its CameraInfo: {e}{}", cure(&e))))?,
-                None => 0,
-            };
+            let named = |e: &str| format!("message {by_time} by time: {e}");
             let message = bytes.remove(&frame.at).unwrap_or_default();
-            times.push((message_time(&message).map_err(fault)?, frame.log_time));
-            let points = points_of(reading, &message, cameras.get(camera), &mut scratch)
-                .map_err(|e| fault(e.to_string()))?;
-            if points > max_points {
-                return Err(fault(format!("it has {points} points: raise `max_points`")));
+            if frame.camera.is_some() && frame.camera != last_camera {
+                since.camera_infos += 1;
+                last_camera = frame.camera;
             }
-            read.push((message, camera));
+            let looked = (|| {
+                let camera = match frame.camera {
+                    Some(at) => {
+                        cameras.number(bytes.get(&at).map_or(&[], Vec::as_slice)).map_err(of_camera)?
+                    }
+                    None => 0,
+                };
+                let mut stamp = stamp_of(&message).map_err(|e| (Fault::Item(e), Some(Refusal::Damaged)))?;
+                if let Some(wire) = &play.wire {
+                    let admitted = wire.admit(&message, frame.log_time);
+                    stamp = admitted.map_err(|e| (Fault::Item(e.reason().to_owned()), Some(e)))?;
+                }
+                form.check(&message, cameras.get(camera), play.max_points, &mut scratch)
+                    .map_err(of_message)?;
+                Ok((camera, stamp))
+            })();
+            items.push(match looked {
+                Ok((camera, stamp)) => {
+                    times.push((stamp, frame.log_time));
+                    Ok(Played { message, camera, since: std::mem::take(&mut since) })
+                }
+                Err((fault, refusal)) => {
+                    since.refused.extend(refusal);
+                    Err(match fault {
+                        Fault::Item(e) => Fault::Item(named(&e)),
+                        Fault::Params(e) => Fault::Params(named(&e)),
+                    })
+                }
+            });
         }
-        let playback = Playback::new(&origins(&times), pace, at_end);
-        Ok(Self { reading, frames: read, cameras, playback })
+        let kept = Kept::of(items, play.strict)?;
+        let origins = origins(&times);
+        if play.pace == Pace::Recorded {
+            checks::gaps(&origins, play.max_gap)?;
+        }
+        let mut remarks: Vec<String> = kept.remark("messages").into_iter().collect();
+        remarks.extend(bag.repeated.iter().map(|name| {
+            format!(
+                "{} is listed more than once in its metadata.yaml, and is played once",
+                checks::quoted(name)
+            )
+        }));
+        let mut frames = kept.items;
+        if let Some(last) = frames.last_mut() {
+            last.since.camera_infos += since.camera_infos;
+            last.since.refused.append(&mut since.refused);
+        }
+        let playback = Playback::new(&origins, play.pace, play.at_end);
+        Ok(Self { form, frames, cameras, playback, remarks })
     }
 
-    /// Mean distance of two messages, ns. `None`: there is one.
+    /// Mean distance of two messages, ns. `None`: there is one, or all have one time.
     pub fn period(&self) -> Option<u64> {
-        self.playback.period()
+        self.playback.period().filter(|period| *period > 0)
     }
 
-    /// Sends what is due at a tick at `now`, session time in ns.
+    /// What was left out, for people.
+    pub fn remarks(self) -> Vec<String> {
+        self.remarks
+    }
+
+    /// Sends what is due at a tick at `now`, session time in ns, and whether that is a message. `counts` are those of the
+    /// wire, which the recording is played in place of.
     ///
     /// # Errors
     /// The executor did not take the sample.
-    pub fn play(&mut self, now: u64, port: usize, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    pub fn play(
+        &mut self,
+        now: u64,
+        port: usize,
+        counts: Option<&mut Counts>,
+        outputs: &mut Outputs<'_>,
+    ) -> Result<bool, StepError> {
         match self.playback.at(now) {
-            Due::Wait => Ok(()),
+            Due::Wait => Ok(false),
             Due::End => {
                 outputs.finish();
-                Ok(())
+                Ok(false)
             }
             Due::Frame(number, time) => {
                 if let Some(time) = time {
                     outputs.acquired_at(time);
                 }
-                let (bytes, camera) = &self.frames[number];
-                send_message(self.reading, bytes, self.cameras.get(*camera), port, outputs)
-                    .map_err(|e| StepError(e.to_string()))
+                let Played { message, camera, since } = &self.frames[number];
+                if let Some(counts) = counts {
+                    counts.camera_infos += since.camera_infos;
+                    since.refused.iter().for_each(|refusal| counts.refuse(*refusal));
+                    counts.clouds += 1;
+                }
+                let sent = self.form.send(message, self.cameras.get(*camera), port, outputs);
+                sent.map(|()| true).map_err(|e| StepError(e.to_string()))
             }
         }
     }
+}
+
+/// The bytes of the messages of a selection, and of their cameras.
+fn bytes_of(bag: &Bag, selection: &Selection) -> Result<BTreeMap<At, Vec<u8>>, String> {
+    let mut bytes = BTreeMap::<At, Vec<u8>>::new();
+    for frame in &selection.frames {
+        bytes.insert(frame.at, Vec::new());
+        frame.camera.map(|camera| bytes.insert(camera, Vec::new()));
+    }
+    let mut total = 0;
+    for message in bag.messages() {
+        let (at, message) = message?;
+        let Some(kept) = bytes.get_mut(&at) else { continue };
+        total += message.data.len();
+        if total > MOST_BYTES {
+            return Err("its messages take more than 1 GiB of memory: set `frames`".to_string());
+        }
+        *kept = message.data;
+    }
+    Ok(bytes)
+}
+
+/// Whose fault it is that a `CameraInfo` is not taken.
+fn of_camera(error: CamerasError) -> (Fault, Option<Refusal>) {
+    let text = format!("its CameraInfo: {error}{}", cure(&error));
+    match error {
+        CamerasError::Info(_) => (Fault::Item(text), Some(Refusal::CameraInfo)),
+        CamerasError::TooMany | CamerasError::TooLarge { .. } => (Fault::Params(text), None),
+    }
+}
+
+/// Whose fault it is that a message becomes no cloud.
+fn of_message(error: MessageError) -> (Fault, Option<Refusal>) {
+    let text = error.to_string();
+    match error {
+        MessageError::TooLarge { .. } | MessageError::Scale(_) | MessageError::Step(_) => {
+            (Fault::Params(text), None)
+        }
+        other => (Fault::Item(text), Refusal::of(&other)),
+    }
+}
+
+/// The remarks about a recording that is read with these parameters; none where it cannot be read, which its operator says.
+pub fn remarks(files: &dyn Files, file: &str, wanted: &Wanted<'_>, play: &Play<'_>) -> Vec<String> {
+    let read = Bag::open(files, file).ok().and_then(|bag| Recording::read(&bag, wanted, play).ok());
+    read.map_or_else(Vec::new, |read| read.remarks().into_iter().map(|r| format!("{file}: {r}")).collect())
 }
 
 /// Checks that a recording has the topic, with messages of a type that is read.
@@ -161,14 +286,18 @@ fn cure(error: &CamerasError) -> &'static str {
     }
 }
 
-/// Stamp of the header of a message, ns.
-fn message_time(bytes: &[u8]) -> Result<u64, String> {
-    Reader::in_either_order(bytes).and_then(|mut r| r.header()).map_err(|e| e.to_string())
+/// Stamp of the header of a message, ns; `None` where it has none.
+fn stamp_of(bytes: &[u8]) -> Result<Option<u64>, String> {
+    let header = Reader::in_either_order(bytes).and_then(|mut r| r.foreign_header());
+    header.map(|(stamp, _)| stamp).map_err(|e| e.to_string())
 }
 
 /// The time of acquisition of each message, of its stamp and its log time, ns: the stamps, or the log times where a stamp
 /// is missing or goes back.
-fn origins(times: &[(u64, u64)]) -> Vec<u64> {
-    let stamped = times.iter().all(|(stamp, _)| *stamp > 0) && times.is_sorted_by_key(|(stamp, _)| *stamp);
-    times.iter().map(|(stamp, log_time)| if stamped { *stamp } else { *log_time }).collect()
+fn origins(times: &[(Option<u64>, u64)]) -> Vec<u64> {
+    let stamps: Option<Vec<u64>> = times.iter().map(|(stamp, _)| *stamp).collect();
+    match stamps.filter(|stamps| stamps.is_sorted()) {
+        Some(stamps) => stamps,
+        None => times.iter().map(|(_, log_time)| *log_time).collect(),
+    }
 }

@@ -9,12 +9,14 @@ use stillpoint_operator::{FrameRule, Kind, Output, Role, SetupError, StepError, 
 use stillpoint_ros2::TopicName;
 use stillpoint_samples::{Diagnostics, PointCloud, Sample};
 
-use super::messages::{Cameras, send_message};
+use super::messages::{Cameras, Form};
 use super::playback::Pace;
-use super::recording::{self, Recording};
+use super::recording::{self, Play, Recording};
 use super::turn::AtEnd;
+use super::unit::Unit;
 use crate::bag::{Bag, Reading, Wanted};
-use crate::wire::{Accepted, Clock, Counts, Intake, Refusal};
+use crate::camera_info::Image;
+use crate::wire::{Accepted, Admission, Clock, Counts, Intake, Refusal};
 
 const CLOUD: usize = 0;
 const DIAGNOSTICS: usize = 1;
@@ -30,7 +32,7 @@ const PIXEL_BYTES: usize = 4;
 pub enum MessageType {
     /// `sensor_msgs/msg/Image` with depth: 16UC1 in mm, or 32FC1 in m.
     Image,
-    /// `sensor_msgs/msg/CompressedImage` with depth as PNG.
+    /// `sensor_msgs/msg/CompressedImage` with depth as PNG or RVL.
     Compressed,
     /// `sensor_msgs/msg/PointCloud2`.
     Cloud,
@@ -50,12 +52,22 @@ pub enum Stamps {
 pub struct Ros2Params {
     /// Name of the topic of ROS 2, such as `/camera/depth/image_rect_raw`.
     pub topic: String,
-    /// Type of its messages: `image` is depth as `sensor_msgs/msg/Image` (16UC1 in mm, 32FC1 in m), `compressed` depth as PNG in
+    /// Type of its messages: `image` is depth as `sensor_msgs/msg/Image` (16UC1 in mm, 32FC1 in m), `compressed` depth as PNG or RVL in
     /// `sensor_msgs/msg/CompressedImage`, `cloud` `sensor_msgs/msg/PointCloud2`.
     pub messages: MessageType,
     /// Topic of the `sensor_msgs/msg/CameraInfo` of images. Without it: `camera_info` in the namespace of the image. The
-    /// distortion `plumb_bob` or `rational_polynomial` is undone; an image whose name has `rect` is rectified already.
+    /// distortion `plumb_bob` or `rational_polynomial` is undone.
     pub camera_info: Option<String>,
+    /// Depth of a count of images of 16 bits: 1 mm without it, as 16UC1 has it; 0.25 mm for some cameras. If it is set,
+    /// pixels of `mono16` are depths, too.
+    #[param(unit = "m", above = "0 mm", max = "100 mm")]
+    pub depth_unit: Option<f64>,
+    /// Unit of the coordinates of clouds.
+    #[param(default = "m")]
+    pub unit: Unit,
+    /// Whether images are raw or rectified. Without it: rectified where the name of the image has the word `rect` or
+    /// `rectified`, as `image_rect`; the projection P is used then, and no distortion.
+    pub image: Option<Image>,
     /// Frame of the messages as ROS 2 names it: those of another frame are refused. Without it, all are taken.
     pub frame_id: Option<String>,
     /// Which time is that of the acquisition.
@@ -64,9 +76,13 @@ pub struct Ros2Params {
     /// How far a stamp may be ahead of the clock of this machine: those farther ahead are refused.
     #[param(unit = "ns", default = "5 ms", max = "1 s")]
     pub clock_ahead: u64,
-    /// An MCAP recording of the same topics, which a run that is not live plays in place of ROS 2, at its own pace.
+    /// An MCAP recording of the same topics, which a run that is not live plays in place of ROS 2, at its own pace. What
+    /// the wire refuses, it refuses and counts, too; a message arrives at its time in the recording.
     #[param(files = "*")]
     pub recording: Option<String>,
+    /// The longest time between two messages. A longer one shows that a clock was set while it was recorded.
+    #[param(unit = "ns", default = "1 min", min = "1 ms", max = "24 h")]
+    pub max_gap: u64,
     /// What follows the last message of the recording.
     #[param(default = "stop")]
     pub at_end: AtEnd,
@@ -127,19 +143,40 @@ impl Ros2Params {
         }
     }
 
-    fn intake(&self) -> Intake {
-        let clock = match self.stamps {
+    fn clock(&self) -> Clock {
+        match self.stamps {
             Stamps::Header => Clock::Stamp { ahead: self.clock_ahead },
             Stamps::Arrival => Clock::Arrival,
-        };
-        let cameras = Cameras::of_topic(&self.topic, self.max_points as usize);
-        Intake::new(self.messages != MessageType::Cloud, clock, self.frame_id.clone(), cameras)
+        }
+    }
+
+    fn form(&self) -> Form {
+        Form { reading: self.reading(), unit: self.unit, depth_unit: self.depth_unit }
+    }
+
+    /// How the recording is played in place of the wire.
+    fn play(&self) -> Play<'_> {
+        Play {
+            form: self.form(),
+            pace: Pace::Recorded,
+            at_end: self.at_end,
+            max_gap: self.max_gap,
+            image: self.image,
+            max_points: self.max_points as usize,
+            strict: false,
+            wire: Some(Admission { frame: self.frame_id.as_deref(), clock: self.clock() }),
+        }
+    }
+
+    fn intake(&self) -> Intake {
+        let cameras = Cameras::of_topic(&self.topic, self.image, self.max_points as usize);
+        Intake::new(self.messages != MessageType::Cloud, self.clock(), self.frame_id.clone(), cameras)
     }
 }
 
 /// Sends the messages of a topic of ROS 2 as clouds.
 pub struct IngestRos2 {
-    reading: Reading,
+    form: Form,
     from: From,
 }
 
@@ -148,7 +185,7 @@ enum From {
     /// ROS 2.
     Wire { arrivals: Arrivals, intake: Box<Intake> },
     /// A recording, where the run is not live.
-    Recording(Box<Recording>),
+    Recording { recording: Box<Recording>, counts: Counts },
 }
 
 impl Operator for IngestRos2 {
@@ -232,9 +269,9 @@ impl Operator for IngestRos2 {
     }
 
     fn new(params: Ros2Params, setup: &Setup<'_>) -> Result<Self, SetupError> {
-        let reading = params.reading();
+        let form = params.form();
         if let Some(arrivals) = setup.outside.arrivals.clone() {
-            return Ok(Self { reading, from: From::Wire { arrivals, intake: Box::new(params.intake()) } });
+            return Ok(Self { form, from: From::Wire { arrivals, intake: Box::new(params.intake()) } });
         }
         let Some(file) = &params.recording else {
             return Err(SetupError(format!(
@@ -243,12 +280,15 @@ impl Operator for IngestRos2 {
                 setup.operator, params.topic
             )));
         };
-        let played = (Pace::Recorded, params.at_end);
         let bag = Bag::open(setup.files, file).map_err(|e| e.to_string());
-        let max_points = params.max_points as usize;
-        let read = bag.and_then(|bag| Recording::read(&bag, &params.wanted(), played, max_points));
-        let read = read.map_err(|e| SetupError(format!("{file}: {e}")))?;
-        Ok(Self { reading, from: From::Recording(Box::new(read)) })
+        let read = bag.and_then(|bag| Recording::read(&bag, &params.wanted(), &params.play()));
+        let recording = Box::new(read.map_err(|e| SetupError(format!("{file}: {e}")))?);
+        Ok(Self { form, from: From::Recording { recording, counts: Counts::default() } })
+    }
+
+    fn remarks(params: &Ros2Params, files: &dyn Files) -> Vec<String> {
+        let of = |file: &String| recording::remarks(files, file, &params.wanted(), &params.play());
+        params.recording.as_ref().map_or_else(Vec::new, of)
     }
 
     fn capacities(params: &Ros2Params) -> Vec<usize> {
@@ -257,11 +297,16 @@ impl Operator for IngestRos2 {
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         match &mut self.from {
-            From::Recording(recording) => recording.play(activation.time, CLOUD, outputs),
+            From::Recording { recording, counts } => {
+                match recording.play(activation.time, CLOUD, Some(counts), outputs)? {
+                    true => outputs.send_slice::<Diagnostics>(DIAGNOSTICS, &(), &counts.metrics()),
+                    false => Ok(()),
+                }
+            }
             From::Wire { arrivals, intake } => {
                 // One at a time: each has its own time of acquisition.
                 let Some(bytes) = arrivals.take() else { return Ok(()) };
-                let sent = take(self.reading, intake, &bytes, activation.time, outputs);
+                let sent = take(&self.form, intake, &bytes, activation.time, outputs);
                 arrivals.give_back(bytes);
                 sent
             }
@@ -271,14 +316,14 @@ impl Operator for IngestRos2 {
 
 /// Makes a cloud of what the bridge handed over, and tells the counts.
 fn take(
-    reading: Reading,
+    form: &Form,
     intake: &mut Intake,
     bytes: &[u8],
     now: u64,
     outputs: &mut Outputs<'_>,
 ) -> Result<(), StepError> {
     if let Ok(Some(Accepted { message, camera, acquired })) = intake.accept(bytes, now) {
-        let made = send_message(reading, message, intake.cameras().get(camera), CLOUD, outputs);
+        let made = form.send(message, intake.cameras().get(camera), CLOUD, outputs);
         match made.as_ref().map_err(Refusal::of) {
             Ok(()) => {
                 outputs.acquired_at(acquired);

@@ -2,6 +2,8 @@
 
 use stillpoint_operator::Choice;
 
+use crate::checks::{self, Scale};
+
 /// A unit of coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Unit {
@@ -10,9 +12,6 @@ pub enum Unit {
     /// Millimetres.
     Mm,
 }
-
-/// Distance from the camera, m, beyond which no camera of depth sees: the nearest point is closer.
-const FAR: f32 = 20.0;
 
 impl Unit {
     /// A point in metres.
@@ -28,15 +27,16 @@ impl Unit {
     /// Refuses points that are likely to be in another unit.
     ///
     /// # Errors
-    /// The nearest point is farther than any camera of depth sees.
+    /// As [`checks::scale`] has it.
     pub fn check(self, points: &[[f32; 3]]) -> Result<(), String> {
-        let squared = |p: &[f32; 3]| p.iter().map(|c| c * c).sum::<f32>();
-        let nearest = points.iter().map(|p| squared(&self.in_metres(*p))).filter(|s| s.is_finite());
-        match nearest.min_by(f32::total_cmp).map(f32::sqrt) {
-            Some(nearest) if nearest > FAR && self == Self::M => Err(format!(
-                "its nearest point is {nearest:.0} m from the origin: are these millimetres? Then set `unit: mm`"
-            )),
-            _ => Ok(()),
+        checks::scale(points.iter().map(|p| self.in_metres(*p)), self.scale())
+    }
+
+    /// What it says about the scale of points.
+    pub fn scale(self) -> Scale {
+        match self {
+            Self::M => Scale::Metres,
+            Self::Mm => Scale::Millimetres,
         }
     }
 }

@@ -2,12 +2,12 @@
 
 use super::header::{Encoding, Field, FieldType, PcdHeader};
 use super::{PcdError, lzf};
-use crate::INVALID_POINT;
+use crate::{INVALID_POINT, checks};
 
 /// A cloud read from a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PcdCloud {
-    /// Row-major points in metres, `width * height` of them; those not finite are [`INVALID_POINT`].
+    /// Row-major points in metres, `width * height` of them; those without a measurement are [`INVALID_POINT`].
     pub points: Vec<[f32; 3]>,
     /// Points in a row.
     pub width: usize,
@@ -19,7 +19,7 @@ pub struct PcdCloud {
 
 /// Reads a PCD file: the fields x, y and z of any number type; other fields are skipped.
 ///
-/// Bytes after the last binary record are ignored. Memory stays within 500 times the file's size, and within 20 times it
+/// Zeros and white space after the last binary record are ignored. Memory stays within 500 times the file's size, and within 20 times it
 /// where the file is not compressed.
 ///
 /// # Errors
@@ -42,10 +42,6 @@ pub fn read(bytes: &[u8]) -> Result<PcdCloud, PcdError> {
     Ok(PcdCloud { points, width: header.width, height: header.height, viewpoint: header.viewpoint })
 }
 
-fn canonical(point: [f32; 3]) -> [f32; 3] {
-    if point.iter().all(|c| c.is_finite()) { point } else { INVALID_POINT }
-}
-
 fn read_ascii(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, PcdError> {
     let expected = header.points();
     // A number and what ends it take two bytes; the last line may lack its end.
@@ -65,7 +61,7 @@ fn read_ascii(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, PcdError
             if points.len() == expected {
                 return Err(PcdError::RecordCount { line, expected, found: expected + 1 });
             }
-            points.push(canonical(point));
+            points.push(checks::point(point));
         }
         line += 1;
     }
@@ -89,8 +85,7 @@ fn ascii_record(
             return Err(PcdError::RecordLength { line, expected, found: found + 1 });
         }
         if let Some(i) = axes.iter().position(|&c| c == found) {
-            let number = std::str::from_utf8(word).ok().and_then(|w| w.parse().ok());
-            point[i] = number.ok_or_else(|| PcdError::NotANumber {
+            point[i] = checks::number(word).ok_or_else(|| PcdError::NotANumber {
                 line,
                 column: found + 1,
                 axis: ['x', 'y', 'z'][i],
@@ -114,9 +109,10 @@ fn read_binary(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, PcdErro
         found: data.len(),
     })?;
     let axes = header.axes.map(|place| &header.fields[place]);
+    checks::surplus(&data[expected..], header.points()).map_err(PcdError::Surplus)?;
     Ok(records
         .chunks_exact(header.record_size)
-        .map(|record| canonical(axes.map(|f| number(f.kind, &record[f.offset..]))))
+        .map(|record| checks::point(axes.map(|f| number(f.kind, &record[f.offset..]))))
         .collect())
 }
 
@@ -131,7 +127,8 @@ fn read_compressed(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, Pcd
     if unpacked_size != expected {
         return Err(PcdError::UnpackedSize { offset: offset + 4, expected, found: unpacked_size });
     }
-    let packed = packed.get(..packed_size).ok_or(short(packed_size.saturating_add(8)))?;
+    let (packed, rest) = packed.split_at_checked(packed_size).ok_or(short(packed_size.saturating_add(8)))?;
+    checks::surplus(rest, points).map_err(PcdError::Surplus)?;
     if expected > packed.len().saturating_mul(lzf::MAX_EXPANSION) {
         return Err(PcdError::Compression { offset: offset + 8, unpacked: 0, expected });
     }
@@ -146,7 +143,7 @@ fn read_compressed(header: &PcdHeader, data: &[u8]) -> Result<Vec<[f32; 3]>, Pcd
         column(&unpacked, field, points)
     });
     Ok((0..points)
-        .map(|i| canonical(axes.map(|(kind, bytes)| number(kind, &bytes[i * kind.size()..]))))
+        .map(|i| checks::point(axes.map(|(kind, bytes)| number(kind, &bytes[i * kind.size()..]))))
         .collect())
 }
 

@@ -12,12 +12,6 @@ pub enum PcdError {
         /// Lines read before the end.
         lines: usize,
     },
-    /// A header line is not text.
-    #[error("line {line} of the header is not text")]
-    NotText {
-        /// The line.
-        line: usize,
-    },
     /// A header line starts with a word that PCD does not have.
     #[error("line {line}: `{key}` is not a PCD header entry")]
     UnknownKey {
@@ -75,7 +69,9 @@ pub enum PcdError {
         size: usize,
     },
     /// A coordinate is absent, repeated or a vector.
-    #[error("the file needs exactly one field `{axis}` with COUNT 1 and has {found}")]
+    #[error(
+        "the file needs exactly one field `{axis}`, in upper or lower case, with COUNT 1 and has {found}"
+    )]
     Coordinate {
         /// `x`, `y` or `z`.
         axis: char,
@@ -154,6 +150,9 @@ pub enum PcdError {
         /// The text found, at most 32 characters.
         found: String,
     },
+    /// Binary data goes on behind its last record.
+    #[error("{0}")]
+    Surplus(String),
     /// Ascii data has another number of records than the header says.
     #[error("the header says {expected} records and line {line} ends the data with {found}")]
     RecordCount {

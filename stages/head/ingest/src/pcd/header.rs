@@ -146,14 +146,22 @@ fn entries(bytes: &[u8]) -> Result<(Entries<'_>, usize, usize), PcdError> {
         let rest = &bytes[offset..];
         let length = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
         offset += (length + 1).min(rest.len());
-        let text = std::str::from_utf8(&rest[..length]).map_err(|_| PcdError::NotText { line })?.trim();
-        let mut words = text.split_ascii_whitespace();
-        let Some(first) = words.next() else { continue };
-        if first.starts_with('#') {
+        // A comment may hold any bytes.
+        let text = rest[..length].trim_ascii();
+        if text.starts_with(b"#") {
             continue;
         }
-        let Some(key) = KEYS.into_iter().find(|k| *k == first) else {
-            return Err(PcdError::UnknownKey { line, key: first.chars().take(32).collect() });
+        let unknown = || {
+            let first = text.split(u8::is_ascii_whitespace).next().unwrap_or_default();
+            PcdError::UnknownKey { line, key: String::from_utf8_lossy(first).chars().take(32).collect() }
+        };
+        let text = std::str::from_utf8(text).map_err(|_| unknown())?;
+        let mut words = text.split_ascii_whitespace();
+        let Some(first) = words.next() else { continue };
+        // The name of FIELDS in files before version 0.6.
+        let first = if first.eq_ignore_ascii_case("COLUMNS") { "FIELDS" } else { first };
+        let Some(key) = KEYS.into_iter().find(|k| k.eq_ignore_ascii_case(first)) else {
+            return Err(unknown());
         };
         if entries.find(key).is_some() {
             return Err(PcdError::Repeated { line, key });
@@ -184,11 +192,11 @@ impl PcdHeader {
         let (fields, record_size, columns) = fields(&entries, points)?;
         let axes = [axis(&fields, 'x')?, axis(&fields, 'y')?, axis(&fields, 'z')?];
         let (line, data) = entries.per_field("DATA", 1)?;
-        let encoding = match data[0] {
+        let encoding = match data[0].to_ascii_lowercase().as_str() {
             "ascii" => Encoding::Ascii,
             "binary" => Encoding::Binary,
             "binary_compressed" => Encoding::BinaryCompressed,
-            other => return Err(bad(line, "DATA", "ascii, binary or binary_compressed", other)),
+            _ => return Err(bad(line, "DATA", "ascii, binary or binary_compressed", data[0])),
         };
         let viewpoint = viewpoint(&entries)?;
         Ok(Self {
@@ -230,6 +238,7 @@ fn fields(entries: &Entries<'_>, points: usize) -> Result<(Vec<Field>, usize, us
         let (Some(letter), None) = (letters.next(), letters.next()) else {
             return Err(bad(type_line, "TYPE", "I, U or F", types[i]));
         };
+        let letter = letter.to_ascii_uppercase();
         let kind = FieldType::new(letter, size).ok_or_else(|| PcdError::FieldType {
             field: name.chars().take(32).collect(),
             kind: letter,
@@ -248,7 +257,13 @@ fn fields(entries: &Entries<'_>, points: usize) -> Result<(Vec<Field>, usize, us
 }
 
 fn axis(fields: &[Field], axis: char) -> Result<usize, PcdError> {
-    let mut places = fields.iter().enumerate().filter(|(_, f)| f.count == 1 && f.name.chars().eq([axis]));
+    let named = |name: char| {
+        let fits = move |f: &Field| f.count == 1 && f.name.chars().eq([name]);
+        fields.iter().enumerate().filter(move |(_, f)| fits(f))
+    };
+    // Some programs write X; a file that has both means the lower case.
+    let name = if named(axis).next().is_some() { axis } else { axis.to_ascii_uppercase() };
+    let mut places = named(name);
     match (places.next(), places.count()) {
         (Some((place, _)), 0) => Ok(place),
         (first, more) => Err(PcdError::Coordinate { axis, found: usize::from(first.is_some()) + more }),

@@ -2,7 +2,6 @@
 
 use stillpoint_samples::{Command, RigFault};
 
-/// A fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Fault {
     /// A valve keeps the opening that it has. Inlet and outlet of the first bladder are 0 and 1, and so on.
@@ -119,7 +118,6 @@ fn whole(value: f64) -> Option<usize> {
 /// A fault with its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scheduled {
-    /// The fault.
     pub fault: Fault,
     /// When, ns after the rig's start.
     pub begin: u64,

@@ -8,8 +8,8 @@ use stillpoint_mechanics::plant::grip::{Grip, Held};
 use stillpoint_mechanics::plant::layouts::{START_GAP, tangents};
 use stillpoint_mechanics::plant::sticking::Sticking;
 use stillpoint_mechanics::plant::{Plant, Pressed, State};
+use stillpoint_mechanics::random::Random;
 use stillpoint_mechanics::shell::rubber::{Relaxation, Wall};
-use stillpoint_random::Random;
 
 /// Number of the random stream of the valves' delays.
 const DELAYS: u64 = 0x76_61_6c_76_65;
@@ -59,7 +59,6 @@ enum Holding<const D: usize, const B: usize> {
     Nothing,
     /// Contacts that stay where they are.
     Fixed(Sticking<D, B>),
-    /// Contacts that roll.
     Rolling(Grip<B>),
 }
 
@@ -70,7 +69,6 @@ pub struct Along {
     pub force: f64,
     /// What friction could bear beside it, N.
     pub margin: f64,
-    /// Whether it slides.
     pub slides: bool,
     /// What it leaves free between bladder and head (3.1).
     pub freedoms: u32,

@@ -13,7 +13,6 @@ pub struct Setup {
     pub head_mass: f64,
     /// Time for which duties are valid, ns.
     pub time_to_live: u64,
-    /// What comes then.
     pub safe: Safe,
     /// Whether the contacts move over head and bladders.
     pub contacts: Contacts,

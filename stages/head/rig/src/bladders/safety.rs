@@ -10,7 +10,6 @@ const VENTED: [f64; 2] = [0.0, 1.0];
 pub enum Safe {
     /// Inlets shut, outlets open to the room.
     Vent,
-    /// All shut.
     Hold,
 }
 

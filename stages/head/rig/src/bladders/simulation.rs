@@ -45,9 +45,7 @@ const LOW: f64 = 1.0;
 pub struct Mobility {
     /// Of head and bladders by the count of links and joints (3.1).
     pub count: i64,
-    /// Contacts that push.
     pub touching: u32,
-    /// Contacts that slide.
     pub sliding: u32,
 }
 
@@ -72,7 +70,6 @@ pub struct Surroundings {
     pub involuntary: Involuntary,
     /// Pushes by the hand of another person.
     pub pushes: Vec<Push>,
-    /// The faults.
     pub faults: Vec<Scheduled>,
     /// What valves, rubber and contacts do.
     pub imperfections: Imperfections,

@@ -16,13 +16,11 @@ use crate::shape::{Cuboid, Ellipsoid, ShapeError};
 /// The special feature of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extra {
-    /// Nothing.
     None,
     /// A blanket over the chest.
     Blanket,
     /// Both arms lie beside the head.
     ArmsUp,
-    /// Two breasts.
     Breasts,
     /// A fist lies on the chin.
     Fist,
@@ -52,10 +50,8 @@ pub const EXTRAS: [Extra; 10] = [
     Extra::Headless,
 ];
 
-/// A random scene.
 #[derive(Debug, Clone)]
 pub struct Patient {
-    /// The camera.
     pub kind: Kind,
     /// Pose of the camera.
     pub couch_from_camera: Isometry3<f64>,
@@ -65,7 +61,6 @@ pub struct Patient {
     pub scale: f64,
     /// Pose of the head; far below the couch if the scene has no head.
     pub couch_from_head: Isometry3<f64>,
-    /// The special feature.
     pub extra: Extra,
     /// Angle between the line of sight and the direction in which the face looks, degrees.
     pub off_front: f64,

@@ -8,13 +8,10 @@ use crate::noise::NoiseParams;
 /// A kind of camera: focal length and size in pixels, errors.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
-    /// Its name.
     pub name: &'static str,
     /// Focal length, px.
     pub focal: f64,
-    /// Columns and rows.
     pub size: [usize; 2],
-    /// Its errors.
     pub noise: fn() -> NoiseParams,
 }
 

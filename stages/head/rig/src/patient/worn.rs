@@ -13,7 +13,6 @@ use crate::view::View;
 /// An object that moves with the head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Worn {
-    /// Nothing.
     Nothing,
     /// A cap over the cranium, 4 mm thick.
     Cap,

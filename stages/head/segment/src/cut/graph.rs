@@ -17,7 +17,6 @@ pub(super) struct Arc {
     pub to: u32,
     /// What can still flow along it.
     pub rest: u32,
-    /// Its other direction.
     pub twin: u32,
 }
 

@@ -18,7 +18,6 @@ enum Parent {
     None,
     /// It was cut off and looks for another parent.
     Orphan,
-    /// By its terminal.
     Terminal,
     /// By the node at the end of this arc of its.
     Arc(u32),

@@ -70,7 +70,6 @@ impl Default for FaceParams {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{name} is {value}; it must be {must}")]
 pub struct ParamError {
-    /// The parameter.
     pub name: &'static str,
     /// Its value, SI.
     pub value: f64,

@@ -12,12 +12,7 @@ use thiserror::Error;
 pub enum Rejection {
     /// Too few points within the range.
     #[error("the frame has {found} voxels within range, a face needs {needed}")]
-    TooFewVoxels {
-        /// Voxels found.
-        found: usize,
-        /// Voxels needed.
-        needed: usize,
-    },
+    TooFewVoxels { found: usize, needed: usize },
     /// All points are beyond the range.
     #[error("0 voxels within {range} m; the nearest point is at {nearest:.1} m: {}", .advice.words())]
     OutOfRange {
@@ -27,7 +22,6 @@ pub enum Rejection {
         nearest: f32,
         /// What may be wrong.
         advice: Advice,
-        /// Voxels needed.
         needed: usize,
     },
     /// No plane holds enough voxels.
@@ -35,7 +29,6 @@ pub enum Rejection {
     NoPlane {
         /// Voxels on the best plane.
         found: usize,
-        /// Voxels needed.
         needed: usize,
     },
     /// What stands over the plane is too little or in too small pieces.
@@ -56,10 +49,7 @@ pub enum Rejection {
     },
     /// Of the things of a head's size none passes the checks of identity.
     #[error("{}", said_of(.best, "the likeliest head"))]
-    Uncertain {
-        /// The best candidate.
-        best: Candidate,
-    },
+    Uncertain { best: Candidate },
     /// Two things may be the head.
     #[error("ambiguous: {} or {}", placed(.both[0].place), placed(.both[1].place))]
     Ambiguous {
@@ -71,9 +61,7 @@ pub enum Rejection {
 /// What may be wrong with a cloud beyond the range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Advice {
-    /// Its unit.
     Millimetres,
-    /// The range.
     Range,
 }
 
@@ -115,7 +103,6 @@ fn said_of(candidate: &Candidate, what: &str) -> String {
 /// What was found in one frame, as far as it was found.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen<'a> {
-    /// Points within range.
     pub points: usize,
     /// Voxels that they fell into, without outliers.
     pub voxels: usize,
@@ -138,17 +125,14 @@ pub struct Seen<'a> {
 /// A step of the chain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SegmentationStep {
-    /// The voxel grid.
     Voxel,
     /// Removal of outliers, where it is asked for.
     Outliers,
     /// Moving least squares, where they are asked for.
     Smooth,
-    /// The supporting plane.
     Plane,
     /// What stands over the plane's hull.
     Rise,
-    /// Clusters of that.
     Cluster,
     /// The table of the clusters.
     Describe,

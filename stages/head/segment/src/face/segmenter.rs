@@ -40,7 +40,6 @@ pub struct FaceSegmenter {
     /// For each place in `above`.
     is_face: Vec<bool>,
     pairs: PairsSeen,
-    /// For each voxel.
     face_voxels: Vec<bool>,
     indices: Vec<u32>,
     found: Option<Found>,
@@ -82,7 +81,6 @@ impl FaceSegmenter {
         })
     }
 
-    /// The parameters.
     #[must_use]
     pub fn params(&self) -> &FaceParams {
         &self.params
@@ -125,7 +123,6 @@ impl FaceSegmenter {
         }
     }
 
-    /// Voxels without outliers.
     fn simplify(&mut self, cloud: Cloud<'_>, ended: &mut impl FnMut(SegmentationStep)) {
         self.grid.downsample(cloud, self.params.leaf, self.params.range_max);
         ended(SegmentationStep::Voxel);

@@ -15,7 +15,6 @@ pub struct PlaneFit {
     pub rms: f64,
     /// Where the search began.
     pub origin: Origin,
-    /// Hypotheses drawn.
     pub hypotheses: u32,
 }
 

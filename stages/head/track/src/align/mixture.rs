@@ -117,7 +117,7 @@ impl Mixture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_random::Random;
+    use stillpoint_mechanics::random::Random;
 
     /// The mixture after frames of 0.1 s of a breath of 0.2 mm, on 500 patches of five points each. A part `still` of the
     /// patches does not move; the fit follows the mean.

@@ -66,9 +66,19 @@ impl<'a> Outline<'a> {
         let nested = (0..2).all(|axis| {
             self.low[axis] >= other.low[axis] - SAME_MM && self.high[axis] <= other.high[axis] + SAME_MM
         });
+        if !nested {
+            return false;
+        }
+        let near = |[a, b]: [[f64; 2]; 2]| {
+            (0..2)
+                .all(|i| a[i].min(b[i]) <= self.high[i] + SAME_MM && a[i].max(b[i]) >= self.low[i] - SAME_MM)
+        };
+        // No border of the other is near: one point tells for all.
+        if !other.edges().any(near) {
+            return self.corners.first().is_some_and(|&p| other.contains(p));
+        }
         let middle = |[a, b]: [[f64; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-        nested
-            && self.corners.iter().all(|&p| other.contains(p) || other.borders(p))
+        self.corners.iter().all(|&p| other.contains(p) || other.borders(p))
             && self.edges().map(middle).all(|p| other.contains(p) || other.borders(p))
             && !other.corners.iter().any(|&p| self.contains(p) && !self.borders(p))
             && !self.edges().any(|edge| other.edges().any(|border| cross(edge, border)))

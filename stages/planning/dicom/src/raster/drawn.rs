@@ -55,6 +55,32 @@ pub struct Beyond {
     pub beside_cm3: f64,
 }
 
+impl Drawn {
+    /// Both of two parts that lie apart. The distance is that of the part whose planes are farther apart.
+    pub(super) fn with(mut self, other: Self) -> Self {
+        let is_farther = other.distance_mm.is_finite()
+            && (!self.distance_mm.is_finite() || other.distance_mm > self.distance_mm);
+        if is_farther {
+            (self.distance_mm, self.thickness_mm) = (other.distance_mm, other.thickness_mm);
+        }
+        self.drawn_cm3 += other.drawn_cm3;
+        self.exclusive_cm3 += other.exclusive_cm3;
+        self.slices_cm3 += other.slices_cm3;
+        self.filled_cm3 += other.filled_cm3;
+        self.beyond.volume_cm3 += other.beyond.volume_cm3;
+        self.beyond.beside_cm3 += other.beyond.beside_cm3;
+        self.beyond.low_mm = self.beyond.low_mm.max(other.beyond.low_mm);
+        self.beyond.high_mm = self.beyond.high_mm.max(other.beyond.high_mm);
+        self.reaches_the_end |= other.reaches_the_end;
+        self.repeated += other.repeated;
+        self.overlapping += other.overlapping;
+        self.skipped += other.skipped;
+        self.gaps_mm.extend(other.gaps_mm);
+        self.gaps_mm.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        self
+    }
+}
+
 /// Adds up the planes.
 pub(super) struct Tally<'a> {
     slabs: &'a Slabs<'a>,
@@ -115,8 +141,7 @@ impl<'a> Tally<'a> {
         }
     }
 
-    pub fn finish(mut self, mask_cm3: f64) -> Drawn {
-        self.drawn.mask_cm3 = mask_cm3;
+    pub fn finish(self) -> Drawn {
         self.drawn
     }
 

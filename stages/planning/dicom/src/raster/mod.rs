@@ -13,11 +13,13 @@
 //! - `contour`: one contour, and how two of them lie to each other
 //! - `spans`: sets of intervals on a row
 //! - `plane`: the contours of one plane as one region
+//! - `parts`: the islands that lie apart
 //! - `slabs`: planes along the patient: thickness, gaps
 //! - `drawn`: the volume as drawn, and how the mask differs from it
 
 mod contour;
 mod drawn;
+mod parts;
 mod plane;
 mod slabs;
 mod spans;
@@ -31,6 +33,9 @@ pub use drawn::{Beyond, Drawn};
 use plane::Plane;
 use slabs::Slabs;
 
+/// A part whose planes are farther apart than the whole's by this factor has slabs of its own.
+const APART: f64 = 1.5;
+
 /// A mask, and the volume of the contours that it was made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rastered {
@@ -42,26 +47,35 @@ pub struct Rastered {
 
 /// The voxels of the volume that are inside these contours.
 pub fn rasterise(grid: &Grid, contours: &[Contour]) -> Rastered {
-    let slabs = Slabs::of(contours, grid.spacing_mm[2]);
-    let mut slices_of_plane: Vec<Vec<usize>> = vec![Vec::new(); slabs.planes.len()];
-    for z in 0..grid.counts[2] {
-        let z_mm = grid.origin_mm[2] + z as f64 * grid.spacing_mm[2];
-        if let Some(plane) = slabs.at(z_mm) {
-            slices_of_plane[plane].push(z);
-        }
-    }
+    let slice_mm = grid.spacing_mm[2];
+    let contours: Vec<&Contour> = contours.iter().collect();
+    let whole = Slabs::of(&contours, slice_mm);
     let mut mask = Mask::empty(grid.len());
-    let mut tally = drawn::Tally::new(grid, &slabs);
+    let parts: Vec<Slabs<'_>> =
+        parts::apart(&contours).iter().map(|part| Slabs::of_part(part, slice_mm, &whole)).collect();
+    let is_thinner = |part: &Slabs<'_>| part.is_regular && whole.thickness_mm * APART < part.thickness_mm;
+    let drawn = if parts.len() > 1 && (whole.skips(grid) || parts.iter().any(is_thinner)) {
+        let drawn = parts.iter().map(|part| put(grid, part, &mut mask));
+        drawn.reduce(Drawn::with).unwrap_or_default()
+    } else {
+        put(grid, &whole, &mut mask)
+    };
+    let mask_cm3 = mask.count() as f64 * grid.voxel_cm3();
+    Rastered { mask, drawn: Drawn { mask_cm3, ..drawn } }
+}
+
+/// Puts the voxels of these planes into the mask.
+fn put(grid: &Grid, slabs: &Slabs<'_>, mask: &mut Mask) -> Drawn {
+    let slices_of_plane = slabs.slices(grid);
+    let mut tally = drawn::Tally::new(grid, slabs);
     for (place, (slab, slices)) in slabs.planes.iter().zip(&slices_of_plane).enumerate() {
         let plane = Plane::of(&slab.contours);
         tally.add(place, &plane, !slices.is_empty());
         if !slices.is_empty() {
-            fill(grid, &plane, slices, &mut mask);
+            fill(grid, &plane, slices, mask);
         }
     }
-    let voxel_mm3: f64 = grid.spacing_mm.iter().product();
-    let drawn = tally.finish(mask.count() as f64 * voxel_mm3 / 1000.0);
-    Rastered { mask, drawn }
+    tally.finish()
 }
 
 /// Puts the voxels of a plane's region into these slices.

@@ -2,19 +2,19 @@
 //!
 //! ```
 //! use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, choose};
-//! use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+//! use stillpoint_plan::fluence::{Goals, Objective, StructureObjectives, Underdose};
 //! use stillpoint_plan::{Csc, Rows};
 //!
 //! // Two voxels, six beams of one bixel: those with even numbers reach the target, voxel 0.
 //! let matrix = |beam: u32| Csc::new(2, vec![0, 1], vec![beam % 2], vec![1.0 + beam as f32]);
 //! let beams: Vec<Csc> = (0..6).map(matrix).collect::<Result<_, _>>()?;
 //! let beams: Vec<Rows> = beams.iter().map(|beam| Rows::from_columns(beam.view())).collect::<Result<_, _>>()?;
-//! let target = Wanted {
+//! let target = StructureObjectives {
 //!     name: "target".into(),
 //!     voxels: vec![0],
 //!     volumes: Vec::new(),
 //!     to_target_mm: Vec::new(),
-//!     objectives: vec![Objective::Underdose { dose: 60.0, weight: 1.0 }],
+//!     objectives: vec![Objective::Underdose(Underdose { dose: 60.0, weight: 1.0 })],
 //! };
 //! let goals = Goals::new(vec![target], 2)?;
 //! let mut evaluator = Evaluator::new(&beams[..], &goals, Ring::new(6, 2)?, 2, Budget { solves: 4 });

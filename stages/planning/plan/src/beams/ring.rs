@@ -15,6 +15,12 @@ pub enum RingError {
     /// A ring without angles.
     #[error("a ring has at least one angle")]
     NoAngle,
+    /// What is no angle.
+    #[error("invalid gantry angle: {0} (allowed: any finite number of degrees)")]
+    Angle(String),
+    /// Two beams of one angle.
+    #[error("two beams have the gantry angle {0} degrees (to 0.01 degrees): give each angle once")]
+    Twice(String),
     /// A plan without beams.
     #[error("a plan has at least one beam")]
     NoBeam,
@@ -50,6 +56,9 @@ pub enum RingError {
     },
 }
 
+/// Angles of the finest ring: steps of 0.01 degrees.
+const FINE: u16 = 36_000;
+
 /// Beams by their number on the ring: rising, apart by the ring's gap.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BeamSet(Vec<u16>);
@@ -58,6 +67,25 @@ impl Ring {
     /// `count` angles; beams of a set are at least `gap` steps apart (1: merely different).
     pub fn new(count: u16, gap: u16) -> Result<Self, RingError> {
         if count == 0 { Err(RingError::NoAngle) } else { Ok(Self { count, gap: gap.max(1) }) }
+    }
+
+    /// A ring on which beams of these angles (degrees, any number of turns away) can be set: this one, if it holds them, else one
+    /// of steps of 0.01 degrees on which beams need only differ. Angles are taken to the nearest hundredth of a degree.
+    pub fn for_angles(self, angles_deg: &[f64]) -> Result<Self, RingError> {
+        let fine = Self { count: FINE, gap: 1 };
+        let numbers = |ring: Self| angles_deg.iter().map(|a| ring.nearest(*a)).collect::<Vec<_>>();
+        if let Some(&angle) = angles_deg.iter().find(|a| !a.is_finite()) {
+            return Err(RingError::Angle(angle.to_string()));
+        }
+        let on_fine = numbers(fine);
+        let mut seen = std::collections::BTreeSet::new();
+        if let Some(&twice) = on_fine.iter().find(|beam| !seen.insert(**beam)) {
+            return Err(RingError::Twice(fine.angle_deg(twice).to_string()));
+        }
+        let is_held = on_fine.iter().zip(numbers(self)).all(|(fine_number, own)| {
+            (fine.angle_deg(*fine_number) - self.angle_deg(own)).abs() < 0.5 * fine.step_deg()
+        });
+        Ok(if is_held && self.set(&numbers(self)).is_ok() { self } else { fine })
     }
 
     /// Number of angles.
@@ -176,6 +204,23 @@ mod tests {
             let [a, b] = ["a", "b"].map(|k| case["in"][k].as_u64().unwrap() as u16);
             assert_eq!(u64::from(one_degree.steps_between(a, b)), case["out"]["distance"].as_u64().unwrap());
         }
+    }
+
+    #[test]
+    fn any_angles_have_a_ring_and_those_of_the_usual_ring_keep_it() {
+        let usual = Ring::new(90, 5).unwrap();
+        assert_eq!(usual.for_angles(&[0.0, 40.0, -80.0, 720.0 + 120.0]), Ok(usual));
+        for angles in [&[0.0, 90.0, 180.0, 270.0][..], &[-40.5, 13.37], &[0.0, 4.0], &[359.999, 180.0]] {
+            let ring = usual.for_angles(angles).unwrap();
+            for angle in angles {
+                let off = (ring.angle_deg(ring.nearest(*angle)) - angle.rem_euclid(360.0)).abs();
+                assert!(off.min(360.0 - off) <= 0.005 + 1e-9, "{angle}");
+            }
+        }
+        let said = |angles: &[f64]| usual.for_angles(angles).unwrap_err().to_string();
+        assert!(said(&[40.0, 400.0]).contains("40 degrees"));
+        assert!(said(&[f64::NAN]).contains("NaN"));
+        assert!(usual.for_angles(&(0..360).map(f64::from).collect::<Vec<_>>()).is_ok());
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::evaluator::Evaluated;
 use crate::fluence::{Goals, GoalsError};
 use crate::{Rows, RowsRef};
 
-/// What it takes to judge a plan under one error, as a part of a solve; `stillpoint-bench optimum --set-up-error`
+/// What it takes to judge a plan under one error, as a part of a solve; `stillpoint-research optimum --set-up-error`
 /// measures it.
 pub const SHARE_OF_A_SOLVE: f64 = 0.02;
 

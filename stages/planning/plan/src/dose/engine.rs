@@ -85,6 +85,8 @@ pub struct DoseEngine {
     pub(super) shift_mm: [f64; 3],
 }
 
+/// A patient whose densest voxel has less than this is air.
+const LEAST_DENSITY: f32 = 0.1;
 /// Voxels that a grid may have.
 const MOST_VOXELS: usize = 1 << 28;
 /// Farthest that a patient may lie from where he was planned, along an axis, mm.
@@ -127,8 +129,16 @@ impl DoseEngine {
         if voxels.is_empty() {
             return Err(DoseError::NoPatient);
         }
+        if !anatomy.target.indices().any(|voxel| anatomy.external.contains(voxel)) {
+            return Err(DoseError::TargetOutside);
+        }
+        let density = density::on_grid(image, anatomy.hu, anatomy.external, &machine, grid);
+        let greatest = density.iter().copied().fold(0.0, f32::max);
+        if greatest <= LEAST_DENSITY {
+            return Err(DoseError::Air { greatest });
+        }
         Ok(Self {
-            density: density::on_grid(image, anatomy.hu, anatomy.external, &machine, grid),
+            density,
             voxels,
             target_mm,
             image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),

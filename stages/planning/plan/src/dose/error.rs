@@ -56,6 +56,19 @@ pub enum DoseError {
     /// There is nothing to aim at.
     #[error("the target has no voxel; there is nothing to place bixels on")]
     NoTarget,
+    /// The target and the patient are in different places.
+    #[error(
+        "no voxel of the target is inside the outline of the patient: check that both are drawn on the same images"
+    )]
+    TargetOutside,
+    /// There is nothing that stops a beam.
+    #[error(
+        "the outline of the patient holds nothing but air: its greatest density is {greatest:.3} of water (allowed: above 0.1); check the Hounsfield units of the images"
+    )]
+    Air {
+        /// The greatest density inside the outline.
+        greatest: f32,
+    },
     /// There is nobody to give dose to.
     #[error("the external contour holds no voxel of the dose grid; check that both are in the same place")]
     NoPatient,

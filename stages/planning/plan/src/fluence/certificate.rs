@@ -75,6 +75,18 @@ fn largest_weights(problem: &Problem, objective: f64) -> Vec<f64> {
             }
         }
     }
+    for region in problem.regions() {
+        for (row, share) in &region.rows {
+            let dose = region.largest_dose(*share, objective);
+            let (columns, values) = matrix.row(*row as usize);
+            if dose.is_finite() && values.iter().all(|v| *v >= 0.0) {
+                for (c, v) in columns.iter().zip(values).filter(|(_, v)| **v > 0.0) {
+                    let bound = &mut largest[*c as usize];
+                    *bound = bound.min(dose / f64::from(*v));
+                }
+            }
+        }
+    }
     // A column with negative entries (the mean of a homogeneity objective) only lowers rows: under-doses bound it.
     for row in 0..matrix.rows() {
         let (columns, values) = matrix.row(row);

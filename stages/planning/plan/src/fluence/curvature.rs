@@ -65,13 +65,15 @@ impl Curvature for Dense<'_> {
     }
 }
 
-/// `S A^T C A S` with a damping, never formed: for more columns than a dense matrix should have. Systems are solved by
+/// `S (A^T C A + B) S` with a damping, where `B` is what regions bend by their means, never formed: for more columns than a dense matrix should have. Systems are solved by
 /// conjugate gradients, cut short; whatever they reach lessens the quadratic.
 pub struct ByProducts<'a> {
     /// Its matrix is `A`.
     pub problem: &'a Problem,
     /// Curvature of each row at the point.
     pub curvature: &'a [f64],
+    /// What regions bend by their means: a curvature and a direction over the columns each.
+    pub bends: &'a [(f64, Vec<f64>)],
     /// Scale of each column.
     pub scale: &'a [f64],
     /// Its diagonal blocks.
@@ -90,6 +92,10 @@ impl Curvature for ByProducts<'_> {
         out.fill(0.0);
         for (row, curvature) in self.curvature.iter().enumerate().filter(|(_, c)| **c > 0.0) {
             matrix.add_outer(row, *curvature, &scaled, out);
+        }
+        for (bend, direction) in self.bends {
+            let by = bend * sum_of_products(direction, &scaled);
+            out.iter_mut().zip(direction).for_each(|(out, u)| *out += by * u);
         }
         for (j, out) in out.iter_mut().enumerate() {
             *out = *out * self.scale[j] + self.damping[j] * p[j];

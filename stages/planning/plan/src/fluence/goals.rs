@@ -2,16 +2,18 @@
 
 use std::num::NonZeroUsize;
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::objective::{DvhPoint, Objective, Parts, Region};
+use super::dvh::DvhTerm;
 use super::problem::{Problem, ProblemError};
 use super::rows::Csr;
+use super::shapes::{Objective, Parts, Region};
 use crate::Setups;
 
-/// A structure and what is wanted of it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Wanted {
+/// A structure with its objectives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StructureObjectives {
     /// Its name, for errors.
     pub name: String,
     /// Its voxels, rows of the dose matrices, rising. Structures may overlap: a voxel then has the costs of each.
@@ -100,7 +102,7 @@ const LEFT_OUT: u32 = u32::MAX;
 /// Checked wishes: what a plan is measured by.
 #[derive(Clone, Debug)]
 pub struct Goals {
-    wanted: Vec<Wanted>,
+    structures: Vec<StructureObjectives>,
     /// Row of each voxel of the dose grid, or `u32::MAX` where no objective needs it.
     row_of: Vec<u32>,
     /// Voxel of each row.
@@ -112,7 +114,7 @@ pub struct Goals {
 pub struct PlanProblem {
     /// All but the DVH points.
     pub(super) convex: Problem,
-    pub(super) dvh: Vec<DvhPoint>,
+    pub(super) dvh: Vec<DvhTerm>,
     /// Columns that are bixels; behind them stand the means of homogeneity objectives.
     pub(super) bixels: usize,
     /// Rows that are voxels.
@@ -123,9 +125,9 @@ pub struct PlanProblem {
 
 impl Goals {
     /// Checks wishes on a dose grid of `voxels`.
-    pub fn new(wanted: Vec<Wanted>, voxels: usize) -> Result<Self, GoalsError> {
+    pub fn new(structures: Vec<StructureObjectives>, voxels: usize) -> Result<Self, GoalsError> {
         let mut row_of = vec![LEFT_OUT; voxels];
-        for structure in wanted.iter().filter(|w| !w.objectives.is_empty()) {
+        for structure in structures.iter().filter(|w| !w.objectives.is_empty()) {
             let name = || structure.name.clone();
             if structure.voxels.is_empty() {
                 return Err(GoalsError::Empty { name: name() });
@@ -148,7 +150,7 @@ impl Goals {
                 objective.check(&structure.name)?;
                 let distances = &structure.to_target_mm;
                 let known = distances.len() == structure.voxels.len() && distances.iter().all(|r| *r >= 0.0);
-                if matches!(objective, Objective::FallOff { .. }) && !known {
+                if objective.needs_distances() && !known {
                     let (voxels, distances) = (structure.voxels.len(), distances.len());
                     return Err(GoalsError::Distances { name: name(), voxels, distances });
                 }
@@ -158,7 +160,7 @@ impl Goals {
         for (row, voxel) in needed.iter().enumerate() {
             row_of[*voxel as usize] = row as u32;
         }
-        Ok(Self { wanted, row_of, voxels: needed })
+        Ok(Self { structures, row_of, voxels: needed })
     }
 
     /// Voxels that an objective needs, rising: rows of the problems are these, in this order.
@@ -172,8 +174,8 @@ impl Goals {
     }
 
     /// The structures.
-    pub fn wanted(&self) -> &[Wanted] {
-        &self.wanted
+    pub fn structures(&self) -> &[StructureObjectives] {
+        &self.structures
     }
 
     /// The problem of these dose matrices side by side, restricted to the rows that an objective needs.
@@ -183,18 +185,26 @@ impl Goals {
         }
         let mut matrix = Csr::of_beams(beams, &self.voxels);
         let (bixels, voxel_rows) = (matrix.columns(), matrix.rows());
-        let mut parts = Parts::default();
-        for structure in self.wanted.iter().filter(|w| !w.objectives.is_empty()) {
+        let mut parts = Parts {
+            matrix: &mut matrix,
+            bixels,
+            terms: Vec::new(),
+            dvh: Vec::new(),
+            regions: Vec::new(),
+            averages: Vec::new(),
+        };
+        for structure in self.structures.iter().filter(|w| !w.objectives.is_empty()) {
             let rows: Vec<u32> = structure.voxels.iter().map(|v| self.row_of[*v as usize]).collect();
             let alike = vec![1.0; if structure.volumes.is_empty() { rows.len() } else { 0 }];
             let volumes = if structure.volumes.is_empty() { &alike } else { &structure.volumes };
             let region = Region { rows: &rows, volumes, to_target_mm: &structure.to_target_mm };
             for objective in &structure.objectives {
-                objective.add(region, &mut matrix, bixels, &mut parts);
+                objective.add(region, &mut parts);
             }
         }
-        let Parts { terms, dvh, averages } = parts;
-        Ok(PlanProblem { convex: Problem::new(matrix, terms)?, dvh, bixels, voxel_rows, averages })
+        let Parts { terms, dvh, regions, averages, .. } = parts;
+        let convex = Problem::new(matrix, terms)?.with_regions(regions)?;
+        Ok(PlanProblem { convex, dvh, bixels, voxel_rows, averages })
     }
 }
 

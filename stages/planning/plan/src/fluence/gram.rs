@@ -26,6 +26,8 @@ pub struct Gram {
     standing: Vec<f64>,
     /// Largest diagonal since the last rebuild.
     peak: Vec<f64>,
+    /// What regions bend by their means, as it stands in `G`: directions are scaled.
+    bends: Vec<(f64, Vec<f64>)>,
     /// Room for a panel of rows, and for its product.
     panel: Vec<f64>,
     packed: Vec<f64>,
@@ -35,13 +37,17 @@ impl Gram {
     /// No row stands in it yet.
     pub fn new(rows: usize, scale: Vec<f64>) -> Self {
         let n = scale.len();
-        let (panel, packed) = Default::default();
-        Self { matrix: Mat::zeros(n, n), scale, standing: vec![0.0; rows], peak: vec![0.0; n], panel, packed }
+        let (bends, panel, packed) = Default::default();
+        let (matrix, standing, peak) = (Mat::zeros(n, n), vec![0.0; rows], vec![0.0; n]);
+        Self { matrix, scale, standing, peak, bends, panel, packed }
     }
 
     /// Updates it to the curvatures at these doses: only rows that changed are added or removed, unless so much has
     /// been removed that the rest would be rounding.
     pub fn update(&mut self, problem: &Problem, dose: &[f64]) {
+        for (bend, direction) in std::mem::take(&mut self.bends) {
+            add_outer(&mut self.matrix, -bend, &direction);
+        }
         self.change(problem, dose);
         let fell = self.diagonal().zip(&self.peak).any(|(now, peak)| now < FALL * peak);
         if fell {
@@ -49,6 +55,14 @@ impl Gram {
             self.standing.fill(0.0);
             self.peak.fill(0.0);
             self.change(problem, dose);
+        }
+        self.bends = problem.bends(dose);
+        for (bend, direction) in &mut self.bends {
+            direction.iter_mut().zip(&self.scale).for_each(|(u, scale)| *u *= scale);
+            add_outer(&mut self.matrix, *bend, direction);
+        }
+        if !self.bends.is_empty() {
+            (0..self.peak.len()).for_each(|j| self.peak[j] = self.peak[j].max(self.matrix[(j, j)]));
         }
     }
 
@@ -59,8 +73,8 @@ impl Gram {
 
     fn change(&mut self, problem: &Problem, dose: &[f64]) {
         let (mut enter, mut leave) = (Vec::new(), Vec::new());
-        for (row, standing) in self.standing.iter_mut().enumerate() {
-            let curvature = problem.curvature(row, dose[row]);
+        let curvatures = problem.curvatures(dose);
+        for (row, (standing, curvature)) in self.standing.iter_mut().zip(curvatures).enumerate() {
             let change = curvature - *standing;
             if change > 0.0 {
                 enter.push((row, change));
@@ -121,6 +135,14 @@ impl Gram {
             (left, buffer, first) = (rest, others, end);
         }
         with_each(tiles, problem.threads(), |tile| tile.add(panel, &columns, sign));
+    }
+}
+
+/// Adds `by u u^T` to the lower triangle.
+fn add_outer(matrix: &mut Mat<f64>, by: f64, u: &[f64]) {
+    for (j, uj) in u.iter().enumerate().filter(|(_, uj)| **uj != 0.0) {
+        let column = &mut matrix.col_as_slice_mut(j)[j..];
+        column.iter_mut().zip(&u[j..]).for_each(|(entry, ui)| *entry += by * uj * ui);
     }
 }
 

@@ -1,7 +1,8 @@
 //! Fluence: the weights of the bixels that come nearest to what is wanted (ch. 5.1.4, app. D; SCIENCE F).
 //!
-//! - `objective`: the objectives of a structure; `goals`: the objectives of all structures, and the problem that they
-//!   make of dose matrices
+//! - `shapes`: the shapes of objectives, one to a file, and their table; `text`: quantities in their text form
+//! - `goals`: the objectives of all structures, and the problem that they make of dose matrices
+//! - `dvh`: the cost of a DVH point; `region`: costs of the rows of a region together
 //! - `plan`: its solution, DVH points included; `cost`: what doses cost that are there
 //! - `problem`: the one form that every objective comes to, with its errors
 //! - `voxels`: structures on the dose grid
@@ -18,21 +19,28 @@ mod cholesky;
 mod coordinates;
 mod cost;
 mod curvature;
+mod dvh;
 mod goals;
 mod gram;
 mod line;
 mod newton;
-mod objective;
 mod plan;
 mod problem;
+mod region;
 mod rows;
+mod shapes;
+mod text;
 mod voxels;
 
 pub use certificate::Certificate;
-pub use goals::{Goals, GoalsError, PlanProblem, Wanted};
+pub use goals::{Goals, GoalsError, PlanProblem, StructureObjectives};
 pub use newton::{Options, Solution, solve};
-pub use objective::Objective;
 pub use plan::{Plan, solve as solve_plan};
 pub use problem::{Problem, ProblemError, Side, Term};
 pub use rows::Csr;
+pub use shapes::{
+    Bound, DvhAtLeast, DvhAtMost, DvhPoint, FallOff, Geud, Homogeneity, MeanAtLeast, MeanDose, Measured,
+    Objective, ObjectiveSpec, Overdose, StructurePart, Underdose,
+};
+pub use text::{Dose, DoseBound, DvhText, Length, Reading, Volume};
 pub use voxels::voxels_on;

@@ -78,7 +78,8 @@ const CAP: f64 = 30.0;
 /// Minimises a fluence problem, from `start` where there is one; what is no positive number there counts as zero.
 ///
 /// Where weights over many powers of ten make the steps short, it goes by way of problems with capped weights; what the
-/// steps leave then, sweeps over single weights find.
+/// steps leave then, sweeps over single weights find; with costs of regions, whose minimum along a weight is dear, further
+/// steps do.
 pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solution {
     let mut found = by_caps(problem, start, options);
     let nothing = NOTHING * problem.objective(&vec![0.0; problem.matrix().rows()]);
@@ -86,6 +87,13 @@ pub fn solve(problem: &Problem, start: Option<&[f64]>, options: Options) -> Solu
         let Certificate { objective, .. } = found.certificate;
         let left = options.max_steps.saturating_sub(found.steps);
         if found.certificate.relative_excess() <= options.tolerance || objective <= nothing || left == 0 {
+            break;
+        }
+        if !problem.regions().is_empty() {
+            let next = descend(problem, Some(&found.x), Options { max_steps: left, ..options });
+            if next.certificate.objective < objective {
+                found = Solution { steps: found.steps + next.steps, ..next };
+            }
             break;
         }
         let sweeps = (ENTRIES / problem.matrix().entries().max(1)).clamp(1, SWEEPS);
@@ -261,12 +269,12 @@ impl Model {
                 bounded::minimise(&mut model, gradient, u, effort, z)
             }
             Self::ByProducts(blocks) => {
-                let curvature: Vec<f64> =
-                    dose.iter().enumerate().map(|(row, d)| problem.curvature(row, *d)).collect();
+                let (curvature, bends) = (problem.curvatures(dose), problem.bends(dose));
                 blocks.update(problem, &curvature);
                 let damping =
                     (0..u.len()).map(|j| damping * blocks.diagonal(j).max(LEAST_DIAGONAL)).collect();
-                let mut model = ByProducts { problem, curvature: &curvature, scale, blocks, damping };
+                let mut model =
+                    ByProducts { problem, curvature: &curvature, bends: &bends, scale, blocks, damping };
                 bounded::minimise(&mut model, gradient, u, effort, z)
             }
         }

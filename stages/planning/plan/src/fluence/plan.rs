@@ -3,13 +3,10 @@
 use super::certificate::Certificate;
 use super::goals::PlanProblem;
 use super::newton::{self, Options};
-use super::objective::DvhPoint;
-use super::problem::{Problem, ProblemError, Side, Term};
+use super::problem::{ProblemError, Term};
 
 /// Most times that the voxels of DVH points are chosen anew.
 const MAX_ROUNDS: usize = 30;
-/// Part of a volume that sums of volumes may be off by.
-const ROUNDING: f64 = 1e-9;
 
 /// Bixels from which a solve begins with a part of the voxels, and voxels for each bixel that it takes.
 const LARGE: usize = 3000;
@@ -55,7 +52,7 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
         }
         let points = goals.dvh.iter().zip(&choice).flat_map(|(point, rows)| point.terms(rows));
         let terms: Vec<Term> = goals.convex.terms().iter().copied().chain(points).collect();
-        problem = Problem::new(goals.convex.shared_matrix(), terms)?.on_threads(problem.threads());
+        problem = goals.convex.with_terms(terms)?;
         found = newton::solve(&problem, Some(&found.x), options);
         steps += found.steps;
         rounds += 1;
@@ -63,7 +60,8 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
     }
     let mut pull = vec![0.0; found.dose.len()];
     problem.dose_gradient(&found.dose, &mut pull);
-    let curvature = (0..goals.voxel_rows).map(|row| problem.curvature(row, found.dose[row])).collect();
+    let mut curvature = problem.curvatures(&found.dose);
+    curvature.truncate(goals.voxel_rows);
     // Rows that average voxels hand their slope on to them.
     for (i, averaged) in goals.averages.iter().enumerate() {
         let whole = pull[goals.voxel_rows + i];
@@ -80,36 +78,4 @@ pub fn solve(goals: &PlanProblem, start: Option<&[f64]>, options: Options) -> Re
 fn rough_start(goals: &PlanProblem) -> Option<Vec<f64>> {
     let worth = goals.bixels >= LARGE && goals.voxel_rows >= ENOUGH * goals.bixels;
     worth.then(|| newton::solve_roughly(&goals.convex.thinned(goals.voxel_rows, THINNING), ROUGH))
-}
-
-impl DvhPoint {
-    /// The rows that cost at these doses, rising, with their volumes: those that would cost least.
-    pub(super) fn costing(&self, dose: &[f64]) -> Vec<(u32, f64)> {
-        let over = self.side == Side::Over;
-        let mut rows = self.rows.clone();
-        rows.sort_by(|(a, _), (b, _)| {
-            let hottest_first = dose[*b as usize].total_cmp(&dose[*a as usize]);
-            hottest_first.then(if over { b.cmp(a) } else { a.cmp(b) })
-        });
-        // Over: the hottest go free as long as they fit into the volume. Under: the hottest cost until they fill it.
-        let limit = self.volume * if over { 1.0 + ROUNDING } else { 1.0 - ROUNDING };
-        let mut above = 0.0;
-        let hottest = rows.iter().take_while(|(_, volume)| {
-            let before = above;
-            above += volume;
-            if over { above <= limit } else { before < limit }
-        });
-        let hottest = hottest.count();
-        let mut costing = if over { rows.split_off(hottest) } else { rows[..hottest].to_vec() };
-        costing.sort_unstable_by_key(|(row, _)| *row);
-        costing
-    }
-
-    fn terms<'a>(&'a self, rows: &'a [(u32, f64)]) -> impl Iterator<Item = Term> + 'a {
-        let of = |&(row, volume): &(u32, f64)| {
-            let weight = self.weight * volume;
-            Term { row, side: self.side, goal: self.dose, weight }
-        };
-        rows.iter().map(of)
-    }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
+use super::region::{Around, RegionTerm};
 use super::rows::Csr;
 
 /// On which side of its goal a term costs.
@@ -30,7 +31,8 @@ pub struct Term {
 }
 
 /// `min F(x) = sum_t weight_t max(0, +-(d_row(t) - goal_t))^2`, `d = A x`, `x >= 0`: (5.1) corrected (SCIENCE F1) without
-/// its factor 1/2, as the objectives of a plan are summed. Convex, piecewise quadratic, once differentiable.
+/// its factor 1/2, as the objectives of a plan are summed, and costs of whole regions beside it. Convex and once
+/// differentiable; piecewise quadratic but for the regions.
 ///
 /// A row may have any number of terms, also none, and over-dose goals below under-dose goals.
 #[derive(Clone, Debug)]
@@ -40,6 +42,8 @@ pub struct Problem {
     terms: Vec<Term>,
     /// Where each row's terms start; one more at the end.
     starts: Vec<usize>,
+    /// Costs of the rows of a region together.
+    regions: Vec<RegionTerm>,
     /// Most threads of its solver.
     threads: NonZeroUsize,
 }
@@ -121,11 +125,33 @@ impl Problem {
         for row in 0..rows {
             starts[row + 1] += starts[row];
         }
-        let problem = Self { matrix, terms: kept, starts, threads: NonZeroUsize::MIN };
-        if !problem.objective(&vec![0.0; rows]).is_finite() {
-            return Err(ProblemError::Overflow);
+        let problem = Self { matrix, terms: kept, starts, regions: Vec::new(), threads: NonZeroUsize::MIN };
+        problem.checked()
+    }
+
+    fn checked(self) -> Result<Self, ProblemError> {
+        match self.objective(&vec![0.0; self.matrix.rows()]).is_finite() {
+            true => Ok(self),
+            false => Err(ProblemError::Overflow),
         }
-        Ok(problem)
+    }
+
+    /// The same problem with costs of regions as well; those of weight zero are dropped.
+    pub(super) fn with_regions(mut self, mut regions: Vec<RegionTerm>) -> Result<Self, ProblemError> {
+        regions.retain(|region| region.weight > 0.0);
+        self.regions.extend(regions);
+        self.checked()
+    }
+
+    /// The same problem with other terms of its rows.
+    pub(super) fn with_terms(&self, terms: Vec<Term>) -> Result<Self, ProblemError> {
+        let problem = Self::new(self.shared_matrix(), terms)?.on_threads(self.threads);
+        problem.with_regions(self.regions.clone())
+    }
+
+    /// Costs of the rows of a region together.
+    pub(super) fn regions(&self) -> &[RegionTerm] {
+        &self.regions
     }
 
     /// The problem with an over-dose and an under-dose term for each row.
@@ -163,6 +189,7 @@ impl Problem {
     pub fn capped(&self, cap: f64) -> Self {
         let mut capped = self.clone();
         capped.terms.iter_mut().for_each(|term| term.weight = term.weight.min(cap));
+        capped.regions.iter_mut().for_each(|region| region.weight = region.weight.min(cap));
         capped
     }
 
@@ -205,7 +232,8 @@ impl Problem {
         let mut starts = vec![0; matrix.rows() + 1];
         terms.iter().for_each(|term| starts[term.row as usize + 1] += 1);
         (0..matrix.rows()).for_each(|row| starts[row + 1] += starts[row]);
-        Self { matrix, terms, starts, threads: self.threads }
+        let regions = self.regions.iter().map(|region| region.thinned(of, step)).collect();
+        Self { matrix, terms, starts, regions, threads: self.threads }
     }
 
     /// The terms that cost, ordered by row.
@@ -221,7 +249,11 @@ impl Problem {
 
     /// `F` of these doses.
     pub fn objective(&self, dose: &[f64]) -> f64 {
-        self.terms.iter().map(|term| term.cost(dose[term.row as usize])).sum()
+        let mut objective = self.terms.iter().map(|term| term.cost(dose[term.row as usize])).sum();
+        for region in &self.regions {
+            objective += region.cost(dose);
+        }
+        objective
     }
 
     /// `dF/dd` of these doses.
@@ -230,23 +262,62 @@ impl Problem {
         for term in &self.terms {
             out[term.row as usize] += term.slope(dose[term.row as usize]);
         }
+        for region in &self.regions {
+            let Some(Around { slope, mean_slopes, .. }) = region.around(dose) else { continue };
+            for ((row, _), g) in region.rows.iter().zip(mean_slopes) {
+                out[*row as usize] += slope * g;
+            }
+        }
     }
 
-    /// `d^2F/dd^2` of a row at this dose.
-    pub fn curvature(&self, row: usize, dose: f64) -> f64 {
-        self.terms_of(row).iter().map(|term| term.curvature(dose)).sum()
+    /// `d^2F/dd^2` of each row at these doses, but for what regions bend by their means.
+    pub fn curvatures(&self, dose: &[f64]) -> Vec<f64> {
+        let of_row = |(row, dose): (usize, &f64)| -> f64 {
+            self.terms_of(row).iter().map(|term| term.curvature(*dose)).sum()
+        };
+        let mut curvatures: Vec<f64> = dose.iter().enumerate().map(of_row).collect();
+        for region in &self.regions {
+            let Some(Around { diagonal, .. }) = region.around(dose) else { continue };
+            for ((row, _), own) in region.rows.iter().zip(diagonal) {
+                curvatures[*row as usize] += own;
+            }
+        }
+        curvatures
     }
 
-    /// Upper bound of the curvature of each row's cost: all its terms active.
-    pub fn largest_curvature(&self, row: usize) -> f64 {
-        self.terms_of(row).iter().map(|term| 2.0 * term.weight).sum()
+    /// What regions bend by their means at these doses: a curvature and a direction over the columns each. One that is
+    /// negative is left out, so that the whole is not less than the curvature.
+    pub fn bends(&self, dose: &[f64]) -> Vec<(f64, Vec<f64>)> {
+        let mut bends = Vec::new();
+        for region in &self.regions {
+            let Some(Around { mean_slopes, bend, .. }) = region.around(dose) else { continue };
+            if bend > 0.0 {
+                let mut direction = vec![0.0; self.matrix.columns()];
+                for ((row, _), g) in region.rows.iter().zip(mean_slopes) {
+                    self.matrix.add_row(*row as usize, g, &mut direction);
+                }
+                bends.push((bend, direction));
+            }
+        }
+        bends
+    }
+
+    /// Scale of the curvature of each row's cost: all its terms active, and regions at an even dose.
+    pub fn largest_curvatures(&self) -> Vec<f64> {
+        let of_row = |row: usize| -> f64 { self.terms_of(row).iter().map(|term| 2.0 * term.weight).sum() };
+        let mut curvatures: Vec<f64> = (0..self.matrix.rows()).map(of_row).collect();
+        for region in &self.regions {
+            for (row, share) in &region.rows {
+                curvatures[*row as usize] += 2.0 * region.weight * share;
+            }
+        }
+        curvatures
     }
 
     /// For each column the curvature along it with all terms active: `sum_i c_i a_ij^2`.
     pub fn largest_diagonal(&self) -> Vec<f64> {
         let mut diagonal = vec![0.0; self.matrix.columns()];
-        for row in 0..self.matrix.rows() {
-            let curvature = self.largest_curvature(row);
+        for (row, curvature) in self.largest_curvatures().into_iter().enumerate() {
             if curvature > 0.0 {
                 let (columns, values) = self.matrix.row(row);
                 for (c, v) in columns.iter().zip(values) {

@@ -145,6 +145,13 @@ impl Csr {
         add_scaled(columns, values, weight * dot(columns, values, x), out);
     }
 
+    /// `out += weight * a` for the row `a`.
+    #[inline]
+    pub fn add_row(&self, row: usize, weight: f64, out: &mut [f64]) {
+        let (columns, values) = self.row(row);
+        add_scaled(columns, values, weight, out);
+    }
+
     /// `out = A^T y`, the same on any number of threads: each has columns of its own. Rows where `y` is zero are not read.
     pub fn adjoint(&self, y: &[f64], out: &mut [f64], threads: NonZeroUsize) {
         out.fill(0.0);

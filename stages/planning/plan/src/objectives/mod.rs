@@ -9,16 +9,19 @@
 //! let grid = DoseParams::over(case.grid(), 5.0).grid;
 //! let own = r#"{ "objectives": [{ "match": ["rectum"], "wanted": [{ "overdose": { "dose": "30 Gy", "weight": 25 } }] }] }"#;
 //! let table = ObjectiveTable::parse(own)?.before(ObjectiveTable::shipped()?);
-//! let aims = table.for_case(&case, &grid)?;
-//! assert_eq!(aims.wanted[0].name, "PTV");
+//! let set = table.for_case(&case, &grid)?;
+//! assert_eq!(set.structures[0].name, "PTV");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
 //! - `table`: the JSON table
-//! - `aims`: a table on a case
+//! - `set`: a table on a case: its objectives
+//! - `results`: what a plan makes of them
 
-mod aims;
+mod results;
+mod set;
 mod table;
 
-pub use aims::{Aims, AimsError, follows};
+pub use results::ObjectiveResult;
+pub use set::{ObjectiveSet, ObjectiveSetError, follows};
 pub use table::{ObjectiveTable, TableError};

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::fluence::ObjectiveSpec;
 use stillpoint_patient::case::{Role, name_fits};
 
 const SHIPPED: &str = include_str!("../../data/objectives.json");
@@ -21,41 +22,9 @@ pub(super) struct TableLine {
     patterns: Option<Vec<String>>,
     /// Role; without it every role.
     role: Option<Role>,
-    pub wanted: Vec<Wish>,
+    #[serde(rename = "wanted")]
+    pub specs: Vec<ObjectiveSpec>,
 }
-
-/// An objective as the table writes it.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "snake_case")]
-pub(super) enum Wish {
-    Overdose { dose: Dose, weight: f64 },
-    FallOff { near: Dose, far: Dose, over: Length, weight: f64 },
-    Entry { dose: Dose, depth: Length, weight: f64 },
-    Underdose { dose: Dose, weight: f64 },
-    MeanDose { dose: Dose, weight: f64 },
-    Homogeneity { weight: f64 },
-    DvhAtMost { dose: Dose, volume: Volume, weight: f64 },
-    DvhAtLeast { dose: Dose, volume: Volume, weight: f64 },
-}
-
-/// A dose: `35 Gy`, `95 %` of the prescription, or `104 % of the highest` prescription.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "String")]
-pub(super) enum Dose {
-    Gray(f64),
-    OfPrescription(f64),
-    OfHighest(f64),
-}
-
-/// A volume: `30 %` of the structure, as a fraction.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "String")]
-pub(super) struct Volume(pub f64);
-
-/// A length: `20 mm`.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(try_from = "String")]
-pub(super) struct Length(pub f64);
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,7 +37,7 @@ struct Table {
 pub enum TableError {
     /// It is no JSON of a table.
     #[error(
-        "the objectives cannot be read: {0}; they must be like {{\"objectives\": [{{\"match\": [\"Rectum\"], \"wanted\": [{{\"overdose\": {{\"dose\": \"35 Gy\", \"weight\": 20}}}}]}}]}}"
+        "the objectives cannot be read: {0}; write them like {{\"objectives\": [{{\"match\": [\"Rectum\"], \"wanted\": [{{\"overdose\": {{\"dose\": \"35 Gy\", \"weight\": 20}}}}]}}]}}"
     )]
     Json(#[from] serde_json::Error),
     /// A line that matches nothing, or everything.
@@ -104,51 +73,13 @@ impl ObjectiveTable {
     }
 
     /// The objectives of the first line that matches; none if no line does.
-    pub(super) fn find(&self, name: &str, role: Role) -> &[Wish] {
+    pub(super) fn find(&self, name: &str, role: Role) -> &[ObjectiveSpec] {
         let fits = |line: &&TableLine| {
             line.role.is_none_or(|r| r == role)
                 && line.patterns.as_ref().is_none_or(|patterns| patterns.iter().any(|p| name_fits(p, name)))
         };
-        self.lines.iter().find(fits).map_or(&[], |line| &line.wanted)
+        self.lines.iter().find(fits).map_or(&[], |line| &line.specs)
     }
-}
-
-impl TryFrom<String> for Dose {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        let gray = number(&text, "Gy").map(Self::Gray);
-        gray.or_else(|| number(&text, "%").map(|p| Self::OfPrescription(p / 100.0)))
-            .or_else(|| number(&text, "% of the highest").map(|p| Self::OfHighest(p / 100.0)))
-            .ok_or_else(|| {
-                format!(
-                    "{text:?} is no dose: `35 Gy`, `95 %` (of the prescription) or `104 % of the highest` (prescription) is due"
-                )
-            })
-    }
-}
-
-impl TryFrom<String> for Volume {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        let part = number(&text, "%").map(|p| p / 100.0).filter(|part| (0.0..=1.0).contains(part));
-        part.map(Self).ok_or_else(|| format!("{text:?} is no volume: `30 %` (of the structure) is due"))
-    }
-}
-
-impl TryFrom<String> for Length {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        let mm = number(&text, "mm").filter(|mm| *mm > 0.0);
-        mm.map(Self).ok_or_else(|| format!("{text:?} is no length: `20 mm` is due"))
-    }
-}
-
-/// A number with this unit.
-fn number(text: &str, unit: &str) -> Option<f64> {
-    text.trim().strip_suffix(unit)?.trim().parse().ok().filter(|n: &f64| n.is_finite())
 }
 
 #[cfg(test)]
@@ -162,11 +93,12 @@ mod tests {
             {"match": ["skip"], "wanted": []}
         ]}"#;
         let table = ObjectiveTable::parse(own).unwrap().before(ObjectiveTable::shipped().unwrap());
-        let mean = Wish::MeanDose { dose: Dose::OfPrescription(0.5), weight: 1.0 };
+        let spec = |text: &str| -> ObjectiveSpec { serde_json::from_str(text).unwrap() };
+        let mean = spec(r#"{"mean_dose": {"dose": "50 %", "weight": 1}}"#);
         assert_eq!(table.find("Rectum", Role::Organ), [mean]);
         assert_eq!(table.find("Skip", Role::Organ), []);
         assert_eq!(table.find("Rectum", Role::Target).len(), 3, "a target by its role");
-        let head = Wish::Overdose { dose: Dose::Gray(25.0), weight: 8.0 };
+        let head = spec(r#"{"overdose": {"dose": "25 Gy", "weight": 8}}"#);
         assert_eq!(table.find("FemoralHeadL", Role::Organ), [head]);
         assert_eq!(table.find("GTV", Role::ClinicalTarget), []);
     }
@@ -176,7 +108,7 @@ mod tests {
         let refused = |text: &str| ObjectiveTable::parse(text).unwrap_err().to_string();
         let wish =
             |wish: &str| refused(&format!(r#"{{"objectives": [{{"match": ["a"], "wanted": [{wish}]}}]}}"#));
-        assert!(refused("[]").contains("must be like"));
+        assert!(refused("[]").contains("write them like"));
         assert!(
             refused(r#"{"objectives": [{"role": "organ", "wanted": []}, {"wanted": []}]}"#)
                 .contains("line 2")
@@ -185,8 +117,10 @@ mod tests {
         assert!(wish(r#"{"overdose": {"dose": "35", "weight": 1}}"#).contains("`35 Gy`, `95 %`"));
         assert!(
             wish(r#"{"dvh_at_most": {"dose": "3 Gy", "volume": "130 %", "weight": 1}}"#)
-                .contains("is no volume")
+                .contains("is not a volume")
         );
         assert!(wish(r#"{"overdoes": {}}"#).contains("unknown variant"));
+        assert!(wish(r#"{"dvh_point": {"limit": "D95 > 50 Gy", "weight": 1}}"#).contains("`D95% >= 50 Gy`"));
+        assert!(wish(r#"{"geud": {"a": 8, "limit": "30 Gy", "weight": 1}}"#).contains("`<= 30 Gy`"));
     }
 }

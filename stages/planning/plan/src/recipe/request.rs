@@ -20,8 +20,8 @@ pub const PROPOSALS: usize = 5;
 
 /// Exchanges of the game of two players.
 const EXCHANGES: usize = 2;
-/// How far an angle may be from an angle of the ring, degrees.
-const OFF_RING_DEG: f64 = 1e-6;
+/// How far an angle may be from an angle of the ring, degrees: half of the finest step that rings have.
+const OFF_RING_DEG: f64 = 0.005;
 
 /// How the beams of a plan are chosen.
 #[derive(Clone, Debug)]

@@ -7,7 +7,7 @@ use super::spec::{PointScheme, RobustBy, SetupSpec};
 use crate::beams::RingError;
 use crate::dose::{BixelSpec, DoseEngine, DoseError, DoseParams, MachineError};
 use crate::fluence::Goals;
-use crate::objectives::{Aims, AimsError, TableError};
+use crate::objectives::{ObjectiveSet, ObjectiveSetError, TableError};
 use crate::sampling::Sampling;
 
 /// A case made ready for plans with the parameters of a [`SetupSpec`].
@@ -21,7 +21,7 @@ pub struct PlanSetup {
     /// The points whose dose is optimised.
     pub sampling: Sampling,
     /// The objectives of each structure in gray, on the points that count for it.
-    pub aims: Aims,
+    pub aims: ObjectiveSet,
     /// The same as plans are solved for: over all set-ups, or in the robust game for the planned set-up.
     pub goals: Goals,
     /// The goals of the robust game in two parts: of what moves with the patient, and of what counts as planned.
@@ -47,7 +47,7 @@ pub enum SetupError {
     Ring(#[from] RingError),
     /// The objectives do not fit the case.
     #[error(transparent)]
-    Objectives(#[from] AimsError),
+    Objectives(#[from] ObjectiveSetError),
     /// No dose can be computed.
     #[error(transparent)]
     Dose(#[from] DoseError),

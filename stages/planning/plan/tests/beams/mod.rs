@@ -11,7 +11,7 @@ use stillpoint_plan::beams::{
     BeamGame, BeamSet, Budget, Choice, Evaluated, Evaluator, Local, Memo, Method, Prior, Progress, Ring,
     SOLVE_TOLERANCE, SearchOptions, Solver, Stop, choose, class_solution, random_set, rotations,
 };
-use stillpoint_plan::fluence::{Goals, Objective, Wanted};
+use stillpoint_plan::fluence::{Goals, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_plan::{Csc, Rows};
 
 const SIDE: usize = 21;
@@ -51,7 +51,7 @@ fn disc_moved(by: [f64; 2]) -> Vec<Rows> {
 }
 
 fn disc() -> (Vec<Rows>, Goals) {
-    let structure = |name: &str, voxels, objectives| Wanted {
+    let structure = |name: &str, voxels, objectives| StructureObjectives {
         name: name.into(),
         voxels,
         volumes: Vec::new(),
@@ -59,8 +59,8 @@ fn disc() -> (Vec<Rows>, Goals) {
         objectives,
     };
     let target = vec![
-        Objective::Underdose { dose: 60.0, weight: 200.0 },
-        Objective::Overdose { dose: 60.0, weight: 100.0 },
+        Objective::Underdose(Underdose { dose: 60.0, weight: 200.0 }),
+        Objective::Overdose(Overdose { dose: 60.0, weight: 100.0 }),
     ];
     let goals = Goals::new(
         vec![
@@ -68,12 +68,12 @@ fn disc() -> (Vec<Rows>, Goals) {
             structure(
                 "organ",
                 voxels([0.0, 5.5], 2.0),
-                vec![Objective::Overdose { dose: 5.0, weight: 40.0 }],
+                vec![Objective::Overdose(Overdose { dose: 5.0, weight: 40.0 })],
             ),
             structure(
                 "body",
                 voxels([0.0, 0.0], 10.0),
-                vec![Objective::Overdose { dose: 15.0, weight: 10.0 }],
+                vec![Objective::Overdose(Overdose { dose: 15.0, weight: 10.0 })],
             ),
         ],
         SIDE * SIDE,

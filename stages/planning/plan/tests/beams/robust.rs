@@ -6,7 +6,7 @@ use stillpoint_plan::Rows;
 use stillpoint_plan::beams::{
     Budget, Evaluated, Evaluator, Method, Progress, SHARE_OF_A_SOLVE, SearchOptions, SecondPlayer, choose,
 };
-use stillpoint_plan::fluence::{Goals, Objective};
+use stillpoint_plan::fluence::{Goals, Objective, Overdose, Underdose};
 
 use super::{BEAMS, SIDE, disc, disc_moved, ring};
 
@@ -31,7 +31,7 @@ fn play(errors: Option<usize>, solves: usize, threads: usize) -> (Evaluated, Vec
 /// The body counts as planned.
 fn parts(goals: &Goals) -> (Goals, Goals) {
     let of = |body: bool| {
-        let wanted = goals.wanted().iter().filter(|wanted| (wanted.name == "body") == body).cloned();
+        let wanted = goals.structures().iter().filter(|wanted| (wanted.name == "body") == body).cloned();
         Goals::new(wanted.collect(), SIDE * SIDE).unwrap()
     };
     (of(false), of(true))
@@ -53,12 +53,16 @@ fn by_hand(plan: &Evaluated, goals: &Goals, moved: [f64; 2]) -> f64 {
     };
     let (planned, there) = (dose(&disc().0), dose(&disc_moved(moved)));
     let mut cost = 0.0;
-    for structure in goals.wanted() {
+    for structure in goals.structures() {
         let dose = if structure.name == "body" { &planned } else { &there };
         for objective in &structure.objectives {
             let (weight, off): (f64, Box<dyn Fn(f64) -> f64>) = match *objective {
-                Objective::Overdose { dose, weight } => (weight, Box::new(move |d| f64::max(d - dose, 0.0))),
-                Objective::Underdose { dose, weight } => (weight, Box::new(move |d| f64::max(dose - d, 0.0))),
+                Objective::Overdose(Overdose { dose, weight }) => {
+                    (weight, Box::new(move |d| f64::max(d - dose, 0.0)))
+                }
+                Objective::Underdose(Underdose { dose, weight }) => {
+                    (weight, Box::new(move |d| f64::max(dose - d, 0.0)))
+                }
                 other => panic!("{other:?}"),
             };
             let sum: f64 = structure.voxels.iter().map(|v| off(dose[*v as usize]).powi(2)).sum();

@@ -3,6 +3,7 @@
 mod broken;
 mod cache;
 mod generic;
+mod nowhere;
 pub mod phantom;
 mod positions;
 mod reference;

@@ -1,7 +1,10 @@
 //! Objectives against their formulas, written down once more.
 
 use proptest::prelude::*;
-use stillpoint_plan::fluence::{Goals, GoalsError, Objective, Options, Plan, Wanted, solve_plan};
+use stillpoint_plan::fluence::{
+    Bound, DvhAtLeast, DvhAtMost, FallOff, Geud, Goals, GoalsError, Homogeneity, MeanAtLeast, MeanDose,
+    Objective, Options, Overdose, Plan, StructureObjectives, Underdose, solve_plan,
+};
 use stillpoint_plan::{Csc, Rows};
 
 const VOXELS: usize = 12;
@@ -14,7 +17,7 @@ fn matrix(values: &[f32]) -> Csc {
     Csc::new(VOXELS, starts, row, values[..columns * VOXELS].to_vec()).unwrap()
 }
 
-fn solve(wanted: &[Wanted], matrix: &Csc) -> (Plan, Vec<f64>) {
+fn solve(wanted: &[StructureObjectives], matrix: &Csc) -> (Plan, Vec<f64>) {
     let goals = Goals::new(wanted.to_vec(), VOXELS).unwrap();
     let rows = Rows::from_columns(matrix.view()).unwrap();
     let problem = goals.problem(&[rows.view().into()]).unwrap();
@@ -43,7 +46,7 @@ fn dose(matrix: &Csc, weights: &[f64]) -> Vec<f64> {
 }
 
 /// What the objectives cost, from their formulas.
-pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
+pub fn cost(wanted: &[StructureObjectives], dose: &[f64]) -> f64 {
     let square = |x: f64| x.max(0.0).powi(2);
     let mut cost = 0.0;
     for structure in wanted {
@@ -55,42 +58,52 @@ pub fn cost(wanted: &[Wanted], dose: &[f64]) -> f64 {
         let sum = |f: &dyn Fn(f64) -> f64| d.iter().map(|d| f(*d)).sum::<f64>() / v;
         for objective in &structure.objectives {
             cost += match *objective {
-                Objective::Overdose { dose, weight } => weight * sum(&|d| square(d - dose)),
-                Objective::FallOff { near, far, over_mm, weight } => {
+                Objective::Overdose(Overdose { dose, weight }) => weight * sum(&|d| square(d - dose)),
+                Objective::FallOff(FallOff { near, far, over_mm, weight }) => {
                     let r = &structure.to_target_mm;
                     let v = r.iter().filter(|r| **r <= over_mm).count() as f64;
                     let goal = |r: f64| if r < over_mm { near - (near - far) * r / over_mm } else { far };
                     let costs = by_place.iter().zip(r).map(|(d, r)| square(d - goal(*r)));
                     weight / v * costs.sum::<f64>()
                 }
-                Objective::Underdose { dose, weight } => weight * sum(&|d| square(dose - d)),
-                Objective::MeanDose { dose, weight } => weight * square(mean - dose),
-                Objective::Homogeneity { weight } => weight * sum(&|d| (d - mean).powi(2)),
-                Objective::DvhAtMost { dose, volume, weight } => {
+                Objective::Underdose(Underdose { dose, weight }) => weight * sum(&|d| square(dose - d)),
+                Objective::MeanDose(MeanDose { dose, weight }) => weight * square(mean - dose),
+                Objective::Homogeneity(Homogeneity { weight }) => weight * sum(&|d| (d - mean).powi(2)),
+                Objective::DvhAtMost(DvhAtMost { dose, volume, weight }) => {
                     let free = (volume * v) as usize;
                     d[..d.len() - free].iter().map(|d| weight / v * square(d - dose)).sum()
                 }
-                Objective::DvhAtLeast { dose, volume, weight } => {
+                Objective::DvhAtLeast(DvhAtLeast { dose, volume, weight }) => {
                     let costing = (volume * v).ceil() as usize;
                     d[d.len() - costing..].iter().map(|d| weight / v * square(dose - d)).sum()
                 }
+                Objective::MeanAtLeast(MeanAtLeast { dose, weight }) => weight * square(dose - mean),
+                Objective::Geud(Geud { a, bound: Bound::AtMost, dose, weight }) => {
+                    weight * square((d.iter().map(|d| d.powf(a)).sum::<f64>() / v).powf(1.0 / a) - dose)
+                }
+                Objective::Geud(Geud { a, bound: Bound::AtLeast, dose, weight }) => {
+                    let raised = |d: &f64| (d + 0.01 * dose).powf(a);
+                    let mean = (d.iter().map(raised).sum::<f64>() / v).powf(1.0 / a);
+                    weight * square(dose - (mean - 0.01 * dose))
+                }
+                Objective::DvhPoint(_) => unreachable!("no structure here has one"),
             };
         }
     }
     cost
 }
 
-fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<Wanted> {
+fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<StructureObjectives> {
     let [target, organ] = objectives;
     vec![
-        Wanted {
+        StructureObjectives {
             name: "target".into(),
             voxels: vec![0, 1, 2, 3, 4, 5],
             volumes: Vec::new(),
             to_target_mm: Vec::new(),
             objectives: target,
         },
-        Wanted {
+        StructureObjectives {
             name: "organ".into(),
             voxels: vec![4, 5, 6, 7, 8, 9, 10],
             volumes: Vec::new(),
@@ -101,7 +114,10 @@ fn wanted(objectives: [Vec<Objective>; 2]) -> Vec<Wanted> {
 }
 
 fn prescribed() -> Vec<Objective> {
-    vec![Objective::Underdose { dose: 60.0, weight: 2.0 }, Objective::Overdose { dose: 60.0, weight: 1.0 }]
+    vec![
+        Objective::Underdose(Underdose { dose: 60.0, weight: 2.0 }),
+        Objective::Overdose(Overdose { dose: 60.0, weight: 1.0 }),
+    ]
 }
 
 fn values() -> impl Strategy<Value = Vec<f32>> {
@@ -113,11 +129,11 @@ proptest! {
     fn convex_objectives_cost_what_their_formulas_say_and_no_neighbour_costs_less(values in values()) {
         let matrix = matrix(&values);
         let organ = vec![
-            Objective::MeanDose { dose: 20.0, weight: 3.0 },
-            Objective::Overdose { dose: 30.0, weight: 1.0 },
-            Objective::FallOff { near: 50.0, far: 15.0, over_mm: 8.0, weight: 2.0 },
+            Objective::MeanDose(MeanDose { dose: 20.0, weight: 3.0 }),
+            Objective::Overdose(Overdose { dose: 30.0, weight: 1.0 }),
+            Objective::FallOff(FallOff { near: 50.0, far: 15.0, over_mm: 8.0, weight: 2.0 }),
         ];
-        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity { weight: 4.0 }]].concat(), organ]);
+        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
         let (plan, found) = solve(&wanted, &matrix);
         let best = cost(&wanted, &found);
         prop_assert!((plan.certificate.objective - best).abs() < 1e-5 * best + 1e-6, "{} {best}", plan.certificate.objective);
@@ -134,8 +150,8 @@ proptest! {
     #[test]
     fn pull_is_the_slope_of_the_cost_in_the_dose_of_each_voxel(values in values()) {
         let matrix = matrix(&values);
-        let organ = vec![Objective::MeanDose { dose: 20.0, weight: 3.0 }];
-        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity { weight: 4.0 }]].concat(), organ]);
+        let organ = vec![Objective::MeanDose(MeanDose { dose: 20.0, weight: 3.0 })];
+        let wanted = wanted([[prescribed(), vec![Objective::Homogeneity(Homogeneity { weight: 4.0 })]].concat(), organ]);
         let (plan, found) = solve(&wanted, &matrix);
         for voxel in 0..11 {
             let at = |by: f64| {
@@ -152,8 +168,8 @@ proptest! {
     fn dvh_points_cost_what_their_formulas_say_and_never_more_than_before_them(values in values()) {
         let matrix = matrix(&values);
         let plain = wanted([prescribed(), vec![]]);
-        let target = [prescribed(), vec![Objective::DvhAtLeast { dose: 57.0, volume: 0.8, weight: 50.0 }]].concat();
-        let organ = vec![Objective::DvhAtMost { dose: 25.0, volume: 0.3, weight: 30.0 }];
+        let target = [prescribed(), vec![Objective::DvhAtLeast(DvhAtLeast { dose: 57.0, volume: 0.8, weight: 50.0 })]].concat();
+        let organ = vec![Objective::DvhAtMost(DvhAtMost { dose: 25.0, volume: 0.3, weight: 30.0 })];
         let with = wanted([target, organ]);
         let (_, before) = solve(&plain, &matrix);
         let (plan, found) = solve(&with, &matrix);
@@ -168,14 +184,14 @@ proptest! {
 fn a_dvh_point_lets_the_hottest_part_go() {
     // Two voxels a bixel each: the organ may keep half its volume hot, so one bixel stays at full dose.
     let matrix = Csc::new(2, vec![0, 1, 2], vec![0, 1], vec![1.0, 1.0]).unwrap();
-    let both = vec![Wanted {
+    let both = vec![StructureObjectives {
         name: "both".into(),
         voxels: vec![0, 1],
         volumes: Vec::new(),
         to_target_mm: Vec::new(),
         objectives: vec![
-            Objective::Underdose { dose: 60.0, weight: 1.0 },
-            Objective::DvhAtMost { dose: 10.0, volume: 0.5, weight: 1000.0 },
+            Objective::Underdose(Underdose { dose: 60.0, weight: 1.0 }),
+            Objective::DvhAtMost(DvhAtMost { dose: 10.0, volume: 0.5, weight: 1000.0 }),
         ],
     }];
     let goals = Goals::new(both, 2).unwrap();
@@ -195,13 +211,13 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
     let once = matrix(vec![0, 1, 1, 2, 2], vec![0, 2, 4, 5], vec![1.0, 0.3, 1.0, 0.4, 1.0]);
     let twice = matrix(vec![0, 1, 1, 2, 3, 2, 3], vec![0, 2, 5, 7], vec![1.0, 0.3, 1.0, 0.4, 0.4, 1.0, 1.0]);
     let objectives = vec![
-        Objective::Underdose { dose: 60.0, weight: 3.0 },
-        Objective::MeanDose { dose: 20.0, weight: 2.0 },
-        Objective::Homogeneity { weight: 0.5 },
-        Objective::DvhAtMost { dose: 30.0, volume: 0.5, weight: 4.0 },
+        Objective::Underdose(Underdose { dose: 60.0, weight: 3.0 }),
+        Objective::MeanDose(MeanDose { dose: 20.0, weight: 2.0 }),
+        Objective::Homogeneity(Homogeneity { weight: 0.5 }),
+        Objective::DvhAtMost(DvhAtMost { dose: 30.0, volume: 0.5, weight: 4.0 }),
     ];
     let solve = |rows: &Rows, voxels: Vec<u32>, volumes: Vec<f64>| {
-        let wanted = Wanted {
+        let wanted = StructureObjectives {
             name: "all".into(),
             voxels,
             volumes,
@@ -221,7 +237,7 @@ fn a_voxel_of_twice_the_volume_counts_as_two() {
 #[test]
 fn wishes_that_cannot_be_used_are_refused_by_name() {
     let one = |voxels: Vec<u32>, objective| {
-        let wanted = Wanted {
+        let wanted = StructureObjectives {
             name: "rectum".into(),
             voxels,
             volumes: Vec::new(),
@@ -230,10 +246,10 @@ fn wishes_that_cannot_be_used_are_refused_by_name() {
         };
         Goals::new(vec![wanted], 3).err()
     };
-    let fine = Objective::Overdose { dose: 1.0, weight: 1.0 };
+    let fine = Objective::Overdose(Overdose { dose: 1.0, weight: 1.0 });
     assert_eq!(one(vec![0, 2], fine), None);
     for volumes in [vec![1.0], vec![1.0, 0.0], vec![1.0, f64::NAN]] {
-        let wanted = Wanted {
+        let wanted = StructureObjectives {
             name: "rectum".into(),
             voxels: vec![0, 2],
             volumes,
@@ -243,20 +259,20 @@ fn wishes_that_cannot_be_used_are_refused_by_name() {
         let fault = Goals::new(vec![wanted], 3).err();
         assert!(matches!(fault, Some(GoalsError::Volumes { voxels: 2, .. })), "{fault:?}");
     }
-    let fall_off = Objective::FallOff { near: 9.0, far: 3.0, over_mm: 20.0, weight: 1.0 };
+    let fall_off = Objective::FallOff(FallOff { near: 9.0, far: 3.0, over_mm: 20.0, weight: 1.0 });
     assert!(matches!(one(vec![0, 2], fall_off), Some(GoalsError::Distances { voxels: 2, distances: 0, .. })));
     for (far, over_mm) in [(-1.0, 20.0), (10.0, 20.0), (f64::NAN, 20.0), (3.0, 0.0), (3.0, f64::INFINITY)] {
-        let fault = one(vec![0, 2], Objective::FallOff { near: 9.0, far, over_mm, weight: 1.0 });
+        let fault = one(vec![0, 2], Objective::FallOff(FallOff { near: 9.0, far, over_mm, weight: 1.0 }));
         assert!(matches!(fault, Some(GoalsError::Number { .. })), "{far} {over_mm}: {fault:?}");
     }
     assert_eq!(one(vec![], fine), Some(GoalsError::Empty { name: "rectum".into() }));
     assert!(matches!(one(vec![2, 1], fine), Some(GoalsError::Voxel { at: 1, .. })));
     assert!(matches!(one(vec![3], fine), Some(GoalsError::Voxel { at: 0, voxels: 3, .. })));
-    let nan = Objective::MeanDose { dose: f64::NAN, weight: 1.0 };
+    let nan = Objective::MeanDose(MeanDose { dose: f64::NAN, weight: 1.0 });
     assert!(matches!(one(vec![0], nan), Some(GoalsError::Number { what: "a dose", .. })));
-    let volume = Objective::DvhAtMost { dose: 1.0, volume: 30.0, weight: 1.0 };
+    let volume = Objective::DvhAtMost(DvhAtMost { dose: 1.0, volume: 30.0, weight: 1.0 });
     assert!(matches!(one(vec![0], volume), Some(GoalsError::Number { what: "a volume", .. })));
-    let weight = Objective::Homogeneity { weight: -1.0 };
+    let weight = Objective::Homogeneity(Homogeneity { weight: -1.0 });
     assert!(matches!(one(vec![0], weight), Some(GoalsError::Number { what: "a weight", .. })));
     let goals = Goals::new(vec![], 3).unwrap();
     let other = Csc::new(4, vec![0], vec![], vec![]).unwrap();
@@ -279,10 +295,10 @@ fn a_rough_start_ends_at_the_same_plan() {
     let starts = (0..=BIXELS).map(|bixel| (bixel * EACH) as u64).collect();
     let matrix = Csc::new(voxels, starts, row, value).unwrap();
     let objectives = vec![
-        Objective::Underdose { dose: 60.0, weight: 100.0 },
-        Objective::Overdose { dose: 58.0, weight: 40.0 },
+        Objective::Underdose(Underdose { dose: 60.0, weight: 100.0 }),
+        Objective::Overdose(Overdose { dose: 58.0, weight: 40.0 }),
     ];
-    let wanted = Wanted {
+    let wanted = StructureObjectives {
         name: "target".into(),
         voxels: (0..voxels as u32).collect(),
         volumes: Vec::new(),

@@ -4,7 +4,8 @@ use super::goals::cost;
 use super::interior;
 use proptest::prelude::*;
 use stillpoint_plan::fluence::{
-    Certificate, Csr, Goals, Objective, Options, Problem, Side, Term, Wanted, solve, solve_plan,
+    Bound, Certificate, Csr, DvhAtLeast, DvhAtMost, Geud, Goals, Homogeneity, MeanAtLeast, MeanDose,
+    Objective, Options, Overdose, Problem, Side, StructureObjectives, Term, Underdose, solve, solve_plan,
 };
 use stillpoint_plan::{Csc, Rows};
 
@@ -104,13 +105,13 @@ fn disc(beams: usize, width: f64, organ: [f64; 2], weights: [f64; 4]) -> Dense {
 }
 
 /// The disc's target (rows with an under-dose), its organ (10 Gy at most) and the rest, with objectives of every kind.
-fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<Wanted> {
+fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<StructureObjectives> {
     let rows = |fits: &dyn Fn(&Term) -> bool| {
         let mut rows: Vec<u32> = disc.terms.iter().filter(|t| fits(t)).map(|t| t.row).collect();
         rows.dedup();
         rows
     };
-    let structure = |name: &str, voxels, objectives| Wanted {
+    let structure = |name: &str, voxels, objectives| StructureObjectives {
         name: name.into(),
         voxels,
         volumes: Vec::new(),
@@ -118,29 +119,33 @@ fn every_objective(disc: &Dense, [a, b, c]: [f64; 3]) -> Vec<Wanted> {
         objectives,
     };
     let target = vec![
-        Objective::Underdose { dose: 60.0, weight: a },
-        Objective::Overdose { dose: 63.0, weight: b },
-        Objective::Homogeneity { weight: c },
-        Objective::DvhAtLeast { dose: 58.0, volume: 0.9, weight: b },
+        Objective::Underdose(Underdose { dose: 60.0, weight: a }),
+        Objective::Overdose(Overdose { dose: 63.0, weight: b }),
+        Objective::Homogeneity(Homogeneity { weight: c }),
+        Objective::DvhAtLeast(DvhAtLeast { dose: 58.0, volume: 0.9, weight: b }),
     ];
     let organ = vec![
-        Objective::MeanDose { dose: 8.0, weight: b },
-        Objective::DvhAtMost { dose: 12.0, volume: 0.3, weight: a },
-        Objective::Overdose { dose: 25.0, weight: c },
+        Objective::MeanDose(MeanDose { dose: 8.0, weight: b }),
+        Objective::DvhAtMost(DvhAtMost { dose: 12.0, volume: 0.3, weight: a }),
+        Objective::Overdose(Overdose { dose: 25.0, weight: c }),
     ];
     vec![
         structure("target", rows(&|t| t.goal == 62.0), target),
         structure("organ", rows(&|t| t.goal == 10.0), organ),
-        structure("rest", rows(&|t| t.goal == 20.0), vec![Objective::Overdose { dose: 20.0, weight: 5.0 }]),
+        structure(
+            "rest",
+            rows(&|t| t.goal == 20.0),
+            vec![Objective::Overdose(Overdose { dose: 20.0, weight: 5.0 })],
+        ),
     ]
 }
 
 /// The same with the DVH points' voxels as these doses choose them, written down for another solver: a column of means
 /// for the homogeneity, a row of the mean for the mean dose.
-fn written_down(disc: &Dense, wanted: &[Wanted], dose: &[f64]) -> Dense {
+fn written_down(disc: &Dense, wanted: &[StructureObjectives], dose: &[f64]) -> Dense {
     let mut rows: Vec<Vec<f32>> = disc.rows.iter().map(|row| [&row[..], &[0.0]].concat()).collect();
     let mut terms = Vec::new();
-    for Wanted { voxels, objectives, .. } in wanted {
+    for StructureObjectives { voxels, objectives, .. } in wanted {
         let v = voxels.len() as f64;
         let mut rising = voxels.clone();
         rising.sort_by(|a, b| dose[*a as usize].total_cmp(&dose[*b as usize]));
@@ -149,18 +154,21 @@ fn written_down(disc: &Dense, wanted: &[Wanted], dose: &[f64]) -> Dense {
                 terms.extend(rows.iter().map(|&row| Term { row, side, goal, weight: weight / v }));
             };
             match *objective {
-                Objective::Overdose { dose, weight } => each(voxels, Side::Over, dose, weight),
-                Objective::FallOff { .. } => unreachable!("no structure here has one"),
-                Objective::Underdose { dose, weight } => each(voxels, Side::Under, dose, weight),
-                Objective::DvhAtMost { dose, volume, weight } => {
+                Objective::Overdose(Overdose { dose, weight }) => each(voxels, Side::Over, dose, weight),
+                Objective::FallOff(_)
+                | Objective::MeanAtLeast(_)
+                | Objective::DvhPoint(_)
+                | Objective::Geud(_) => unreachable!("no structure here has one"),
+                Objective::Underdose(Underdose { dose, weight }) => each(voxels, Side::Under, dose, weight),
+                Objective::DvhAtMost(DvhAtMost { dose, volume, weight }) => {
                     let costing = rising.len() - (volume * v) as usize;
                     each(&rising[..costing], Side::Over, dose, weight);
                 }
-                Objective::DvhAtLeast { dose, volume, weight } => {
+                Objective::DvhAtLeast(DvhAtLeast { dose, volume, weight }) => {
                     let costing = (volume * v).ceil() as usize;
                     each(&rising[rising.len() - costing..], Side::Under, dose, weight);
                 }
-                Objective::MeanDose { dose, weight } => {
+                Objective::MeanDose(MeanDose { dose, weight }) => {
                     let mean = |j: usize| {
                         voxels.iter().map(|i| f64::from(disc.rows[*i as usize][j])).sum::<f64>() / v
                     };
@@ -168,7 +176,7 @@ fn written_down(disc: &Dense, wanted: &[Wanted], dose: &[f64]) -> Dense {
                     rows.push((0..disc.columns).map(|j| mean(j) as f32).chain([0.0]).collect());
                     terms.push(Term { row, side: Side::Over, goal: dose, weight });
                 }
-                Objective::Homogeneity { weight } => {
+                Objective::Homogeneity(Homogeneity { weight }) => {
                     for i in voxels {
                         let row = rows.len() as u32;
                         rows.push([&disc.rows[*i as usize][..], &[-1.0]].concat());
@@ -252,6 +260,47 @@ proptest! {
         let theirs = other.objective(&interior::weights(&other.problem()));
         prop_assert!(ours <= theirs * (1.0 + 1e-6), "{ours} {theirs} in {} rounds", plan.rounds);
         prop_assert!(ours - theirs <= excess + 1e-6 * ours, "{ours} {theirs} {excess}");
+    }
+}
+
+/// The disc with a gEUD of the organ above, and a gEUD and a mean of the target below.
+fn regions(disc: &Dense, a: f64, under: f64, weights: [f64; 3]) -> Vec<StructureObjectives> {
+    let mut structures = every_objective(disc, weights);
+    let [b, c, d] = weights;
+    structures[0].objectives = vec![
+        Objective::Overdose(Overdose { dose: 63.0, weight: b }),
+        Objective::Geud(Geud { a: under, bound: Bound::AtLeast, dose: 60.0, weight: c }),
+        Objective::MeanAtLeast(MeanAtLeast { dose: 61.0, weight: d }),
+    ];
+    structures[1].objectives = vec![Objective::Geud(Geud { a, bound: Bound::AtMost, dose: 12.0, weight: c })];
+    structures.retain(|w| !w.voxels.is_empty());
+    structures
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn no_plan_of_another_solver_has_a_better_equivalent_uniform_dose(
+        beams in 2_usize..6, width in 1.5..4.0, organ in [-9.0..9.0, -9.0..9.0], a in 1.05..12.0, under in -12.0..-1.0,
+        weights in [weight(), weight(), weight()], dense_columns in prop_oneof![Just(0_usize), Just(6000)],
+    ) {
+        let disc = disc(beams, width, organ, [1.0; 4]);
+        let wanted = regions(&disc, a, under, weights);
+        let goals = Goals::new(wanted.clone(), disc.rows.len()).unwrap();
+        let matrix = Rows::from_columns(disc.matrix().view()).unwrap();
+        let problem = goals.problem(&[matrix.view().into()]).unwrap();
+        let plan = solve_plan(&problem, None, Options { dense_columns, ..Options::default() }).unwrap();
+        prop_assert!(plan.weights.iter().all(|x| x.is_finite() && *x >= 0.0));
+        let found = cost(&wanted, &disc.dose(&plan.weights));
+        let Certificate { objective, excess, .. } = plan.certificate;
+        prop_assert!((objective - found).abs() <= 1e-5 * found + 1e-9, "{objective} is not {found}");
+        prop_assert!(plan.certificate.relative_excess() <= 1e-5, "{:?} in {} steps", plan.certificate, plan.steps);
+        let (weights, solved) = interior::region_weights(&disc.rows, disc.columns, &wanted);
+        let theirs = cost(&wanted, &disc.dose(&weights));
+        prop_assert!(found <= theirs * (1.0 + 1e-5) + 1e-9, "{found} {theirs} in {} steps", plan.steps);
+        // The other solver is near as well: the two have the same optimum.
+        prop_assert!(!solved || theirs <= found * 1.01 + 1e-3, "{found} {theirs} in {} steps", plan.steps);
+        prop_assert!(found - theirs <= excess + 1e-5 * found + 1e-9, "{found} {theirs} {excess}");
     }
 }
 

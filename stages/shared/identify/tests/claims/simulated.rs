@@ -3,7 +3,7 @@
 use nalgebra::{DVector, dvector};
 use proptest::prelude::*;
 use stillpoint_identify::{Companion, FitError, Record, Stability, fit};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 /// An input that switches at random, as valves do, and the output of `model` with innovations of this deviation.
 fn record(model: &Companion, noise: f64, samples: usize, seed: u64) -> (Vec<f64>, Vec<f64>) {

@@ -15,10 +15,7 @@ pub enum Surface {
     /// `z = 0`, outward along z; the chart's coordinates are x and y.
     Plane,
     /// A ball of this radius, m.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
+    Sphere { radius: f64 },
     /// An ellipsoid of revolution about z. It has one chart, which does not reach its poles.
     Spheroid {
         /// Semi-axis across z, m.
@@ -34,7 +31,6 @@ pub enum Poles {
     /// On z, as (3.23) has them.
     #[default]
     AlongZ,
-    /// On x.
     AlongX,
 }
 

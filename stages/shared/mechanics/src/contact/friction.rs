@@ -32,7 +32,6 @@ pub struct Margin {
 }
 
 impl Margin {
-    /// The contact holds.
     pub fn is_inside(&self) -> bool {
         self.push >= 0.0 && self.sliding >= 0.0 && self.spinning >= 0.0
     }

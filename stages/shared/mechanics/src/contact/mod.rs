@@ -6,7 +6,6 @@
 //! - [`se3`]: exponential and logarithm of rigid motions
 //! - [`chart`]: surfaces by two coordinates: sphere, spheroid, plane
 //! - [`rolling`]: how a contact wanders over both surfaces (Montana's equations)
-//! - [`traction`]: areas and forces between the shapes at rest and deformed
 //! - [`friction`]: what a soft finger can bear
 //! - [`grasp`]: contacts to wrenches and back: Jacobians, grasp maps, null spaces
 //! - [`forward`]: from the rates of the bladders to those of the head
@@ -21,4 +20,3 @@ pub mod mobility;
 pub mod rolling;
 pub mod se3;
 pub mod squeeze;
-pub mod traction;

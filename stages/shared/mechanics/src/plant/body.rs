@@ -46,9 +46,7 @@ pub struct Plant<const D: usize, const B: usize, const N: usize> {
     pub inertia: SVector<f64, D>,
     /// What pulls against the bladders at all times: weight, N and N m.
     pub weight: SVector<f64, D>,
-    /// Of the neck.
     pub stiffness: SMatrix<f64, D, D>,
-    /// Of the neck.
     pub damping: SMatrix<f64, D, D>,
     /// Gaps at `q = 0`, m.
     pub gap_at_zero: SVector<f64, B>,
@@ -66,7 +64,6 @@ pub struct Plant<const D: usize, const B: usize, const N: usize> {
 pub struct State<const D: usize, const B: usize> {
     /// Coordinates, m and rad.
     pub position: SVector<f64, D>,
-    /// Their rates.
     pub rate: SVector<f64, D>,
     /// Air in each bladder, kg.
     pub air: SVector<f64, B>,

@@ -29,7 +29,6 @@ struct Finger {
     moved: [bool; 2],
 }
 
-/// Contacts through time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grip<const B: usize> {
     /// `mu`.

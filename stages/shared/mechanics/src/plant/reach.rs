@@ -16,7 +16,6 @@ pub struct Limits {
     pub push: f64,
     /// Least gap, m.
     pub gap: f64,
-    /// Greatest inner stretch.
     pub stretch: f64,
 }
 
@@ -28,11 +27,9 @@ impl Limits {
 /// Poses over two coordinates; the others stay.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
-    /// Which coordinates.
     pub coordinates: [usize; 2],
     /// Where each begins, m or rad.
     pub from: [f64; 2],
-    /// Where each ends.
     pub to: [f64; 2],
     /// How many places each has.
     pub counts: [usize; 2],
@@ -48,7 +45,6 @@ impl Grid {
 /// How a rig holds a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hold<const B: usize> {
-    /// Each bladder.
     pub bladders: [Pressed; B],
     /// Its push, N.
     pub force: SVector<f64, B>,

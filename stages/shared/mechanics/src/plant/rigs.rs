@@ -34,7 +34,6 @@ enum Layout {
     AllSix,
 }
 
-/// All rigs.
 pub const RIGS: [RigSpec; 3] = [
     RigSpec {
         name: "one_bladder",
@@ -62,7 +61,6 @@ pub const RIGS: [RigSpec; 3] = [
 /// A rig's plant with what it starts from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigPlant<const D: usize, const B: usize, const N: usize> {
-    /// The plant.
     pub plant: Plant<D, B, N>,
     /// Air in each bladder, kg.
     pub air: SVector<f64, B>,
@@ -74,9 +72,7 @@ pub struct RigPlant<const D: usize, const B: usize, const N: usize> {
 
 /// What somebody makes of a rig's plant, whatever its numbers of coordinates and bladders.
 pub trait UsePlant {
-    /// What is made.
     type Made;
-    /// Makes it.
     fn with<const D: usize, const B: usize, const N: usize>(self, rig: RigPlant<D, B, N>) -> Self::Made;
 }
 

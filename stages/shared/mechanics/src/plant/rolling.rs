@@ -52,9 +52,7 @@ pub struct Placed {
 /// All contacts at some coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Met<const D: usize, const B: usize> {
-    /// The head.
     pub placed: Placed,
-    /// Each contact.
     pub meetings: [Meeting; B],
     /// The gap of each bladder, m.
     pub gaps: SVector<f64, B>,
@@ -99,7 +97,6 @@ impl<const D: usize, const B: usize> Rolling<D, B> {
         }
     }
 
-    /// The six coordinates.
     fn spread(&self, position: &SVector<f64, D>) -> [f64; 6] {
         let mut all = [0.0; 6];
         for (channel, value) in self.channels.iter().zip(position) {

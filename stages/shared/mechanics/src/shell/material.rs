@@ -8,7 +8,6 @@ pub enum ShellError {
     Modulus {
         /// `C1` or `C2`.
         name: &'static str,
-        /// The value given.
         value: f64,
     },
     /// Radii that enclose no wall.

@@ -6,13 +6,11 @@
 //! - [`inverse`]: the stretch at a pressure
 //! - [`air`]: the stretch that an amount of air gives
 //! - `stress`: Cauchy stress through the wall
-//! - [`inertia`]: what the wall's mass adds while it moves
 //! - [`rubber`]: creep and hysteresis of the wall
 //!
 //! A state of a shell is its inner stretch, `lambda_i = r_i / R_i`: 1 at rest, above 1 inflated.
 
 pub mod air;
-pub mod inertia;
 pub mod inverse;
 mod kinematics;
 mod material;

@@ -13,7 +13,6 @@ pub const GREATEST_STRETCH: f64 = 60.0;
 /// A stretch at which the pressure is stationary.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LimitPoint {
-    /// Inner stretch.
     pub inner_stretch: f64,
     /// Pressure, Pa.
     pub pressure: f64,

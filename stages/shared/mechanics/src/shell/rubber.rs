@@ -26,7 +26,6 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// Rubber without creep.
     pub const ELASTIC: Self = Self { gain: 1.0, relaxed: 0.0 };
 }
 

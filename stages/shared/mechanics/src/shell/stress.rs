@@ -7,7 +7,6 @@ use super::Shell;
 /// Stress at one radius of the wall, Pa; tension is positive.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stress {
-    /// Along the radius.
     pub radial: f64,
     /// Along both directions of the surface.
     pub hoop: f64,

@@ -50,7 +50,6 @@ struct Minute {
     exchanged: f64,
     /// What the neck took.
     lost: f64,
-    /// What sliding took.
     slid: f64,
     /// Least force of a bladder, N.
     force: f64,

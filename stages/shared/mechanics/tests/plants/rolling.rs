@@ -4,12 +4,13 @@
 use nalgebra::{SMatrix, SVector, Vector4};
 use proptest::prelude::*;
 use stillpoint_mechanics::contact::forward::{across, bladder_rates, head_rate};
-use stillpoint_mechanics::dynamics::constrained::{Constraints, solve};
 use stillpoint_mechanics::plant::grip::Grip;
 use stillpoint_mechanics::plant::layouts::{FOAM, START_GAP, rolling};
 use stillpoint_mechanics::plant::rolling::Rolling;
 use stillpoint_mechanics::plant::{Drive, Plant, SixDof, State, ThreeDof};
 use stillpoint_mechanics::shell::Shell;
+
+use crate::reference::constrained::{Constraints, solve};
 
 const STEP: f64 = 1e-3;
 /// A friction that nothing overcomes.

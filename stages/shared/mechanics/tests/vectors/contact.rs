@@ -7,8 +7,9 @@ use stillpoint_mechanics::contact::friction::{FingerForce, Friction};
 use stillpoint_mechanics::contact::grasp::{Touch, null_space, planar, planar_arms, soft_fingers};
 use stillpoint_mechanics::contact::rolling::{Contact, rate, relative};
 use stillpoint_mechanics::contact::se3::{Twist, exp};
-use stillpoint_mechanics::contact::traction::{contact_force, deformed_area, nominal_stress};
 use stillpoint_mechanics::dormand_prince::{Tolerance, integrate};
+
+use crate::reference::traction::{contact_force, deformed_area, nominal_stress};
 
 use super::file::{Case, array, cases, number, numbers};
 

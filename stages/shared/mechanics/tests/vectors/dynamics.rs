@@ -3,9 +3,10 @@
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3, Vector4};
 use serde_json::Value;
 use stillpoint_mechanics::dormand_prince::{Tolerance, integrate};
-use stillpoint_mechanics::dynamics::constrained::{self, Constraints};
 use stillpoint_mechanics::dynamics::reduced::{Carried, Terms, acceleration, together};
-use stillpoint_mechanics::dynamics::spherical::{self, Motion};
+
+use crate::reference::constrained::{self, Constraints};
+use crate::reference::spherical::{self, Motion};
 
 use super::file::{Case, array, cases, number, numbers};
 

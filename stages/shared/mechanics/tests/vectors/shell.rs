@@ -2,8 +2,9 @@
 
 use stillpoint_mechanics::shell::Shell;
 use stillpoint_mechanics::shell::air::Air;
-use stillpoint_mechanics::shell::inertia::Swelling;
 use stillpoint_mechanics::shell::inverse::InverseError;
+
+use crate::reference::inertia::{Swelling, moving_pressure};
 
 use super::file::{Case, cases, number};
 
@@ -95,7 +96,7 @@ fn the_pressure_that_moves_a_shells_wall() {
             rate: case.input("ri_dot"),
             acceleration: case.input("ri_ddot"),
         };
-        case.hold_output("P", shell.moving_pressure(&swelling, case.input("rho")));
+        case.hold_output("P", moving_pressure(&shell, &swelling, case.input("rho")));
         case.hold_output("P_static", shell.pressure(case.input("ri") / case.input("Ri")));
     }
 }

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use thiserror::Error;
 
+use super::intake::{IntakeError, Scale, settle};
 use super::mask::Mask;
 use super::names::NameTable;
-use super::nrrd::{NrrdError, Values, Volume, read_nrrd};
-use super::patient::{Case, CaseError, CaseParts, Prescription};
+use super::nrrd::{NrrdError, Values, Volume, read_detached};
+use super::patient::{Case, CaseError, CaseParts, Prescription, check_grid};
 use super::structure::{Role, Structure};
 use crate::Grid;
 
@@ -24,8 +25,10 @@ const SAME_MM: f64 = 1e-3;
 pub struct Imported {
     /// The case.
     pub case: Case,
-    /// What was left out or renamed, a sentence each.
+    /// What was renamed, made or is worth a look, a sentence each.
     pub notes: Vec<String>,
+    /// What could not be read and was left out, a sentence each.
+    pub left_out: Vec<String>,
 }
 
 /// Why files make no case.
@@ -71,6 +74,14 @@ pub enum DescribedError {
         /// The underlying error.
         source: CaseError,
     },
+    /// The images and structures are no patient.
+    #[error("{}: {source}", path.display())]
+    Intake {
+        /// The JSON.
+        path: PathBuf,
+        /// The underlying error.
+        source: IntakeError,
+    },
 }
 
 #[derive(Deserialize)]
@@ -82,7 +93,7 @@ struct Description {
     spacing_mm: [f64; 3],
     origin_mm: [f64; 3],
     ct: String,
-    labels: String,
+    labels: Files,
     dose_centigray: Option<String>,
     structures: Vec<Label>,
     isocentre_mm: Option<[f64; 3]>,
@@ -91,6 +102,23 @@ struct Description {
     fractions: Option<u32>,
     #[serde(default)]
     provenance: String,
+    #[serde(flatten)]
+    unknown: BTreeMap<String, serde_json::Value>,
+}
+
+/// One file of labels, or several: their bits are counted on from file to file.
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Files {
+    One(String),
+    Several(Vec<String>),
+}
+
+/// Labels of 8, 16 or 32 bits.
+struct Labels {
+    voxels: Vec<u32>,
+    first_bit: u32,
+    bits: u32,
 }
 
 #[derive(Deserialize)]
@@ -100,10 +128,17 @@ struct Label {
     #[serde(rename = "type")]
     kind: String,
     voxels: Option<usize>,
+    #[serde(flatten)]
+    unknown: BTreeMap<String, serde_json::Value>,
 }
 
 /// The case that this JSON file describes; its volumes lie in the same folder.
 pub fn import_described(json: &Path, names: &NameTable) -> Result<Imported, DescribedError> {
+    import_described_as(json, names, Scale::OfPatients)
+}
+
+/// The case that this JSON file describes, with or without leave for Hounsfield units that no patient has.
+pub fn import_described_as(json: &Path, names: &NameTable, scale: Scale) -> Result<Imported, DescribedError> {
     let text =
         std::fs::read(json).map_err(|source| DescribedError::File { path: json.to_owned(), source })?;
     let description: Description = serde_json::from_slice(&text)
@@ -112,34 +147,31 @@ pub fn import_described(json: &Path, names: &NameTable) -> Result<Imported, Desc
     if description.units != "mm" || !description.axes.starts_with("LPS") {
         let (units, axes) = (&description.units, &description.axes);
         return Err(disagree(format!(
-            "units {units:?} and axes {axes:?} are not read: `mm` and `LPS` are due"
+            "units {units:?} and axes {axes:?} are not read: `mm` and `LPS` are required"
         )));
     }
-    let grid = Grid {
-        counts: description.shape_xyz,
-        spacing_mm: description.spacing_mm,
-        origin_mm: description.origin_mm,
-    };
+    let counts = description.shape_xyz;
+    if counts.iter().any(|&n| n < 2) {
+        return Err(disagree(format!(
+            "{counts:?} voxels are no volume: 2 or more along each axis are required"
+        )));
+    }
+    let grid = Grid { counts, spacing_mm: description.spacing_mm, origin_mm: description.origin_mm };
+    check_grid(&grid).map_err(|source| DescribedError::Case { path: json.to_owned(), source })?;
     let volume = |name: &str| beside(json, name, &grid);
-    let Values::I16(hu) = volume(&description.ct)? else {
-        return Err(disagree(format!("{} is unsigned, but a CT is int16 Hounsfield units", description.ct)));
-    };
-    let Values::U16(labels) = volume(&description.labels)? else {
-        return Err(disagree(format!("{} is signed, but labels are uint16 bits", description.labels)));
-    };
+    let hu = hounsfield(&description.ct, volume(&description.ct)?).map_err(disagree)?;
+    let labels = labels(&description.labels, volume, disagree)?;
     let reference_dose_gy = match &description.dose_centigray {
         None => None,
-        Some(name) => match volume(name)? {
-            Values::U16(dose) => Some(dose.iter().map(|&c| f32::from(c) / 100.0).collect()),
-            Values::I16(_) => {
-                return Err(disagree(format!("{name} is signed, but a dose is uint16 centigray")));
-            }
-        },
+        Some(name) => Some(dose(name, volume(name)?).map_err(disagree)?),
     };
     let mut notes = Vec::new();
-    let structures = structures(&description, &labels, names, &mut notes).map_err(disagree)?;
+    let left_out = unknown_keys(&description);
+    let mut structures = structures(&description, &labels, names, &mut notes).map_err(disagree)?;
     let prescription = prescription(&description.prescription_gray, &description.structures, &structures)
         .map_err(disagree)?;
+    settle(&grid, &hu, &mut structures, scale, &mut notes)
+        .map_err(|source| DescribedError::Intake { path: json.to_owned(), source })?;
     let parts = CaseParts {
         name: description.name,
         grid,
@@ -153,7 +185,79 @@ pub fn import_described(json: &Path, names: &NameTable) -> Result<Imported, Desc
         provenance: description.provenance,
     };
     let case = Case::new(parts).map_err(|source| DescribedError::Case { path: json.to_owned(), source })?;
-    Ok(Imported { case, notes })
+    Ok(Imported { case, notes, left_out })
+}
+
+/// A sentence for each key that nothing reads: a misspelt one would else change the plan without a word.
+fn unknown_keys(description: &Description) -> Vec<String> {
+    let own = description.unknown.keys().map(|key| format!("the key {key:?} of the JSON is not read"));
+    let of_structure = |label: &Label| {
+        let name = label.name.clone();
+        let keys: Vec<String> = label.unknown.keys().filter(|key| *key != "volume_cm3").cloned().collect();
+        keys.into_iter()
+            .map(move |key| format!("the key {key:?} of the structure {name:?} in the JSON is not read"))
+    };
+    own.chain(description.structures.iter().flat_map(of_structure)).collect()
+}
+
+/// Values as Hounsfield units, to the nearest.
+fn hounsfield(name: &str, values: Values) -> Result<Vec<i16>, String> {
+    match values {
+        Values::I16(hu) => Ok(hu),
+        Values::F64(exact) => exact
+            .iter()
+            .map(|&value| {
+                let range = f64::from(i16::MIN)..=f64::from(i16::MAX);
+                let hu = libm::round(value);
+                if range.contains(&hu) {
+                    return Ok(hu as i16);
+                }
+                Err(format!("{name} holds {value}, which is no Hounsfield unit (allowed: -32768 to 32767)"))
+            })
+            .collect(),
+        Values::U8(_) | Values::U16(_) | Values::U32(_) => {
+            Err(format!("{name} is unsigned, but a CT is int16, int32, float or double Hounsfield units"))
+        }
+    }
+}
+
+fn labels(
+    files: &Files,
+    volume: impl Fn(&str) -> Result<Values, DescribedError>,
+    disagree: impl Fn(String) -> DescribedError,
+) -> Result<Vec<Labels>, DescribedError> {
+    let names = match files {
+        Files::One(name) => std::slice::from_ref(name),
+        Files::Several(names) => names,
+    };
+    let mut all = Vec::new();
+    let mut first_bit = 0;
+    for name in names {
+        let (voxels, bits): (Vec<u32>, u32) = match volume(name)? {
+            Values::U8(v) => (v.into_iter().map(u32::from).collect(), 8),
+            Values::U16(v) => (v.into_iter().map(u32::from).collect(), 16),
+            Values::U32(v) => (v, 32),
+            Values::I16(_) | Values::F64(_) => {
+                return Err(disagree(format!(
+                    "{name} is signed, but labels are uint8, uint16 or uint32 bits"
+                )));
+            }
+        };
+        all.push(Labels { voxels, first_bit, bits });
+        first_bit += bits;
+    }
+    Ok(all)
+}
+
+/// A dose in centigray as gray.
+fn dose(name: &str, values: Values) -> Result<Vec<f32>, String> {
+    match values {
+        Values::U16(dose) => Ok(dose.iter().map(|&c| f32::from(c) / 100.0).collect()),
+        Values::U32(dose) => Ok(dose.iter().map(|&c| (f64::from(c) / 100.0) as f32).collect()),
+        Values::U8(_) | Values::I16(_) | Values::F64(_) => {
+            Err(format!("{name} is signed or of 8 bits, but a dose is uint16 or uint32 centigray"))
+        }
+    }
 }
 
 /// The values of a volume beside the JSON, which must lie on the grid that the JSON says.
@@ -167,7 +271,11 @@ fn beside(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError
         Ok(bytes) => bytes,
         Err(source) => return Err(DescribedError::File { path, source }),
     };
-    let Volume { grid: found, values } = match read_nrrd(&bytes) {
+    let detached = |name: &str| {
+        let data = path.with_file_name(name);
+        std::fs::read(&data).map_err(|error| NrrdError::DataFile { path: data, why: error.to_string() })
+    };
+    let Volume { grid: found, values } = match read_detached(&bytes, detached) {
         Ok(volume) => volume,
         Err(source) => return Err(DescribedError::Nrrd { path, source }),
     };
@@ -189,35 +297,44 @@ fn beside(json: &Path, name: &str, grid: &Grid) -> Result<Values, DescribedError
 
 fn structures(
     description: &Description,
-    labels: &[u16],
+    labels: &[Labels],
     names: &NameTable,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Structure>, String> {
     let mut written = Vec::new();
     let mut masks = Vec::new();
-    let mut named = 0_u16;
-    for Label { name, bit, kind, voxels } in &description.structures {
-        let single =
-            1_u16.checked_shl(*bit).ok_or_else(|| format!("{name:?} is bit {bit}, but labels have 16"))?;
-        if named & single != 0 {
+    let mut named = vec![0_u32; labels.len()];
+    let all: u32 = labels.iter().map(|l| l.bits).sum();
+    for Label { name, bit, kind, voxels, .. } in &description.structures {
+        let place = labels.iter().position(|l| (l.first_bit..l.first_bit + l.bits).contains(bit)).ok_or_else(|| {
+            format!(
+                "{name:?} is bit {bit}, but labels have {all} (bits 0 to {}): write them as uint32, or give a list of files as `labels`",
+                all.saturating_sub(1)
+            )
+        })?;
+        let file = &labels[place];
+        let single = 1_u32 << (bit - file.first_bit);
+        if named[place] & single != 0 {
             return Err(format!("two structures are bit {bit}"));
         }
-        named |= single;
+        named[place] |= single;
         let role = Role::of_interpreted_type(kind).ok_or_else(|| {
-            format!("{name:?} has type {kind:?}: EXTERNAL, TARGET, CTV, GTV, OAR or OTHER is due")
+            format!("{name:?} has type {kind:?}: EXTERNAL, TARGET, CTV, GTV, OAR or OTHER is required")
         })?;
-        let mask = Mask::from_fn(labels.len(), |i| labels[i] & single != 0);
+        let mask = Mask::from_fn(file.voxels.len(), |i| file.voxels[i] & single != 0);
         let count = mask.count();
         if voxels.is_some_and(|v| v != count) {
             let said = voxels.unwrap_or_default();
             return Err(format!("{name:?} has {count} voxels in the labels, but the JSON says {said}"));
         }
-        written.push((name.as_str(), role));
+        written.push((name.as_str(), Some(role)));
         masks.push(mask);
     }
-    if let Some(l) = labels.iter().find(|&&l| l & !named != 0) {
-        let bit = (l & !named).trailing_zeros();
-        return Err(format!("the labels use bit {bit}, which no structure names"));
+    for (file, named) in labels.iter().zip(named) {
+        if let Some(l) = file.voxels.iter().find(|&&l| l & !named != 0) {
+            let bit = file.first_bit + (l & !named).trailing_zeros();
+            return Err(format!("the labels use bit {bit}, which no structure names"));
+        }
     }
     let named = names.apply(&written, notes);
     Ok(named.into_iter().zip(masks).map(|((name, role), mask)| Structure { name, role, mask }).collect())

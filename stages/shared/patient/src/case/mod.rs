@@ -20,11 +20,13 @@
 //! - `described`: NRRD volumes with the JSON beside them, to a case
 //! - `names`: the table that structure names are matched by
 //! - `phantom`: the project's own pelvis (ordinary or varied), head, and head and neck, made from a seed
+//! - [`intake`]: what every reader asks of images and structures before they become a case
 //! - `inflate`: decompression that a hostile file cannot make large
 
 mod described;
 mod file;
 mod inflate;
+pub mod intake;
 mod mask;
 mod names;
 mod nrrd;
@@ -34,7 +36,7 @@ mod position;
 mod structure;
 mod uid;
 
-pub use described::{DescribedError, Imported, import_described};
+pub use described::{DescribedError, Imported, import_described, import_described_as};
 pub use file::{CaseFileError, ContentHash, content_hash, from_bytes, read, to_bytes, write};
 pub use inflate::InflateError;
 pub use mask::Mask;

@@ -27,6 +27,9 @@ struct NameRule {
     role: Option<Role>,
     #[serde(rename = "match")]
     patterns: Vec<String>,
+    /// Whether a user wrote it: its role holds against the type that a file states.
+    #[serde(skip)]
+    is_own: bool,
 }
 
 #[derive(Deserialize)]
@@ -42,6 +45,8 @@ pub struct StandardName<'a> {
     pub name: Option<&'a str>,
     /// Its role, if the table gives one.
     pub role: Option<Role>,
+    /// Whether a user's table says it.
+    pub is_own: bool,
 }
 
 /// Why a text is no table of names.
@@ -77,8 +82,9 @@ impl NameTable {
         }
     }
 
-    /// This table, with `later` for the names that it does not match.
+    /// This table of a user, with `later` for the names that it does not match.
     pub fn before(mut self, later: Self) -> Self {
+        self.lines.iter_mut().for_each(|line| line.is_own = true);
         self.lines.extend(later.lines);
         self
     }
@@ -87,20 +93,38 @@ impl NameTable {
     pub fn find(&self, name: &str) -> Option<StandardName<'_>> {
         let name = plain(name).replace('*', "");
         let line = self.lines.iter().find(|l| l.patterns.iter().any(|p| fits(&plain(p), &name)))?;
-        Some(StandardName { name: line.name.as_deref(), role: line.role })
+        Some(StandardName { name: line.name.as_deref(), role: line.role, is_own: line.is_own })
     }
 }
 
 impl NameTable {
-    /// The names and roles of the structures of a case, from the names as they were written. If several match one name,
-    /// the structure that already has the name gets it, else the first; the others keep their own. `notes` gets a
-    /// sentence for each changed name.
-    pub fn apply(&self, written: &[(&str, Role)], notes: &mut Vec<String>) -> Vec<(String, Role)> {
-        let found: Vec<_> = written.iter().map(|(name, _)| self.find(name)).collect();
+    /// The names and roles of the structures of a case, from the names as they were written and the roles by the types that
+    /// the file states. If several match one name, the structure that already has the name gets it, else the first; the
+    /// others keep their own.
+    ///
+    /// A user's role holds, then the role by type, then the role by the shipped table. `notes` gets a sentence for each changed
+    /// name and for each type that contradicts the shipped table.
+    pub fn apply(&self, written: &[(&str, Option<Role>)], notes: &mut Vec<String>) -> Vec<(String, Role)> {
         let mut taken: BTreeSet<&str> = written.iter().map(|(name, _)| *name).collect();
         let mut result = Vec::with_capacity(written.len());
-        for (&(own, role), found) in written.iter().zip(&found) {
-            let standard = found.as_ref().and_then(|f| f.name).filter(|name| *name != own);
+        for &(own, by_type) in written {
+            let found = self.find(own);
+            let by_table = found.as_ref().and_then(|f| f.role);
+            let is_users = found.as_ref().is_some_and(|f| f.is_own);
+            let (role, contradicted) = match (by_type, by_table) {
+                (Some(by_type), Some(by_table)) if by_type != by_table && !is_users => {
+                    notes.push(format!(
+                        "{own:?} has the role {} by its type, and its name suggests {}: the type holds",
+                        by_type.word(),
+                        by_table.word()
+                    ));
+                    // What is no outline and no target must not be named as one.
+                    (by_type, matches!(by_table, Role::External | Role::Target))
+                }
+                (Some(by_type), _) if !is_users => (by_type, false),
+                (by_type, by_table) => (by_table.or(by_type).unwrap_or(Role::Other), false),
+            };
+            let standard = found.as_ref().and_then(|f| f.name).filter(|name| *name != own && !contradicted);
             let name = match standard {
                 Some(name) if taken.insert(name) => {
                     notes.push(format!("{own:?} is called {name:?}"));
@@ -112,7 +136,7 @@ impl NameTable {
                 }
                 None => own,
             };
-            result.push((name.to_owned(), found.as_ref().and_then(|f| f.role).unwrap_or(role)));
+            result.push((name.to_owned(), role));
         }
         result
     }
@@ -176,7 +200,10 @@ mod tests {
         ] {
             assert_eq!(named(written), Some((name, role)), "{written}");
         }
-        assert_eq!(shipped.find("PTV_7000"), Some(StandardName { name: None, role: Some(Role::Target) }));
+        assert_eq!(
+            shipped.find("PTV_7000"),
+            Some(StandardName { name: None, role: Some(Role::Target), is_own: false })
+        );
         assert_eq!(shipped.find("whatever"), None);
         let own = r#"{"structures": [{"name": "Rectum", "role": "organ", "match": ["enddarm"]}, {"role": "other", "match": ["ptv old"]}]}"#;
         let both = NameTable::parse(own).unwrap().before(shipped.clone());
@@ -189,10 +216,10 @@ mod tests {
     fn of_two_that_match_one_name_that_which_has_it_keeps_it() {
         let mut notes = Vec::new();
         let written = [
-            ("Rectum_whole", Role::Other),
-            ("Rectum", Role::Organ),
-            ("bladder", Role::Organ),
-            ("X", Role::Other),
+            ("Rectum_whole", None),
+            ("Rectum", Some(Role::Organ)),
+            ("bladder", Some(Role::Organ)),
+            ("X", Some(Role::Other)),
         ];
         let names = NameTable::shipped().unwrap().apply(&written, &mut notes);
         let expected = [
@@ -203,6 +230,37 @@ mod tests {
         ];
         assert_eq!(names, expected.map(|(name, role)| (name.to_owned(), role)));
         assert_eq!(notes.len(), 2);
+    }
+
+    #[test]
+    fn the_type_holds_against_the_shipped_table_and_a_users_line_against_both() {
+        let shipped = NameTable::shipped().unwrap();
+        let mut notes = Vec::new();
+        let written = [
+            ("Liver-PTV", Some(Role::Organ)),
+            ("PTV_Ring", Some(Role::Other)),
+            ("Prostate", Some(Role::Target)),
+            ("Skin", Some(Role::Organ)),
+            ("PTV", None),
+            ("Parotid_Low", Some(Role::Organ)),
+        ];
+        let roles: Vec<_> = shipped.apply(&written, &mut notes);
+        let due = [
+            ("Liver-PTV", Role::Organ),
+            ("PTV_Ring", Role::Other),
+            ("Prostate", Role::Target),
+            ("Skin", Role::Organ),
+            ("PTV", Role::Target),
+            ("Parotid_Low", Role::Organ),
+        ];
+        assert_eq!(roles, due.map(|(name, role)| (name.to_owned(), role)));
+        assert!(
+            notes.iter().any(|n| n.contains(r#""Prostate" has the role target by its type"#)),
+            "{notes:?}"
+        );
+        let own = r#"{"structures": [{"role": "target", "match": ["Liver-PTV"]}]}"#;
+        let both = NameTable::parse(own).unwrap().before(shipped);
+        assert_eq!(both.apply(&written[..1], &mut Vec::new())[0].1, Role::Target);
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub struct CaseParts {
     pub hu: Vec<i16>,
     /// Structures; they may overlap.
     pub structures: Vec<Structure>,
-    /// Isocentre, mm; `None` is the centroid of all targets.
+    /// Isocentre, mm; `None` is the centroid of the targets with a prescription, or of all targets where none has one.
     pub isocentre_mm: Option<[f64; 3]>,
     /// Doses of the targets; may be empty.
     pub prescription: Vec<Prescription>,
@@ -104,7 +104,9 @@ pub enum CaseError {
     #[error("two structures are named {0:?}: rename one")]
     TwiceNamed(String),
     /// More than one outline of the patient.
-    #[error("{first:?} and {second:?} are both outlines of the patient: give one of them another role")]
+    #[error(
+        "{first:?} and {second:?} are both outlines of the patient: give one of them another role by a names table (`--names`)"
+    )]
     TwoOutlines {
         /// The first of the two.
         first: String,
@@ -127,7 +129,7 @@ pub enum CaseError {
         /// Its dose.
         dose_gy: f64,
         /// Description of the fault.
-        why: &'static str,
+        why: String,
     },
     /// The number of fractions cannot be.
     #[error("{0} fractions cannot be: give 1 to 100")]
@@ -163,7 +165,7 @@ impl Case {
         }
         let isocentre_mm = match parts.isocentre_mm {
             Some(given) => given,
-            None => centroid_of_targets(&parts.grid, &parts.structures).ok_or(CaseError::NoTarget)?,
+            None => centroid_of_targets(&parts).ok_or(CaseError::NoTarget)?,
         };
         let inside = |axis: usize| {
             let low = parts.grid.origin_mm[axis];
@@ -317,20 +319,30 @@ fn check_structures(
 fn check_prescription(parts: &CaseParts) -> Result<(), CaseError> {
     let mut seen = BTreeSet::new();
     for Prescription { structure, dose_gy } in &parts.prescription {
-        let fault = |why| {
+        let fault = |why: String| {
             let (structure, dose_gy) = (structure.clone(), *dose_gy);
             Err(CaseError::Prescription { structure, dose_gy, why })
         };
         match parts.structures.iter().find(|s| &s.name == structure) {
-            None => return fault("the case has no structure of that name"),
-            Some(s) if s.role != Role::Target => return fault("the structure is no target"),
+            None => {
+                let targets = parts.structures.iter().filter(|s| s.role == Role::Target);
+                let names: Vec<_> = targets.map(|s| s.name.as_str()).collect();
+                let allowed = if names.is_empty() { "no structure".to_owned() } else { names.join(", ") };
+                return fault(format!("the case has no structure of that name (targets: {allowed})"));
+            }
+            Some(s) if s.role != Role::Target => {
+                return fault(format!(
+                    "the structure is no target (its role is {}): make it one by a names table (`--names`), like {{\"structures\": [{{\"role\": \"target\", \"match\": [{structure:?}]}}]}}",
+                    s.role.word()
+                ));
+            }
             Some(_) => {}
         }
         if !(*dose_gy > 0.0 && *dose_gy <= 200.0) {
-            return fault("a course is more than 0 Gy and at most 200 Gy");
+            return fault("a course is more than 0 Gy and at most 200 Gy".to_owned());
         }
         if !seen.insert(structure) {
-            return fault("the structure has another dose already");
+            return fault("the structure has another dose already".to_owned());
         }
     }
     match parts.fractions {
@@ -339,9 +351,12 @@ fn check_prescription(parts: &CaseParts) -> Result<(), CaseError> {
     }
 }
 
-/// Mean position of the voxels that belong to any target, each counted once, mm.
-fn centroid_of_targets(grid: &Grid, structures: &[Structure]) -> Option<[f64; 3]> {
-    let targets: Vec<_> = structures.iter().filter(|s| s.role == Role::Target).collect();
+/// Mean position of the voxels that belong to any target, each counted once, mm. Where doses are prescribed, the targets are
+/// those that have one: helpers of the type PTV do not move it.
+fn centroid_of_targets(CaseParts { grid, structures, prescription, .. }: &CaseParts) -> Option<[f64; 3]> {
+    let counts =
+        |s: &Structure| prescription.is_empty() || prescription.iter().any(|p| p.structure == s.name);
+    let targets: Vec<_> = structures.iter().filter(|s| s.role == Role::Target && counts(s)).collect();
     let mut sum = [0_u64; 3];
     let mut count = 0_u64;
     for (place, target) in targets.iter().enumerate() {

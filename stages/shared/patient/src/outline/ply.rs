@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 
 use super::{Mesh, MeshError, MeshFile, Placing};
+use crate::ply::{Comment, Ply, PlyError, Property, Value};
 
 /// Writes a mesh, mm, as binary PLY.
 ///
@@ -33,204 +34,66 @@ pub fn write_ply(mesh: &Mesh, placing: &Placing, to: &mut impl Write) -> io::Res
     Ok(())
 }
 
-#[derive(Clone, Copy, PartialEq)]
-enum Format {
-    Text,
-    Little,
-    Big,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Number {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
-
-enum Property {
-    One(Number, String),
-    List(Number, Number, String),
-}
-
-struct Element {
-    name: String,
-    count: usize,
-    properties: Vec<Property>,
-}
-
 /// Reads a mesh, and what the comments say of its place. Faces of more than three corners become fans.
 ///
 /// # Errors
 /// What is wrong, with its line; a mesh without faces.
 pub fn read_ply(bytes: &[u8]) -> Result<MeshFile, MeshError> {
-    let (mut format, mut elements) = (None, Vec::<Element>::new());
+    let mut ply = Ply::open(bytes)?;
     let (mut isocentre_mm, mut position) = (None, None);
-    let (mut at, mut line) = (0, 0);
-    loop {
-        line += 1;
-        let fault = |why: String| MeshError::Line { line, why };
-        let end = bytes[at..]
-            .iter()
-            .position(|b| *b == b'\n')
-            .ok_or_else(|| fault("the header has no end".into()))?;
-        let text =
-            std::str::from_utf8(&bytes[at..at + end]).map_err(|_| fault("the header is no text".into()))?;
-        at += end + 1;
-        let words: Vec<&str> = text.split_whitespace().collect();
-        match words[..] {
-            ["ply"] if line == 1 => {}
-            _ if line == 1 => return Err(fault("a PLY file begins with `ply`".into())),
-            ["format", "ascii", _] => format = Some(Format::Text),
-            ["format", "binary_little_endian", _] => format = Some(Format::Little),
-            ["format", "binary_big_endian", _] => format = Some(Format::Big),
-            ["comment", "isocentre_mm", x, y, z] => {
+    for Comment { line, text } in &ply.comments {
+        match text.split(' ').collect::<Vec<_>>()[..] {
+            ["isocentre_mm", x, y, z] => {
                 let read = |c: &str| c.parse::<f64>().ok().filter(|c| c.is_finite());
                 let (Some(x), Some(y), Some(z)) = (read(x), read(y), read(z)) else {
-                    return Err(fault(format!("{text:?} has no three numbers")));
+                    return Err(MeshError::Line {
+                        line: *line,
+                        why: format!("{text:?} has no three numbers"),
+                    });
                 };
                 isocentre_mm = Some([x, y, z]);
             }
-            ["comment", "position", word] => position = Some(word.to_owned()),
-            ["element", name, count] => {
-                let count = count.parse().map_err(|_| fault(format!("{count:?} is no count")))?;
-                elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
-            }
-            ["property", ref rest @ ..] => {
-                let property = property(rest).ok_or_else(|| fault(format!("{text:?} is no property")))?;
-                let element = elements.last_mut().ok_or_else(|| fault("a property of no element".into()))?;
-                element.properties.push(property);
-            }
-            ["end_header"] => break,
-            [] | ["comment" | "obj_info", ..] => {}
-            _ => return Err(fault(format!("{text:?} is not understood"))),
+            ["position", word] => position = Some(word.to_owned()),
+            _ => {}
         }
     }
-    let format = format.ok_or(MeshError::Line { line, why: "the header names no format".into() })?;
-    let mut reader = Reader { bytes, at, format, line };
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for element in &elements {
-        // Such elements take no bytes: nothing would end their reading before their count.
-        if element.properties.is_empty() && element.count > 0 {
-            return Err(MeshError::Line { line, why: format!("element {:?} has no property", element.name) });
-        }
-        for number in 0..element.count {
-            let mut vertex = [f64::NAN; 3];
-            for property in &element.properties {
-                match property {
-                    Property::One(kind, name) => {
-                        let value = reader.number(*kind)?;
-                        if let Some(axis) = ["x", "y", "z"].iter().position(|axis| axis == name) {
-                            vertex[axis] = value;
-                        }
-                    }
-                    Property::List(count, kind, name) => {
-                        let length = reader.number(*count)?;
-                        let mut corners = Vec::new();
-                        for _ in 0..length as usize {
-                            corners.push(reader.number(*kind)?);
-                        }
-                        if element.name == "face" && name.starts_with("vertex_ind") {
-                            fan(&corners, number, &mut triangles)?;
-                        }
-                    }
-                }
-            }
+    for element in &ply.elements.clone() {
+        let place = |is: &dyn Fn(&Property) -> bool| element.properties.iter().position(is);
+        let axes = ["x", "y", "z"].map(|axis| place(&|p| p.name == axis && !p.is_list()));
+        let corners = place(&|p| p.name.starts_with("vertex_ind") && p.is_list());
+        ply.rows(element, |number, cells| {
             if element.name == "vertex" {
-                vertices.push(vertex);
+                let coordinate = |axis: Option<usize>| axis.map_or(f64::NAN, |place| cells[place][0].double);
+                vertices.push(axes.map(coordinate));
             }
-        }
+            match corners.filter(|_| element.name == "face") {
+                Some(corners) => fan(&cells[corners], number, &mut triangles),
+                None => Ok(()),
+            }
+        })?;
     }
     Ok(MeshFile { mesh: Mesh::checked(vertices, triangles)?, isocentre_mm, position })
 }
 
-fn fan(corners: &[f64], face: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), MeshError> {
+impl From<PlyError> for MeshError {
+    fn from(error: PlyError) -> Self {
+        match error {
+            PlyError::Line { line, why } => Self::Line { line, why },
+            PlyError::Short { expected, found } => Self::Short { expected, found },
+        }
+    }
+}
+
+fn fan(corners: &[Value], face: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), MeshError> {
     let corner = |c: f64| match (0.0..f64::from(u32::MAX)).contains(&c) {
         true => Ok(c as u32),
         false => Err(MeshError::Corner { triangle: face, corner: u64::MAX, vertices: 0 }),
     };
     for pair in corners.get(1..).unwrap_or_default().windows(2) {
-        triangles.push([corner(corners[0])?, corner(pair[0])?, corner(pair[1])?]);
+        triangles.push([corner(corners[0].double)?, corner(pair[0].double)?, corner(pair[1].double)?]);
     }
     Ok(())
-}
-
-fn number(word: &str) -> Option<Number> {
-    Some(match word {
-        "char" | "int8" => Number::I8,
-        "uchar" | "uint8" => Number::U8,
-        "short" | "int16" => Number::I16,
-        "ushort" | "uint16" => Number::U16,
-        "int" | "int32" => Number::I32,
-        "uint" | "uint32" => Number::U32,
-        "float" | "float32" => Number::F32,
-        "double" | "float64" => Number::F64,
-        _ => return None,
-    })
-}
-
-fn property(words: &[&str]) -> Option<Property> {
-    match words {
-        ["list", count, kind, name] => {
-            Some(Property::List(number(count)?, number(kind)?, (*name).to_owned()))
-        }
-        [kind, name] => Some(Property::One(number(kind)?, (*name).to_owned())),
-        _ => None,
-    }
-}
-
-struct Reader<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    format: Format,
-    line: usize,
-}
-
-impl Reader<'_> {
-    fn number(&mut self, kind: Number) -> Result<f64, MeshError> {
-        if self.format == Format::Text {
-            return self.word();
-        }
-        Ok(match kind {
-            Number::I8 => f64::from(i8::from_le_bytes(self.take()?)),
-            Number::U8 => f64::from(u8::from_le_bytes(self.take()?)),
-            Number::I16 => f64::from(i16::from_le_bytes(self.take()?)),
-            Number::U16 => f64::from(u16::from_le_bytes(self.take()?)),
-            Number::I32 => f64::from(i32::from_le_bytes(self.take()?)),
-            Number::U32 => f64::from(u32::from_le_bytes(self.take()?)),
-            Number::F32 => f64::from(f32::from_le_bytes(self.take()?)),
-            Number::F64 => f64::from_le_bytes(self.take()?),
-        })
-    }
-
-    /// The next bytes, in little-endian order.
-    fn take<const N: usize>(&mut self) -> Result<[u8; N], MeshError> {
-        let end = self.at + N;
-        let short = MeshError::Short { expected: end, found: self.bytes.len() };
-        let mut taken: [u8; N] = self.bytes.get(self.at..end).and_then(|b| b.try_into().ok()).ok_or(short)?;
-        self.at = end;
-        if self.format == Format::Big {
-            taken.reverse();
-        }
-        Ok(taken)
-    }
-
-    fn word(&mut self) -> Result<f64, MeshError> {
-        while let Some(b) = self.bytes.get(self.at).filter(|b| b.is_ascii_whitespace()) {
-            self.line += usize::from(*b == b'\n');
-            self.at += 1;
-        }
-        let rest = &self.bytes[self.at.min(self.bytes.len())..];
-        let length = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
-        let word = std::str::from_utf8(&rest[..length]).unwrap_or_default();
-        self.at += length;
-        word.parse()
-            .map_err(|_| MeshError::Line { line: self.line + 1, why: format!("{word:?} is no number") })
-    }
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ fn refusal(from: &str, to: &str) -> String {
 
 #[test]
 fn a_described_case_is_read() {
-    let Imported { case, notes } = import(JSON, |_| {}).unwrap();
+    let Imported { case, notes, .. } = import(JSON, |_| {}).unwrap();
     assert_eq!(case.hu()[..3], [-1000, -900, -800]);
     let ptv = case.structure("PTV").unwrap();
     assert_eq!((ptv.role, ptv.mask.indices().collect::<Vec<_>>()), (Role::Target, vec![5, 6]));
@@ -33,13 +33,13 @@ fn a_described_case_is_read() {
 #[test]
 fn a_description_at_odds_is_refused_with_the_file() {
     for (from, to, expected) in [
-        ("\"mm\"", "\"cm\"", "`mm` and `LPS` are due"),
-        ("LPS", "RAS", "`mm` and `LPS` are due"),
-        ("[4, 3, 2]", "[4, 3, 1]", "small.ct.nrrd: it lies on"),
+        ("\"mm\"", "\"cm\"", "`mm` and `LPS` are required"),
+        ("LPS", "RAS", "`mm` and `LPS` are required"),
+        ("[4, 3, 2]", "[4, 3, 1]", "2 or more along each axis"),
         ("[3, 2.5, 1.1]", "[3, 2.5, 1.2]", "small.ct.nrrd: it lies on"),
         ("[-6, 0.1,", "[-6, 0.2,", "small.ct.nrrd: it lies on"),
         ("small.ct.nrrd", "small.labels.nrrd", "is unsigned, but a CT is int16"),
-        ("small.labels.nrrd", "small.ct.nrrd", "is signed, but labels are uint16"),
+        ("small.labels.nrrd", "small.ct.nrrd", "is signed, but labels are uint8"),
         ("small.ct.nrrd", "../small.ct.nrrd", "no plain file name"),
         ("small.ct.nrrd", "small.other.nrrd", "small.other.nrrd: "),
         ("\"bit\": 3", "\"bit\": 16", "labels have 16"),
@@ -77,9 +77,9 @@ fn a_truncated_volume_is_refused_with_the_file_and_what_to_do() {
 fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
     let read = |field, text| read_nrrd(&nrrd("int16", &[7; 24], Some((field, text))));
     for (field, text, expected) in [
-        ("type", "float", "int16"),
+        ("type", "int64", "int16"),
         ("dimension", "4", "3 axes"),
-        ("space", "right-anterior-superior", "left-posterior-superior is due"),
+        ("space", "scanner-xyz", "are required in this order"),
         ("space", "", "no `space`"),
         ("sizes", "4 3", "three whole numbers"),
         ("sizes", "4 3 2 1", "three whole numbers"),
@@ -89,7 +89,7 @@ fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
         ("sizes", "4 3 1", "go on beyond"),
         ("space directions", "(3,0.1,0) (0,2.5,0) (0,0,1.1)", "not oblique"),
         ("space directions", "(0,3,0) (2.5,0,0) (0,0,1.1)", "in this order"),
-        ("space directions", "(3,0,0) (0,2.5,0) (0,0,-1.1)", "in this order"),
+        ("space directions", "(3,0,0) (0,2.5,0) (0,0,0)", "spacing 0 mm"),
         ("space directions", "(3,0,0) (0,nan,0) (0,0,1.1)", "three vectors"),
         ("space origin", "(0,0)", "one vector"),
         ("endian", "middle", "`little` or `big`"),
@@ -112,4 +112,69 @@ fn either_byte_order_and_raw_data_are_read() {
     let mut raw = packed[..header].to_vec();
     raw.extend([1, 0].repeat(24));
     assert_eq!(read_nrrd(&raw).unwrap().values, Values::U16(vec![1; 24]));
+}
+
+/// What a voxel of the patient holds is the same however the file runs along the patient.
+#[test]
+fn a_volume_in_any_space_and_direction_holds_the_same_at_each_place() {
+    let plain = read_nrrd(&nrrd("int16", &small_values(), None)).unwrap();
+    let Values::I16(values) = &plain.values else { panic!() };
+    for signs in (0..8).map(|bits| [0, 1, 2].map(|axis| bits >> axis & 1 == 1)) {
+        for flips in (0..8).map(|bits| [0, 1, 2].map(|axis| bits >> axis & 1 == 1)) {
+            let space: String = signs
+                .iter()
+                .zip([['L', 'R'], ['P', 'A'], ['S', 'I']])
+                .map(|(&s, l)| l[usize::from(s)])
+                .collect();
+            let sign = |axis: usize| if signs[axis] { -1.0 } else { 1.0 };
+            let direction = |axis: usize| {
+                let along = if signs[axis] != flips[axis] { -1.0 } else { 1.0 } * GRID.spacing_mm[axis];
+                let mut vector = [0.0; 3];
+                vector[axis] = along;
+                format!("({},{},{})", vector[0], vector[1], vector[2])
+            };
+            let first = |axis: usize| {
+                let last = (GRID.counts[axis] - 1) as f64 * GRID.spacing_mm[axis];
+                sign(axis) * (GRID.origin_mm[axis] + if flips[axis] { last } else { 0.0 })
+            };
+            let written: Vec<u16> = (0..GRID.len())
+                .map(|index| {
+                    let voxel = GRID.voxel(index);
+                    let at = |a: usize| if flips[a] { GRID.counts[a] - 1 - voxel[a] } else { voxel[a] };
+                    values[GRID.index(std::array::from_fn(at))] as u16
+                })
+                .collect();
+            let bytes = nrrd("int16", &written, None);
+            let end = bytes.windows(2).position(|w| w == b"\n\n").unwrap();
+            let header = String::from_utf8(bytes[..end].to_vec()).unwrap();
+            let turned: Vec<String> = header
+                .lines()
+                .map(|line| match line.split(": ").next().unwrap() {
+                    "space" => format!("space: {space}"),
+                    "space directions" => {
+                        format!("space directions: {} {} {}", direction(0), direction(1), direction(2))
+                    }
+                    "space origin" => format!("space origin: ({},{},{})", first(0), first(1), first(2)),
+                    _ => line.to_owned(),
+                })
+                .collect();
+            let mut file = turned.join("\n").into_bytes();
+            file.extend(&bytes[end..]);
+            let volume = read_nrrd(&file).unwrap();
+            assert_eq!(volume.values, plain.values, "{space} {flips:?}");
+            let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+            assert!(near(volume.grid.origin_mm, GRID.origin_mm), "{space} {flips:?}: {:?}", volume.grid);
+        }
+    }
+}
+
+fn small_values() -> Vec<u16> {
+    (0..GRID.len()).map(|i| (7 * i) as u16).collect()
+}
+
+#[test]
+fn keys_that_nothing_reads_are_left_out_and_told() {
+    let misspelt = JSON.replace("\"fractions\"", "\"fraction\"");
+    let left_out = import(&misspelt, |_| {}).unwrap().left_out;
+    assert_eq!(left_out, [r#"the key "fraction" of the JSON is not read"#]);
 }

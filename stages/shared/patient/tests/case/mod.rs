@@ -2,5 +2,6 @@
 
 mod case_file;
 mod described;
+mod intake;
 mod planning_data;
 mod small;

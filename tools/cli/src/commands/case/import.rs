@@ -4,7 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use stillpoint_dicom::{Request, import_folder};
-use stillpoint_patient::case::{Imported, NameTable, Prescription, Uid, import_described, write};
+use stillpoint_patient::case::intake::Scale;
+use stillpoint_patient::case::{
+    Imported, NameTable, PatientPosition, Prescription, Uid, import_described_as, write,
+};
 
 use crate::exit::{Ended, Exit, Failure};
 use crate::quantity::quantity;
@@ -34,9 +37,20 @@ pub struct Import {
     /// DICOM: number of fractions.
     #[arg(long)]
     fractions: Option<u32>,
-    /// DICOM: isocentre in the patient's frame, such as `1.5mm,0mm,-20mm`. Default: the centroid of all targets.
+    /// DICOM: isocentre in the patient's frame, such as `1.5mm,0mm,-20mm`. Default: the centroid of the targets with a
+    /// prescription, or of all targets if none has one.
     #[arg(long, allow_hyphen_values = true)]
     isocentre: Option<String>,
+    /// DICOM: how the patient lies, where the images do not say it: HFS, HFP, FFS or FFP.
+    #[arg(long)]
+    position: Option<String>,
+    /// Take values that are no Hounsfield units of a patient: a phantom of other materials, or images in other units.
+    #[arg(long)]
+    any_hounsfield: bool,
+    /// Refuse what would be left out: empty contours, regions of another frame of reference, files and keys that cannot be
+    /// read.
+    #[arg(long)]
+    strict: bool,
     /// DICOM: volume of an organ that may lie beyond the end of the images, such as `12.5cm3`. Without it, an organ that is
     /// cut is refused. A target that is cut is always refused.
     #[arg(long)]
@@ -47,14 +61,22 @@ impl Import {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
         let names = self.name_table()?;
-        let Imported { case, notes } = match described(&self.from)? {
+        let scale = if self.any_hounsfield { Scale::Any } else { Scale::OfPatients };
+        let Imported { case, notes, left_out } = match described(&self.from)? {
             Some(json) => {
                 self.refuse_for_json(&json)?;
-                import_described(&json, &names).map_err(Failure::failed)?
+                import_described_as(&json, &names, scale).map_err(Failure::failed)?
             }
-            None => import_folder(&self.from, &self.request(&names)?).map_err(Failure::failed)?,
+            None => import_folder(&self.from, &self.request(&names, scale)?).map_err(Failure::failed)?,
         };
-        for note in notes {
+        if self.strict && !left_out.is_empty() {
+            let from = self.from.display();
+            return Err(Failure::failed(format!(
+                "{from}: `--strict` refuses what cannot be read:\n  {}",
+                left_out.join("\n  ")
+            )));
+        }
+        for note in left_out.into_iter().chain(notes) {
             outln!("note: {note}");
         }
         if let Some(folder) = self.out.parent() {
@@ -93,6 +115,7 @@ impl Import {
             ("--fractions", self.fractions.is_some()),
             ("--isocentre", self.isocentre.is_some()),
             ("--allow-cut", self.allow_cut.is_some()),
+            ("--position", self.position.is_some()),
         ];
         match given.iter().find(|(_, given)| *given) {
             Some((option, _)) => {
@@ -102,7 +125,7 @@ impl Import {
         }
     }
 
-    fn request<'a>(&self, names: &'a NameTable) -> Result<Request<'a>, Failure> {
+    fn request<'a>(&self, names: &'a NameTable, scale: Scale) -> Result<Request<'a>, Failure> {
         let prescription = self.prescribe.iter().map(|text| prescription(text)).collect::<Result<_, _>>()?;
         let isocentre_mm = match &self.isocentre {
             None => None,
@@ -119,6 +142,12 @@ impl Import {
             None => None,
             Some(text) => Some(Uid::parse(text).map_err(Failure::wrong)?),
         };
+        let position = match &self.position {
+            None => None,
+            Some(text) => Some(PatientPosition::of_term(&text.to_ascii_uppercase()).ok_or_else(|| {
+                Failure::wrong(format!("invalid position: {text:?} (allowed: HFS, HFP, FFS, FFP)"))
+            })?),
+        };
         let allowed_cut_cm3 = match &self.allow_cut {
             None => 0.0,
             Some(text) => match quantity(text, "cm3", text)? {
@@ -134,6 +163,8 @@ impl Import {
             fractions: self.fractions,
             isocentre_mm,
             allowed_cut_cm3,
+            position,
+            scale,
         })
     }
 }

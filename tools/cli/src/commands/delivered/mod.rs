@@ -26,6 +26,7 @@ use stillpoint_recorder::Session;
 
 use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::quantity::quantity;
+use crate::recorded::with_topics;
 use outcome::Outcome;
 use plan_file::DeliveredPlan;
 use recorded::Recorded;
@@ -83,7 +84,7 @@ impl Delivered {
         let width = self.width()?;
         let case = read(&self.case).map_err(Failure::wrong)?;
         let plan = DeliveredPlan::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
-        let session = Session::open_any(&self.session).map_err(Failure::failed)?;
+        let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let reference = Reference::of(&session, registry, self.poses.as_deref(), &case)?;
         let recorded = Recorded::of(&session, &reference, self.beam.as_deref(), &case)?;
         let threads = match self.threads {

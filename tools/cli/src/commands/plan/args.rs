@@ -42,12 +42,12 @@ pub struct PlanArgs {
     /// Several, separated by commas, are mixed in equal parts.
     #[arg(long, value_parser = names(&PriorName::ALL, PriorName::word, PriorName::about), value_delimiter = ',', default_value = "price")]
     pub(super) prior: Vec<PriorName>,
-    /// Model file of `--method network` and `--prior network`, made by `stillpoint train planner`. Default: the network that
+    /// Model file of `--method network` and `--prior network`, made by `stillpoint-research train planner`. Default: the network that
     /// comes with stillpoint.
     #[arg(long, value_name = "FILE")]
     pub(super) network: Option<PathBuf>,
-    /// Gantry angles in degrees, such as `0,40,80`; no search is run.
-    #[arg(long, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
+    /// Gantry angles in degrees, such as `0,90,-40.5`, to 0.01 degrees and as near to each other as you like; no search is run.
+    #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
     pub(super) angles: Option<String>,
     /// Run every method, each with the whole budget, and keep the best plan.
     #[arg(long, conflicts_with = "method")]

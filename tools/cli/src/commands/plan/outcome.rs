@@ -4,9 +4,9 @@ use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
-use stillpoint_plan::fluence::Wanted;
+use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
-use stillpoint_plan::objectives::follows;
+use stillpoint_plan::objectives::{ObjectiveResult, follows};
 use stillpoint_plan::plan_file::{
     Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileDose, PlanFileFigures,
     PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints, PlanFileProtocol,
@@ -37,6 +37,8 @@ pub struct Outcome<'a> {
     pub figures: Vec<StructureDose>,
     /// How the dose falls off in the planned set-up.
     pub fall_off: Option<FallOff>,
+    /// The objectives with what the planned fluence gives.
+    pub objectives: Vec<ObjectiveResult>,
     /// The limits of the protocol, in the planned set-up.
     pub limits: Vec<Judged>,
     /// The segments, with their dose; nothing where the fluence is not sequenced.
@@ -80,6 +82,7 @@ impl<'a> Outcome<'a> {
             figures.retain(|f| follows(f.role));
             figures
         };
+        let objectives = request.setup.aims.results(&request.setup.goals, &best.plan.dose, &given[0]);
         let reference = case.reference_dose_gy();
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
@@ -94,6 +97,7 @@ impl<'a> Outcome<'a> {
                 .collect(),
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
+            objectives: objectives.map_err(Failure::failed)?,
             limits: request.protocol.iter().flat_map(|p| p.judge(case, &given[0])).collect(),
             moved: given[1..].iter().map(of_moving).collect(),
             reference: reference_given.as_ref().map(figures),
@@ -173,7 +177,8 @@ impl<'a> Outcome<'a> {
                 bixel_mm: params.bixels.width_mm,
                 cutoff_mm: params.cutoff_mm,
             },
-            wanted: setup.aims.wanted.iter().map(objectives).collect::<Result<_, _>>()?,
+            wanted: setup.aims.structures.iter().map(objectives).collect::<Result<_, _>>()?,
+            objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
             method: self.run.name,
             seed: request.seed,
             objective: best.solved_cost(),
@@ -222,7 +227,7 @@ fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn objectives(wanted: &Wanted) -> Result<PlanFileObjectives, serde_json::Error> {
+fn objectives(wanted: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
     let objectives: Result<Vec<_>, _> = wanted.objectives.iter().map(serde_json::to_value).collect();
     Ok(PlanFileObjectives {
         structure: wanted.name.clone(),

@@ -58,12 +58,17 @@ impl Request {
             Some(path) => read(path).map_err(Failure::wrong)?,
             None => phantom(0).map_err(Failure::failed)?,
         };
-        let spec = spec(given)?;
+        let mut spec = spec(given)?;
+        let angles = given.angles.as_deref().map(angles_deg).transpose()?;
+        if let (Some(angles), Some(text)) = (&angles, &given.angles) {
+            let ring = spec.ring.for_angles(angles);
+            spec.ring = ring.map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
+        }
         let threads = match given.threads {
             Some(threads) => threads,
             None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
-        let mut requests = requests(given, threads)?;
+        let mut requests = requests(given, angles, threads)?;
         network(&mut requests, &case, &spec, given.network.as_deref())?;
         let searches: Result<Vec<PlanSearch>, _> =
             requests.iter().map(|request| request.check(&case, spec.ring)).collect();
@@ -125,14 +130,22 @@ fn spec(given: &PlanArgs) -> Result<SetupSpec, Failure> {
     })
 }
 
+/// Gantry angles of the command line.
+fn angles_deg(text: &str) -> Result<Vec<f64>, Failure> {
+    let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
+    let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
+    angles.ok_or_else(|| {
+        Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
+    })
+}
+
 /// One request for each method that is to be run.
-fn requests(given: &PlanArgs, threads: NonZeroUsize) -> Result<Vec<PlanRequest>, Failure> {
-    if let Some(text) = &given.angles {
-        let angle = |part: &str| part.trim().trim_end_matches("deg").trim().parse::<f64>().ok();
-        let angles: Option<Vec<f64>> = text.split(',').map(angle).collect();
-        let angles = angles.ok_or_else(|| {
-            Failure::wrong(format!("--angles {text}: give degrees separated by commas, such as 0,72,144"))
-        })?;
+fn requests(
+    given: &PlanArgs,
+    angles: Option<Vec<f64>>,
+    threads: NonZeroUsize,
+) -> Result<Vec<PlanRequest>, Failure> {
+    if let Some(angles) = angles {
         return Ok(vec![PlanRequest { seed: given.seed, threads, ..PlanRequest::of_angles(angles) }]);
     }
     let budget = given.budget.unwrap_or_else(|| PlanRequest::usual_budget(given.method));

@@ -1,6 +1,7 @@
 //! The figures of a plan, for people.
 
 use stillpoint_plan::evaluation::{FallOff, StructureDose};
+use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::protocol::Judged;
 
 use super::ground::Ground;
@@ -43,6 +44,7 @@ pub fn print(
     if let Some(fall_off) = &outcome.fall_off {
         outln!("{}", describe(fall_off));
     }
+    objectives(&outcome.objectives);
     if let Some(protocol) = &request.protocol {
         limits(&protocol.name, &outcome.limits);
     }
@@ -140,6 +142,28 @@ pub fn explain() {
          V95% is the percentage of a target that receives 95 % of its prescription; HI is (D2 - D98) / D50;\n\
          CI is Paddick's conformity index of the 95 % isodose"
     );
+}
+
+/// The objectives that bound one quantity, with its true value beside the cost.
+fn objectives(results: &[ObjectiveResult]) {
+    let bounding = || results.iter().filter_map(|r| Some((r, r.measured.as_ref()?)));
+    if bounding().next().is_none() {
+        return;
+    }
+    let left = ["structure", "objective"].map(|name| (Side::Left, name));
+    let right = ["plan", "cost"].map(|name| (Side::Right, name));
+    let mut table = Columns::new(left.into_iter().chain(right).chain([(Side::Left, "result")]));
+    for (result, measured) in bounding() {
+        table.row([
+            result.structure.clone(),
+            measured.wanted(),
+            format!("{:.1} {}", measured.value, measured.unit),
+            format!("{:.4}", result.cost),
+            if measured.met() { "met" } else { "NOT MET" }.to_owned(),
+        ]);
+    }
+    outln!("\nobjectives with a limit: values of the whole structures, costs at the optimised points\n");
+    out!("{table}");
 }
 
 /// The limits of a protocol, with the values of the plan.

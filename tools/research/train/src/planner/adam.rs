@@ -16,7 +16,6 @@ pub struct Adam {
     pub first: Vec<Vec<f32>>,
     /// Means of their squares.
     pub second: Vec<Vec<f32>>,
-    /// Steps.
     pub steps: u64,
 }
 

@@ -36,15 +36,12 @@ pub struct Card {
     pub rules: [Rules; 4],
     /// Games and sets that were trained on.
     pub games: usize,
-    /// Sets in them.
     pub sets: usize,
-    /// All passes.
     pub passes: Vec<Pass>,
     /// Strength on the validated patients, after each round.
     pub strength: Vec<Summary>,
     /// Strength on the tested patients, by kinds.
     pub tested: Vec<(String, Summary)>,
-    /// Every tested patient.
     pub exams: Vec<Exam>,
 }
 

@@ -19,11 +19,8 @@ pub struct Checkpoint {
     pub about: String,
     /// The options that it runs with.
     pub options: Options,
-    /// Passes until now.
     pub passes: Vec<Pass>,
-    /// The numbers.
     pub numbers: Vec<Vec<f32>>,
-    /// The optimiser.
     pub adam: Adam,
 }
 
@@ -73,13 +70,13 @@ impl Checkpoint {
             .map_err(|e| fault(e.to_string()))
     }
 
-    /// Reads the file.
     pub fn read(path: &Path) -> Result<Self, TrainError> {
         let fault = |why: String| TrainError::File { path: path.to_owned(), why };
         let bytes = std::fs::read(path).map_err(|e| fault(e.to_string()))?;
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| fault(e.to_string()))?;
         let text = header.metadata().as_ref().and_then(|entries| entries.get(ENTRY));
-        let text = text.ok_or_else(|| fault("it is no checkpoint of `stillpoint train planner`".into()))?;
+        let text =
+            text.ok_or_else(|| fault("it is no checkpoint of `stillpoint-research train planner`".into()))?;
         let header: Header = serde_json::from_str(text).map_err(|e| fault(e.to_string()))?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(|e| fault(e.to_string()))?;
         let read = |kind: &str| -> Result<Vec<Vec<f32>>, TrainError> {

@@ -21,13 +21,10 @@ pub struct Exam {
 /// Means over patients, in percent above the best known.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Patients.
     pub patients: usize,
     /// The class set, where all of them have one.
     pub class: Option<f64>,
-    /// The best rotation.
     pub rotation: f64,
-    /// The mean rotation.
     pub one_rotation: f64,
     /// The model's first set.
     pub model_1: f64,
@@ -59,7 +56,6 @@ impl Exam {
 }
 
 impl Summary {
-    /// Of these patients.
     pub fn of(all: &[Exam]) -> Self {
         let five = |exam: &Exam| exam.model.iter().take(5).copied().fold(f64::INFINITY, f64::min);
         let beside = |exam: &Exam| 100.0 * ((100.0 + exam.first()) / (100.0 + exam.rotation) - 1.0);

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use stillpoint_mechanics::random::Random;
 use stillpoint_network::eye::{PAIR, STRUCTURE, TARGET};
 use stillpoint_network::game::ring;
 use stillpoint_network::{Eye, Game};
-use stillpoint_random::Random;
 
 use super::plan;
 use crate::TrainError;
@@ -20,7 +20,6 @@ const FAR_WEIGHT: f64 = 0.15;
 /// A patient to train on or to validate with.
 #[derive(Clone, Debug)]
 pub struct Example {
-    /// Its features.
     pub eye: Eye,
     /// Sets of beams, all of the same number.
     pub sets: Vec<Vec<u16>>,

@@ -1,9 +1,9 @@
 //! The network of `stillpoint_network` as tensors, with gradients.
 
 use candle_core::{D, Tensor, Var};
+use stillpoint_mechanics::random::Random;
 use stillpoint_network::model::{TAPS, place};
 use stillpoint_network::{Model, Sizes};
-use stillpoint_random::Random;
 
 use super::examples::{Example, States};
 use crate::TrainError;

@@ -9,7 +9,6 @@ use stillpoint_network::{Due, Game, Model};
 use super::plan;
 use crate::TrainError;
 
-/// Who plays games.
 pub trait Players {
     /// Plays these games with these weights (none: openings). `done` gets each with its place, in the order in which they
     /// end; and again, where the first one turned out to be in doubt.

@@ -21,7 +21,6 @@ impl<C: Courier> Pooled<C> {
         Self { pool, games: PoolGames::new(threads) }
     }
 
-    /// The pool.
     pub fn pool(&mut self) -> &mut Pool<C> {
         &mut self.pool
     }

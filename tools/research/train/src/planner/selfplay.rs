@@ -20,7 +20,6 @@ use crate::TrainError;
 /// Patients, games and passes of a training.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Schedule {
-    /// Patients of openings.
     pub train: Vec<Patient>,
     /// Patients that are examined after each round; nothing is trained on them.
     pub validate: Vec<Patient>,
@@ -36,15 +35,11 @@ pub struct Schedule {
     pub end: usize,
     /// Most games in the buffer; the oldest leave it first.
     pub buffer: usize,
-    /// Rules of openings.
     pub opening: Rules,
-    /// Rules of games.
     pub game: Rules,
     /// Rules of the openings of patients that are examined: they find the best sets that are known.
     pub reference: Rules,
-    /// Rules of examinations.
     pub exam: Rules,
-    /// Seed of games.
     pub seed: u64,
 }
 
@@ -66,12 +61,9 @@ pub enum Told {
 /// Where a training tells: games and passes at the same time, from two threads.
 pub type Tell<'a> = &'a (dyn Fn(Told) + Sync);
 
-/// A trained network.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trained {
-    /// The network.
     pub model: Model,
-    /// All passes.
     pub passes: Vec<Pass>,
     /// Strength on the validated patients after 0, 1, ... rounds, and at the end. The best sets known are those of all
     /// examinations.
@@ -80,7 +72,6 @@ pub struct Trained {
     pub tested: Vec<Exam>,
     /// Games and sets that were trained on.
     pub games: usize,
-    /// Sets in them.
     pub sets: usize,
 }
 
@@ -288,7 +279,6 @@ impl Buffer {
 }
 
 impl Schedule {
-    /// All passes.
     pub fn all_passes(&self) -> usize {
         self.start + self.rounds.len() * self.passes + self.end
     }

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use candle_core::Tensor;
 use serde::{Deserialize, Serialize};
+use stillpoint_mechanics::random::Random;
 use stillpoint_network::groups::leave_out;
 use stillpoint_network::model::{TAPS, WIDEST};
 use stillpoint_network::{Group, Model, Sizes};
-use stillpoint_random::Random;
 
 use super::adam::Adam;
 use super::checkpoint::Checkpoint;
@@ -63,7 +63,6 @@ impl Default for Options {
 pub struct Pass {
     /// Its number, from 1.
     pub number: usize,
-    /// Examples.
     pub examples: usize,
     /// Mean loss of its steps.
     pub training: f64,

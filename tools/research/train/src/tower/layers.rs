@@ -1,7 +1,7 @@
 //! Stem, blocks and heads of the tower.
 
 use candle_core::{Tensor, Var};
-use stillpoint_random::Random;
+use stillpoint_mechanics::random::Random;
 
 use super::convolution::convolve;
 use super::planes::PLANES;
@@ -16,7 +16,6 @@ const EPSILON: f64 = 1e-5;
 /// Shape of the tower.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TowerConfig {
-    /// Input planes.
     pub planes: usize,
     /// Filters of the stem and of the first stage; stage `l` has `l` times as many.
     pub filters: usize,

@@ -4,12 +4,10 @@ use stillpoint_patient::case::{Case, Role, Structure};
 use stillpoint_patient::couch::patient_from_couch;
 use stillpoint_plan::beams::Ring;
 
-/// Input planes.
 pub const PLANES: usize = 36;
 /// Beams of a set, and sets that are kept in mind.
 const BEAMS: usize = 5;
 const HISTORY: usize = 5;
-/// Structures.
 const STRUCTURES: usize = 6;
 /// Rows and columns of a slice.
 const SIZE: usize = 64;

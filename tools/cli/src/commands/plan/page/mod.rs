@@ -141,9 +141,11 @@ fn legend(outcome: &Outcome<'_>, prescribed_gy: f64) -> String {
 }
 
 fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {
+    let objectives = parts::objectives(&outcome.objectives).map(Block::Table);
     let Some(protocol) = &request.protocol else {
         let none = "No built-in protocol belongs to the site of this case; --protocol gives one.";
-        return section("limits", "Limits", vec![Block::Text(none.to_owned())]);
+        let blocks = std::iter::once(Block::Text(none.to_owned())).chain(objectives).collect();
+        return section("limits", "Limits", blocks);
     };
     let caption = format!("Limits of the protocol {}", protocol.name);
     let (_, _, shown) = shown(outcome);
@@ -151,7 +153,7 @@ fn limits(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
     let mut values = vec![("planned", of(&outcome.limits))];
     values.extend(outcome.leaves.as_ref().map(|leaves| ("segments", of(&leaves.limits))));
     let table = parts::limits(caption, &values, &[("result", of(shown))]);
-    section("limits", "Limits", vec![Block::Table(table)])
+    section("limits", "Limits", std::iter::once(Block::Table(table)).chain(objectives).collect())
 }
 
 fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> {

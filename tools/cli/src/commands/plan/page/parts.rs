@@ -1,6 +1,7 @@
 //! Tables that plan.html and compare.html share.
 
 use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::objectives::ObjectiveResult;
 use stillpoint_plan::protocol::Judged;
 use stillpoint_report::page::{Cell, Mood, Table};
 
@@ -24,6 +25,25 @@ pub fn limits(caption: String, values: &[(&str, Beside)], results: &[(&str, Besi
         table.row(cells);
     }
     table
+}
+
+/// The objectives that bound one quantity, with its true value beside the cost; nothing where none does.
+pub fn objectives(results: &[ObjectiveResult]) -> Option<Table> {
+    let caption =
+        "Objectives of the planned fluence: values of the whole structures, costs at the optimised points";
+    let mut table = Table::new(caption.to_owned(), &["structure", "objective", "planned", "cost", "result"]);
+    let bounding = || results.iter().filter_map(|r| Some((r, r.measured.as_ref()?)));
+    for (result, measured) in bounding() {
+        let (mood, word) = if measured.met() { (Mood::Good, "met") } else { (Mood::Bad, "not met") };
+        table.row([
+            Cell::text(&result.structure),
+            Cell::text(&measured.wanted()),
+            Cell::number(format!("{:.1} {}", measured.value, measured.unit)),
+            Cell::number(format!("{:.4}", result.cost)),
+            Cell::State(mood, word.to_owned()),
+        ]);
+    }
+    bounding().next().map(|_| table)
 }
 
 /// The value of a limit, for people.

@@ -1,0 +1,300 @@
+//! The checks of clouds and images, one for each kind of fault, that every reader makes.
+//!
+//! A reader of files, of recordings and of the wire calls the same functions, so that what one of them refuses, all
+//! refuse. `tests/sweep.rs` runs each check over each reader.
+
+use crate::INVALID_POINT;
+use crate::depth::Intrinsics;
+
+/// Distance from the camera, m, beyond which no camera of depth measures: the nearest point is closer.
+pub const FAR: f32 = 20.0;
+/// Distance from the camera, m, below which no cloud of a head lies as a whole.
+pub const NEAR: f32 = 0.01;
+/// The most characters of a file or a message that an error quotes.
+pub const MOST_QUOTED: usize = 60;
+
+/// A point as a reader hands it on: a point that is not finite, and the origin, with which drivers mark a missing
+/// return, are [`INVALID_POINT`].
+#[must_use]
+pub fn point(point: [f32; 3]) -> [f32; 3] {
+    let is_measured = point.iter().all(|c| c.is_finite()) && point != [0.0; 3];
+    if is_measured { point } else { INVALID_POINT }
+}
+
+/// What a parameter says about the unit of coordinates or of depths, and how it is corrected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Coordinates in metres: `unit` can say otherwise.
+    Metres,
+    /// Coordinates in millimetres, as `unit` says.
+    Millimetres,
+    /// Depths in the unit of an image: `depth_unit` can say otherwise.
+    Depths,
+}
+
+/// Refuses points that are likely to be in another unit. Missing points ([`point`]) do not count.
+///
+/// # Errors
+/// The nearest point is farther than any depth camera measures, or the farthest is nearer.
+pub fn scale(points: impl IntoIterator<Item = [f32; 3]>, of: Scale) -> Result<(), String> {
+    let squared = |p: [f32; 3]| p.iter().map(|c| c * c).sum::<f32>();
+    let finite = points.into_iter().map(|p| squared(point(p))).filter(|s| s.is_finite());
+    let range = finite.fold(None, |range: Option<[f32; 2]>, s| {
+        Some(range.map_or([s, s], |[least, most]| [least.min(s), most.max(s)]))
+    });
+    let Some([nearest, farthest]) = range.map(|range| range.map(f32::sqrt)) else { return Ok(()) };
+    let far = |help: &str| {
+        format!("its nearest point is {nearest:.0} m from the origin (allowed: at most {FAR} m): {help}")
+    };
+    match of {
+        Scale::Metres if nearest > FAR => Err(far("are these millimetres? Then set `unit: mm`")),
+        Scale::Millimetres if nearest > FAR => Err(far("its unit is not `mm`: convert the points")),
+        Scale::Depths if nearest > FAR => Err(far("its depths are in another unit: set `depth_unit`")),
+        Scale::Millimetres if farthest < NEAR => Err(format!(
+            "its farthest point is {farthest} m from the origin (allowed: at least {NEAR} m): are these metres? Then set \
+             `unit: m`"
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a camera that cannot be that of images of `width` x `height` pixels.
+///
+/// # Errors
+/// A number that is not finite, a focal length that is not positive, or a principal point outside the image.
+pub fn camera(camera: &Intrinsics, width: usize, height: usize) -> Result<(), String> {
+    let Intrinsics { fx, fy, cx, cy, metres_per_count } = *camera;
+    for (name, value) in [("fx", fx), ("fy", fy), ("the depth of a count", metres_per_count)] {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(format!("its {name} is {value} (allowed: a positive number)"));
+        }
+    }
+    principal_point([cx, cy], [width, height])
+}
+
+/// Refuses a principal point outside an image of so many pixels in a row and rows.
+///
+/// # Errors
+/// The coordinate, its value and the pixels of the image.
+pub fn principal_point(at: [f64; 2], size: [usize; 2]) -> Result<(), String> {
+    for ((name, value), pixels) in ["cx", "cy"].into_iter().zip(at).zip(size) {
+        let most = pixels as f64 - 0.5;
+        if pixels > 0 && !(-0.5..=most).contains(&value) {
+            return Err(format!(
+                "its {name} is {value} px in an image of {pixels} pixels along it (allowed: -0.5 to {most}): use the \
+                 intrinsics of this resolution"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an image of another size than its camera, whose size is known.
+///
+/// # Errors
+/// Both sizes.
+pub fn same_size(image: [usize; 2], camera: [usize; 2]) -> Result<(), String> {
+    match image == camera {
+        true => Ok(()),
+        false => Err(format!(
+            "it has {} x {} pixels, its CameraInfo {} x {}",
+            image[0], image[1], camera[0], camera[1]
+        )),
+    }
+}
+
+/// Refuses an image and a description of a camera that name two frames. An empty name is none.
+///
+/// # Errors
+/// Both frames.
+pub fn same_frame(image: &str, camera: &str) -> Result<(), String> {
+    match image.is_empty() || camera.is_empty() || image == camera {
+        true => Ok(()),
+        false => Err(format!(
+            "it is in the frame `{}` and its CameraInfo in `{}`: set `camera_info` to the topic of its own camera",
+            quoted(image),
+            quoted(camera)
+        )),
+    }
+}
+
+/// Refuses bytes behind the last record of a file, other than padding by zeros or white space.
+///
+/// # Errors
+/// How many bytes there are.
+pub fn surplus(rest: &[u8], expected: usize) -> Result<(), String> {
+    match rest.iter().all(|b| *b == 0 || b.is_ascii_whitespace()) {
+        true => Ok(()),
+        false => Err(format!(
+            "the header says {expected} records, and {} bytes of data follow the last one: correct the header",
+            rest.len()
+        )),
+    }
+}
+
+/// A number of a text file. Programs write a missing number in many ways: `nan`, `-nan(ind)`, `1.#QNAN`, `inf`.
+#[must_use]
+pub fn number(word: &[u8]) -> Option<f32> {
+    let text = std::str::from_utf8(word).ok()?;
+    text.parse().ok().or_else(|| is_missing(text).then_some(f32::NAN))
+}
+
+/// The same in 64 bits.
+#[must_use]
+pub fn double(word: &[u8]) -> Option<f64> {
+    let text = std::str::from_utf8(word).ok()?;
+    text.parse().ok().or_else(|| is_missing(text).then_some(f64::NAN))
+}
+
+/// Whether a word marks a missing number as the C library of a compiler does.
+fn is_missing(text: &str) -> bool {
+    let bare = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
+    bare.starts_with("nan(") && bare.ends_with(')')
+        || ["1.#qnan", "1.#snan", "1.#ind", "1.#inf"].iter().any(|start| {
+            // The C library of Windows fills up the digits with zeros.
+            bare.strip_prefix(start).is_some_and(|rest| rest.bytes().all(|b| b == b'0'))
+        })
+}
+
+/// A piece of a file or a message for an error: at most [`MOST_QUOTED`] characters, on one line.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    let mut shown: String =
+        text.chars().take(MOST_QUOTED).map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if text.chars().nth(MOST_QUOTED).is_some() {
+        shown.push_str("...");
+    }
+    shown
+}
+
+/// Refuses times between two messages that nobody waits for: a clock that was set while it recorded, or a first time of 0.
+/// `times` are in ns, in the order in which they are sent.
+///
+/// # Errors
+/// The numbers of the messages, from 1, and the time between them.
+pub fn gaps(times: &[u64], longest: u64) -> Result<(), String> {
+    for (number, pair) in times.windows(2).enumerate() {
+        let gap = pair[1].saturating_sub(pair[0]);
+        if gap > longest {
+            return Err(format!(
+                "message {} comes {} after message {}: its clock was set in between (allowed: at most {}, `max_gap`): leave \
+                 messages out with `skip` and `frames`, or play it with `pace: ticks`",
+                number + 2,
+                long_time(gap),
+                number + 1,
+                long_time(longest)
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A time in ns for people.
+fn long_time(time: u64) -> String {
+    let seconds = time as f64 * 1e-9;
+    match seconds {
+        s if s >= 2.0 * 365.25 * 86400.0 => format!("{:.1} years", s / (365.25 * 86400.0)),
+        s if s >= 2.0 * 86400.0 => format!("{:.1} days", s / 86400.0),
+        s if s >= 2.0 * 3600.0 => format!("{:.1} hours", s / 3600.0),
+        s => format!("{s:.1} s"),
+    }
+}
+
+/// What is wrong with one item, a file or a message, of many.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The item alone is damaged: it is left out and counted, or refused where a reader is strict.
+    Item(String),
+    /// A parameter does not fit the items: it must be changed.
+    Params(String),
+}
+
+/// The items of a recording that are kept, and why the others are left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Kept<T> {
+    /// Those that are kept, in their order.
+    pub items: Vec<T>,
+    /// What is wrong with each of the others.
+    pub left_out: Vec<String>,
+}
+
+impl<T> Kept<T> {
+    /// Keeps the items without a fault.
+    ///
+    /// # Errors
+    /// A fault of the parameters; a fault of an item where the reader is strict, or where no item is left.
+    pub fn of(items: impl IntoIterator<Item = Result<T, Fault>>, strict: bool) -> Result<Self, String> {
+        let mut kept = Self { items: Vec::new(), left_out: Vec::new() };
+        for item in items {
+            match item {
+                Ok(item) => kept.items.push(item),
+                Err(Fault::Item(reason)) if !strict => kept.left_out.push(reason),
+                Err(Fault::Item(reason) | Fault::Params(reason)) => return Err(reason),
+            }
+        }
+        match kept.items.is_empty() && !kept.left_out.is_empty() {
+            true => Err(kept.left_out.swap_remove(0)),
+            false => Ok(kept),
+        }
+    }
+
+    /// What a run says about the items that are left out: how many, and the first of them. `None`: all are kept.
+    pub fn remark(&self, what: &str) -> Option<String> {
+        let left = self.left_out.len();
+        let first = self.left_out.first()?;
+        let all = self.items.len() + left;
+        let more = if left > 1 { ", the first" } else { "" };
+        Some(format!("{left} of {all} {what} left out{more}: {first} (`strict: true` refuses them)"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn millimetres_and_metres_are_recognised_and_missing_points_do_not_hide_them() {
+        let head = [[0.0, 0.0, 430.0], INVALID_POINT, [0.0; 3], [100.0, 0.0, 500.0]];
+        let refused = scale(head, Scale::Metres).unwrap_err();
+        assert!(refused.contains("430 m") && refused.contains("unit: mm"), "{refused}");
+        let small = head.map(|p| p.map(|c| c * 1e-6));
+        assert!(scale(small, Scale::Millimetres).unwrap_err().contains("unit: m"));
+        for of in [Scale::Metres, Scale::Millimetres, Scale::Depths] {
+            assert_eq!(scale([INVALID_POINT, [0.0, 0.1, 1.2]], of), Ok(()));
+            assert_eq!(scale([], of), Ok(()));
+        }
+    }
+
+    #[test]
+    fn a_principal_point_lies_in_its_image() {
+        assert_eq!(principal_point([-0.5, 5.5], [8, 6]), Ok(()));
+        for at in [[650.9, 2.0], [3.0, 5.6], [f64::NAN, 2.0], [-0.6, 2.0]] {
+            assert!(principal_point(at, [8, 6]).is_err(), "{at:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_all_programs_are_read() {
+        for word in ["nan", "-nan", "NaN", "-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "1.#INF", "inf"]
+        {
+            assert!(number(word.as_bytes()).is_some_and(|n| !n.is_finite()), "{word}");
+        }
+        assert_eq!(number(b"+.5"), Some(0.5));
+        for word in ["0,5", "1.#", "nano", "x", ""] {
+            assert_eq!(number(word.as_bytes()), None, "{word}");
+        }
+    }
+
+    #[test]
+    fn a_gap_is_named_with_its_messages_and_its_length() {
+        assert_eq!(gaps(&[0, 5, 10], 5), Ok(()));
+        let refused = gaps(&[0, 1_760_000_000_000_000_000], 60_000_000_000).unwrap_err();
+        assert!(refused.contains("message 2 comes 55.8 years after message 1"), "{refused}");
+    }
+
+    #[test]
+    fn quotes_are_short_and_on_one_line() {
+        let shown = quoted(&"a\n".repeat(30_000));
+        assert!(shown.len() <= MOST_QUOTED + 3 && !shown.contains('\n'));
+    }
+}

@@ -1,0 +1,65 @@
+//! A volume that should get a dose, given by both numbers.
+
+use super::*;
+use crate::fluence::dvh;
+use crate::fluence::text::Volume;
+
+/// The text form.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spec {
+    dose: Dose,
+    volume: Volume,
+    weight: f64,
+}
+
+/// At least `volume` (a fraction) gets `dose`. Voxels between `d_v`, the dose that `volume` gets now, and `dose` cost
+/// `weight / v (dose - d)^2`; the coldest `1 - volume` is free. Not convex.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DvhAtLeast {
+    /// Gray.
+    #[serde(rename = "dose_gy")]
+    pub dose: f64,
+    /// Fraction of the structure.
+    pub volume: f64,
+    /// Weight.
+    pub weight: f64,
+}
+
+pub(super) const EXAMPLES: &[&str] =
+    &[r#"{"dvh_at_least": {"dose": "95 %", "volume": "98 %", "weight": 10}}"#];
+
+impl super::Spec for Spec {
+    fn doses(&self) -> Vec<Dose> {
+        vec![self.dose]
+    }
+
+    fn resolve(&self, gray: &dyn Fn(Dose) -> f64) -> Objective {
+        DvhAtLeast { dose: gray(self.dose), volume: self.volume.part(), weight: self.weight }.into()
+    }
+}
+
+impl Shape for DvhAtLeast {
+    fn check(&self) -> Result<(), BadNumber> {
+        BadNumber::unless_dose(self.dose)?;
+        BadNumber::unless_volume(self.volume)
+    }
+
+    fn cost(&self, at: &Doses<'_>) -> f64 {
+        let whole = at.whole();
+        dvh::cost(at.points, Side::Under, self.volume * whole, self.dose, self.weight / whole)
+    }
+
+    fn add(&self, region: Region<'_>, parts: &mut Parts<'_>) {
+        parts.add_dvh(region, Side::Under, self.dose, self.volume, self.weight);
+    }
+
+    fn tolerated_gy(&self) -> Option<f64> {
+        None
+    }
+
+    fn measure(&self, dvh: &Dvh) -> Option<Measured> {
+        let found = dvh.volume_at(self.dose);
+        Some(Measured::fraction(format!("V{}Gy", short(self.dose)), found, Bound::AtLeast, self.volume))
+    }
+}

@@ -1,0 +1,49 @@
+//! Whole pipelines in the simulated executor: the default one, the examples, those on measured data, and the guide's.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod answer;
+mod beam_off;
+mod budget;
+mod contacts;
+mod default_pipeline;
+mod examples;
+mod frozen;
+mod guide;
+mod head_tracking;
+mod held_head;
+mod misspelled;
+mod null_sink;
+mod one_dof;
+#[path = "../../examples/own_operator.rs"]
+mod own_operator;
+mod real_data;
+mod script;
+
+use std::path::PathBuf;
+
+use stillpoint_operator::{Registry, Stage};
+
+/// Every kind that the project has.
+pub const FAMILIES: &[&[Stage]] = &[
+    stillpoint_pipeline::STAGES,
+    stillpoint_rig::STAGES,
+    stillpoint_ingest::STAGES,
+    stillpoint_detect::STAGES,
+    stillpoint_segment::STAGES,
+    stillpoint_track::STAGES,
+    stillpoint_estimate::STAGES,
+    stillpoint_control::STAGES,
+    stillpoint_actuate::STAGES,
+    stillpoint_planner::STAGES,
+];
+
+/// All kinds by name.
+pub fn registry() -> Registry {
+    Registry::new(FAMILIES)
+}
+
+/// A path from the root of the workspace.
+pub fn from_root(path: &str) -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(path)
+}

@@ -1,0 +1,154 @@
+//! A console that speaks for a person.
+
+use stillpoint_pipeline::config::{Machine, check, check_for};
+use stillpoint_samples::ConsoleCommand;
+use stillpoint_testing::run;
+use stillpoint_testing::run::START;
+
+use stillpoint_operator::files::MemoryFiles;
+
+use crate::registry;
+
+const KEY: &[u8] = include_bytes!("../../examples/data/rig.key");
+
+struct NoFiles;
+
+impl stillpoint_operator::Files for NoFiles {
+    fn read(&self, name: &str) -> Result<Vec<u8>, String> {
+        Err(format!("there is no {name}"))
+    }
+    fn list(&self, name: &str) -> Result<Vec<String>, String> {
+        Err(format!("there is no {name}"))
+    }
+}
+
+const CONSOLE: &str = "stillpoint: 1
+name: script
+operators:
+  console: { use: console, every: 20 ms, params: { script: [SCRIPT] } }
+";
+
+#[test]
+fn a_script_is_said_once_at_its_times_in_the_order_of_its_times() {
+    let script = "{ at: 110 ms, say: target, values: [0.01, -0.002] }, { at: 0 s, say: capture }, \
+                  { at: 40 ms, say: arm }, { at: 41 ms, say: disarm }";
+    let run = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500).unwrap();
+    let said = |verb: &str| -> Vec<(u64, Vec<f64>)> {
+        let samples = run.samples::<ConsoleCommand>(&format!("console.{verb}"));
+        let at = |s: &stillpoint_samples::View<'_, ConsoleCommand>| (s.header.stamp - START) / 1_000_000;
+        samples
+            .iter()
+            .map(|s| (at(s), s.first().map(|c| c.values[..c.given as usize].to_vec()).unwrap()))
+            .collect()
+    };
+    assert_eq!(said("capture"), [(0, vec![])]);
+    assert_eq!(said("arm"), [(40, vec![])]);
+    assert_eq!(said("disarm"), [(60, vec![])]);
+    assert_eq!(said("target"), [(120, vec![0.01, -0.002])]);
+}
+
+#[test]
+fn a_command_with_too_many_values_is_refused() {
+    let script = "{ at: 1 s, say: target, values: [1, 2, 3, 4, 5, 6, 7] }";
+    let Err(said) = run(&CONSOLE.replace("SCRIPT", script), &registry(), &NoFiles, 500) else {
+        panic!("it ran");
+    };
+    assert!(said.contains("up to 6"), "{said}");
+}
+
+/// The default pipeline with images from files in the place of the rig's.
+const FROM_FILES: (&str, &str) = (
+    "cloud: { use: ingest.depth, inputs: { image: rig.depth }, frame: camera }",
+    "cloud: { use: ingest.depth, every: 100 ms, frame: camera, params: { files: images, camera: { fx: 283 px, fy: 283 px, cx: 159.5 px, cy: 119.5 px, depth_unit: 0.1 mm } } }",
+);
+
+#[test]
+fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() {
+    let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
+    let mut files = MemoryFiles::default();
+    files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
+    files.files.insert("images/1.png".into(), Vec::new());
+    let here = Machine::here();
+    let faults = |text: &str| {
+        let faults = check_for(&here, text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    assert_eq!(faults(&default), "");
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
+        let text = real.replacen("body: waived", waived, 1);
+        let said = faults(&text);
+        let acts = "acts on it, and `cloud`, which `face` sees through, is no simulated rig";
+        assert!(said.contains(acts), "{waived}: {said}");
+        // A session of it can be replayed.
+        assert!(check(&text, "x.yaml", &[], &registry(), &files).is_ok(), "{waived}");
+    }
+    assert_eq!(faults(&real.replacen("body: waived, ", "", 1)), "");
+}
+
+#[test]
+fn a_search_that_cannot_check_what_it_finds_has_to_say_so() {
+    let pipeline = |frame: &str, params: &str| {
+        format!(
+            "stillpoint: 1\nname: apart\nframes: {{ camera: {{ parent: {frame}, at: [0 m, 0 m, 1 m] }} }}\n\
+             operators:\n  rig: {{ use: ingest.pcd, every: 1 s, frame: camera, params: {{ files: clouds }} }}\n  \
+             face: {{ use: segment.face, inputs: {{ cloud: rig.cloud }}{params} }}\n"
+        )
+    };
+    let mut files = MemoryFiles::default();
+    files.files.insert("clouds/1.pcd".into(), Vec::new());
+    let faults = |text: &str| {
+        let faults = check_for(&Machine::here(), text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    let said = faults(&pipeline("world", ""));
+    let apart = "cannot check that what it finds is the head: the frame `camera` is not connected to `couch`";
+    assert!(said.contains(apart), "{said}");
+    assert!(faults(&pipeline("world", ", params: { body: waived }")).contains(apart));
+    for params in ["body: waived, region: { need: waived }", "rule: largest"] {
+        assert_eq!(faults(&pipeline("world", &format!(", params: {{ {params} }}"))), "");
+    }
+    assert_eq!(faults(&pipeline("couch", "")), "");
+}
+
+#[test]
+fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
+    let default = std::fs::read_to_string(crate::from_root("pipeline.yaml")).unwrap();
+    let mut files = MemoryFiles::default();
+    files.files.insert("examples/data/rig.key".into(), KEY.to_vec());
+    files.files.insert("images/1.png".into(), Vec::new());
+    let faults = |text: &str| {
+        let faults = check(text, "x.yaml", &[], &registry(), &files).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    assert_eq!(faults(&default), "");
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1);
+    assert_ne!(real, default);
+    let said = faults(&real);
+    assert!(
+        said.contains(
+            "`head` sees through `cloud`, which is no simulated rig, and a script confirms its reference"
+        ),
+        "{said}"
+    );
+    let plans = "  watch: { use: plan.watch, inputs: { pose: head.pose } }\n  \
+                 plans: { use: plan.optimizer, every: 1 s, inputs: { request: watch.request, accept: console.accept } }\n";
+    let accepting = |text: &str| {
+        let script = "{ at: 1 s, say: accept, values: [0] }, { at: 1.5 s, say: arm }";
+        let text = text.replacen("  console:\n", &format!("{plans}  console:\n"), 1);
+        text.replacen("{ at: 1.5 s, say: arm }", script, 1)
+    };
+    assert_eq!(faults(&accepting(&default)), "");
+    let said = faults(&accepting(&real));
+    let unseen = "`plans` sees through `cloud`, which is no simulated rig, and a script accepts its plan";
+    assert!(said.contains(unseen), "{said}");
+    let person = real.replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
+    let waived = person.replacen(
+        "params: { origin: centre, max_points: 50000 }\n\n",
+        "params: { confirm: waived }\n\n",
+        1,
+    );
+    assert_ne!(waived, person);
+    assert!(faults(&waived).contains("`confirm: waived` takes its reference unseen"), "{}", faults(&waived));
+}
