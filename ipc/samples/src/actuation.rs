@@ -77,6 +77,8 @@ bits! {
         ORDERS_LOST = 1 << 23, "orders lost";
         /// A bladder pushes with less than the least force; a fault if it lasts.
         CONTACT_LOW = 1 << 24, "contact low";
+        /// The face moves by itself: the valves hold, and do not follow it.
+        FACE_MOVES = 1 << 25, "face moves";
     }
 }
 

@@ -47,6 +47,8 @@ bits! {
         UNCONFIRMED = 1 << 16, "unconfirmed";
         /// The standing plan is not known to hold in the requested set-up.
         PLAN = 1 << 17, "plan";
+        /// The face moves by itself: the pose of the skull is less sure.
+        FACE_MOVES = 1 << 18, "face moves";
     }
 }
 

@@ -31,6 +31,8 @@ pub enum PoseStatus {
     Doubted = 8,
     /// No frame became the reference within the time for which a command holds: it has to be asked for again.
     CaptureLapsed = 9,
+    /// The pose is that of the skull, and the face moves by itself: a smile, a word, a swallow. The pose is sent.
+    FaceMoves = 10,
 }
 
 /// The parts of the confidence that a frame shows what was captured.

@@ -54,6 +54,8 @@ pub struct Seen {
     pub unready: u32,
     /// Whether the controller asks that all valves be shut.
     pub is_idle: bool,
+    /// Whether the face moves by itself, so that the pose may follow it.
+    pub is_face: bool,
     /// The reference of the pose: its number, and the incarnation of its tracker; `None` if none is required.
     pub reference: Option<(u32, u32)>,
 }
@@ -156,9 +158,13 @@ impl Machine {
                 (ActuationState::Venting, Reason::ASKED | present, order)
             }
             Mode::Fault(why) => (ActuationState::Fault, why | present, self.safe(seen.now)),
-            Mode::Armed { .. } => match (self.is_well(seen), seen.is_idle) {
+            Mode::Armed { .. } => match (self.is_well(seen), seen.is_idle || seen.is_face) {
                 (true, false) => (ActuationState::Armed, 0, Order::Follow),
-                (true, true) => (ActuationState::Holding, Reason::IDLE, Order::Hold),
+                (true, true) => {
+                    let idle = if seen.is_idle { Reason::IDLE } else { 0 };
+                    let face = if seen.is_face { Reason::FACE_MOVES } else { 0 };
+                    (ActuationState::Holding, idle | face, Order::Hold)
+                }
                 (false, _) => {
                     let order = self.safe(seen.now);
                     self.vented |= order == Order::Vent;

@@ -177,8 +177,8 @@ pub fn gaps(times: &[u64], longest: u64) -> Result<(), String> {
         let gap = pair[1].saturating_sub(pair[0]);
         if gap > longest {
             return Err(format!(
-                "message {} comes {} after message {}: its clock was set in between (allowed: at most {}, `max_gap`): leave \
-                 messages out with `skip` and `frames`, or play it with `pace: ticks`",
+                "message {} comes {} after message {}: the clock was set between these times (allowed: at most {}, \
+                 `max_gap`): leave messages out with `skip` and `frames`, or play it with `pace: ticks`",
                 number + 2,
                 long_time(gap),
                 number + 1,

@@ -176,9 +176,9 @@ impl<'a> DepthMessage<'a> {
         let metres_per_count = depth_unit.unwrap_or(MILLIMETRE);
         // The encoding of the image before its compression stands first; some programs leave it out.
         let first = format.split(';').next().unwrap_or_default().trim();
-        let is_encoding = format.contains(';') || ["16UC1", "32FC1", "mono16"].contains(&first);
         if data.starts_with(PNG) {
-            if is_encoding && in_metres(first, depth_unit)? {
+            // Of other encodings, the type of the pixels decides.
+            if ["32FC1", "mono16"].contains(&first) && in_metres(first, depth_unit)? {
                 return Err(DepthMessageError::NoQuantisation(quoted(format)));
             }
             return Ok(Self { pixels: Pixels::Packed(Packed::Png(data)), metres_per_count });

@@ -88,9 +88,9 @@ fn depth_without_or_with_two_origins_is_refused_with_what_to_do() {
 
 #[test]
 fn a_broken_file_is_named_before_the_first_tick() {
-    let files = files(&[("scans/0.png", png(1, 1, &[1])), ("scans/1.png", vec![7; 40])]);
+    let files = files(&[("scans/0.png", png(2, 1, &[1, 1])), ("scans/1.png", vec![7; 40])]);
     let it = format!(
-        "{{ use: ingest.depth, every: 100 ms, frame: camera, params: {{ files: scans, {CAMERA} }} }}"
+        "{{ use: ingest.depth, every: 100 ms, frame: camera, params: {{ files: scans, strict: true, {CAMERA} }} }}"
     );
     let error = refused(&it, &files);
     assert!(error.contains("scans/1.png: the depth image is not a readable PNG"), "{error}");
@@ -180,7 +180,7 @@ fn a_broken_message_is_named_by_its_number() {
     let mut cut = message(&[[1.0; 3]]);
     cut.truncate(60);
     let files = files(&[("r.mcap", recording(&[("/cam", 2, cut), ("/cam", 1, message(&[]))]))]);
-    let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /cam } }";
+    let it = "{ use: ingest.mcap, every: 100 ms, frame: camera, params: { file: r.mcap, topic: /cam, strict: true } }";
     let error = refused(it, &files);
     assert!(error.contains("r.mcap: message 2 by time: it ends at byte 60"), "{error}");
 }

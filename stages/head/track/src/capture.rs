@@ -196,7 +196,7 @@ impl Capture {
         self.settle(tracker);
         self.behind = 1;
         self.cloud.clear();
-        self.cloud.extend_from_slice(cloud);
+        self.cloud.extend(cloud.iter().filter(|p| tracker.is_head(p)));
         thin(&mut self.cloud, self.most / self.frames as usize);
         self.state = if self.frames > 1 { State::Gathering(self.frames) } else { State::Complete };
         Ok(Offer::Taken)
@@ -226,6 +226,7 @@ impl Capture {
         self.settle(tracker);
         self.behind = 0;
         self.cloud = found.seen;
+        self.cloud.retain(|p| tracker.is_head(p));
         thin(&mut self.cloud, self.most);
         self.state = State::Complete;
         Ok(Some(found.camera_from_model))
@@ -245,7 +246,8 @@ impl Capture {
             let count = cloud.len().min(most);
             let back = current_from_reference.inverse();
             let picked = (0..count).map(|k| &cloud[k * cloud.len() / count]);
-            self.cloud.extend(picked.map(|p| back * nalgebra::Point3::from(*p)).map(|p| p.coords));
+            let moved = picked.map(|p| (back * nalgebra::Point3::from(*p)).coords);
+            self.cloud.extend(moved.filter(|p| tracker.is_head(p)));
         }
         self.state = State::Gathering(left - 1);
         if left == 1 {

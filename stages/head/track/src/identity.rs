@@ -27,9 +27,13 @@ const RESIDUAL_LEAST: f64 = 1.5e-3;
 /// How far the head may be from where it was captured, m, and turned, rad.
 const REGION: f64 = 0.15;
 const REGION_TURN: f64 = 0.9;
-/// Greatest relative movement of two halves of the surface, in multiples of the noise of the reference, and at least, m.
+/// Greatest relative movement of two halves of the surface, in multiples of the noise of the reference, at least and at most, m.
 const APART: f64 = 0.5;
 const APART_LEAST: f64 = 0.3e-3;
+const APART_MOST: f64 = 0.8e-3;
+/// While a face moves, for at most so long, ns, its parts may be farther apart by this: brows and lids. The beam is off.
+const EASED: f64 = 3.0;
+const EASED_TIME: u64 = 5_000_000_000;
 /// Least part of a quarter's points that must lie on the surface.
 const QUARTER: f64 = 0.35;
 /// Share of the points in pieces that have to be seen to move with the rest, and greatest share in pieces that were seen
@@ -39,7 +43,7 @@ const AGAINST: f64 = 0.05;
 /// Until then no piece may ever have moved against the rest by this part of the limit that holds later. On a surface from a
 /// CT pieces do so by its misfit when the head is brought to its set-up, and then nearly all are seen to move with it. A
 /// mask with a head behind it moves as a whole, too, but it is no surface of a CT.
-const MOVED_BEFORE: f64 = 0.5;
+const MOVED_BEFORE: f64 = 0.7;
 const NEARLY_ALL: f64 = 0.95;
 /// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
@@ -75,6 +79,8 @@ pub struct Judged {
     pub certainty: [f64; 5],
     /// How the parts agree.
     pub agreement: Agreement,
+    /// The face moves by itself.
+    pub faces: bool,
 }
 
 impl Judged {
@@ -103,6 +109,8 @@ pub struct Identity {
     /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
+    /// Since when the face moves, ns.
+    face: Option<u64>,
 }
 
 impl Identity {
@@ -120,7 +128,18 @@ impl Identity {
             is_mixed: false,
             density: 0.0,
             dense_frames: 0,
+            face: None,
         }
+    }
+
+    /// The factor of the limits between parts in a frame of this time, ns.
+    fn eased(&mut self, is_face: bool, time: u64) -> f64 {
+        if !is_face {
+            self.face = None;
+            return 1.0;
+        }
+        let since = *self.face.get_or_insert(time);
+        if time.saturating_sub(since) < EASED_TIME { EASED } else { 1.0 }
     }
 
     /// Judges a frame that has a pose.
@@ -129,7 +148,7 @@ impl Identity {
         let tolerance = needed.tolerance;
         let middle = surface.centroid();
         let noise = surface.noise_sd();
-        let pieces = Some((&mut self.pieces, noise.max(alignment.sd)));
+        let pieces = Some((&mut self.pieces, noise.max(alignment.sd), frame.time));
         let pose = &alignment.surface_from_cloud;
         let points = if self.proof == Proof::Waiting { POINTS_UNPROVEN } else { POINTS };
         let seen = agreement(surface, &self.axes, pieces, cloud, pose, tolerance, points);
@@ -144,10 +163,15 @@ impl Identity {
             below(alignment.sd, (RESIDUAL * noise).max(RESIDUAL_LEAST));
         certainty[IdentityPart::Region as usize] =
             below(shift.norm(), REGION).min(below(motion.rotation.angle(), REGION_TURN));
-        let apart = below(seen.apart, (APART * noise).max(APART_LEAST));
+        // A brow that rises is a piece of the face that moves against the rest, and a little.
+        let is_skin = seen.moves.skin > 1.0 && seen.moves.skin < EASED;
+        let eased = self.eased(seen.moves.face || is_skin, frame.time);
+        let faces = seen.moves.face || (is_skin && eased > 1.0);
+        let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, APART_MOST));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
-        certainty[IdentityPart::Agreement as usize] = apart.min(quarter).min(below(seen.moves.most, 1.0));
-        let judged = Judged { certainty, agreement: seen };
+        certainty[IdentityPart::Agreement as usize] =
+            apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
+        let judged = Judged { certainty, agreement: seen, faces };
         if judged.confidence() >= ENOUGH && self.dense_frames < FIRST && seen.density.is_finite() {
             self.dense_frames += 1;
             self.density += (seen.density - self.density) / f64::from(self.dense_frames);
@@ -179,7 +203,10 @@ impl Identity {
     fn prove(&mut self, judged: &Judged, time: u64) {
         self.since.get_or_insert(time);
         let moves = &judged.agreement.moves;
-        self.most = self.most.max(moves.most);
+        if judged.faces {
+            return;
+        }
+        self.most = self.most.max(moves.lasting);
         self.is_mixed |= moves.alike == Verdict::Against;
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;

@@ -5,6 +5,7 @@
 //! - `three_points`: three points on a head that move with it.
 //! - `buckets`: points sorted into cells.
 //! - `patch`: a quadric fitted to the points around a place.
+//! - [`movable`]: how far each part of a face moves by itself.
 //! - `nearest`: which place is nearest, from a table.
 //! - [`surface`]: the reference surface.
 //! - `align`: a cloud brought onto the surface.
@@ -28,6 +29,7 @@ pub mod forehead;
 mod forehead_operator;
 pub mod head;
 pub mod identity;
+pub mod movable;
 mod nearest;
 mod observability;
 mod operator;

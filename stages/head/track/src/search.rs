@@ -34,7 +34,7 @@ pub fn onto_centroid(
     centroid: &Vector3<f64>,
     rotation: &UnitQuaternion<f64>,
 ) -> Isometry3<f64> {
-    let to = surface.centroid() - surface.centre();
+    let to = surface.whole() - surface.centre();
     Isometry3::from_parts(Translation3::from(to - rotation * centroid), *rotation)
 }
 

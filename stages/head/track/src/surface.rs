@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 use crate::buckets::Buckets;
+use crate::movable::Movable;
 use crate::nearest::NearestTable;
 use crate::patch::{Patch, Place, Sight};
 
@@ -77,6 +78,7 @@ pub struct Surface {
     patches: Vec<Patch>,
     groups: Vec<u32>,
     group_count: usize,
+    firm_groups: usize,
     table: NearestTable,
     /// Largest squared distance from a patch at which it still represents the surface, m2.
     reach: f64,
@@ -85,9 +87,127 @@ pub struct Surface {
     length: f64,
     noise_sd: f64,
     slope_variance: f64,
+    /// Mean of all points of the frame from which it was made, with the neck, m, in the capture's frame.
+    whole: Vector3<f64>,
+    skin: Skin,
 }
 
+/// What of a surface moves by itself.
+#[derive(Debug, Clone, Default)]
+struct Skin {
+    /// Movement of each patch, m; empty where no table lies on the surface. Zero where no face is.
+    movable: Vec<f64>,
+    /// Whether each patch lies on the face of the table.
+    on_face: Vec<bool>,
+    /// Patches that move by less carry the pose, and those that move by less than the second count as seen, m.
+    rigid: f64,
+    firm: f64,
+    /// Unit normal towards the neck, and how far along it the neck begins, m.
+    neck: Option<(Vector3<f64>, f64)>,
+}
+
+/// Movements up to which patches are rigid, m: the first at which enough of them are.
+const RIGID: [f64; 3] = [0.4e-3, 0.8e-3, 1.6e-3];
+const RIGID_PATCHES: usize = 150;
+/// Patches that move by less count as seen where they lie within the tolerance, m.
+const FIRM: f64 = 0.9e-3;
+/// Movement at which a patch has half its weight, m, at least.
+const HALF: f64 = 0.3e-3;
+/// Where the skin is the neck's, m.
+const NECK: f64 = 4.5e-3;
+
 impl Surface {
+    /// Lays a table of movements on the surface.
+    pub fn lay(&mut self, movable: &Movable) {
+        let found: Vec<Option<f64>> = self.patches.iter().map(|p| movable.at(&p.position)).collect();
+        let on_face = found.iter().map(Option::is_some).collect();
+        let movements: Vec<f64> = found.into_iter().map(|m| m.unwrap_or(0.0)).collect();
+        let count = |limit: f64| movements.iter().filter(|m| **m < limit).count();
+        let rigid = RIGID.into_iter().find(|limit| count(*limit) >= RIGID_PATCHES).unwrap_or(f64::INFINITY);
+        let firm = FIRM.max(rigid);
+        let mut groups: Vec<u32> = self
+            .patches
+            .iter()
+            .zip(&movements)
+            .zip(&self.groups)
+            .filter_map(|((_, m), g)| (*m < firm).then_some(*g))
+            .collect();
+        groups.sort_unstable();
+        groups.dedup();
+        self.firm_groups = groups.len();
+        self.skin = Skin { movable: movements, on_face, rigid, firm, neck: Some(movable.neck()) };
+    }
+
+    /// Whether the surface is that of a face whose parts are known.
+    #[must_use]
+    pub fn has_face(&self) -> bool {
+        !self.skin.movable.is_empty()
+    }
+
+    /// Whether a place, m, about the centre, is below the line from chin to occiput.
+    #[inline]
+    #[must_use]
+    pub fn is_neck(&self, at: &Vector3<f64>) -> bool {
+        self.skin.neck.is_some_and(|(normal, begins)| normal.dot(at) > begins)
+    }
+
+    /// Whether a patch lies on a face, and is no hand or cushion.
+    #[must_use]
+    pub fn is_on_face(&self, patch: usize) -> bool {
+        self.skin.on_face.get(patch) == Some(&true)
+    }
+
+    #[inline]
+    fn movement(&self, patch: usize) -> f64 {
+        self.skin.movable.get(patch).copied().unwrap_or(0.0)
+    }
+
+    /// Weight of a patch in a fit, by how far it moves.
+    #[inline]
+    #[must_use]
+    pub fn weight(&self, patch: usize) -> f64 {
+        let part = self.movement(patch) / HALF.max(0.5 * self.noise_sd);
+        1.0 / (1.0 + part * part)
+    }
+
+    /// Whether a patch follows the skull.
+    #[inline]
+    #[must_use]
+    pub fn is_rigid(&self, patch: usize) -> bool {
+        self.skin.movable.is_empty() || self.movement(patch) < self.skin.rigid
+    }
+
+    /// Whether a patch stays within the tolerance of where the skull is, whatever the face does.
+    #[inline]
+    #[must_use]
+    pub fn is_firm(&self, patch: usize) -> bool {
+        self.skin.movable.is_empty() || self.movement(patch) < self.skin.firm
+    }
+
+    /// Whether a patch is of the part of a face that moves, and not of its neck.
+    #[inline]
+    #[must_use]
+    pub fn is_mimic(&self, patch: usize) -> bool {
+        !self.is_rigid(patch) && self.movement(patch) < NECK
+    }
+
+    /// Number of groups with patches that are firm.
+    #[must_use]
+    pub fn firm_groups(&self) -> usize {
+        self.firm_groups
+    }
+
+    /// Mean of all points of the frame from which it was made, with the neck, m, in the capture's frame.
+    #[must_use]
+    pub fn whole(&self) -> Vector3<f64> {
+        self.whole
+    }
+
+    /// Notes the mean of all points of the frame of which this is a part.
+    pub fn part_of(&mut self, whole: Vector3<f64>) {
+        self.whole = whole;
+    }
+
     /// The surface of a cloud of finite points (m), seen from the origin of its frame.
     ///
     /// # Errors
@@ -157,6 +277,7 @@ impl Surface {
             patches,
             groups,
             group_count,
+            firm_groups: group_count,
             table,
             reach,
             centre,
@@ -164,6 +285,8 @@ impl Surface {
             length,
             noise_sd,
             slope_variance,
+            whole: centroid,
+            skin: Skin::default(),
         })
     }
 
@@ -183,6 +306,13 @@ impl Surface {
     #[must_use]
     pub fn patches(&self) -> &[Patch] {
         &self.patches
+    }
+
+    /// Number of the group that a patch is in.
+    #[inline]
+    #[must_use]
+    pub fn group(&self, patch: usize) -> usize {
+        self.groups.get(patch).map_or(0, |group| *group as usize)
     }
 
     /// Number of groups of patches.

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use thiserror::Error;
 
 use crate::align::{AlignParams, Aligner, Alignment, Effort, Robust, misfit};
+use crate::movable::Movable;
 use crate::observability::Observability;
 use crate::quaternion::{PairedPose, pose_of_pairs};
 use crate::search::{best_start, onto_centroid, search};
@@ -112,6 +113,8 @@ struct Reference {
 /// Follows a head.
 pub struct HeadTracker {
     params: TrackParams,
+    /// Into the axes of the couch, where they are known.
+    couch_from_face: Option<UnitQuaternion<f64>>,
     aligner: Aligner,
     reference: Option<Reference>,
 }
@@ -127,7 +130,12 @@ impl HeadTracker {
     /// A tracker without a reference.
     #[must_use]
     pub fn new(params: TrackParams) -> Self {
-        Self { params, aligner: Aligner::default(), reference: None }
+        Self { params, couch_from_face: None, aligner: Aligner::default(), reference: None }
+    }
+
+    /// Says how the axes of the clouds are turned into those of the couch: then the parts of a face are found by their place.
+    pub fn lies_on(&mut self, couch_from_face: UnitQuaternion<f64>) {
+        self.couch_from_face = Some(couch_from_face);
     }
 
     /// Makes a cloud (m, finite, seen from the origin) the reference. `time` is its acquisition, ns.
@@ -145,7 +153,16 @@ impl HeadTracker {
     /// # Errors
     /// A cloud that makes no reference.
     pub fn surface_of(&self, cloud: &[Vector3<f64>]) -> Result<Surface, SurfaceError> {
-        Surface::new(cloud, &self.params.surface)
+        let whole = Surface::new(cloud, &self.params.surface)?;
+        let Some(couch_from_face) = &self.couch_from_face else { return Ok(whole) };
+        let Some(movable) = Movable::on(&whole, couch_from_face) else { return Ok(whole) };
+        let (normal, begins) = movable.neck();
+        let is_head = |p: &&Vector3<f64>| normal.dot(&(*p - whole.centre())) <= begins;
+        let head: Vec<Vector3<f64>> = cloud.iter().filter(is_head).copied().collect();
+        let Ok(mut surface) = Surface::new(&head, &self.params.surface) else { return Ok(whole) };
+        surface.part_of(whole.whole());
+        surface.lay(&movable.about(&(surface.centre() - whole.centre())));
+        Ok(surface)
     }
 
     /// The directions that a surface holds, as the cloud (m) from which it was made shows it.
@@ -181,8 +198,12 @@ impl HeadTracker {
     /// # Errors
     /// A cloud that makes no reference; the one before stays.
     pub fn refine(&mut self, cloud: &[Vector3<f64>]) -> Result<(), SurfaceError> {
+        if self.reference.is_none() {
+            return Ok(());
+        }
+        let mut surface = self.surface_of(cloud)?;
         let Some(reference) = &mut self.reference else { return Ok(()) };
-        let surface = Surface::new(cloud, &self.params.surface)?;
+        surface.part_of(reference.surface.whole());
         let shift = Translation3::from(reference.surface.centre() - surface.centre());
         reference.last.0 = shift * reference.last.0;
         reference.before = None;
@@ -203,6 +224,12 @@ impl HeadTracker {
         self.reference.as_ref()?.three.map(|three| three.points)
     }
 
+    /// Whether a place of the capture, m, is not below the line from chin to occiput.
+    #[must_use]
+    pub fn is_head(&self, place: &Vector3<f64>) -> bool {
+        self.surface().is_none_or(|surface| !surface.is_neck(&(place - surface.centre())))
+    }
+
     /// The reference surface.
     #[must_use]
     pub fn surface(&self) -> Option<&Surface> {
@@ -214,7 +241,7 @@ impl HeadTracker {
     /// # Errors
     /// Why there is none. The next frame is searched for the head.
     pub fn track(&mut self, cloud: &[Vector3<f64>], time: u64) -> Result<TrackedPose, Loss> {
-        let Self { params, aligner, reference } = self;
+        let Self { params, aligner, reference, .. } = self;
         let reference = reference.as_mut().ok_or(Loss::NoReference)?;
         let Some(centroid) = mean(cloud).filter(|_| cloud.len() >= params.min_points) else {
             reference.lost = true;

@@ -178,8 +178,8 @@ pub fn play_on(
         Some(network) => {
             let angles = usize::from(ring.count());
             let eye = Eye::of_case(
-                &problem.case,
-                &problem.wanted,
+                problem.case(),
+                problem.wanted(),
                 &Machine::shipped()?,
                 angles,
                 patient.coarse.bixel_mm,
@@ -212,7 +212,7 @@ impl<'a> Solved<'a> {
         seed: u64,
     ) -> Result<Game, GameError> {
         let Rules { beams, .. } = self.rules;
-        let habits = if self.problem.case.is_pelvis() { pelvis_solutions(beams) } else { Vec::new() };
+        let habits = if self.problem.case().is_pelvis() { pelvis_solutions(beams) } else { Vec::new() };
         let class = match habits.first().filter(|_| self.rules.class) {
             Some(angles) => {
                 let places: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
@@ -264,7 +264,7 @@ impl<'a> Solved<'a> {
 
     fn evaluator(&self, solves: usize) -> Result<Evaluator<'a, [Rows]>, GameError> {
         let budget = Budget { solves };
-        let evaluator = Evaluator::new(self.doses, &self.problem.goals, self.ring, self.rules.beams, budget);
+        let evaluator = Evaluator::new(self.doses, self.problem.goals(), self.ring, self.rules.beams, budget);
         Ok(evaluator.with_threads(self.threads).with_tolerance(TOLERANCE)?)
     }
 

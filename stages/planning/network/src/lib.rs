@@ -12,6 +12,7 @@
 //! - [`mod@file`]: the model file
 //! - [`problem`]: a case with goals and coarse doses; [`patient`]: phantoms and case files of training
 //! - [`game`]: sets that a network proposes and a search finds, solved: what self-play is made of
+//! - [`learned`]: what a network says of a case that is planned
 //! - [`judgement`]: what the network says of the sets of a case, and the sets of the best value
 
 #![forbid(unsafe_code)]
@@ -22,6 +23,7 @@ pub mod game;
 pub mod groups;
 pub mod judgement;
 pub mod lattice;
+pub mod learned;
 pub mod model;
 pub mod patient;
 pub mod problem;
@@ -33,6 +35,7 @@ pub use file::ModelFileError;
 pub use game::{Due, Game, GameError, Rules};
 pub use groups::Group;
 pub use judgement::Judgement;
+pub use learned::{LearnedError, caution, with_network};
 pub use model::{Model, Sizes};
 pub use patient::{Patient, PatientError};
 pub use problem::{Coarseness, Problem, ProblemError};

@@ -13,10 +13,9 @@ use std::time::Instant;
 
 use rustix::time::{ClockId, clock_gettime};
 use stillpoint_patient::case::{NameTable, import_described};
-use stillpoint_plan::beams::{Budget, Evaluator, Ring, RingDoses};
-use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::sampling::Sampling;
+use stillpoint_plan::beams::{Budget, Evaluator};
+use stillpoint_plan::dose::DoseCache;
+use stillpoint_plan::recipe::{PlanDoses, PlanSetup, PointScheme, SetupSpec};
 use stillpoint_testing::reference;
 
 const NAMES: [&str; 5] = ["tg119", "openkbp_1", "openkbp_2", "openkbp_3", "openkbp_4"];
@@ -36,7 +35,7 @@ fn main() {
     let Some(root) = reference::folder("planning") else { return };
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or("target".into(), PathBuf::from);
     let cache = DoseCache::in_folder(&target.join("doses")).unwrap();
-    let ring = Ring::new(90, 5).unwrap();
+    let ring = SetupSpec::shipped().unwrap().ring;
     let beams: Vec<u16> = (0..9).map(|i| 10 * i).collect();
     println!(
         "| patient | bixel, mm | voxels | bixels | CPU s | wall s | Newton steps | cost | proved excess |"
@@ -50,24 +49,17 @@ fn main() {
             let folder = name.split('_').next().unwrap();
             let described = root.join(folder).join(format!("{name}.json"));
             let case = import_described(&described, &NameTable::shipped().unwrap()).unwrap().case;
-            let over = DoseParams {
-                bixels: BixelSpec::of_width(width_mm),
-                ..DoseParams::over(case.grid(), grid_mm)
+            let points = match given.iter().any(|g| g == "points") {
+                true => PointScheme::Borders,
+                false => PointScheme::EveryVoxel,
             };
-            let sampling = if given.iter().any(|g| g == "points") {
-                Sampling::new(&case, grid_mm, width_mm).unwrap()
-            } else {
-                Sampling::every_voxel(&case, &over.grid)
-            };
-            let params = DoseParams { grid: *sampling.grid(), ..over };
-            let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
-            let engine = sampling.engine(&engine);
+            let spec = SetupSpec { grid_mm, bixel_mm: width_mm, points, ..SetupSpec::shipped().unwrap() };
+            let setup = PlanSetup::new(case, spec).unwrap();
+            let goals = &setup.goals;
             let two = NonZeroUsize::new(2).unwrap();
-            let doses = RingDoses::load(&cache, &[engine], ring, &beams, two, || ()).unwrap();
-            let table = ObjectiveTable::shipped().unwrap();
-            let goals = table.for_points(&case, &sampling).unwrap().goals(1).unwrap();
+            let doses = PlanDoses::load(&setup, &cache, &beams, two, || ()).unwrap().solved;
             let (began, clock) = (cpu_seconds(), Instant::now());
-            let evaluator = Evaluator::new(&doses, &goals, ring, 9, Budget { solves: 1 });
+            let evaluator = Evaluator::new(&doses, goals, ring, 9, Budget { solves: 1 });
             let mut evaluator =
                 evaluator.with_threads(threads).with_tolerance(of("tolerance", 1e-6)).unwrap();
             let best = evaluator.evaluate(&ring.set(&beams).unwrap(), None).unwrap();

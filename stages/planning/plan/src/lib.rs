@@ -13,7 +13,9 @@
 //! - [`metrics`]: histograms and indices of a dose
 //! - [`occupancy`]: how much of each voxel a structure takes
 //! - [`objectives`]: what is wanted of each structure, by a table of names and roles
+//! - [`plan_file`]: `plan.json`, written and read back
 //! - [`protocol`]: limits of doses, and a plan beside them
+//! - [`recipe`]: the one recipe of a plan: set-up, request, search
 //! - [`recompute`]: the dose of a plan on a grid of its own, of which its figures are
 //! - [`sampling`]: the points whose dose is optimised
 //! - `sparse`: the dose-influence matrix
@@ -33,7 +35,9 @@ pub mod leaves;
 pub mod metrics;
 pub mod objectives;
 pub mod occupancy;
+pub mod plan_file;
 pub mod protocol;
+pub mod recipe;
 pub mod recompute;
 pub mod sampling;
 mod sparse;

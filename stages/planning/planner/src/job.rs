@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use stillpoint_operator::StepError;
 use stillpoint_plan::RowsRef;
-use stillpoint_plan::beams::{Budget, ChoiceError, Evaluated, Evaluator, Memo, Method, Solver, Stop, choose};
+use stillpoint_plan::beams::{ChoiceError, Evaluated, Memo, Solver, Stop};
 use stillpoint_plan::dose::{BeamFile, DoseEngine};
+use stillpoint_plan::recipe::PlanSearch;
 
 use super::patient::Patient;
 use super::remote::Remote;
@@ -20,16 +21,13 @@ pub struct Part {
 }
 
 /// What a request asks for.
-#[derive(Clone, Copy, Debug)]
 pub struct Asked {
     /// Sequence of the request.
     pub request: u64,
     /// The set-up: how far the patient has moved, along the axes of his frame, mm.
     pub shift_mm: [f64; 3],
-    /// Beams of the plan.
-    pub beams: usize,
-    /// Solves of the search.
-    pub budget: usize,
+    /// The search, with the number of beams and the budget of the request.
+    pub search: PlanSearch,
 }
 
 /// A request in work.
@@ -67,14 +65,15 @@ pub(super) struct Found {
 impl Job {
     /// The work on a request, before its first part.
     pub fn new(patient: &Patient, asked: Asked) -> Result<Self, StepError> {
-        let engine = patient.engine.shifted(asked.shift_mm).map_err(|e| fault(&e))?;
+        let engine = patient.engine().shifted(asked.shift_mm).map_err(|e| fault(&e))?;
+        let limit = asked.search.budget;
         Ok(Self {
             asked,
             engine,
             doses: Vec::new(),
             shown: 0,
             allowed: 0,
-            limit: asked.budget,
+            limit,
             memo: Memo::default(),
             remote: Remote::default(),
             best: None,
@@ -85,17 +84,17 @@ impl Job {
 
     /// Whether the parts so far hold the doses of all angles.
     pub fn has_doses(&self, patient: &Patient) -> bool {
-        self.shown == usize::from(patient.ring.count())
+        self.shown == usize::from(patient.ring().count())
     }
 
     /// Does the next part: computes the next doses; where all are there, makes the next solves.
-    pub fn work(&mut self, patient: &Patient, part: Part, seed: u64) -> Result<(), StepError> {
+    pub fn work(&mut self, patient: &Patient, part: Part) -> Result<(), StepError> {
         if !self.has_doses(patient) {
             let shown = self.shown_next(patient, part);
             self.take_early_doses();
             while self.doses.len() < shown {
                 let beam = self.doses.len() as u16;
-                let dose = self.compute_dose(patient.ring.angle_deg(beam))?;
+                let dose = self.compute_dose(patient.ring().angle_deg(beam))?;
                 self.doses.push(dose);
                 self.take_early_doses();
             }
@@ -104,7 +103,7 @@ impl Job {
         }
         let allowed = self.allowed_next(part);
         let memo = std::mem::take(&mut self.memo);
-        let (memo, found) = search(&self.doses, patient, self.asked, memo, (allowed, seed), None);
+        let (memo, found) = search(&self.doses, patient, &self.asked.search, memo, allowed, None);
         self.memo = memo;
         if let Some(found) = found? {
             self.take(found, allowed);
@@ -113,7 +112,7 @@ impl Job {
     }
 
     /// The next part without any computation, of what is there already. Gives whether that suffices.
-    pub fn work_from_answers(&mut self, patient: &Patient, part: Part, seed: u64) -> Result<bool, StepError> {
+    pub fn work_from_answers(&mut self, patient: &Patient, part: Part) -> Result<bool, StepError> {
         if self.ended || !self.remote.has_news() {
             return Ok(false);
         }
@@ -125,7 +124,7 @@ impl Job {
             return Ok(is_there);
         }
         let allowed = self.allowed_next(part);
-        let found = self.search_by_answers(patient, (allowed, seed))?.ok();
+        let found = self.search_by_answers(patient, allowed)?.ok();
         let is_there = found.is_some();
         self.remote.note(is_there);
         found.into_iter().for_each(|found| self.take(found, allowed));
@@ -147,7 +146,7 @@ impl Job {
     }
 
     fn shown_next(&self, patient: &Patient, part: Part) -> usize {
-        (self.shown + part.doses).min(usize::from(patient.ring.count()))
+        (self.shown + part.doses).min(usize::from(patient.ring().count()))
     }
 
     fn allowed_next(&self, part: Part) -> usize {
@@ -178,7 +177,7 @@ impl Job {
     pub fn most_bixels(&self) -> usize {
         let mut counts: Vec<usize> = self.doses.iter().map(|dose| dose.bixels_mm().len()).collect();
         counts.sort_unstable_by(|a, b| b.cmp(a));
-        counts.iter().take(self.asked.beams).sum()
+        counts.iter().take(self.asked.search.beams).sum()
     }
 }
 
@@ -189,19 +188,17 @@ impl Job {
 pub(super) fn search(
     doses: &[BeamFile],
     patient: &Patient,
-    Asked { beams, budget, .. }: Asked,
+    search: &PlanSearch,
     memo: Memo,
-    (allowed, seed): (usize, u64),
+    allowed: usize,
     solver: Option<&mut dyn Solver>,
 ) -> (Memo, Result<Option<Found>, StepError>) {
-    let whole = Budget { solves: budget };
-    let evaluator = Evaluator::new(doses, &patient.goals, patient.ring, beams, whole);
-    let evaluator = evaluator.with_memo(memo).with_pause(allowed);
+    let evaluator = search.evaluator_on(&patient.setup, doses).with_memo(memo).with_pause(allowed);
     let mut evaluator = match solver {
         Some(solver) => evaluator.with_solver(solver),
         None => evaluator,
     };
-    let chosen = choose(&Method::Exchange(Vec::new()), &mut evaluator, None, seed);
+    let chosen = search.choose(&mut evaluator);
     let (best, solves) = (evaluator.best().cloned(), evaluator.solves());
     let found = |exhausted| Ok(Some(Found { best, solves, exhausted }));
     let result = match chosen {

@@ -6,6 +6,7 @@
 //! - `job`: the work on one request, in parts; `remote`: what a planning pool computes of it
 //! - `pooled`: the client of the pool in an operator
 //! - `patient`: a case, ready for plans in any set-up
+//! - [`protocol`]: the limits of protocol files
 
 #![forbid(unsafe_code)]
 
@@ -14,6 +15,7 @@ pub mod optimizer;
 mod params;
 mod patient;
 mod pooled;
+pub mod protocol;
 mod remote;
 pub mod watch;
 

@@ -5,9 +5,13 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use stillpoint_network::with_network;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
-use stillpoint_plan::beams::{Evaluated, Ring};
+use stillpoint_plan::beams::Evaluated;
+use stillpoint_plan::dose::Machine;
+use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::recipe::{MethodName, PlanRequest as Search, PriorName, RequestError, SetupSpec};
 use stillpoint_pool::{Build, Hash, MOST_BYTES};
 use stillpoint_pose::checked_isometry;
 use stillpoint_samples::{
@@ -17,8 +21,9 @@ use stillpoint_samples::{
 
 use crate::job::{Asked, Job, Part};
 use crate::params::{Degraded, OptimizerParams, Standing, limits};
-use crate::patient::{Patient, Sizes, TargetDose, case_of};
+use crate::patient::{Limits, Patient, TargetDose, case_of};
 use crate::pooled::{METRICS, Pooled, Way};
+use crate::protocol;
 use crate::remote::Served;
 
 const REQUEST: usize = 0;
@@ -31,19 +36,19 @@ const DIAGNOSTICS: usize = 2;
 const MOST_BEAMS: usize = 12;
 /// Solves of a request at most: each keeps a fluence in memory until the next request.
 const MOST_SOLVES: usize = 1000;
-/// Angles between beams of a plan, at least, as a part of the circle: 20 degrees.
-const PARTS_OF_CIRCLE: u16 = 18;
 /// A set-up nearer than this to the planned one is the planned one, mm.
 const PLANNED_WITHIN_MM: f64 = 1e-3;
 
 /// Searches beams and fluence for the newest request, a fixed number of solves at each tick, and sends the best plan so far
 /// after each tick.
 ///
+/// The plan is that of `stillpoint plan` with the same case, parameters and seed: the seed is that of the pipeline.
+///
 /// At first it computes the doses of all angles in the set-up of the request, a fixed number of beams at each tick. A newer
 /// request ends the work on the request before; a refused request is answered at once and changes nothing else. The best
 /// plan of the first request for the planned set-up (no shift) is the standing plan, unless `standing` says otherwise. Every
 /// update says whether the standing plan holds in the set-up of its request: D98 and D2 of the target against the parameters
-/// `least` and `most`, and the `limits`. These doses are on the grid of the optimisation, not recomputed on a finer grid. An
+/// `least` and `most`, and the `limits`. D98 and D2 are of the points that are optimised, and the limits are judged on a grid of the spacing `grid`: neither is recomputed on a finer grid. An
 /// update is an offer: a person takes it with `console.accept` and the number of its request, when the work on that has
 /// ended. Then it is the standing plan, and an update tells whether it holds.
 ///
@@ -53,6 +58,8 @@ const PLANNED_WITHIN_MM: f64 = 1e-3;
 pub struct PlanOptimizer {
     params: OptimizerParams,
     patient: Patient,
+    /// How beams are chosen; a request gives their number and the budget.
+    search: Search,
     job: Option<Job>,
     /// The build, until the pool is there.
     build: Option<Build>,
@@ -128,16 +135,26 @@ impl Operator for PlanOptimizer {
 
     fn new(params: OptimizerParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let case = case_of(params.case.as_deref(), setup)?;
-        let angles = params.angles as u16;
-        let ring =
-            Ring::new(angles, angles.div_ceil(PARTS_OF_CIRCLE)).map_err(|e| SetupError(e.to_string()))?;
-        let sizes =
-            Sizes { grid_mm: params.grid * 1e3, bixel_mm: params.bixel * 1e3, reach_mm: params.reach * 1e3 };
-        let patient = Patient::new(case, sizes, ring, limits(&params.limits)?)?;
+        let spec = spec(&params, setup)?;
+        let mut search = search(&params)?;
+        let own = params.network.as_deref().map(|name| setup.file(name)).transpose()?;
+        let named = params.network.as_deref().map_or(String::new(), |name| format!("{name}: "));
+        with_network(std::slice::from_mut(&mut search), &case, &spec, own.as_deref())
+            .map_err(|e| SetupError(format!("{named}{e}")))?;
+        let protocol = match &params.protocol {
+            Some(name) => {
+                let read = protocol::read(name, setup.file(name)?);
+                Some(read.map_err(|faults| SetupError(faults.to_string()))?)
+            }
+            None => None,
+        };
+        let limits = Limits { own: limits(&params.limits)?, protocol };
+        let patient = Patient::new(case, spec, limits)?;
         let build = setup.is_connected(ANSWERS).then(Build::here).transpose().map_err(SetupError)?;
         Ok(Self {
             params,
             patient,
+            search,
             job: None,
             build,
             pool: None,
@@ -161,7 +178,7 @@ impl Operator for PlanOptimizer {
         if let Some(request) = activation.fresh::<PlanRequest>(REQUEST)
             && let (Some(element), Some(header)) = (request.elements.first(), activation.header(REQUEST))
         {
-            match self.asked(element, header.sequence) {
+            match self.asked(element, header.sequence, seed) {
                 Ok(asked) => self.take(asked)?,
                 Err(refusal) => self.refuse(header.sequence, refusal, outputs)?,
             }
@@ -173,12 +190,12 @@ impl Operator for PlanOptimizer {
         }
         let is_tick = activation.cause == Cause::Timer;
         let Some(mut pool) = self.pool.take() else {
-            return if is_tick { self.work_here(seed, outputs) } else { Ok(()) };
+            return if is_tick { self.work_here(outputs) } else { Ok(()) };
         };
         if let Some(message) = activation.fresh::<PoolMessage>(ANSWERS) {
             pool.hear(now, &message, &Served { patient: &self.patient, job: self.job.as_ref() });
         }
-        let worked = self.work_with(&mut pool, (now, is_tick), seed, outputs);
+        let worked = self.work_with(&mut pool, (now, is_tick), outputs);
         let sent = pool.send(CALLS, outputs);
         let told = if is_tick { pool.tell(now, DIAGNOSTICS, outputs) } else { Ok(()) };
         self.pool = Some(pool);
@@ -188,17 +205,23 @@ impl Operator for PlanOptimizer {
 
 impl PlanOptimizer {
     /// A request that can be answered, or why it cannot.
-    fn asked(&self, request: &PlanRequestElement, sequence: u64) -> Result<Asked, PlanRefusal> {
+    fn asked(&self, request: &PlanRequestElement, sequence: u64, seed: u64) -> Result<Asked, PlanRefusal> {
         let (beams, budget) = (request.beams as usize, request.budget as usize);
         if request.case_hash != self.patient.hash {
             return Err(PlanRefusal::Case);
         }
-        if beams > MOST_BEAMS || self.patient.ring.check_room(beams).is_err() {
+        if beams > MOST_BEAMS {
             return Err(PlanRefusal::Beams);
         }
-        if !(1..=MOST_SOLVES).contains(&budget) {
+        if budget > MOST_SOLVES {
             return Err(PlanRefusal::Budget);
         }
+        let search = Search { beams, budget, seed, ..self.search.clone() };
+        let search = search.check(&self.patient.setup.case, self.patient.ring()).map_err(|e| match e {
+            RequestError::NoSolve => PlanRefusal::Budget,
+            // What does not depend on the request was checked when the operator was made.
+            _ => PlanRefusal::Beams,
+        })?;
         let motion = checked_isometry(request.position, request.orientation).ok_or(PlanRefusal::Pose)?;
         if !request.position.iter().all(|metres| metres.is_finite()) {
             return Err(PlanRefusal::Pose);
@@ -210,7 +233,7 @@ impl PlanOptimizer {
         if shift_mm.iter().any(|mm| mm.abs() > self.params.reach * 1e3) {
             return Err(PlanRefusal::Shift);
         }
-        Ok(Asked { request: sequence, shift_mm, beams, budget })
+        Ok(Asked { request: sequence, shift_mm, search })
     }
 
     fn take(&mut self, asked: Asked) -> Result<(), StepError> {
@@ -229,10 +252,10 @@ impl PlanOptimizer {
     }
 
     /// Does the next part on this thread.
-    fn work_here(&mut self, seed: u64, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
+    fn work_here(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
         let part = self.part();
         let Some(job) = self.job.as_mut().filter(|job| !job.ended) else { return Ok(()) };
-        job.work(&self.patient, part, seed)?;
+        job.work(&self.patient, part)?;
         self.tell_part(outputs)
     }
 
@@ -243,6 +266,12 @@ impl PlanOptimizer {
             let request = job.asked.request;
             self.job = None;
             return self.refuse(request, PlanRefusal::Bixels, outputs);
+        }
+        if job.ended && job.best.is_none() {
+            // The method needs more solves until it has a set of so many beams.
+            let request = job.asked.request;
+            self.job = None;
+            return self.refuse(request, PlanRefusal::Budget, outputs);
         }
         if job.ended {
             self.keep_standing();
@@ -255,20 +284,19 @@ impl PlanOptimizer {
         &mut self,
         pool: &mut Pooled,
         (now, is_tick): (u64, bool),
-        seed: u64,
         outputs: &mut Outputs<'_>,
     ) -> Result<(), StepError> {
         let job = self.job.as_mut().filter(|_| !self.is_here);
-        let turn = pool.go_on(now, is_tick, &self.patient, job, seed)?;
+        let turn = pool.go_on(now, is_tick, &self.patient, job)?;
         if !turn.tainted.is_empty() {
             return self.doubt(pool, &turn.tainted, outputs);
         }
         if self.is_here {
-            return if is_tick { self.work_here(seed, outputs) } else { Ok(()) };
+            return if is_tick { self.work_here(outputs) } else { Ok(()) };
         }
         let part = self.part();
         while let Some(job) = &mut self.job
-            && job.work_from_answers(&self.patient, part, seed)?
+            && job.work_from_answers(&self.patient, part)?
         {
             self.tell_part(outputs)?;
         }
@@ -331,16 +359,20 @@ impl PlanOptimizer {
     }
 
     fn send_update(&mut self, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
-        self.judge_limits();
+        self.judge_limits()?;
         let (body, fluence) = self.update();
         outputs.send_slice::<PlanUpdate>(PLAN, &body, &fluence)
     }
 
-    /// Judges the limits once for each standing plan and set-up.
-    fn judge_limits(&mut self) {
-        if let (None, Some(standing), Some(job)) = (self.keeps_limits, &self.standing, &self.job) {
-            self.keeps_limits = self.patient.keeps_limits(&standing.plan, |beam| job.dose(beam));
+    /// Judges the limits once for each standing plan and set-up, when the doses of the set-up are there.
+    fn judge_limits(&mut self) -> Result<(), StepError> {
+        if let (None, Some(standing), Some(job)) = (self.keeps_limits, &self.standing, &self.job)
+            && standing.plan.beams.beams().iter().all(|beam| job.dose(*beam).is_some())
+        {
+            let keeps = self.patient.keeps_limits(&standing.plan, job.asked.shift_mm);
+            self.keeps_limits = Some(keeps.map_err(|e| StepError(e.to_string()))?);
         }
+        Ok(())
     }
 
     /// Keeps the best plan of the first request for the planned set-up when the work on it ends.
@@ -391,7 +423,7 @@ impl PlanOptimizer {
             }
             body.beams = best.beams.beams().len() as u32;
             for (number, beam) in best.beams.beams().iter().enumerate() {
-                body.angles[number] = self.patient.ring.angle_deg(*beam).to_radians();
+                body.angles[number] = self.patient.ring().angle_deg(*beam).to_radians();
                 let weights = best.weights_of(*beam).unwrap_or_default();
                 let bixel = |(centre_mm, weight): (&[f64; 2], &f64)| BixelWeight {
                     centre: centre_mm.map(|mm| (mm * 1e-3) as f32),
@@ -412,6 +444,43 @@ impl PlanOptimizer {
         let keeps_limits = self.keeps_limits == Some(true);
         if enough && not_too_much && keeps_limits { PlanStanding::Holds } else { PlanStanding::Fails }
     }
+}
+
+/// The parameters of the set-up of all plans.
+fn spec(params: &OptimizerParams, setup: &Setup<'_>) -> Result<SetupSpec, SetupError> {
+    let shipped = SetupSpec::shipped().map_err(|e| SetupError(e.to_string()))?;
+    let text = |name: &str| -> Result<String, SetupError> {
+        String::from_utf8(setup.file(name)?).map_err(|_| SetupError(format!("{name}: the file is not UTF-8")))
+    };
+    let objectives = match &params.objectives {
+        Some(name) => ObjectiveTable::parse(&text(name)?)
+            .map_err(|e| SetupError(format!("{name}: {e}")))?
+            .before(shipped.objectives),
+        None => shipped.objectives,
+    };
+    let machine = match &params.machine {
+        Some(name) => Machine::from_json(&text(name)?).map_err(|e| SetupError(format!("{name}: {e}")))?,
+        None => shipped.machine,
+    };
+    Ok(SetupSpec {
+        objectives,
+        machine,
+        grid_mm: params.grid * 1e3,
+        bixel_mm: params.bixel * 1e3,
+        reach_mm: params.reach * 1e3,
+        ring: SetupSpec::ring_of(params.angles as u16).map_err(|e| SetupError(e.to_string()))?,
+        ..shipped
+    })
+}
+
+/// How beams are chosen, but for what a request says.
+fn search(params: &OptimizerParams) -> Result<Search, SetupError> {
+    let search = Search {
+        priors: params.prior.iter().map(|prior| PriorName::from(*prior)).collect(),
+        ..Search::of_method(MethodName::from(params.method))
+    };
+    search.check_names().map_err(|e| SetupError(format!("`method` and `prior`: {e}")))?;
+    Ok(search)
 }
 
 /// The best plan of a job, as one that stands.

@@ -2,6 +2,7 @@
 
 use stillpoint_operator::{Choice, Params, SetupError};
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
+use stillpoint_plan::recipe::{MethodName, PriorName};
 
 /// Which plan becomes the standing plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -10,6 +11,81 @@ pub enum Standing {
     First,
     /// Only plans that a person accepts.
     Accepted,
+}
+
+/// How beams are chosen; `docs/guide/planning.md` describes each method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum MethodChoice {
+    /// Equally spaced beams; every rotation is tried.
+    Equidistant,
+    /// The usual angles for the pelvis with 5 or 7 beams; equally spaced beams for other numbers.
+    Class,
+    /// The best of uniformly drawn sets.
+    Random,
+    /// Beams are added one by one, by price.
+    Greedy,
+    /// Single beams are exchanged as long as the objective improves.
+    Exchange,
+    /// Simulated annealing from the greedy set.
+    Annealing,
+    /// Column generation.
+    Columns,
+    /// Tree search over exchanges, guided by `prior`.
+    Search,
+    /// The set that `prior` builds by itself.
+    Prior,
+    /// The sets that a trained network proposes.
+    Network,
+    /// Tree search of the game in which beams are added one by one, guided by `prior`.
+    Construction,
+    /// Tree search of the game in which two players exchange beams in turn, guided by `prior`.
+    TwoPlayer,
+}
+
+impl From<MethodChoice> for MethodName {
+    fn from(choice: MethodChoice) -> Self {
+        match choice {
+            MethodChoice::Equidistant => Self::Equidistant,
+            MethodChoice::Class => Self::Class,
+            MethodChoice::Random => Self::Random,
+            MethodChoice::Greedy => Self::Greedy,
+            MethodChoice::Exchange => Self::Exchange,
+            MethodChoice::Annealing => Self::Annealing,
+            MethodChoice::Columns => Self::Columns,
+            MethodChoice::Search => Self::Search,
+            MethodChoice::Prior => Self::Prior,
+            MethodChoice::Network => Self::Network,
+            MethodChoice::Construction => Self::Construction,
+            MethodChoice::TwoPlayer => Self::TwoPlayer,
+        }
+    }
+}
+
+/// What is known of a beam before it is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum PriorChoice {
+    /// All beams are alike.
+    Uniform,
+    /// Prices next to the beams that stay.
+    Price,
+    /// Path lengths through the body and through organs.
+    Geometry,
+    /// The usual angles for the pelvis with 5 or 7 beams.
+    Class,
+    /// A trained network over the geometry of the case.
+    Network,
+}
+
+impl From<PriorChoice> for PriorName {
+    fn from(choice: PriorChoice) -> Self {
+        match choice {
+            PriorChoice::Uniform => Self::Uniform,
+            PriorChoice::Price => Self::Price,
+            PriorChoice::Geometry => Self::Geometry,
+            PriorChoice::Class => Self::Class,
+            PriorChoice::Network => Self::Network,
+        }
+    }
 }
 
 /// A limit that the standing plan keeps.
@@ -55,10 +131,34 @@ pub struct OptimizerParams {
     /// pelvis of seed 0.
     #[param(file)]
     pub case: Option<String>,
+    /// JSON table of objectives, a path relative to the pipeline file; the session keeps it. Its entries take precedence over
+    /// the built-in table.
+    #[param(file)]
+    pub objectives: Option<String>,
+    /// Machine file, a path relative to the pipeline file; the session keeps it. Without it, the machine is the built-in
+    /// generic 6 MV machine.
+    #[param(file)]
+    pub machine: Option<String>,
+    /// YAML file of limits that the standing plan keeps, as far as the case has their structures: a path relative to the
+    /// pipeline file; the session keeps it.
+    #[param(file)]
+    pub protocol: Option<String>,
+    /// Method of choosing beams, as `--method` of `stillpoint plan`.
+    #[param(default = "exchange")]
+    pub method: MethodChoice,
+    /// What is known of a beam before it is solved, for the methods `search`, `prior`, `construction` and `two_player`.
+    /// Several are mixed in equal parts.
+    #[param(default = "[\"price\"]")]
+    pub prior: Vec<PriorChoice>,
+    /// Model file of the method and the prior `network`, a path relative to the pipeline file; the session keeps it. Without
+    /// it, the network is the one that comes with stillpoint.
+    #[param(file)]
+    pub network: Option<String>,
     /// Number of gantry angles, equally spaced from 0. Beams of a plan are at least 20 degrees apart.
     #[param(default = 36, min = 6, max = 90)]
     pub angles: u64,
-    /// Distance between the points whose dose is optimised.
+    /// Distance between the points whose dose is optimised. At the borders of targets it is half of that, and at most a
+    /// quarter of a bixel.
     #[param(unit = "m", default = "5 mm", min = "2 mm", max = "20 mm")]
     pub grid: f64,
     /// Width of a bixel.
@@ -84,7 +184,7 @@ pub struct OptimizerParams {
     /// ... and 2 % of the target get at most this part of it.
     #[param(default = 1.15, min = 1, max = 10)]
     pub most: f64,
-    /// Further limits that the standing plan keeps, at the points of the dose grid.
+    /// Further limits that the standing plan keeps, of its dose on a grid of the spacing `grid`.
     #[param(default = "[]")]
     pub limits: Vec<LimitParams>,
     /// Which plan becomes the standing plan.

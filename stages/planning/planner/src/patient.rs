@@ -2,46 +2,42 @@
 
 use nalgebra::Vector3;
 use stillpoint_operator::{Setup, SetupError};
-use stillpoint_patient::Grid;
-use stillpoint_patient::case::{Case, PatientPosition, content_hash, from_bytes, phantom};
+use stillpoint_patient::case::{Case, ContentHash, content_hash, from_bytes, phantom};
 use stillpoint_patient::couch::patient_from_couch;
 use stillpoint_plan::RowsRef;
 use stillpoint_plan::beams::{Evaluated, Ring};
-use stillpoint_plan::dose::{BixelSpec, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::evaluation::OnGrid;
+use stillpoint_plan::dose::{DoseEngine, DoseError};
+use stillpoint_plan::evaluation::{Evaluation, OnGrid};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::metrics::Dvh;
-use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::protocol::Protocol;
+use stillpoint_plan::protocol::{Judged, Protocol};
+use stillpoint_plan::recipe::{PlanSetup, SetupSpec};
+use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
-/// Lengths of the plans of a patient, mm.
-#[derive(Clone, Copy, Debug)]
-pub struct Sizes {
-    /// Distance between the points whose dose is optimised.
-    pub grid_mm: f64,
-    /// Width of a bixel.
-    pub bixel_mm: f64,
-    /// Farthest set-up. Bixels are placed that much farther beyond the target than usual.
-    pub reach_mm: f64,
+/// Limits of the standing plan.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Each must be kept, and each must have a value for the case.
+    pub own: Protocol,
+    /// Those that the case has a value for must be kept.
+    pub protocol: Option<Protocol>,
 }
 
 /// All that the plans of a case share in any set-up.
 pub struct Patient {
+    /// The case made ready.
+    pub setup: PlanSetup,
     /// Content hash of the case.
     pub hash: [u64; 4],
-    pub goals: Goals,
-    /// Doses in the planned set-up.
-    pub engine: DoseEngine,
-    pub ring: Ring,
     /// Prescription of the target, Gy.
     pub prescribed_gy: f64,
-    position: PatientPosition,
-    case: Case,
-    grid: Grid,
-    /// Limits that a standing plan keeps.
-    limits: Protocol,
+    limits: Limits,
+    /// The dose of all structures, of which limits are judged; `None` without limits.
+    recompute: Option<Recompute>,
     /// Rows of the target in a dose matrix.
     target: Vec<usize>,
+    /// The volume that each of these rows stands for.
+    volumes: Vec<f64>,
 }
 
 /// Doses of the target at the points that are optimised, Gy.
@@ -52,60 +48,93 @@ pub struct TargetDose {
 }
 
 impl Patient {
-    /// Makes a case ready, with gantry angles on `ring`.
-    pub fn new(case: Case, sizes: Sizes, ring: Ring, limits: Protocol) -> Result<Self, SetupError> {
-        let fault = |why: &dyn std::fmt::Display| SetupError(format!("case {}: {why}", case.name()));
-        let hash = hash_of(&case)?;
-        let usual = BixelSpec::of_width(sizes.bixel_mm);
-        let bixels = BixelSpec { margin_mm: usual.margin_mm + sizes.reach_mm, ..usual };
-        let params = DoseParams { bixels, ..DoseParams::over(case.grid(), sizes.grid_mm) };
-        let table = ObjectiveTable::shipped().map_err(|e| fault(&e))?;
-        let grid = params.grid;
-        let aims = table.for_case(&case, &grid).map_err(|e| fault(&e))?;
-        let goals = aims.goals(1).map_err(|e| fault(&e))?;
+    /// Makes a case ready.
+    pub fn new(case: Case, spec: SetupSpec, limits: Limits) -> Result<Self, SetupError> {
+        let name = case.name().to_owned();
+        let fault = |why: &dyn std::fmt::Display| SetupError(format!("case {name}: {why}"));
+        let setup = PlanSetup::new(case, spec).map_err(|e| fault(&e))?;
+        let case = &setup.case;
         let doses = case.prescription().iter().filter(|p| case.targets().any(|t| t.name == p.structure));
         let Some(highest) = doses.max_by(|a, b| a.dose_gy.total_cmp(&b.dose_gy)) else {
             return Err(fault(&"no target has a prescription"));
         };
-        let points = goals.structures().iter().find(|w| w.name == highest.structure).map(|w| &w.voxels);
-        let Some(points) = points.filter(|points| !points.is_empty()) else {
+        let points = setup.aims.structures.iter().find(|w| w.name == highest.structure);
+        let Some(points) = points.filter(|points| !points.voxels.is_empty()) else {
             return Err(fault(&format!(
                 "{} has no point on the dose grid; a finer `grid` has some",
                 highest.structure
             )));
         };
-        let target = points.iter().map(|row| *row as usize).collect();
-        let prescribed_gy = highest.dose_gy;
-        let machine = Machine::shipped().map_err(|e| fault(&e))?;
-        let engine = DoseEngine::of_case(&case, machine, params).map_err(|e| fault(&e))?;
-        // Limits need the dose of all structures, the search only that of the points of its objectives.
-        let engine = if limits.limits.is_empty() { engine.within(goals.voxels()) } else { engine };
-        let position = case.position();
-        let patient = Self { hash, goals, engine, ring, prescribed_gy, position, case, grid, limits, target };
+        let target: Vec<usize> = points.voxels.iter().map(|row| *row as usize).collect();
+        let volumes = match points.volumes.is_empty() {
+            true => vec![1.0; target.len()],
+            false => points.volumes.clone(),
+        };
+        let has_limits = !limits.own.limits.is_empty() || limits.protocol.is_some();
+        let recompute = has_limits.then(|| {
+            let params = setup.engine().params();
+            let grid_mm = setup.spec.grid_mm;
+            Recompute::with_spacing(case, setup.spec.machine.clone(), params, grid_mm)
+        });
+        let recompute = recompute.transpose().map_err(|e| fault(&e))?;
+        let (hash, prescribed_gy) = (words(&setup.hash), highest.dose_gy);
+        let patient = Self { setup, hash, prescribed_gy, limits, recompute, target, volumes };
         patient.check_limits()?;
         Ok(patient)
     }
 
-    /// Refuses limits of which the case has no quantity.
+    /// The goals of plans.
+    pub fn goals(&self) -> &Goals {
+        &self.setup.goals
+    }
+
+    /// The angles that beams may have.
+    pub fn ring(&self) -> Ring {
+        self.setup.spec.ring
+    }
+
+    /// Doses in the planned set-up.
+    pub fn engine(&self) -> &DoseEngine {
+        self.setup.engine()
+    }
+
+    /// Refuses limits of which the case has no quantity, and a protocol of which no limit is on the case.
     fn check_limits(&self) -> Result<(), SetupError> {
-        let even = vec![self.prescribed_gy as f32; self.grid.len()];
-        let on_grid = OnGrid::new(&self.case, &self.grid);
-        let judged = self.limits.judge(&self.case, &on_grid.evaluate(&even));
-        match judged.iter().find(|judged| judged.value.is_none()) {
-            Some(judged) => Err(SetupError(format!(
+        let Some(recompute) = &self.recompute else { return Ok(()) };
+        let case = &self.setup.case;
+        let even = vec![self.prescribed_gy as f32; recompute.grid().len()];
+        let on_grid = OnGrid::new(case, recompute.grid());
+        let evaluation = on_grid.evaluate(&even);
+        let (own, protocol) = self.judged(&evaluation);
+        if let Some(judged) = own.iter().find(|judged| judged.value.is_none()) {
+            return Err(SetupError(format!(
                 "case {}: the limit `{}` of `limits` has no value for {}: a limit is on a structure of the case, on \
                  `target` or on `plan`",
-                self.case.name(),
+                case.name(),
                 judged.limit,
                 judged.structure
-            ))),
-            None => Ok(()),
+            )));
         }
+        match &self.limits.protocol {
+            Some(given) if !protocol.iter().any(|judged| judged.value.is_some()) => Err(SetupError(format!(
+                "case {}: no limit of the protocol {} is on a structure of the case",
+                case.name(),
+                given.name
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// The limits of `limits`, and those of the protocol.
+    fn judged(&self, evaluation: &Evaluation<'_>) -> (Vec<Judged>, Vec<Judged>) {
+        let case = &self.setup.case;
+        let protocol = self.limits.protocol.as_ref().map(|protocol| protocol.judge(case, evaluation));
+        (self.limits.own.judge(case, evaluation), protocol.unwrap_or_default())
     }
 
     /// A shift along the axes of the couch, m, as one along the axes of the patient, mm.
     pub fn shift_mm(&self, couch_m: [f64; 3]) -> [f64; 3] {
-        (patient_from_couch(self.position) * Vector3::from(couch_m) * 1e3).into()
+        (patient_from_couch(self.setup.case.position()) * Vector3::from(couch_m) * 1e3).into()
     }
 
     /// The dose of a plan to the target with these matrices; `None` where a matrix is missing.
@@ -126,33 +155,27 @@ impl Patient {
                     .sum::<f64>();
             }
         }
-        let dvh = Dvh::new(&dose).ok()?;
+        let dvh = Dvh::weighted(&dose, &self.volumes).ok()?;
         Some(TargetDose { d98: dvh.dose_at(98.0), d2: dvh.dose_at(2.0) })
     }
 
-    /// Whether a plan keeps every limit with these matrices; `None` where a matrix is missing.
-    pub fn keeps_limits<'a>(
-        &self,
-        plan: &Evaluated,
-        matrix: impl Fn(u16) -> Option<RowsRef<'a>>,
-    ) -> Option<bool> {
-        if self.limits.limits.is_empty() {
-            return Some(true);
-        }
-        let part = |beam: &u16| Some((matrix(*beam)?, plan.weights_of(*beam)?));
-        let parts: Vec<_> = plan.beams.beams().iter().map(part).collect::<Option<_>>()?;
-        let mut gray = vec![0.0; self.grid.len()];
-        for (rows, weights) in parts {
-            for (row, sum) in gray.iter_mut().enumerate() {
-                let (columns, values) = rows.row(row);
-                let doses = columns.iter().zip(values).map(|(c, v)| f64::from(*v) * weights[usize::from(*c)]);
-                *sum += doses.sum::<f64>();
-            }
-        }
-        let gray: Vec<f32> = gray.into_iter().map(|gray| gray as f32).collect();
-        let evaluation = OnGrid::new(&self.case, &self.grid).evaluate(&gray);
-        let judged = self.limits.judge(&self.case, &evaluation);
-        Some(judged.iter().all(|judged| judged.passed == Some(true)))
+    /// Whether a plan keeps every limit where the patient is displaced by so much, mm.
+    ///
+    /// # Errors
+    /// The dose cannot be computed there.
+    pub fn keeps_limits(&self, plan: &Evaluated, shift_mm: [f64; 3]) -> Result<bool, DoseError> {
+        let Some(recompute) = &self.recompute else { return Ok(true) };
+        let weighted = |beam: &u16| WeightedBeam {
+            gantry_deg: self.ring().angle_deg(*beam),
+            weights: plan.weights_of(*beam).unwrap_or_default(),
+            bixels_mm: None,
+        };
+        let beams: Vec<WeightedBeam<'_>> = plan.beams.beams().iter().map(weighted).collect();
+        let gray = recompute.dose(&beams, shift_mm, std::num::NonZeroUsize::MIN)?;
+        let on_grid = OnGrid::new(&self.setup.case, recompute.grid());
+        let (own, protocol) = self.judged(&on_grid.evaluate(&gray));
+        Ok(own.iter().all(|judged| judged.passed == Some(true))
+            && protocol.iter().all(|judged| judged.passed != Some(false)))
     }
 }
 
@@ -166,7 +189,11 @@ pub fn case_of(file: Option<&str>, setup: &Setup<'_>) -> Result<Case, SetupError
 
 /// The content hash of a case as samples have it: little-endian words.
 pub fn hash_of(case: &Case) -> Result<[u64; 4], SetupError> {
-    let bytes = content_hash(case).map_err(|e| SetupError(e.to_string()))?.0;
+    content_hash(case).map(|hash| words(&hash)).map_err(|e| SetupError(e.to_string()))
+}
+
+fn words(hash: &ContentHash) -> [u64; 4] {
+    let bytes = hash.0;
     let word = |i: usize| (0..8).rev().fold(0, |word, byte| word << 8 | u64::from(bytes[8 * i + byte]));
-    Ok([0, 1, 2, 3].map(word))
+    [0, 1, 2, 3].map(word)
 }

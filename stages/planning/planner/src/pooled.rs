@@ -97,7 +97,6 @@ impl Pooled {
         is_tick: bool,
         patient: &Patient,
         mut job: Option<&mut Job>,
-        seed: u64,
     ) -> Result<Turn, StepError> {
         self.busy = !is_tick && (self.busy || now.saturating_sub(self.last) > LONG_STEP);
         self.last = now;
@@ -126,7 +125,7 @@ impl Pooled {
                         }
                         continue;
                     }
-                    let calls = job.calls(patient, &build, seed)?;
+                    let calls = job.calls(patient, &build)?;
                     if calls.is_empty() {
                         break;
                     }

@@ -54,17 +54,17 @@ pub struct Waits(Wanted);
 
 impl Job {
     /// Calls that the work needs now and that were not asked before; none while answers are awaited, and at the end.
-    pub fn calls(&mut self, patient: &Patient, build: &Build, seed: u64) -> Result<Vec<Call>, StepError> {
+    pub fn calls(&mut self, patient: &Patient, build: &Build) -> Result<Vec<Call>, StepError> {
         self.remote.build.get_or_insert_with(|| build.clone());
         if self.remote.complete || !self.remote.open.calls.is_empty() {
             return Ok(Vec::new());
         }
         self.remote.news = true;
-        let wanted = if self.doses.len() < usize::from(patient.ring.count()) {
+        let wanted = if self.doses.len() < usize::from(patient.ring().count()) {
             self.dose_calls(patient, build)?
         } else {
             // The search goes on as far as it can: the parts follow.
-            let found = self.search_by_answers(patient, (usize::MAX, seed))?;
+            let found = self.search_by_answers(patient, usize::MAX)?;
             // The memo has what the search took.
             self.remote.answers.clear();
             match found {
@@ -87,9 +87,9 @@ impl Job {
         }
         let mut wanted = Wanted::default();
         let Some((engine, _)) = self.remote.engine else { return Ok(wanted) };
-        for beam in self.doses.len() as u16..patient.ring.count() {
+        for beam in self.doses.len() as u16..patient.ring().count() {
             if !self.remote.early.contains_key(&beam) {
-                let call = Call::Dose { engine, gantry_deg: patient.ring.angle_deg(beam) };
+                let call = Call::Dose { engine, gantry_deg: patient.ring().angle_deg(beam) };
                 let key = call.key(build);
                 self.remote.beams.insert(key, beam);
                 wanted.calls.insert(key, call);
@@ -102,16 +102,16 @@ impl Job {
     pub(super) fn search_by_answers(
         &mut self,
         patient: &Patient,
-        until: (usize, u64),
+        until: usize,
     ) -> Result<Result<Found, Waits>, StepError> {
         let memo = std::mem::take(&mut self.memo);
         let Remote { build, names, answers, .. } = &mut self.remote;
         let names =
-            names.get_or_insert_with(|| Names::new(&self.doses[..], &patient.goals, patient.ring.count()));
+            names.get_or_insert_with(|| Names::new(&self.doses[..], patient.goals(), patient.ring().count()));
         let Some(build) = build else { return Err(fault(&"the build of the pool is not known")) };
-        let ground = PoolGround::named(&self.doses[..], &patient.goals, names);
+        let ground = PoolGround::named(&self.doses[..], patient.goals(), names);
         let mut solver = LaterSolver::new(&ground, build, answers);
-        let (memo, found) = search(&self.doses, patient, self.asked, memo, until, Some(&mut solver));
+        let (memo, found) = search(&self.doses, patient, &self.asked.search, memo, until, Some(&mut solver));
         let wanted = solver.into_wanted();
         self.memo = memo;
         Ok(found?.ok_or(Waits(wanted)))
@@ -192,7 +192,7 @@ impl Job {
             _ => None,
         };
         let Some(names) = &self.remote.names else { return Ok(None) };
-        let ground = PoolGround::named(&self.doses[..], &patient.goals, names);
+        let ground = PoolGround::named(&self.doses[..], patient.goals(), names);
         ground.compute(call, plan.map(Vec::as_slice)).map(Some).map_err(|e| fault(&e))
     }
 }
@@ -224,7 +224,7 @@ impl Inside for Served<'_> {
                 job.engine.beam_of(*gantry_deg, answer).map(drop).map_err(|e| e.to_string())
             }
             (Some(call), Some(names)) => {
-                PoolGround::named(&job.doses[..], &self.patient.goals, names).check(call, answer)
+                PoolGround::named(&job.doses[..], self.patient.goals(), names).check(call, answer)
             }
             // An answer that nobody awaits.
             _ => Ok(()),

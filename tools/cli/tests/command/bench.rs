@@ -1,4 +1,4 @@
-//! `stillpoint bench` starts `stillpoint-bench` from its own folder.
+//! `stillpoint bench` starts `stillpoint-bench` from its own folder, and `stillpoint train` names the program that trains.
 
 use std::os::unix::fs::PermissionsExt;
 use std::process::Command;
@@ -32,4 +32,16 @@ fn the_program_that_lies_beside_the_command_gets_all_arguments_and_gives_its_exi
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o700)).unwrap();
     let out = command.args(["bench", "hop", "--windows", "2", "--help"]).output().unwrap();
     assert_eq!((out.status.code(), text(&out.stdout).as_str()), (Some(7), "hop --windows 2 --help\n"));
+}
+
+#[test]
+fn train_names_the_one_command_that_trains_and_that_command_exists() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = copied(folder.path()).args(["train", "planner", "--layers", "2"]).output().unwrap();
+    assert_eq!(out.status.code(), Some(1));
+    let printed = text(&out.stderr);
+    let command = "`cargo run --release --manifest-path tools/research/Cargo.toml --target-dir target -- train planner \
+                   --layers 2`";
+    assert!(printed.contains(command), "{printed}");
+    assert!(crate::root().join("tools/research/Cargo.toml").is_file());
 }

@@ -68,6 +68,26 @@ fn a_plan_is_a_folder_and_its_bytes_do_not_depend_on_threads() {
     two_plans_stand_beside_each_other_and_others_are_refused(folder.path(), &told);
 }
 
+/// The operator `plan.optimizer` gives these bytes, too: `stages/planning/planner/tests/recipe.rs`.
+#[test]
+fn the_command_gives_the_plan_of_the_recipe_of_the_library() {
+    use stillpoint_patient::case::phantom;
+    use stillpoint_plan::recipe::{PlanRequest, SetupSpec, plan as of_library};
+
+    let folder = tempfile::tempdir().unwrap();
+    let asked = ["--beams", "3", "--budget", "5", "--seed", "7", "--out", "one"];
+    plan(folder.path(), &asked);
+    let written = std::fs::read(folder.path().join("one/plan.json")).unwrap();
+    let written = stillpoint_plan::plan_file::PlanFile::from_json(&written).unwrap();
+    let spec = SetupSpec { grid_mm: 12.0, bixel_mm: 20.0, ..SetupSpec::shipped().unwrap() };
+    let request = PlanRequest { beams: 3, budget: 5, seed: 7, ..PlanRequest::default() };
+    let planned = of_library(phantom(0).unwrap(), spec, &request).unwrap();
+    assert_eq!(written.angles_deg(), planned.angles_deg());
+    assert_eq!(written.objective.to_bits(), planned.best().cost.to_bits());
+    for (beam, number) in written.beams.iter().zip(planned.best().beams.beams()) {
+        let weights: Vec<f64> = beam.bixels_x_z_mm_weight.iter().map(|[_, _, weight]| *weight).collect();
+        assert_eq!(weights, planned.best().weights_of(*number).unwrap());
+    }
 /// A DVH point and an equivalent uniform dose are optimised by their costs; the plan says what they truly came to.
 #[test]
 fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
@@ -435,7 +455,7 @@ fn what_cannot_be_planned_is_said_with_what_to_do() {
     let out = said(&["--compare", "--network", "file"]);
     assert!(out.contains("file: it is not a safetensors file"), "{out}");
     assert!(said(&["--network", "file"]).contains("give one of them, too"));
-    assert!(said(&["--method", "annealing", "--prior", "geometry"]).contains("annealing takes no --prior"));
+    assert!(said(&["--method", "annealing", "--prior", "geometry"]).contains("annealing takes no prior"));
 }
 
 #[test]

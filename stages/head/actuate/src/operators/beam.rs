@@ -307,11 +307,15 @@ impl GateBeam {
     fn told(&self, report: &PoseReportElement) -> u32 {
         let bit = |holds: bool, reason: u32| if holds { reason } else { 0 };
         let status = PoseStatus::from_number(report.status);
-        let has_pose = matches!(status, Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found));
+        let has_pose = matches!(
+            status,
+            Some(PoseStatus::Captured | PoseStatus::Tracked | PoseStatus::Found | PoseStatus::FaceMoves)
+        );
         let is_sure = report.confidence >= self.confidence;
         let is_doubted = status == Some(PoseStatus::Doubted) || (has_pose && !is_sure);
         bit(!has_pose, Reason::TRACKER)
             | bit(is_doubted, Reason::IDENTITY)
+            | bit(status == Some(PoseStatus::FaceMoves), Reason::FACE_MOVES)
             | bit(self.proof == Need::Required && report.proof != Proof::Proven as u32, Reason::UNPROVEN)
             | bit(report.confirmed != 1, Reason::UNCONFIRMED)
     }

@@ -2,7 +2,8 @@
 
 use stillpoint_operator::Activation;
 use stillpoint_samples::{
-    ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, Track, Verb,
+    ActuationReason as Reason, ConsoleCommand, Duties, DutiesElement, DutyReason, PoseReport, PoseStatus,
+    Track, Verb,
 };
 
 use crate::extrinsic::{Extrinsic, Need};
@@ -16,6 +17,8 @@ pub const REFERENCE: usize = 2;
 pub const MEASURED: usize = 7;
 pub const ACKNOWLEDGEMENT: usize = 8;
 pub const CONTACTS: usize = 9;
+/// While a face moves, the valves hold for at most so long, ns: then the head may have moved, and is followed.
+const FACE_HOLD: u64 = 5_000_000_000;
 /// The first of the inputs of people.
 pub const ARM: usize = 3;
 /// What each of them asks, and the verb that it must carry.
@@ -42,6 +45,8 @@ pub struct Watch {
     captured: Option<(u32, u32)>,
     /// Whether a person has confirmed it.
     is_confirmed: bool,
+    /// Since when the tracker says that the face moves, ns.
+    face: Option<u64>,
 }
 
 impl Watch {
@@ -64,6 +69,7 @@ impl Watch {
             command: None,
             captured: None,
             is_confirmed: false,
+            face: None,
         }
     }
 
@@ -83,6 +89,8 @@ impl Watch {
             && let Some(report) = sample.first()
         {
             self.is_confirmed = report.confirmed == 1;
+            let is_face = report.status == PoseStatus::FaceMoves as u32;
+            self.face = is_face.then(|| self.face.unwrap_or(activation.time));
             self.captured = (report.reference != 0).then_some((report.reference, sample.header.incarnation));
         }
     }
@@ -123,6 +131,7 @@ impl Watch {
             missing,
             unready,
             is_idle: duties.is_some_and(|d| d.idle != 0),
+            is_face: self.face.is_some_and(|since| now.saturating_sub(since) < FACE_HOLD),
             reference: self.captured.filter(|_| needed),
         }
     }

@@ -256,3 +256,19 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_face_that_moves_holds_the_valves_and_never_vents_nor_faults() {
+    let mut machine = armed(Safe::Vent);
+    let face = |ms: u64| Seen { is_face: true, ..seen(ms) };
+    for ms in (10..3_000).step_by(10) {
+        assert_eq!(machine.look(&face(ms)), Order::Hold, "{ms}");
+        assert_eq!(state(&machine), (State::Holding, Reason::FACE_MOVES), "{ms}");
+    }
+    assert_eq!(machine.look(&seen(3_000)), Order::Follow);
+    assert_eq!((machine.state(), machine.faults().0), (State::Armed, 0));
+    // A pose that goes stale meanwhile is answered as ever.
+    let stale = |ms: u64| Seen { missing: Reason::POSE_STALE, ..face(ms) };
+    let orders: Vec<Order> = (3_010..3_400).step_by(10).map(|ms| machine.look(&stale(ms))).collect();
+    assert_eq!(orders.last(), Some(&Order::Vent));
+}

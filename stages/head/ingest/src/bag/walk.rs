@@ -154,6 +154,10 @@ fn unread(name: &str, fault: &McapError, most: usize) -> String {
             format!("{name}: its bytes are not those that were recorded: {fault}: {repair}")
         }
         McapError::RecordTooLarge { .. } => too_large(name, most),
+        McapError::ConflictingChannels(topic) => format!(
+            "{name}: two channels of one number differ, one of them of {}: it is damaged, or two files were joined",
+            quoted(topic)
+        ),
         other => format!("{name}: {}", quoted(&other.to_string())),
     }
 }

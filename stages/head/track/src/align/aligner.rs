@@ -16,6 +16,8 @@ const ROUNDING: f64 = 1e-6;
 /// Points seen at a smaller cosine are left out; below twice it they count less.
 const COSINE_LEAST: f64 = 0.2;
 const COSINE_FULL: f64 = 0.5;
+/// Patches of a smaller weight do not tell the scale of the distances: a smile is no noise.
+const OWN_LEAST: f64 = 0.3;
 /// Rounding, m: a smaller step ends the iterations whatever the scale.
 const STEP_LEAST: f64 = 1e-7;
 /// Noise of the normals makes a sphere's turns seem constrained: their sensitivity is 2/3 of the normals' variance. What is
@@ -162,7 +164,7 @@ impl Aligner {
         let observability = Observability::new(&at.information, at.weight, params.least_sensitivity(surface));
         let covariance = self.covariance(&observability, &at);
         let hit = self.groups.iter().filter(|g| g.hit).count();
-        let covered = hit as f64 / surface.group_count().max(1) as f64;
+        let covered = hit as f64 / surface.firm_groups().max(1) as f64;
         Alignment {
             surface_from_cloud,
             observability,
@@ -197,15 +199,23 @@ impl Aligner {
         let inverse_length = 1.0 / surface.length();
         let mut sums = Sums::default();
         let (mut slopes, mut close, mut used) = (0.0, 0, 0);
+        let is_last = effort.robust == Robust::Tukey;
         for point in spread(cloud, effort.points) {
-            used += 1;
             let at = rotation * point + pose.translation.vector;
-            let Some(partner) = surface.partner(&at) else { continue };
+            if surface.is_neck(&at) {
+                continue;
+            }
+            let Some(partner) = surface.partner(&at) else {
+                used += 1;
+                continue;
+            };
             let sight = partner.sight;
+            let is_firm = surface.is_firm(partner.patch);
+            used += usize::from(is_firm);
             if !partner.over {
                 continue;
             }
-            if sight.distance.abs() <= params.tolerance {
+            if is_firm && sight.distance.abs() <= params.tolerance {
                 close += 1;
                 if let Some(group) = self.groups.get_mut(partner.group) {
                     group.hit = true;
@@ -216,17 +226,20 @@ impl Aligner {
             if partner.place == Place::Edge || cosine < COSINE_LEAST {
                 continue;
             }
-            self.distances.push(sight.distance.abs());
+            let own = if is_last { surface.weight(partner.patch) } else { 1.0 };
+            if own >= OWN_LEAST {
+                self.distances.push(sight.distance.abs());
+            }
             let (trust, slope) = effort.robust.weight(sight.distance, scale, params.tolerance);
             if trust == 0.0 {
                 continue;
             }
             let facing = (cosine / COSINE_FULL).min(1.0);
-            let weight = facing * trust;
+            let weight = facing * trust * own;
             let turn = at.cross(&sight.normal) * inverse_length;
             let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
             sums.add(&row, sight.distance, weight);
-            slopes += facing * slope;
+            slopes += facing * own * slope;
             if let Some(group) = self.groups.get_mut(partner.group) {
                 group.pull += row * (weight * sight.distance);
             }

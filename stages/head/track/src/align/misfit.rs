@@ -18,6 +18,9 @@ pub fn misfit(
     let (mut sum, mut used) = (0.0, 0.0);
     for point in spread(cloud, points) {
         let at = rotation * point + pose.translation.vector;
+        if surface.is_neck(&at) {
+            continue;
+        }
         sum += surface.partner(&at).map_or(cap, |partner| {
             let beside = if partner.over { 0.0 } else { partner.sight.aside };
             (partner.sight.distance * partner.sight.distance + beside).sqrt().min(cap)

@@ -85,6 +85,11 @@ impl Mixture {
         }
     }
 
+    /// Ends a frame that tells nothing.
+    pub fn skip(&mut self) {
+        self.spots.iter_mut().for_each(|spot| (spot.points, spot.distances) = (0.0, 0.0));
+    }
+
     /// Ends a frame; `movements` are those of the fit since the first frame along the normals of the patches, m.
     pub fn end(&mut self, movements: impl Iterator<Item = f64>) {
         self.spots.iter_mut().zip(movements).for_each(|(spot, movement)| spot.end(movement));

@@ -10,11 +10,13 @@
 //! - `parts`: how parts of the surface agree.
 //! - `pieces`: whether each piece of the surface moves with the rest.
 //! - `together`: whether a piece was seen to move as the rest does.
+//! - `mimic`: whether the movable part of a face is where it was.
 //! - `mixture`: whether all its patches were seen to move alike.
 //! - `misfit`: how far a cloud is from the surface.
 
 mod aligner;
 mod equations;
+mod mimic;
 mod misfit;
 mod mixture;
 mod parts;

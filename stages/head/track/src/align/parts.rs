@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Matrix6, Vector3, Vector6};
 
 use super::equations::Sums;
+use super::mimic::REACH;
 use super::misfit::spread;
 use super::pieces::{Moves, Pieces};
 use crate::patch::{Patch, Place};
@@ -25,15 +26,14 @@ pub struct PartAxes {
 }
 
 impl PartAxes {
-    /// The two longest axes of a surface, through its middle.
+    /// The two longest axes of what of a surface follows the skull, through its middle.
     #[must_use]
     pub fn of(surface: &Surface) -> Self {
-        let n = surface.patches().len().max(1) as f64;
-        let middle = surface.patches().iter().map(|p| p.position).sum::<Vector3<f64>>() / n;
-        let spread = surface
-            .patches()
-            .iter()
-            .map(|p| p.position - middle)
+        let patches = || surface.patches().iter().enumerate().filter(|(number, _)| surface.is_rigid(*number));
+        let n = patches().count().max(1) as f64;
+        let middle = patches().map(|(_, p)| p.position).sum::<Vector3<f64>>() / n;
+        let spread = patches()
+            .map(|(_, p)| p.position - middle)
             .fold(nalgebra::Matrix3::zeros(), |sum, d| sum + d * d.transpose());
         let eigen = spread.symmetric_eigen();
         let mut order = [0, 1, 2];
@@ -75,12 +75,13 @@ struct Quarter {
 
 /// The agreement of the parts of a `surface` on a cloud (m, finite, seen from the origin) at `surface_from_cloud`. A point
 /// within `tolerance` lies on the surface; at most `points` are used. `pieces` are those of the surface, with the
-/// standard deviation of the points along the normals, m.
+/// standard deviation of the points along the normals, m, and the time of the frame, ns. Of a face only what follows the
+/// skull is judged.
 #[must_use]
 pub fn agreement(
     surface: &Surface,
     axes: &PartAxes,
-    mut pieces: Option<(&mut Pieces, f64)>,
+    mut pieces: Option<(&mut Pieces, f64, u64)>,
     cloud: &[Vector3<f64>],
     surface_from_cloud: &Isometry3<f64>,
     tolerance: f64,
@@ -88,18 +89,33 @@ pub fn agreement(
 ) -> Agreement {
     let rotation = surface_from_cloud.rotation.to_rotation_matrix().into_inner();
     let inverse_length = 1.0 / surface.length();
-    if let Some((pieces, _)) = &mut pieces {
+    if let Some((pieces, ..)) = &mut pieces {
         pieces.begin();
     }
+    let mut hit = pieces.as_mut().map(|(pieces, ..)| std::mem::take(&mut pieces.hits)).unwrap_or_default();
+    hit.clear();
+    hit.resize(surface.group_count(), false);
     let mut quarters: [Quarter; 4] = Default::default();
     // Of the size: its own information, what it shares with the pose, and how the distances pull.
     let (mut own, mut shared, mut pull) = (0.0, Vector6::zeros(), 0.0);
     for point in spread(cloud, points) {
         let at = rotation * point + surface_from_cloud.translation.vector;
+        if surface.is_neck(&at) {
+            continue;
+        }
         let Some(partner) = surface.partner(&at) else { continue };
         let sight = partner.sight;
         let cosine = -sight.normal.dot(&(rotation * point)) / point.norm();
         if !partner.over || partner.place == Place::Edge || cosine < COSINE_LEAST {
+            continue;
+        }
+        if !surface.is_rigid(partner.patch) {
+            if surface.is_mimic(partner.patch)
+                && sight.distance.abs() < REACH
+                && let Some((pieces, ..)) = &mut pieces
+            {
+                pieces.add_mimic(partner.patch, sight.distance);
+            }
             continue;
         }
         let quarter = &mut quarters[axes.part(&at)];
@@ -111,7 +127,8 @@ pub fn agreement(
         let turn = at.cross(&sight.normal) * inverse_length;
         let row = Vector6::new(sight.normal.x, sight.normal.y, sight.normal.z, turn.x, turn.y, turn.z);
         quarter.sums.add(&row, sight.distance, 1.0);
-        if let Some((pieces, _)) = &mut pieces {
+        hit[partner.group] = true;
+        if let Some((pieces, ..)) = &mut pieces {
             pieces.add(partner.patch, &row, sight.distance);
         }
         let along = sight.normal.dot(&at);
@@ -143,23 +160,34 @@ pub fn agreement(
     let parts = quarters.iter().filter(|q| q.used >= POINTS_LEAST);
     let close = quarters.iter().map(|q| f64::from(q.close)).sum::<f64>();
     let density = close / cloud.len().min(points) as f64 * cloud.len() as f64
-        / solid_angle(surface, surface_from_cloud);
+        / solid_angle(surface, surface_from_cloud, &hit);
+    if let Some((pieces, ..)) = &mut pieces {
+        pieces.hits = hit;
+    }
     let least_overlap = parts.map(|q| f64::from(q.close) / f64::from(q.used)).fold(1.0, f64::min);
-    let moves =
-        pieces.map_or(Moves::default(), |(pieces, noise)| pieces.end(noise, surface, surface_from_cloud));
+    let moves = pieces.map_or(Moves::default(), |(pieces, noise, time)| {
+        pieces.end(noise, time, surface, surface_from_cloud)
+    });
     let information = quarters.iter().map(|q| q.sums.information()).sum::<Matrix6<f64>>();
     let right = quarters.iter().map(|q| q.sums.right).sum::<Vector6<f64>>();
     Agreement { apart, least_overlap, scale: scale(&information, &right, own, &shared, pull), density, moves }
 }
 
-/// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2.
-fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>) -> f64 {
+/// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2:
+/// of the patches that follow the skull, in groups that were `hit`. An arm hides whole groups, the holes of a mask do not.
+fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>, hit: &[bool]) -> f64 {
     let of = |patch: &Patch| {
         let sight = patch.position - surface_from_cloud.translation.vector;
         let cosine = -patch.normal.dot(&sight) / sight.norm();
         if cosine < COSINE_LEAST { 0.0 } else { cosine / sight.norm_squared() }
     };
-    surface.patches().iter().filter(|patch| patch.place == Place::Inside).map(of).sum()
+    let patches = surface.patches().iter().enumerate();
+    let is_judged =
+        |number: &usize| surface.is_rigid(*number) && hit.get(surface.group(*number)) == Some(&true);
+    patches
+        .filter(|(number, patch)| patch.place == Place::Inside && is_judged(number))
+        .map(|(_, patch)| of(patch))
+        .sum()
 }
 
 /// The size, with the pose free: the seventh unknown of the normal equations.

@@ -8,6 +8,7 @@
 use nalgebra::{Cholesky, Const, Isometry3, Matrix3, Matrix3x6, Matrix6, Point3, Vector3, Vector6};
 
 use super::equations::Sums;
+use super::mimic::Mimic;
 use super::mixture::Mixture;
 use super::together::{Together, Verdict};
 use crate::buckets::Buckets;
@@ -26,9 +27,13 @@ const POINTS_LEAST: u32 = 60;
 const FIRST: u32 = 4;
 const NEW: f64 = 0.25;
 /// Limits of the movement in one frame and of the mean movement: in multiples of the movement that independent noise of
-/// the points feigns in one frame, and at least, m.
-const ONCE: [f64; 2] = [10.0, 0.6e-3];
-const LASTING: [f64; 2] = [5.0, 0.3e-3];
+/// the points feigns in one frame, of its scatter, at least and at most, m.
+const ONCE: [f64; 4] = [10.0, 6.0, 0.6e-3, 2.0e-3];
+const LASTING: [f64; 4] = [5.0, 4.5, 0.3e-3, 1.0e-3];
+/// Frames in which the scatter of the pieces is measured.
+const JITTER_FRAMES: u32 = 14;
+/// Part of the patches of a piece that lie on a face, where it is one of the face.
+const ON_FACE: f64 = 0.7;
 
 /// Sums over the points of a frame that lie in a cell, or in several.
 #[derive(Debug, Clone)]
@@ -100,6 +105,35 @@ impl Fit {
     }
 }
 
+/// How much the place of a piece scatters from frame to frame: cameras smooth their noise, so that neighbouring points err
+/// alike. Of the first frames, by second differences, to which a steady movement adds nothing.
+#[derive(Debug, Clone, Copy, Default)]
+struct Jitter {
+    last: [Vector3<f64>; 2],
+    frames: u32,
+    squares: f64,
+    count: f64,
+}
+
+impl Jitter {
+    /// Adds a frame in which the piece lies off by so much, m, of the shape `along` its normals for so many points.
+    fn add(&mut self, off: &Vector3<f64>, along: &Matrix3<f64>, points: f64) {
+        let [before, last] = self.last;
+        if self.frames >= 2 && self.frames < JITTER_FRAMES {
+            let second = off - 2.0 * last + before;
+            self.squares += second.dot(&(along * second)).max(0.0) / (6.0 * points);
+            self.count += 1.0;
+        }
+        self.frames += 1;
+        self.last = [last, *off];
+    }
+
+    /// Its standard deviation along the normals, m; 0 before three frames.
+    fn sd(&self) -> f64 {
+        if self.count > 0.0 { (self.squares / self.count).sqrt() } else { 0.0 }
+    }
+}
+
 /// A part of the surface, in all frames so far.
 #[derive(Debug, Clone)]
 struct Piece {
@@ -109,13 +143,19 @@ struct Piece {
     start: Vector3<f64>,
     now: Vector3<f64>,
     frames: u32,
+    jitter: Jitter,
+    /// Nearly all of it lies on a face: it may be a brow that rises.
+    is_face: bool,
     together: Together,
 }
 
 impl Piece {
-    /// Adds a frame in which the piece lies off by so much, m. Returns its movement in this frame and the mean one, m.
+    /// Adds a frame in which the piece lies off by so much, m; a `face` that moves is not where it starts. Returns its movement in this frame and the mean one, m.
     /// `None` in the first frames.
-    fn add(&mut self, off: &Vector3<f64>) -> Option<[Vector3<f64>; 2]> {
+    fn add(&mut self, off: &Vector3<f64>, face: bool) -> Option<[Vector3<f64>; 2]> {
+        if face && self.frames < FIRST {
+            return None;
+        }
         if self.frames < FIRST {
             self.frames += 1;
             self.start += (off - self.start) / f64::from(self.frames);
@@ -130,14 +170,21 @@ impl Piece {
 /// What a frame tells of the pieces of a surface.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moves {
-    /// Largest movement of a piece against the rest since the first frames, over its limit.
+    /// Largest movement of a piece against the rest since the first frames, over its limit: of pieces that are no part of a
+    /// face, and of those that are.
     pub most: f64,
+    /// See `most`.
+    pub skin: f64,
+    /// The largest of the movements that last, of any piece, over its limit.
+    pub lasting: f64,
     /// Share of the points in pieces that were seen to move with the rest, and in pieces that were seen not to.
     pub with: f64,
     /// See `with`.
     pub against: f64,
     /// Whether the patches of the surface move alike, wherever they are; `Open` once the question is settled.
     pub alike: Verdict,
+    /// Whether the movable part of a face is elsewhere than at rest, seen from the skull.
+    pub face: bool,
 }
 
 /// The overlapping pieces of a surface.
@@ -147,7 +194,10 @@ pub struct Pieces {
     sums: Vec<(Sums, u32)>,
     cells: Vec<Part>,
     pieces: Vec<Piece>,
+    /// Buffer: which groups of patches have points in a frame.
+    pub(super) hits: Vec<bool>,
     mixture: Mixture,
+    mimic: Mimic,
     length: f64,
     /// Where the first frame lay on the surface.
     first: Option<Isometry3<f64>>,
@@ -161,6 +211,12 @@ impl Pieces {
     pub fn of(surface: &Surface) -> Self {
         let positions: Vec<_> = surface.patches().iter().map(|p| p.position).collect();
         let (cell_of_patch, count) = Buckets::new(&positions, CELL).numbers();
+        let mut on_face = vec![(0.0, 0.0); count];
+        for (patch, cell) in cell_of_patch.iter().enumerate() {
+            let (face, all) = &mut on_face[*cell as usize];
+            *face += f64::from(u8::from(surface.is_on_face(patch)));
+            *all += 1.0;
+        }
         let mut middles = vec![(Vector3::zeros(), 0.0); count];
         for (position, cell) in positions.iter().zip(&cell_of_patch) {
             let (sum, patches) = &mut middles[*cell as usize];
@@ -170,9 +226,13 @@ impl Pieces {
         let middles: Vec<Vector3<f64>> = middles.into_iter().map(|(sum, patches)| sum / patches).collect();
         let about = |middle: &Vector3<f64>| {
             let near = (0..).zip(&middles).filter(|(_, other)| (*other - middle).norm() < RADIUS);
-            let cells = near.map(|(cell, _)| cell).collect();
             let [start, now] = [Vector3::zeros(); 2];
-            Piece { cells, middle: *middle, start, now, frames: 0, together: Together::default() }
+            let cells: Vec<u32> = near.map(|(cell, _)| cell).collect();
+            let on = cells.iter().filter_map(|cell| on_face.get(*cell as usize));
+            let (face, all) = on.fold((0.0, 0.0), |(a, b), (face, all)| (a + face, b + all));
+            let is_face = face > ON_FACE * all;
+            let (jitter, together) = (Jitter::default(), Together::default());
+            Piece { cells, middle: *middle, start, now, frames: 0, jitter, is_face, together }
         };
         let pieces = middles.iter().map(about).collect();
         Self {
@@ -180,7 +240,9 @@ impl Pieces {
             sums: vec![(Sums::default(), 0); count],
             cells: vec![Part::empty(); count],
             pieces,
+            hits: Vec::new(),
             mixture: Mixture::of(surface.patches().len()),
+            mimic: Mimic::of(surface),
             length: surface.length(),
             first: None,
             is_open: true,
@@ -209,13 +271,20 @@ impl Pieces {
         }
     }
 
-    /// Ends a frame whose points have this noise (standard deviation along the normals, m), where all of them fit best.
+    /// Adds a point of the frame that lies over a patch that moves by itself.
+    pub(super) fn add_mimic(&mut self, patch: usize, distance: f64) {
+        self.mimic.add(patch, distance);
+    }
+
+    /// Ends a frame, acquired at `time`, ns, whose points have this noise (standard deviation along the normals, m), where all of them fit best.
     pub(super) fn end(
         &mut self,
         noise: f64,
+        time: u64,
         surface: &Surface,
         surface_from_cloud: &Isometry3<f64>,
     ) -> Moves {
+        let face = self.mimic.end(noise, time);
         let Self { sums, cells, pieces, mixture, length, first, is_open, .. } = self;
         for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
             *cell = Part { information: sums.information(), right: sums.right, points: *points };
@@ -223,12 +292,14 @@ impl Pieces {
         let since = *first.get_or_insert(*surface_from_cloud) * surface_from_cloud.inverse();
         let moved = |at: &Vector3<f64>| (since * Point3::from(*at)).coords - at;
         let mut alike = Verdict::Open;
-        if *is_open {
+        if face {
+            mixture.skip();
+        } else if *is_open {
             mixture.end(surface.patches().iter().map(|p| moved(&p.position).dot(&p.normal)));
             alike = mixture.verdict();
         }
         let whole = Part::sum(cells.iter());
-        let mut most: f64 = 0.0;
+        let (mut most, mut skin, mut lasting): (f64, f64, f64) = (0.0, 0.0, 0.0);
         let (mut all, mut with, mut against) = (0.0, 0.0, 0.0);
         for piece in pieces.iter_mut() {
             let own = Part::sum(piece.cells.iter().filter_map(|cell| cells.get(*cell as usize)));
@@ -239,7 +310,7 @@ impl Pieces {
             let Some(rest) = rest.fit() else { continue };
             let Some(off) = own.off(&rest) else { continue };
             let (along, points) = (own.along(), f64::from(own.points));
-            if *is_open {
+            if *is_open && !face {
                 let (rest_off, covariance) = rest.at(&piece.middle, *length);
                 let moved = moved(&piece.middle) + rest_off;
                 piece.together.add(&along, &moved, &(moved - off), &(noise * noise * covariance));
@@ -250,15 +321,29 @@ impl Pieces {
                     Verdict::Against => against += points,
                 }
             }
-            let Some(movements) = piece.add(&off) else { continue };
+            if !face {
+                piece.jitter.add(&off, &along, points);
+            }
+            let Some(movements) = piece.add(&off, face) else { continue };
             // Three unknowns are fitted to the points of the piece.
             let feigned = noise * (3.0 / points).sqrt();
-            for (movement, [times, least]) in movements.iter().zip([ONCE, LASTING]) {
+            for (kind, (movement, [times, scatters, least, greatest])) in
+                movements.iter().zip([ONCE, LASTING]).enumerate()
+            {
                 let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
-                most = most.max(size / (times * feigned).max(least));
+                let limit = (times * feigned).max(scatters * piece.jitter.sd()).max(least).min(greatest);
+                let part = size / limit;
+                if piece.is_face {
+                    skin = skin.max(part);
+                } else {
+                    most = most.max(part);
+                }
+                if kind == 1 {
+                    lasting = lasting.max(part);
+                }
             }
         }
         let share = |points: f64| if all > 0.0 { points / all } else { 0.0 };
-        Moves { most, with: share(with), against: share(against), alike }
+        Moves { most, skin, lasting, with: share(with), against: share(against), alike, face }
     }
 }

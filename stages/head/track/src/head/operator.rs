@@ -19,6 +19,8 @@ use crate::quaternion::PairedPose;
 use crate::tracker::{HeadTracker, Loss, TrackedPose};
 use crate::uncertainty::{Uncertainty, of_three_points};
 
+/// The frame in whose axes a patient lies.
+const COUCH: &str = "couch";
 const FACE: usize = 0;
 const COMMAND: usize = 1;
 const REJECTION: usize = 2;
@@ -78,6 +80,8 @@ struct Found {
     report: PoseReportElement,
     /// The frame fits the reference, and the checks of its identity fail.
     doubted: bool,
+    /// The face moves: its skull has the pose.
+    is_face: bool,
 }
 
 impl Operator for TrackHead {
@@ -168,6 +172,10 @@ impl Operator for TrackHead {
             None => None,
         };
         let mut tracker = HeadTracker::new(params.tracking());
+        let face_frame = setup.input_frames.get(FACE).and_then(Option::as_deref);
+        if let Some(couch_from_face) = face_frame.and_then(|frame| setup.transform(COUCH, frame)) {
+            tracker.lies_on(stillpoint_pose::of_frame(&couch_from_face).rotation);
+        }
         let mut capture = Capture::new(
             params.capture_frames,
             params.max_points as usize,
@@ -278,6 +286,9 @@ impl Operator for TrackHead {
             true if report.status != PoseStatus::CaptureRefused as u32 => {
                 PoseReportElement { status: PoseStatus::Doubted as u32, ..report }
             }
+            false if found.is_face && report::has_moved_pose(report.status) => {
+                PoseReportElement { status: PoseStatus::FaceMoves as u32, ..report }
+            }
             _ => report,
         };
         let is_refined = found.tracked.as_ref().is_ok_and(|tracked| {
@@ -358,22 +369,34 @@ impl TrackHead {
                 None
             }
         };
-        let doubted = match &tracked {
+        let (doubted, is_face) = match &tracked {
             Ok(tracked) => self.is_doubted(tracked, time, &mut report),
-            Err(_) => false,
+            Err(_) => (false, false),
         };
         let trusted = |pose: Option<PoseElement>| pose.filter(|_| !doubted);
-        Found { tracked, dense: trusted(dense), three_points: trusted(three_points), report, doubted }
+        Found {
+            tracked,
+            dense: trusted(dense),
+            three_points: trusted(three_points),
+            report,
+            doubted,
+            is_face,
+        }
     }
 
-    /// Judges whether a frame with a pose shows what was captured.
-    fn is_doubted(&mut self, tracked: &TrackedPose, time: u64, report: &mut PoseReportElement) -> bool {
-        let Some(surface) = self.tracker.surface() else { return false };
+    /// Judges whether a frame with a pose does not show what was captured, and whether its face moves.
+    fn is_doubted(
+        &mut self,
+        tracked: &TrackedPose,
+        time: u64,
+        report: &mut PoseReportElement,
+    ) -> (bool, bool) {
+        let Some(surface) = self.tracker.surface() else { return (false, false) };
         let number = self.capture.number();
         if self.identity.as_ref().is_none_or(|(of, _)| *of != number) {
             self.identity = Some((number, Identity::new(surface, self.known.is_some())));
         }
-        let Some((_, identity)) = &mut self.identity else { return false };
+        let Some((_, identity)) = &mut self.identity else { return (false, false) };
         let frame = Frame {
             cloud: &self.cloud,
             alignment: &tracked.alignment,
@@ -383,7 +406,7 @@ impl TrackHead {
         let needed = Needed { overlap: self.min_overlap, tolerance: self.tolerance };
         let judged = identity.judge(surface, &frame, &needed);
         report::of_identity(report, &judged);
-        judged.confidence() < ENOUGH
+        (judged.confidence() < ENOUGH, judged.faces)
     }
 
     fn dense(&self, tracked: &TrackedPose, report: &mut PoseReportElement) -> PoseElement {

@@ -67,6 +67,11 @@ pub fn of_loose(said: PoseReportElement, held: &Observability) -> PoseReportElem
     PoseReportElement { sensitivity: held.sensitivity, refused, ..said }
 }
 
+/// Whether a status is that of a pose after the capture.
+pub fn has_moved_pose(status: u32) -> bool {
+    status == PoseStatus::Tracked as u32 || status == PoseStatus::Found as u32
+}
+
 /// What became of a frame.
 pub fn status(captured: &Result<Offer, CaptureError>, tracked: &Result<TrackedPose, Loss>) -> PoseStatus {
     match (captured, tracked) {

@@ -10,6 +10,7 @@ mod drawn;
 mod drawn_motion;
 mod head;
 mod identity;
+mod living;
 mod planned;
 mod rendered;
 #[path = "../../../segment/tests/scene.rs"]

@@ -6,6 +6,7 @@ use super::evaluator::{Evaluated, Influence};
 use super::ring::Ring;
 use super::second::Displaced;
 use crate::dose::{BeamFile, BeamFileError, CacheError, CachedBeam, DoseCache, DoseEngine, Origin};
+use crate::threads::on_threads;
 use crate::{RowsRef, Setups};
 
 /// The doses of some beams of a ring. The other beams have no dose, and no plan can use them.
@@ -25,10 +26,31 @@ impl RingDoses {
         threads: NonZeroUsize,
         on_beam: impl Fn() + Sync,
     ) -> Result<Self, CacheError> {
+        Self::by(engines, ring, beams, |engine, angles| cache.beams_with(engine, angles, threads, &on_beam))
+    }
+
+    /// The doses of `beams`, computed in memory.
+    pub fn compute(
+        engines: &[DoseEngine],
+        ring: Ring,
+        beams: &[u16],
+        threads: NonZeroUsize,
+    ) -> Result<Self, CacheError> {
+        Self::by(engines, ring, beams, |engine, angles| {
+            on_threads(angles, threads, |&deg| CachedBeam::computed(engine, deg))
+        })
+    }
+
+    fn by(
+        engines: &[DoseEngine],
+        ring: Ring,
+        beams: &[u16],
+        doses: impl Fn(&DoseEngine, &[f64]) -> Result<Vec<CachedBeam>, CacheError>,
+    ) -> Result<Self, CacheError> {
         let angles: Vec<f64> = beams.iter().map(|beam| ring.angle_deg(*beam)).collect();
         let mut all: Vec<Vec<CachedBeam>> = (0..ring.count()).map(|_| Vec::new()).collect();
         for engine in engines {
-            let found = cache.beams_with(engine, &angles, threads, &on_beam)?;
+            let found = doses(engine, &angles)?;
             for (beam, dose) in beams.iter().zip(found) {
                 if let Some(setups) = all.get_mut(usize::from(*beam)) {
                     setups.push(dose);

@@ -9,7 +9,7 @@ use super::ring::{BeamSet, Ring, RingError};
 const PASSES: usize = 4;
 
 /// Scores of candidate beams beside the beams that stay: finite, higher is better, one per candidate, the same for the same input.
-pub trait Prior: Sync {
+pub trait Prior: Send + Sync {
     /// The scores, in the order of the candidates.
     fn scores(&self, ring: Ring, kept: &[u16], candidates: &[u16]) -> Vec<f64>;
 }

@@ -60,6 +60,9 @@ pub enum CacheError {
         /// The underlying error.
         source: BeamFileError,
     },
+    /// What was just computed in memory cannot be used.
+    #[error("a dose that was just computed cannot be used: {0}")]
+    Memory(BeamFileError),
 }
 
 impl DoseCache {
@@ -157,6 +160,18 @@ impl DoseCache {
             Ok(beam) => Ok(CachedBeam { beam, origin }),
             Err(source) => Err(CacheError::Read { path, source }),
         }
+    }
+}
+
+impl CachedBeam {
+    /// The dose of one beam, computed in memory.
+    ///
+    /// # Errors
+    /// The dose cannot be computed.
+    pub fn computed(engine: &DoseEngine, gantry_deg: f64) -> Result<Self, CacheError> {
+        let bytes = engine.beam_file(gantry_deg)?;
+        let beam = engine.beam_of(gantry_deg, &bytes).map_err(CacheError::Memory)?;
+        Ok(Self { beam, origin: Origin::Computed })
     }
 }
 

@@ -3,54 +3,29 @@
 use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::phantom;
-use stillpoint_plan::beams::{Budget, Evaluated, Evaluator, Influence, Method, Ring, RingDoses, choose};
-use stillpoint_plan::dose::{BixelSpec, Collimator, DoseCache, DoseEngine, DoseParams, Machine};
-use stillpoint_plan::fluence::Goals;
+use stillpoint_plan::beams::Influence;
+use stillpoint_plan::dose::Collimator;
 use stillpoint_plan::leaves::{FluenceBeam, LeafOptions, Sequenced, sequence};
-use stillpoint_plan::objectives::ObjectiveTable;
-use stillpoint_plan::sampling::Sampling;
+use stillpoint_plan::recipe::{PlanRequest, Planned, SetupSpec, plan};
 
 const OPTIONS: LeafOptions = LeafOptions::PLAN;
 
-struct Planned {
-    goals: Goals,
-    doses: RingDoses,
-    best: std::sync::Arc<Evaluated>,
-    _folder: tempfile::TempDir,
-}
-
 fn planned(seed: u64, angles: &[f64], [grid_mm, bixel_mm]: [f64; 2]) -> Planned {
-    let case = phantom(seed).unwrap();
-    let sampling = Sampling::new(&case, grid_mm, bixel_mm).unwrap();
-    let bixels = BixelSpec::of_width(bixel_mm);
-    let params = DoseParams { grid: *sampling.grid(), bixels, ..DoseParams::over(case.grid(), grid_mm) };
-    let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
-    let engine = sampling.engine(&engine);
-    let ring = Ring::new(90, 5).unwrap();
-    let mut beams: Vec<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
-    beams.sort_unstable();
-    let folder = tempfile::tempdir().unwrap();
-    let cache = DoseCache::in_folder(folder.path()).unwrap();
-    let two = NonZeroUsize::new(2).unwrap();
-    let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, two, || ()).unwrap();
-    let goals = ObjectiveTable::shipped().unwrap().for_points(&case, &sampling).unwrap().goals(1).unwrap();
-    let best = {
-        let mut evaluator = Evaluator::new(&doses, &goals, ring, beams.len(), Budget { solves: 1 });
-        choose(&Method::Class(angles.to_vec()), &mut evaluator, None, 0).unwrap().best
-    };
-    Planned { goals, doses, best, _folder: folder }
+    let spec = SetupSpec { grid_mm, bixel_mm, ..SetupSpec::shipped().unwrap() };
+    let threads = NonZeroUsize::new(2).unwrap();
+    let request = PlanRequest { threads, ..PlanRequest::of_angles(angles.to_vec()) };
+    plan(phantom(seed).unwrap(), spec, &request).unwrap()
 }
 
-impl Planned {
-    fn sequence(&self, collimator: &Collimator, options: LeafOptions) -> Sequenced {
-        let beam = |beam: &u16| FluenceBeam {
-            doses: self.doses.beam(*beam),
-            bixels_mm: self.doses.bixels_mm(*beam),
-            weights: self.best.weights_of(*beam).unwrap(),
-        };
-        let beams: Vec<FluenceBeam<'_>> = self.best.beams.beams().iter().map(beam).collect();
-        sequence(&self.goals, &beams, collimator, self.best.cost, options).unwrap()
-    }
+fn sequenced(planned: &Planned, collimator: &Collimator, options: LeafOptions) -> Sequenced {
+    let best = planned.best();
+    let beam = |beam: &u16| FluenceBeam {
+        doses: planned.doses.solved.beam(*beam),
+        bixels_mm: planned.doses.solved.bixels_mm(*beam),
+        weights: best.weights_of(*beam).unwrap(),
+    };
+    let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
+    sequence(&planned.setup.goals, &beams, collimator, best.cost, options).unwrap()
 }
 
 fn segments(sequenced: &Sequenced) -> usize {
@@ -63,9 +38,9 @@ fn leaves_of_seeds() {
     let seeds = std::env::var("LEAVES_SEEDS").unwrap_or_default();
     for seed in seeds.split(',').filter_map(|seed| seed.parse().ok()) {
         let planned = planned(seed, &FIVE_DEG, [5.0, 10.0]);
-        let found = planned.sequence(&Collimator::generic(), OPTIONS);
+        let found = sequenced(&planned, &Collimator::generic(), OPTIONS);
         let [opaque, all] = [found.opaque, found.plan.certificate.objective]
-            .map(|cost| 100.0 * (cost / planned.best.cost - 1.0));
+            .map(|cost| 100.0 * (cost / planned.best().cost - 1.0));
         println!("seed {seed}: {} segments, {opaque:.2} %, {all:.2} %", segments(&found));
         assert!(opaque < 3.0, "seed {seed}: {opaque} %");
     }
@@ -77,15 +52,15 @@ const FIVE_DEG: [f64; 5] = [44.0, 92.0, 120.0, 252.0, 336.0];
 #[test]
 fn leaves_cost_little_and_a_little_more_with_transmission() {
     let planned = planned(1, &FIVE_DEG, [10.0, 10.0]);
-    let loss = |cost: f64| cost / planned.best.cost - 1.0;
+    let loss = |cost: f64| cost / planned.best().cost - 1.0;
     let collimator = Collimator::generic();
-    let found = planned.sequence(&collimator, OPTIONS);
+    let found = sequenced(&planned, &collimator, OPTIONS);
     assert!((0.0..0.03).contains(&loss(found.opaque)), "{}", loss(found.opaque));
     let with_transmission = loss(found.plan.certificate.objective);
     assert!((loss(found.opaque)..0.06).contains(&with_transmission), "{with_transmission}");
     assert!((10..=150).contains(&segments(&found)), "{} segments", segments(&found));
     // Few levels lose more; segments by price bring it back.
-    let coarse = planned.sequence(&collimator, LeafOptions { levels: 3, ..OPTIONS });
+    let coarse = sequenced(&planned, &collimator, LeafOptions { levels: 3, ..OPTIONS });
     assert!(loss(coarse.divided) > 0.05 && coarse.added > 0 && coarse.opaque < coarse.divided);
     for beam in found.beams.iter().chain(&coarse.beams).flatten() {
         for segment in &beam.segments {
@@ -94,8 +69,8 @@ fn leaves_cost_little_and_a_little_more_with_transmission() {
         }
     }
     // A machine that cannot give short segments has fewer and loses more.
-    let least = 0.2 * planned.best.plan.weights.iter().copied().fold(0.0, f64::max);
-    let fewer = planned.sequence(&collimator, LeafOptions { least_weight: least, ..OPTIONS });
+    let least = 0.2 * planned.best().plan.weights.iter().copied().fold(0.0, f64::max);
+    let fewer = sequenced(&planned, &collimator, LeafOptions { least_weight: least, ..OPTIONS });
     assert!(segments(&fewer) < segments(&found));
     assert!(fewer.beams.iter().flatten().flat_map(|b| &b.segments).all(|s| s.weight >= least));
 }
@@ -105,15 +80,15 @@ fn the_dose_of_the_segments_is_that_of_what_passes_their_leaves() {
     let planned = planned(0, &FIVE_DEG, [12.0, 20.0]);
     let collimator = Collimator { transmission: 0.02, ..Collimator::generic() };
     let options = LeafOptions { width_mm: 20.0, loss: f64::INFINITY, ..OPTIONS };
-    let found = planned.sequence(&collimator, options);
-    let mut doses = vec![0.0; planned.goals.voxels().len()];
-    for (number, beam) in planned.best.beams.beams().iter().zip(&found.beams) {
+    let found = sequenced(&planned, &collimator, options);
+    let mut doses = vec![0.0; planned.setup.goals.voxels().len()];
+    for (number, beam) in planned.best().beams.beams().iter().zip(&found.beams) {
         let (places, weights) = beam.as_ref().unwrap().fluence(&collimator, 20.0);
         let of_bixel =
             |bixel: &[f64; 2]| places.iter().position(|p| p == bixel).map_or(0.0, |at| weights[at]);
-        let on_bixels: Vec<f64> = planned.doses.bixels_mm(*number).iter().map(of_bixel).collect();
-        let matrix = planned.doses.beam(*number);
-        for (dose, row) in doses.iter_mut().zip(planned.goals.voxels()) {
+        let on_bixels: Vec<f64> = planned.doses.solved.bixels_mm(*number).iter().map(of_bixel).collect();
+        let matrix = planned.doses.solved.beam(*number);
+        for (dose, row) in doses.iter_mut().zip(planned.setup.goals.voxels()) {
             let (columns, values) = matrix.row(*row as usize);
             *dose += columns
                 .iter()

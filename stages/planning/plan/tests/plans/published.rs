@@ -3,12 +3,11 @@
 use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::{Case, NameTable, import_described, phantom};
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, choose};
-use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::dose::{DoseParams, Machine};
 use stillpoint_plan::evaluation::{OnGrid, StructureDose, brought_to};
 use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::recipe::{PlanRequest, SetupSpec, plan};
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
-use stillpoint_plan::sampling::Sampling;
 use stillpoint_testing::reference;
 
 const NINE_DEG: [f64; 9] = [0.0, 40.0, 80.0, 120.0, 160.0, 200.0, 240.0, 280.0, 320.0];
@@ -31,25 +30,15 @@ impl<'a> Planned<'a> {
         angles: &[f64],
         [bixel_mm, grid_mm]: [f64; 2],
     ) -> Self {
-        let sampling = Sampling::new(case, grid_mm, bixel_mm).unwrap();
-        let bixels = BixelSpec::of_width(bixel_mm);
-        let over = DoseParams::over(case.grid(), grid_mm);
-        let params = DoseParams { grid: *sampling.grid(), bixels, ..over };
-        let engine = DoseEngine::of_case(case, Machine::shipped().unwrap(), params).unwrap();
-        let engine = sampling.engine(&engine);
-        let ring = Ring::new(90, 5).unwrap();
-        let mut beams: Vec<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
-        beams.sort_unstable();
-        let folder = tempfile::tempdir().unwrap();
-        let cache = DoseCache::in_folder(folder.path()).unwrap();
-        let doses = RingDoses::load(&cache, std::slice::from_ref(&engine), ring, &beams, TWO, || ()).unwrap();
-        let goals = table.for_points(case, &sampling).unwrap().goals(1).unwrap();
-        let mut evaluator = Evaluator::new(&doses, &goals, ring, beams.len(), Budget { solves: 1 });
-        let best = choose(&Method::Class(angles.to_vec()), &mut evaluator, None, 0).unwrap().best;
+        let objectives = table.clone();
+        let spec = SetupSpec { objectives, grid_mm, bixel_mm, ..SetupSpec::shipped().unwrap() };
+        let request = PlanRequest { threads: TWO, ..PlanRequest::of_angles(angles.to_vec()) };
+        let planned = plan(case.clone(), spec, &request).unwrap();
+        let best = planned.best();
         assert!(best.plan.certificate.relative_excess() < 1e-3, "{:?}", best.plan.certificate);
-        let weighted = |beam: &u16| (ring.angle_deg(*beam), best.weights_of(*beam).unwrap().to_vec());
-        let points_mm = sampling.grid().spacing_mm[0];
-        Self { case, params, points_mm, beams: beams.iter().map(weighted).collect() }
+        let weights = best.beams.beams().iter().map(|beam| best.weights_of(*beam).unwrap().to_vec());
+        let beams = planned.angles_deg().into_iter().zip(weights).collect();
+        Self { case, params: *planned.setup.engine().params(), points_mm: planned.setup.points_mm(), beams }
     }
 
     /// Figures as a plan tells them, or of a grid of another spacing; the last of the dose that came with the case.

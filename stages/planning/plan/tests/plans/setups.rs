@@ -3,10 +3,10 @@
 use std::num::NonZeroUsize;
 
 use stillpoint_patient::case::phantom;
-use stillpoint_plan::beams::{Budget, Evaluated, Evaluator, Method, Ring, RingDoses, choose};
-use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
+use stillpoint_plan::beams::{Evaluated, Ring};
+use stillpoint_plan::dose::Machine;
 use stillpoint_plan::evaluation::OnGrid;
-use stillpoint_plan::objectives::ObjectiveTable;
+use stillpoint_plan::recipe::{PlanRequest, PointScheme, SetupSpec, plan};
 
 use crate::dose::phantom::{Phantom, column, cube};
 
@@ -44,35 +44,29 @@ fn voxels_that_are_left_out_get_no_dose_and_the_others_the_same() {
 
 #[test]
 fn a_plan_for_all_set_ups_covers_the_target_better_in_the_worst_of_them() {
-    let case = phantom(0).unwrap();
-    let params = DoseParams { bixels: BixelSpec::of_width(10.0), ..DoseParams::over(case.grid(), 8.0) };
-    let engine = DoseEngine::of_case(&case, Machine::shipped().unwrap(), params).unwrap();
-    let aims = ObjectiveTable::shipped().unwrap().for_case(&case, &params.grid).unwrap();
-    let moving = engine.within(aims.followed());
-    let shifts = [[8.0, 0.0, 0.0], [-8.0, 0.0, 0.0], [0.0, 0.0, 8.0], [0.0, 0.0, -8.0]];
-    let mut engines = vec![engine];
-    engines.extend(shifts.map(|shift| moving.shifted(shift).unwrap()));
+    let errors_mm = vec![[8.0, 0.0, 0.0], [-8.0, 0.0, 0.0], [0.0, 0.0, 8.0], [0.0, 0.0, -8.0]];
     let ring = Ring::new(10, 1).unwrap();
+    let points = PointScheme::EveryVoxel;
+    let spec = SetupSpec { grid_mm: 8.0, points, ring, ..SetupSpec::shipped().unwrap() };
+    let threads = NonZeroUsize::new(2).unwrap();
     let beams = [0, 2, 4, 6, 8];
-    let folder = tempfile::tempdir().unwrap();
-    let cache = DoseCache::in_folder(folder.path()).unwrap();
-    let two = NonZeroUsize::new(2).unwrap();
-    let doses = RingDoses::load(&cache, &engines, ring, &beams, two, || ()).unwrap();
-    let alone = RingDoses::load(&cache, &engines[..1], ring, &beams, two, || ()).unwrap();
-    let angles = Method::Class(beams.map(|beam| ring.angle_deg(beam)).to_vec());
-    let plan = |doses: &RingDoses, setups: usize| {
-        let goals = aims.goals(setups).unwrap();
-        let mut evaluator = Evaluator::new(doses, &goals, ring, 5, Budget { solves: 1 });
-        choose(&angles, &mut evaluator, None, 0).unwrap().best
-    };
-    let (robust, nominal) = (plan(&doses, engines.len()), plan(&alone, 1));
-    let on_grid = OnGrid::new(&case, &params.grid);
+    let angles = beams.map(|beam| ring.angle_deg(beam)).to_vec();
+    let request = PlanRequest { threads, ..PlanRequest::of_angles(angles) };
+    let planned = |spec: SetupSpec| plan(phantom(0).unwrap(), spec, &request).unwrap();
+    let (robust, nominal) = (planned(SetupSpec { errors_mm, ..spec.clone() }), planned(spec));
+    let doses = &robust.doses.solved;
+    let case = &robust.setup.case;
+    let grid = robust.setup.engine().params().grid;
+    let setups = robust.setup.engines().len();
+    assert_eq!(setups, 5);
+    let (robust, nominal) = (robust.best(), nominal.best());
+    let on_grid = OnGrid::new(case, &grid);
     let worst = |plan: &Evaluated| {
         let d98 = |setup: usize| {
             let figures = on_grid.evaluate(&doses.dose(plan, setup)).figures(&[]);
             figures.iter().find(|f| f.name == "PTV").unwrap().d98_gy
         };
-        (0..engines.len()).map(d98).fold(f64::INFINITY, f64::min)
+        (0..setups).map(d98).fold(f64::INFINITY, f64::min)
     };
-    assert!(worst(&robust) > worst(&nominal) + 1.0, "{} {}", worst(&robust), worst(&nominal));
+    assert!(worst(robust) > worst(nominal) + 1.0, "{} {}", worst(robust), worst(nominal));
 }

@@ -45,12 +45,14 @@ fn a_case_file_is_for_its_owner_alone() {
 }
 
 #[test]
-fn the_isocentre_is_the_centroid_of_all_targets_each_voxel_once() {
-    // The targets hold voxels 5 to 8: (1,1,0), (2,1,0), (3,1,0), (0,2,0).
-    let expected = [-6.0 + 3.0 * 1.5, 0.1 + 2.5 * 1.25, -1e3 / 7.0];
-    for (found, expected) in case().isocentre_mm().iter().zip(expected) {
-        assert!((found - expected).abs() < 1e-12);
-    }
+fn the_isocentre_is_the_centroid_of_the_prescribed_targets_or_of_all_each_voxel_once() {
+    let is_at = |case: &Case, expected: [f64; 3]| {
+        case.isocentre_mm().iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-12)
+    };
+    // The targets hold voxels 5 to 8: (1,1,0), (2,1,0), (3,1,0), (0,2,0); that with a prescription the first three.
+    assert!(is_at(&case(), [-6.0 + 3.0 * 2.0, 0.1 + 2.5, -1e3 / 7.0]));
+    let without = Case::new(CaseParts { prescription: Vec::new(), ..parts() }).unwrap();
+    assert!(is_at(&without, [-6.0 + 3.0 * 1.5, 0.1 + 2.5 * 1.25, -1e3 / 7.0]));
 }
 
 #[test]

@@ -77,9 +77,9 @@ fn a_truncated_volume_is_refused_with_the_file_and_what_to_do() {
 fn an_nrrd_that_a_plan_cannot_stand_on_is_refused_by_its_field() {
     let read = |field, text| read_nrrd(&nrrd("int16", &[7; 24], Some((field, text))));
     for (field, text, expected) in [
-        ("type", "float", "int16"),
+        ("type", "int64", "int16"),
         ("dimension", "4", "3 axes"),
-        ("space", "right-anterior-superior", "left-posterior-superior is due"),
+        ("space", "scanner-xyz", "are required in this order"),
         ("space", "", "no `space`"),
         ("sizes", "4 3", "three whole numbers"),
         ("sizes", "4 3 2 1", "three whole numbers"),

@@ -7,7 +7,13 @@ use stillpoint_testing::reference;
 
 fn import(json: &Path) -> Case {
     let Imported { case, notes, .. } = import_described(json, &NameTable::shipped().unwrap()).unwrap();
-    assert!(notes.is_empty(), "{}: {notes:?}", json.display());
+    // Published patients have metal, and outlines that leave out the airways or end beside an organ: that is said.
+    let is_of_patients = |note: &String| {
+        ["has holes of", "more than 3000 HU", "leaves the outline", "outside of the outline", "count as air"]
+            .iter()
+            .any(|words| note.contains(words))
+    };
+    assert!(notes.iter().all(is_of_patients), "{}: {notes:?}", json.display());
     case
 }
 

@@ -28,7 +28,7 @@ use crate::exit::{Ended, Exit, Failure, print_json};
 use crate::quantity::quantity;
 use crate::recorded::with_topics;
 use outcome::Outcome;
-use plan_file::PlanFile;
+use plan_file::DeliveredPlan;
 use recorded::Recorded;
 use reference::Reference;
 
@@ -83,7 +83,7 @@ impl Delivered {
     pub fn execute(&self, registry: &Registry) -> Ended {
         let width = self.width()?;
         let case = read(&self.case).map_err(Failure::wrong)?;
-        let plan = PlanFile::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
+        let plan = DeliveredPlan::read(&self.plan, &case, self.machine.as_deref(), self.grid_mm()?)?;
         let session = with_topics(Session::open_any(&self.session), &self.session)?;
         let reference = Reference::of(&session, registry, self.poses.as_deref(), &case)?;
         let recorded = Recorded::of(&session, &reference, self.beam.as_deref(), &case)?;

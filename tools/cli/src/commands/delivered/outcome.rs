@@ -10,7 +10,7 @@ use stillpoint_plan::evaluation::{Evaluation, OnGrid, StructureDose};
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::recompute::BeamFluence;
 
-use super::plan_file::PlanFile;
+use super::plan_file::DeliveredPlan;
 use super::recorded::Recorded;
 use super::reference::Reference;
 use crate::commands::plan::bar;
@@ -70,7 +70,7 @@ impl<'a> Outcome<'a> {
     /// Computes the doses.
     pub fn new(
         case: &'a Case,
-        plan: &PlanFile,
+        plan: &DeliveredPlan,
         recorded: &Recorded,
         width: BinWidth,
         threads: NonZeroUsize,
@@ -116,7 +116,7 @@ impl<'a> Outcome<'a> {
     }
 
     /// Everything, as it is written to delivered.json; nothing in it depends on a clock.
-    pub fn told(&self, plan: &PlanFile, reference: &Reference, recorded: &Recorded) -> Value {
+    pub fn told(&self, plan: &DeliveredPlan, reference: &Reference, recorded: &Recorded) -> Value {
         let grid = &self.grid;
         let dose = |dose: &Dose<'_>| json!({ "name": dose.name, "structures": dose.figures });
         json!({

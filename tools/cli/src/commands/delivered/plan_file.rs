@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use serde::Deserialize;
 use stillpoint_patient::case::{Case, content_hash};
-use stillpoint_plan::dose::{BixelSpec, Collimator, DoseParams};
+use stillpoint_plan::dose::{BixelSpec, DoseParams};
 use stillpoint_plan::leaves::{LeafBeam, Segment};
+use stillpoint_plan::plan_file::{PlanFile, PlanFileBeam, PlanFileLeafBeam, PlanFileLeaves, PlanFileSegment};
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 use crate::commands::plan::machine_of;
@@ -15,7 +15,7 @@ use crate::exit::Failure;
 const MOST_MM: f64 = 500.0;
 
 /// A plan, ready for its dose.
-pub struct PlanFile {
+pub struct DeliveredPlan {
     /// The beams.
     pub beams: Vec<BeamFluence>,
     /// Fractions of the plan.
@@ -26,68 +26,7 @@ pub struct PlanFile {
     pub recompute: Recompute,
 }
 
-/// What is read of plan.json.
-#[derive(Deserialize)]
-struct Told {
-    case: ToldCase,
-    fractions: Option<u32>,
-    machine: ToldMachine,
-    dose: ToldDose,
-    beams: Vec<ToldBeam>,
-    leaves: Option<ToldLeaves>,
-}
-
-#[derive(Deserialize)]
-struct ToldCase {
-    name: String,
-    hash: String,
-}
-
-#[derive(Deserialize)]
-struct ToldMachine {
-    energy_mv: f64,
-    provenance: String,
-}
-
-#[derive(Deserialize)]
-struct ToldDose {
-    grid: ToldGrid,
-    bixel_mm: f64,
-    cutoff_mm: f64,
-}
-
-#[derive(Deserialize)]
-struct ToldGrid {
-    spacing_mm: [f64; 3],
-}
-
-#[derive(Deserialize)]
-struct ToldBeam {
-    gantry_deg: f64,
-    bixels_x_z_mm_weight: Vec<[f64; 3]>,
-}
-
-#[derive(Deserialize)]
-struct ToldLeaves {
-    collimator: Collimator,
-    monitor_units: f64,
-    beams: Vec<ToldLeafBeam>,
-}
-
-#[derive(Deserialize)]
-struct ToldLeafBeam {
-    gantry_deg: f64,
-    field_x_z_mm: [[f64; 2]; 2],
-    segments: Vec<ToldSegment>,
-}
-
-#[derive(Deserialize)]
-struct ToldSegment {
-    monitor_units: f64,
-    open_pair_from_to_mm: Vec<(usize, f64, f64)>,
-}
-
-impl PlanFile {
+impl DeliveredPlan {
     /// Reads the plan of a case from its folder or its plan.json.
     pub fn read(
         path: &Path,
@@ -97,43 +36,42 @@ impl PlanFile {
     ) -> Result<Self, Failure> {
         let path = if path.is_dir() { path.join("plan.json") } else { path.to_owned() };
         let fault = |e: &dyn std::fmt::Display| Failure::failed(format!("{}: {e}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|e| fault(&e))?;
-        let told: Told = serde_json::from_str(&text)
-            .map_err(|e| fault(&format!("{e}; it is no plan.json of this version of `stillpoint plan`")))?;
+        let bytes = std::fs::read(&path).map_err(|e| fault(&e))?;
+        let plan = PlanFile::from_json(&bytes).map_err(|e| fault(&e))?;
         let hash = content_hash(case).map_err(Failure::failed)?.to_string();
-        if told.case.hash != hash {
+        if plan.case.hash != hash {
             return Err(fault(&format!(
                 "this plan is of the case {} ({}), and --case is {} ({hash}); give the case of the plan",
-                told.case.name,
-                told.case.hash,
+                plan.case.name,
+                plan.case.hash,
                 case.name()
             )));
         }
         let machine = machine_of(machine)?;
         let file = machine.file();
-        if file.energy_mv != told.machine.energy_mv || file.provenance != told.machine.provenance {
+        if file.energy_mv != plan.machine.energy_mv || file.provenance != plan.machine.provenance {
             return Err(fault(&format!(
                 "this plan is for the machine \"{}\"; give its machine file with --machine",
-                told.machine.provenance
+                plan.machine.provenance
             )));
         }
-        let fractions = told.fractions.unwrap_or(1);
-        let grid_mm = grid_mm.unwrap_or(told.dose.grid.spacing_mm[0]);
+        let fractions = plan.fractions.unwrap_or(1);
+        let grid_mm = grid_mm.unwrap_or(plan.dose.grid.spacing_mm[0]);
         let params = DoseParams {
-            bixels: BixelSpec::of_width(told.dose.bixel_mm),
-            cutoff_mm: told.dose.cutoff_mm,
+            bixels: BixelSpec::of_width(plan.dose.bixel_mm),
+            cutoff_mm: plan.dose.cutoff_mm,
             ..DoseParams::over(case.grid(), grid_mm)
         };
         let collimator = machine.file().collimator.clone();
         let recompute = Recompute::with_spacing(case, machine, &params, grid_mm).map_err(|e| fault(&e))?;
-        let beams = match &told.leaves {
+        let beams = match &plan.leaves {
             Some(leaves) if Some(&leaves.collimator) != collimator.as_ref() => {
                 return Err(fault(
                     &"the leaves of this plan are not those of the machine; give its machine file with --machine",
                 ));
             }
-            Some(leaves) => leaves.fluences(told.dose.bixel_mm, fractions).map_err(|e| fault(&e))?,
-            None => told.beams.iter().map(ToldBeam::fluence).collect(),
+            Some(leaves) => fluences(leaves, plan.dose.bixel_mm, fractions).map_err(|e| fault(&e))?,
+            None => plan.beams.iter().map(fluence).collect(),
         };
         let is_near = |bixel: &[f64; 2]| bixel.iter().all(|mm| mm.abs() <= MOST_MM);
         let is_sound = |beam: &BeamFluence| {
@@ -147,43 +85,39 @@ impl PlanFile {
         Ok(Self {
             recompute,
             fractions,
-            monitor_units: told.leaves.map(|leaves| leaves.monitor_units),
+            monitor_units: plan.leaves.map(|leaves| leaves.monitor_units),
             beams,
         })
     }
 }
 
-impl ToldBeam {
-    fn fluence(&self) -> BeamFluence {
-        let (bixels_mm, weights) = self.bixels_x_z_mm_weight.iter().map(|[x, z, w]| ([*x, *z], *w)).unzip();
-        BeamFluence { gantry_deg: self.gantry_deg, bixels_mm, weights }
-    }
+fn fluence(beam: &PlanFileBeam) -> BeamFluence {
+    let (bixels_mm, weights) = beam.bixels_x_z_mm_weight.iter().map(|[x, z, w]| ([*x, *z], *w)).unzip();
+    BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights }
 }
 
-impl ToldLeaves {
-    /// What passes the leaves, in weights of all fractions.
-    fn fluences(&self, bixel_mm: f64, fractions: u32) -> Result<Vec<BeamFluence>, String> {
-        let weight_of_unit = f64::from(fractions) / self.collimator.mu_per_weight;
-        let pairs = self.collimator.leaf_edges_mm.len().saturating_sub(1);
-        let segment = |beam: &ToldLeafBeam, told: &ToldSegment| {
-            let over = self.collimator.over_travel_mm;
-            let mut tips_mm = vec![[beam.field_x_z_mm[0][0].clamp(-over, over); 2]; pairs];
-            for (pair, low, high) in &told.open_pair_from_to_mm {
-                let tips = tips_mm.get_mut(*pair).ok_or_else(|| format!("there is no leaf pair {pair}"))?;
-                *tips = [*low, *high];
-            }
-            Ok::<_, String>(Segment { tips_mm, weight: told.monitor_units * weight_of_unit })
-        };
-        let fluence = |beam: &ToldLeafBeam| {
-            if beam.field_x_z_mm.iter().flatten().any(|mm| mm.abs() > MOST_MM) {
-                return Err(format!("a field reaches more than {MOST_MM} mm from the axis"));
-            }
-            let segments: Result<Vec<Segment>, String> =
-                beam.segments.iter().map(|told| segment(beam, told)).collect();
-            let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
-            let (bixels_mm, weights) = shaped.fluence(&self.collimator, bixel_mm);
-            Ok(BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights })
-        };
-        self.beams.iter().map(fluence).collect()
-    }
+/// What passes the leaves, in weights of all fractions.
+fn fluences(leaves: &PlanFileLeaves, bixel_mm: f64, fractions: u32) -> Result<Vec<BeamFluence>, String> {
+    let weight_of_unit = f64::from(fractions) / leaves.collimator.mu_per_weight;
+    let pairs = leaves.collimator.leaf_edges_mm.len().saturating_sub(1);
+    let segment = |beam: &PlanFileLeafBeam, shape: &PlanFileSegment| {
+        let over = leaves.collimator.over_travel_mm;
+        let mut tips_mm = vec![[beam.field_x_z_mm[0][0].clamp(-over, over); 2]; pairs];
+        for (pair, low, high) in &shape.open_pair_from_to_mm {
+            let tips = tips_mm.get_mut(*pair).ok_or_else(|| format!("there is no leaf pair {pair}"))?;
+            *tips = [*low, *high];
+        }
+        Ok::<_, String>(Segment { tips_mm, weight: shape.monitor_units * weight_of_unit })
+    };
+    let fluence = |beam: &PlanFileLeafBeam| {
+        if beam.field_x_z_mm.iter().flatten().any(|mm| mm.abs() > MOST_MM) {
+            return Err(format!("a field reaches more than {MOST_MM} mm from the axis"));
+        }
+        let segments: Result<Vec<Segment>, String> =
+            beam.segments.iter().map(|shape| segment(beam, shape)).collect();
+        let shaped = LeafBeam { field_mm: beam.field_x_z_mm, segments: segments? };
+        let (bixels_mm, weights) = shaped.fluence(&leaves.collimator, bixel_mm);
+        Ok(BeamFluence { gantry_deg: beam.gantry_deg, bixels_mm, weights })
+    };
+    leaves.beams.iter().map(fluence).collect()
 }

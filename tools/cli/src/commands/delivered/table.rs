@@ -4,13 +4,13 @@ use stillpoint_patient::case::Role;
 use stillpoint_plan::evaluation::StructureDose;
 
 use super::outcome::{INTERPLAY, MotionTime, Outcome};
-use super::plan_file::PlanFile;
+use super::plan_file::DeliveredPlan;
 use super::recorded::Recorded;
 use super::reference::Reference;
 use crate::columns::{Columns, Side};
 
 /// Prints it.
-pub fn print(outcome: &Outcome<'_>, plan: &PlanFile, reference: &Reference, recorded: &Recorded) {
+pub fn print(outcome: &Outcome<'_>, plan: &DeliveredPlan, reference: &Reference, recorded: &Recorded) {
     outln!(
         "{}: {} beams, {} fractions; poses of {}, relative to the planning CT {} ({})",
         outcome.case.name(),

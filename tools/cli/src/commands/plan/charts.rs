@@ -5,8 +5,8 @@ use stillpoint_plan::objectives::follows;
 
 use super::outcome::Outcome;
 use super::request::Request;
-use super::search::Run;
 use super::table::angles;
+use stillpoint_plan::recipe::PlanRun;
 use stillpoint_report::chart::{Chart, Series, Style};
 
 /// Points of a histogram.
@@ -63,7 +63,7 @@ pub fn histograms(request: &Request, outcome: &Outcome<'_>) -> Result<String, St
         (None, true) => "",
     };
     let chart = Chart {
-        title: format!("{}, {}{beside}", request.case.name(), angles(&outcome.angles_deg)),
+        title: format!("{}, {}{beside}", request.setup.case.name(), angles(&outcome.angles_deg)),
         x: "dose, Gy".into(),
         y: "volume with at least this dose, %".into(),
         series,
@@ -84,7 +84,7 @@ pub fn percent_curve(dvh: &Dvh, up_to_gy: f64) -> Vec<(f64, f64)> {
 }
 
 /// Cost of each solve, and the best until then. Sets of fewer beams are shown where they do not dwarf the others.
-pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
+pub fn objective(request: &Request, run: &PlanRun) -> Result<String, String> {
     let full = || run.history.iter().filter(|p| p.beams.beams().len() >= request.beams).map(|p| p.cost);
     let most = if full().count() < 3 { f64::INFINITY } else { full().fold(0.0, f64::max) };
     let costs = |name: String, wanted: &dyn Fn(usize) -> bool| {
@@ -105,7 +105,7 @@ pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
     ];
     series.retain(|s| !s.points.is_empty());
     let chart = Chart {
-        title: format!("{}: {beams} beams by {}", request.case.name(), run.way.word()),
+        title: format!("{}: {beams} beams by {}", request.setup.case.name(), run.name.word()),
         x: "solves".into(),
         y: "objective".into(),
         series,
@@ -114,9 +114,9 @@ pub fn objective(request: &Request, run: &Run) -> Result<String, String> {
 }
 
 /// The best of each method over its solves.
-pub fn comparison(request: &Request, runs: &[Run]) -> Result<String, String> {
-    let series = |run: &Run| Series {
-        name: run.way.word().to_owned(),
+pub fn comparison(request: &Request, runs: &[PlanRun]) -> Result<String, String> {
+    let series = |run: &PlanRun| Series {
+        name: run.name.word().to_owned(),
         points: with_end(
             run.history.iter().map(|p| (p.solves as f64, p.best)).collect(),
             request.budget as f64,
@@ -126,7 +126,7 @@ pub fn comparison(request: &Request, runs: &[Run]) -> Result<String, String> {
     let chart = Chart {
         title: format!(
             "{}: {} beams, every method with {} solves",
-            request.case.name(),
+            request.setup.case.name(),
             request.beams,
             request.budget
         ),

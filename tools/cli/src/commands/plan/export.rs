@@ -26,7 +26,7 @@ pub struct Files {
 
 /// The plan, its dose, and the structures where the case came without. Beams without weight are left out.
 pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Files, ExportError> {
-    let uids = uids_of(&request.case, &request.hash);
+    let uids = uids_of(&request.setup.case, &request.setup.hash);
     let export = Export { uids: &uids, identity: &request.identity };
     let beams = match &outcome.leaves {
         Some(leaves) => shaped(request, outcome, leaves),
@@ -34,8 +34,8 @@ pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resul
     };
     let collimator = request.collimator().filter(|_| outcome.leaves.is_some());
     let gray = outcome.leaves.as_ref().map_or(&outcome.gray[0], |leaves| &leaves.gray);
-    let machine = request.machine.file();
-    let label = format!("{} {}", outcome.run.way.word(), request.beams);
+    let machine = request.setup.spec.machine.file();
+    let label = format!("{} {}", outcome.run.name.word(), request.beams);
     let plan = plan_file(
         &export,
         &Plan {
@@ -45,17 +45,17 @@ pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resul
                 energy_mv: machine.energy_mv,
                 source_axis_mm: machine.sad_mm,
             },
-            prescription: request.case.prescription(),
-            fractions: request.case.fractions().unwrap_or(1),
-            position: request.case.position(),
+            prescription: request.setup.case.prescription(),
+            fractions: request.setup.case.fractions().unwrap_or(1),
+            position: request.setup.case.position(),
             leaf_edges_mm: collimator.map_or(&[][..], |c| &c.leaf_edges_mm[..]),
             beams: &beams,
         },
     )?;
     let dose = dose_file(&export, &PlannedDose { grid: outcome.grid(), gray, plan: &plan.uid })?;
-    let structures = match request.case.uids() {
+    let structures = match request.setup.case.uids() {
         Some(_) => None,
-        None => Some(structure_file(&export, &request.case)?),
+        None => Some(structure_file(&export, &request.setup.case)?),
     };
     Ok(Files { plan, dose, structures })
 }
@@ -63,7 +63,7 @@ pub fn dicom(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resul
 fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<Beam> {
     let (_, all) = leaves.totals();
     let beam = |(number, beam): (&u16, &LeafBeam)| {
-        let angle = request.ring.angle_deg(*number);
+        let angle = request.setup.spec.ring.angle_deg(*number);
         let segment = |segment: &Segment| LeafSegment {
             tips_mm: segment.tips_mm.clone(),
             monitor_units: leaves.monitor_units(segment.weight),
@@ -71,7 +71,7 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
         Beam {
             name: format!("gantry {angle}"),
             gantry_deg: angle,
-            isocentre_mm: request.case.isocentre_mm(),
+            isocentre_mm: request.setup.case.isocentre_mm(),
             weight: leaves.beam_units(beam) / all,
             field_mm: beam.field_mm,
             segments: beam.segments.iter().map(segment).collect(),
@@ -83,22 +83,30 @@ fn shaped(request: &Request, outcome: &Outcome<'_>, leaves: &Leaves<'_>) -> Vec<
 fn beams(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Vec<Beam> {
     let best = &outcome.run.choice.best;
     let whole: f64 = best.plan.weights.iter().sum();
-    let half = 0.5 * request.bixel_mm;
+    let half = 0.5 * request.setup.spec.bixel_mm;
     let of = |beam: &u16| {
         let weights = best.weights_of(*beam)?;
         let share = weights.iter().sum::<f64>() / whole;
-        let lit =
-            || ground.doses.bixels_mm(*beam).iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(b, _)| b);
+        let lit = || {
+            ground
+                .doses
+                .solved
+                .bixels_mm(*beam)
+                .iter()
+                .zip(weights)
+                .filter(|(_, w)| **w > 0.0)
+                .map(|(b, _)| b)
+        };
         let edge = |axis: usize| {
             let low = lit().map(|b| b[axis]).fold(f64::INFINITY, f64::min);
             let high = lit().map(|b| b[axis]).fold(f64::NEG_INFINITY, f64::max);
             [low - half, high + half]
         };
-        let angle = request.ring.angle_deg(*beam);
+        let angle = request.setup.spec.ring.angle_deg(*beam);
         (share > LEAST_SHARE).then(|| Beam {
             name: format!("gantry {angle}"),
             gantry_deg: angle,
-            isocentre_mm: request.case.isocentre_mm(),
+            isocentre_mm: request.setup.case.isocentre_mm(),
             weight: share,
             // The beam's x is that of the collimator at 0 degrees; its z, to the head, is the collimator's y.
             field_mm: [edge(0), edge(1)],

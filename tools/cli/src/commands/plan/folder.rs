@@ -11,10 +11,10 @@ use super::ground::Ground;
 use super::outcome::Outcome;
 use super::page;
 use super::request::Request;
-use super::search::Run;
 use super::tree;
 use crate::exit::Failure;
 use crate::picture::{Plane, Wash, wash};
+use stillpoint_plan::recipe::PlanRun;
 
 /// The upper end of the scale of doses, as a part of the prescription.
 const SCALE: f64 = 1.1;
@@ -32,17 +32,17 @@ pub fn make_ready(folder: &Path) -> Result<(), Failure> {
 pub fn write(
     request: &Request,
     ground: &Ground,
-    runs: &[Run],
+    runs: &[PlanRun],
     outcome: &Outcome<'_>,
 ) -> Result<Vec<PathBuf>, Failure> {
     let folder = Folder { path: &request.out };
     let mut files = Vec::new();
-    let told = serde_json::to_string_pretty(&outcome.told(request, ground, runs)).map_err(Failure::failed)?;
-    files.push(folder.put("plan.json", told.as_bytes())?);
+    let plan = outcome.file(request, ground, runs).map_err(Failure::failed)?;
+    files.push(folder.put("plan.json", plan.to_json().map_err(Failure::failed)?.as_bytes())?);
     let svg = |text: Result<String, String>| text.map_err(Failure::failed);
     files.push(folder.put("dvh.svg", svg(charts::histograms(request, outcome))?.as_bytes())?);
     files.push(folder.put("objective.svg", svg(charts::objective(request, outcome.run))?.as_bytes())?);
-    if let Some(tree) = tree::drawing(request.ring, request.beams, &outcome.run.history) {
+    if let Some(tree) = tree::drawing(request.setup.spec.ring, request.beams, &outcome.run.history) {
         files.push(folder.put("tree.svg", tree.as_bytes())?);
     }
     if runs.len() > 1 {
@@ -56,7 +56,7 @@ pub fn write(
             beams_deg: &outcome.angles_deg,
         };
         let mut png = Vec::new();
-        wash(&request.case, plane, &over).write(&mut png).map_err(Failure::failed)?;
+        wash(&request.setup.case, plane, &over).write(&mut png).map_err(Failure::failed)?;
         files.push(folder.put(&format!("{}.png", plane.name()), &png)?);
     }
     files.push(folder.put("plan.html", page::page(request, ground, outcome)?.as_bytes())?);

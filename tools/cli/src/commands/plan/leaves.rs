@@ -1,18 +1,18 @@
 //! The segments of a plan, and what they give.
 
-use serde_json::{Value, json};
 use stillpoint_plan::beams::Influence;
 use stillpoint_plan::dose::Collimator;
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose};
-use stillpoint_plan::leaves::{FluenceBeam, LeafBeam, LeafOptions, Sequenced, sequence};
+use stillpoint_plan::leaves::{FluenceBeam, LeafBeam, LeafOptions, Segment, Sequenced, sequence};
+use stillpoint_plan::plan_file::{PlanFileLeafBeam, PlanFileLeaves, PlanFileSegment};
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{BeamFluence, Recompute};
 
 use super::ground::Ground;
-use super::outcome::histograms;
+use super::outcome::figures_of;
 use super::request::Request;
-use super::search::Run;
 use crate::exit::Failure;
+use stillpoint_plan::recipe::PlanRun;
 
 /// A plan in segments, in the planned set-up.
 pub struct Leaves<'a> {
@@ -28,6 +28,8 @@ pub struct Leaves<'a> {
     pub fall_off: Option<FallOff>,
     /// The limits of the protocol.
     pub limits: Vec<Judged>,
+    /// The leaves.
+    collimator: Collimator,
     /// Monitor units of a fluence of weight 1 in one fraction.
     mu_per_weight: f64,
 }
@@ -37,25 +39,25 @@ impl<'a> Leaves<'a> {
     pub fn new(
         request: &Request,
         ground: &Ground,
-        run: &Run,
+        run: &PlanRun,
         recompute: &Recompute,
         on_grid: &OnGrid<'a>,
     ) -> Result<Option<Self>, Failure> {
         let Some(collimator) = request.collimator() else { return Ok(None) };
         let best = &run.choice.best;
         let beam = |beam: &u16| FluenceBeam {
-            doses: ground.doses.beam(*beam),
-            bixels_mm: ground.doses.bixels_mm(*beam),
+            doses: ground.doses.solved.beam(*beam),
+            bixels_mm: ground.doses.solved.bixels_mm(*beam),
             weights: best.weights_of(*beam).unwrap_or_default(),
         };
         let beams: Vec<FluenceBeam<'_>> = best.beams.beams().iter().map(beam).collect();
-        let mu_per_weight = collimator.mu_per_weight / f64::from(request.case.fractions().unwrap_or(1));
+        let mu_per_weight = collimator.mu_per_weight / f64::from(request.setup.case.fractions().unwrap_or(1));
         let options = LeafOptions {
-            width_mm: request.bixel_mm,
+            width_mm: request.setup.spec.bixel_mm,
             least_weight: collimator.least_mu / mu_per_weight,
             ..LeafOptions::PLAN
         };
-        let sequenced = sequence(&ground.goals, &beams, collimator, best.solved_cost(), options);
+        let sequenced = sequence(&request.setup.goals, &beams, collimator, best.solved_cost(), options);
         let sequenced = sequenced.map_err(|e| {
             Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
         })?;
@@ -64,10 +66,11 @@ impl<'a> Leaves<'a> {
         Ok(Some(Self {
             figures: given.figures(&ground.volumes_at_gy),
             fall_off: given.fall_off,
-            limits: request.protocol.iter().flat_map(|p| p.judge(&request.case, &given)).collect(),
+            limits: request.protocol.iter().flat_map(|p| p.judge(&request.setup.case, &given)).collect(),
             given,
             sequenced,
             gray,
+            collimator: collimator.clone(),
             mu_per_weight,
         }))
     }
@@ -95,44 +98,41 @@ impl<'a> Leaves<'a> {
     }
 
     /// All of it, for `plan.json`.
-    pub fn told(&self, request: &Request, run: &Run) -> Value {
+    pub fn file(&self, request: &Request, run: &PlanRun) -> PlanFileLeaves {
         let [opaque, loss] = self.losses(run.choice.best.solved_cost());
         let (segments, monitor_units) = self.totals();
-        let beam = |(number, beam): (&u16, &LeafBeam)| {
-            let segment = |segment: &stillpoint_plan::leaves::Segment| {
-                let open = segment.tips_mm.iter().enumerate().filter(|(_, [low, high])| low < high);
-                json!({
-                    "monitor_units": self.monitor_units(segment.weight),
-                    "open_pair_from_to_mm": open.map(|(pair, [low, high])| json!([pair, low, high])).collect::<Vec<_>>(),
-                })
-            };
-            json!({
-                "gantry_deg": request.ring.angle_deg(*number),
-                "monitor_units": self.beam_units(beam),
-                "field_x_z_mm": beam.field_mm,
-                "segments": beam.segments.iter().map(segment).collect::<Vec<_>>(),
-            })
+        let segment = |segment: &Segment| {
+            let open = segment.tips_mm.iter().enumerate().filter(|(_, [low, high])| low < high);
+            PlanFileSegment {
+                monitor_units: self.monitor_units(segment.weight),
+                open_pair_from_to_mm: open.map(|(pair, [low, high])| (pair, *low, *high)).collect(),
+            }
         };
-        json!({
-            "collimator": request.collimator(),
-            "levels": LeafOptions::PLAN.levels,
-            "objective": self.sequenced.plan.certificate.objective,
-            "loss": loss,
-            "loss_without_transmission": opaque,
-            "loss_before_segments_were_added": self.sequenced.divided / run.choice.best.solved_cost() - 1.0,
-            "added_segments": self.sequenced.added,
-            "segments": segments,
-            "monitor_units": monitor_units,
-            "beams": self.beams(run).map(beam).collect::<Vec<_>>(),
-            "structures": self.figures,
-            "histograms": histograms(&self.given),
-            "fall_off": self.fall_off,
-            "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
-        })
+        let beam = |(number, beam): (&u16, &LeafBeam)| PlanFileLeafBeam {
+            gantry_deg: request.setup.spec.ring.angle_deg(*number),
+            monitor_units: self.beam_units(beam),
+            field_x_z_mm: beam.field_mm,
+            segments: beam.segments.iter().map(segment).collect(),
+        };
+        PlanFileLeaves {
+            collimator: self.collimator.clone(),
+            levels: LeafOptions::PLAN.levels,
+            objective: self.sequenced.plan.certificate.objective,
+            loss,
+            loss_without_transmission: Some(opaque),
+            loss_before_segments_were_added: Some(
+                self.sequenced.divided / run.choice.best.solved_cost() - 1.0,
+            ),
+            added_segments: self.sequenced.added,
+            segments,
+            monitor_units,
+            beams: self.beams(run).map(beam).collect(),
+            figures: figures_of(request, &self.figures, &self.given, self.fall_off, &self.limits),
+        }
     }
 
     /// The beams that have segments, with their numbers on the ring.
-    pub fn beams<'b>(&'b self, run: &'b Run) -> impl Iterator<Item = (&'b u16, &'b LeafBeam)> {
+    pub fn beams<'b>(&'b self, run: &'b PlanRun) -> impl Iterator<Item = (&'b u16, &'b LeafBeam)> {
         let numbers = run.choice.best.beams.beams().iter();
         numbers.zip(&self.sequenced.beams).filter_map(|(number, beam)| Some((number, beam.as_ref()?)))
     }
@@ -141,15 +141,15 @@ impl<'a> Leaves<'a> {
 /// Dose of the segments: of all that passes the leaves, also beside the bixels that were optimised.
 fn dose(
     request: &Request,
-    run: &Run,
+    run: &PlanRun,
     sequenced: &Sequenced,
     collimator: &Collimator,
     recompute: &Recompute,
 ) -> Result<Vec<f32>, Failure> {
     let numbers = run.choice.best.beams.beams().iter();
     let fluence = |(number, beam): (&u16, &Option<LeafBeam>)| {
-        let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.bixel_mm);
-        Some(BeamFluence { gantry_deg: request.ring.angle_deg(*number), bixels_mm, weights })
+        let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.setup.spec.bixel_mm);
+        Some(BeamFluence { gantry_deg: request.setup.spec.ring.angle_deg(*number), bixels_mm, weights })
     };
     let fluences: Vec<BeamFluence> = numbers.zip(&sequenced.beams).filter_map(fluence).collect();
     let beams = BeamFluence::weighted(&fluences);

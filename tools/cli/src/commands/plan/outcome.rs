@@ -1,6 +1,5 @@
 //! What a plan gives: doses, figures, and all of it as JSON.
 
-use serde_json::{Value, json};
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
@@ -8,21 +7,25 @@ use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, br
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
 use stillpoint_plan::objectives::{ObjectiveResult, follows};
+use stillpoint_plan::plan_file::{
+    Histogram, PLAN_FILE_VERSION, PlanFile, PlanFileBeam, PlanFileCase, PlanFileDose, PlanFileFigures,
+    PlanFileGame, PlanFileGrid, PlanFileMachine, PlanFileObjectives, PlanFilePoints, PlanFileProtocol,
+    PlanFileSearch, PlanFileSetup, PlanFileSolve, WARNING,
+};
 use stillpoint_plan::protocol::Judged;
 use stillpoint_plan::recompute::{Recompute, WeightedBeam};
 
-use super::charts::up_to_gy;
-use super::compare::Histogram;
+use super::charts::{percent_curve, up_to_gy};
 use super::ground::{Ground, bar};
 use super::leaves::Leaves;
 use super::request::Request;
-use super::search::Run;
 use crate::exit::Failure;
+use stillpoint_plan::recipe::PlanRun;
 
 /// The best plan and what it gives: of a dose that is computed again on a finer grid than that of the points.
 pub struct Outcome<'a> {
     /// How it was found.
-    pub run: &'a Run,
+    pub run: &'a PlanRun,
     /// Gantry angles, rising, degrees.
     pub angles_deg: Vec<f64>,
     grid: Grid,
@@ -50,15 +53,15 @@ pub struct Outcome<'a> {
 
 impl<'a> Outcome<'a> {
     /// Of this run.
-    pub fn new(request: &'a Request, ground: &Ground, run: &'a Run) -> Result<Self, Failure> {
+    pub fn new(request: &'a Request, ground: &Ground, run: &'a PlanRun) -> Result<Self, Failure> {
         let best = &run.choice.best;
-        let case = &request.case;
-        let points_mm = ground.sampling.grid().spacing_mm[0];
-        let machine = request.machine.clone();
-        let recompute = Recompute::new(case, machine, ground.engine().params(), points_mm);
+        let case = &request.setup.case;
+        let points_mm = request.setup.points_mm();
+        let machine = request.setup.spec.machine.clone();
+        let recompute = Recompute::new(case, machine, request.setup.engine().params(), points_mm);
         let recompute = recompute.map_err(Failure::failed)?;
         let weighted = |beam: &u16| WeightedBeam {
-            gantry_deg: request.ring.angle_deg(*beam),
+            gantry_deg: request.setup.spec.ring.angle_deg(*beam),
             weights: best.weights_of(*beam).unwrap_or_default(),
             bixels_mm: None,
         };
@@ -79,14 +82,19 @@ impl<'a> Outcome<'a> {
             figures.retain(|f| follows(f.role));
             figures
         };
-        let objectives = ground.aims.results(&ground.goals, &best.plan.dose, &given[0]);
+        let objectives = request.setup.aims.results(&request.setup.goals, &best.plan.dose, &given[0]);
         let reference = case.reference_dose_gy();
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
         Ok(Self {
             leaves: Leaves::new(request, ground, run, &recompute, &on_grid)?,
             run,
-            angles_deg: best.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect(),
+            angles_deg: best
+                .beams
+                .beams()
+                .iter()
+                .map(|beam| request.setup.spec.ring.angle_deg(*beam))
+                .collect(),
             figures: figures(&given[0]),
             fall_off: given[0].fall_off,
             objectives: objectives.map_err(Failure::failed)?,
@@ -124,93 +132,130 @@ impl<'a> Outcome<'a> {
     }
 
     /// Everything, as it is written to `plan.json`; nothing in it depends on a clock.
-    pub fn told(&self, request: &Request, ground: &Ground, runs: &[Run]) -> Value {
+    pub fn file(
+        &self,
+        request: &Request,
+        ground: &Ground,
+        runs: &[PlanRun],
+    ) -> Result<PlanFile, serde_json::Error> {
         let best = &self.run.choice.best;
-        let params = ground.engine().params();
+        let setup = &request.setup;
+        let params = setup.engine().params();
+        let machine = setup.spec.machine.file();
         let beam = |beam: &u16| {
             let weights = best.weights_of(*beam).unwrap_or_default();
-            let bixels =
-                ground.doses.bixels_mm(*beam).iter().zip(weights).map(|([x, z], w)| json!([x, z, w]));
-            json!({
-                "gantry_deg": request.ring.angle_deg(*beam),
-                "weight": weights.iter().sum::<f64>(),
-                "bixels_x_z_mm_weight": bixels.collect::<Vec<_>>(),
-            })
+            let bixels = ground.doses.solved.bixels_mm(*beam).iter().zip(weights);
+            PlanFileBeam {
+                gantry_deg: setup.spec.ring.angle_deg(*beam),
+                weight: weights.iter().sum(),
+                bixels_x_z_mm_weight: bixels.map(|([x, z], w)| [*x, *z, *w]).collect(),
+            }
         };
         let certificate = &best.plan.certificate;
-        let setup = |(shift, figures): (&[f64; 3], &Vec<StructureDose>)| json!({ "patient_moved_mm": shift, "structures": figures });
-        json!({
-            "stillpoint": env!("CARGO_PKG_VERSION"),
-            "warning": "Research only. No plan made by stillpoint may treat a patient.",
-            "case": { "name": request.case.name(), "hash": request.hash.to_string(), "provenance": request.case.provenance() },
-            "prescription": request.case.prescription(),
-            "fractions": request.case.fractions(),
-            "isocentre_mm": request.case.isocentre_mm(),
-            "machine": { "energy_mv": request.machine.file().energy_mv, "provenance": request.machine.file().provenance },
-            "dose": {
-                "grid": grid(self.grid()),
-                "optimised": { "lattice": grid(&params.grid), "points": ground.goals.voxels().len() },
-                "bixel_mm": params.bixels.width_mm,
-                "cutoff_mm": params.cutoff_mm,
+        let moved = |(shift, figures): (&[f64; 3], &Vec<StructureDose>)| PlanFileSetup {
+            patient_moved_mm: *shift,
+            structures: figures.clone(),
+        };
+        Ok(PlanFile {
+            stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
+            warning: WARNING.to_owned(),
+            case: PlanFileCase {
+                name: setup.case.name().to_owned(),
+                hash: setup.hash.to_string(),
+                provenance: setup.case.provenance().to_owned(),
             },
-            "wanted": ground.aims.structures.iter().map(wanted).collect::<Vec<_>>(),
-            "objectives": self.objectives,
-            "method": self.run.way,
-            "seed": request.seed,
-            "objective": best.solved_cost(),
-            "robust_game": best.answer.as_ref().map(|answer| json!({
-                "worst_objective": best.cost,
-                "worst_setup": answer.error,
-                "objectives_of_setups": answer.costs,
-            })),
-            "excess_at_most": certificate.excess,
-            "kkt": certificate.kkt,
-            "newton_steps": best.plan.steps,
-            "beams": best.beams.beams().iter().map(beam).collect::<Vec<_>>(),
-            "structures": self.figures,
-            "histograms": histograms(&self.given[0]),
-            "fall_off": self.fall_off,
-            "protocol": request.protocol.as_ref().map(|p| json!({ "name": p.name, "limits": self.limits })),
-            "leaves": self.leaves.as_ref().map(|leaves| leaves.told(request, self.run)),
-            "setups": request.setups_mm[1..].iter().zip(&self.moved).map(setup).collect::<Vec<_>>(),
-            "reference": self.reference,
-            "searches": runs.iter().map(|run| search(request, run)).collect::<Vec<_>>(),
+            prescription: setup.case.prescription().to_vec(),
+            fractions: setup.case.fractions(),
+            isocentre_mm: setup.case.isocentre_mm(),
+            machine: PlanFileMachine { energy_mv: machine.energy_mv, provenance: machine.provenance.clone() },
+            dose: PlanFileDose {
+                grid: PlanFileGrid::from(self.grid()),
+                optimised: Some(PlanFilePoints {
+                    lattice: PlanFileGrid::from(&params.grid),
+                    points: setup.goals.voxels().len(),
+                }),
+                bixel_mm: params.bixels.width_mm,
+                cutoff_mm: params.cutoff_mm,
+            },
+            wanted: setup.aims.structures.iter().map(objectives).collect::<Result<_, _>>()?,
+            objectives: self.objectives.iter().map(serde_json::to_value).collect::<Result<_, _>>()?,
+            method: self.run.name,
+            seed: request.seed,
+            objective: best.solved_cost(),
+            robust_game: best.answer.as_ref().map(|answer| PlanFileGame {
+                worst_objective: best.cost,
+                worst_setup: answer.error,
+                objectives_of_setups: answer.costs.clone(),
+            }),
+            excess_at_most: finite(certificate.excess),
+            kkt: finite(certificate.kkt),
+            newton_steps: best.plan.steps,
+            beams: best.beams.beams().iter().map(beam).collect(),
+            figures: figures_of(request, &self.figures, &self.given[0], self.fall_off, &self.limits),
+            leaves: self.leaves.as_ref().map(|leaves| leaves.file(request, self.run)),
+            setups: request.setups_mm[1..].iter().zip(&self.moved).map(moved).collect(),
+            reference: self.reference.clone(),
+            searches: runs.iter().map(|run| search(request, run)).collect(),
+            version: PLAN_FILE_VERSION,
         })
     }
 }
 
-/// The histogram of each structure in percent of its volume.
-pub fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
-    let up_to = up_to_gy(given.histograms.iter().map(|(_, dvh)| dvh));
-    let told = |(structure, dvh): &(&Structure, Dvh)| Histogram::new(&structure.name, dvh, up_to);
-    given.histograms.iter().map(told).collect()
+/// The figures of a dose.
+pub fn figures_of(
+    request: &Request,
+    structures: &[StructureDose],
+    given: &Evaluation<'_>,
+    fall_off: Option<FallOff>,
+    limits: &[Judged],
+) -> PlanFileFigures {
+    let protocol = request.protocol.as_ref();
+    PlanFileFigures {
+        structures: structures.to_vec(),
+        histograms: histograms(given),
+        fall_off,
+        protocol: protocol.map(|p| PlanFileProtocol { name: p.name.clone(), limits: limits.to_vec() }),
+    }
 }
 
-fn grid(grid: &Grid) -> Value {
-    json!({ "counts": grid.counts, "spacing_mm": grid.spacing_mm, "origin_mm": grid.origin_mm })
+/// The histogram of each structure in percent of its volume.
+fn histograms(given: &Evaluation<'_>) -> Vec<Histogram> {
+    let up_to = up_to_gy(given.histograms.iter().map(|(_, dvh)| dvh));
+    let of =
+        |(structure, dvh): &(&Structure, Dvh)| Histogram::new(&structure.name, &percent_curve(dvh, up_to));
+    given.histograms.iter().map(of).collect()
 }
 
 /// Objectives as they were solved: doses in gray, over the points that count for the structure.
-fn wanted(wanted: &StructureObjectives) -> Value {
-    json!({ "structure": wanted.name, "voxels": wanted.voxels.len(), "objectives": wanted.objectives })
+fn objectives(wanted: &StructureObjectives) -> Result<PlanFileObjectives, serde_json::Error> {
+    let objectives: Result<Vec<_>, _> = wanted.objectives.iter().map(serde_json::to_value).collect();
+    Ok(PlanFileObjectives {
+        structure: wanted.name.clone(),
+        voxels: wanted.voxels.len(),
+        objectives: objectives?,
+    })
 }
 
-fn search(request: &Request, run: &Run) -> Value {
-    let angles = |progress: &Progress| {
-        progress.beams.beams().iter().map(|beam| request.ring.angle_deg(*beam)).collect::<Vec<_>>()
+fn finite(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
+}
+
+fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
+    let solve = |progress: &Progress| PlanFileSolve {
+        cost: finite(progress.cost),
+        best: finite(progress.best),
+        prices: progress.prices,
+        angles_deg: request.setup.angles_deg(progress.beams.beams()),
     };
-    let solve = |progress: &Progress| {
-        let best = Some(progress.best).filter(|b| b.is_finite());
-        json!({ "cost": progress.cost, "best": best, "prices": progress.prices, "angles_deg": angles(progress) })
-    };
-    json!({
-        "method": run.way,
-        "budget": request.budget,
-        "ended": if run.choice.spent { "the budget was spent" } else { "nothing more to try" },
-        "objective": run.choice.best.cost,
-        "angles_deg": run.choice.best.beams.beams().iter().map(|b| request.ring.angle_deg(*b)).collect::<Vec<_>>(),
-        "solves": run.history.len(),
-        "prices": run.prices,
-        "history": run.history.iter().map(solve).collect::<Vec<_>>(),
-    })
+    let ended = if run.choice.spent { "the budget was spent" } else { "nothing more to try" };
+    PlanFileSearch {
+        method: run.name,
+        budget: run.budget,
+        ended: ended.to_owned(),
+        objective: run.choice.best.cost,
+        angles_deg: request.setup.angles_deg(run.choice.best.beams.beams()),
+        solves: run.history.len(),
+        prices: run.prices,
+        history: run.history.iter().map(solve).collect(),
+    }
 }

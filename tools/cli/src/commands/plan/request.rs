@@ -4,83 +4,39 @@ use std::collections::BTreeSet;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-use serde::Serialize;
 use stillpoint_dicom::Identity;
-use stillpoint_network::Judgement;
-use stillpoint_network::game::APART;
-use stillpoint_patient::case::{Case, ContentHash, content_hash, phantom, read};
-use stillpoint_plan::beams::{
-    BeamGame, BeamSet, Method, Mixture, Prior, Ring, SearchOptions, class_solution, pelvis_solutions,
-    set_of_prior,
-};
+use stillpoint_network::{LearnedError, caution, with_network};
+use stillpoint_patient::case::{Case, phantom, read};
 use stillpoint_plan::dose::{Collimator, Machine};
 use stillpoint_plan::objectives::ObjectiveTable;
 use stillpoint_plan::protocol::Protocol;
+use stillpoint_plan::recipe::{
+    MethodName, PlanRequest, PlanSearch, PlanSetup, PriorName, RobustBy, SetupSpec, set_up_errors,
+};
+use stillpoint_planner::protocol;
 
-use super::guide::{self, Guide};
-use super::way::Way;
-use super::{Plan, learned, protocol};
+use super::args::PlanArgs;
 use crate::exit::Failure;
 use crate::quantity::quantity;
 
-/// Angles of the ring, 4 degrees apart, and steps that beams keep from each other: 20 degrees.
-const RING: (u16, u16) = (90, 5);
-
-/// Most solves of a method, if nothing else is asked for.
-const BUDGET: usize = 40;
-/// The same of the sets that a network proposes.
-const PROPOSALS: usize = 5;
-
-/// Exchanges of the game of two players.
-const EXCHANGES: usize = 2;
-
-/// What is optimised where there are several set-ups.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RobustBy {
-    /// The mean over the set-ups, by beams and by fluence.
-    Mean,
-    /// The worst set-up, by beams: the robust game. The fluence is that for the planned set-up; a second player answers each
-    /// set of beams with the set-up under which it costs most, and the search minimises that cost. Its answers are counted in
-    /// the budget, each set-up as 0.02 solves.
-    Worst,
-}
-
 /// A consistent request.
 pub struct Request {
-    /// The patient.
-    pub case: Case,
-    /// Hash of the case.
-    pub hash: ContentHash,
-    /// Angles that beams may have.
-    pub ring: Ring,
+    /// The case made ready.
+    pub setup: PlanSetup,
+    /// The searches, one for each method.
+    pub searches: Vec<PlanSearch>,
     /// Beams of the plan.
     pub beams: usize,
     /// Most solves of a method.
     pub budget: usize,
-    /// The methods of choosing beams, with their names.
-    pub methods: Vec<(Way, Method)>,
     /// What people should know of the network that they use.
     pub caution: Option<String>,
-    /// What is known of beams without a solve, beside prices.
-    mixture: Option<Mixture<'static>>,
     /// Shifts of the patient (mm), the planned set-up first.
     pub setups_mm: Vec<[f64; 3]>,
-    /// What is optimised where there are several.
-    pub robust_by: RobustBy,
-    /// The objectives.
-    pub objectives: ObjectiveTable,
     /// The limits that the plan is compared with.
     pub protocol: Option<Protocol>,
-    /// The machine.
-    pub machine: Machine,
     /// Whether fluences are sequenced where the machine has leaves.
     leaves: bool,
-    /// Spacing of the dose grid, mm.
-    pub grid_mm: f64,
-    /// Width of a bixel, mm.
-    pub bixel_mm: f64,
     /// Where the plan goes.
     pub out: PathBuf,
     /// Where doses are kept.
@@ -97,114 +53,81 @@ pub struct Request {
 
 impl Request {
     /// Checks it.
-    pub fn new(given: &Plan) -> Result<Self, Failure> {
-        if given.prior != [Guide::Price] && !given.compare && !given.method.takes_prior() {
-            return Err(Failure::wrong(format!(
-                "--method {} takes no --prior; the methods search, prior, construction and two-player do",
-                given.method.word()
-            )));
-        }
+    pub fn new(given: &PlanArgs) -> Result<Self, Failure> {
         let case = match &given.case {
             Some(path) => read(path).map_err(Failure::wrong)?,
             None => phantom(0).map_err(Failure::failed)?,
         };
-        let (count, gap) = RING;
+        let mut spec = spec(given)?;
         let angles = given.angles.as_deref().map(angles_deg).transpose()?;
-        let ring = Ring::new(count, gap).map_err(Failure::failed)?;
-        let ring = match (&angles, &given.angles) {
-            (Some(angles), Some(text)) => {
-                ring.for_angles(angles).map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?
-            }
-            _ => ring,
+        if let (Some(angles), Some(text)) = (&angles, &given.angles) {
+            let ring = spec.ring.for_angles(angles);
+            spec.ring = ring.map_err(|e| Failure::wrong(format!("--angles {text}: {e}")))?;
+        }
+        let threads = match given.threads {
+            Some(threads) => threads,
+            None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
         };
-        let (objectives, machine) =
-            (objectives(given.objectives.as_deref())?, machine(given.machine.as_deref())?);
-        let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
-        let (grid_mm, bixel_mm) = (length("grid", &given.grid)?, length("bixel", &given.bixel)?);
-        let network = given.network.as_deref();
-        let learned = || learned::judgement(&case, &objectives, &machine, bixel_mm, network);
-        let budget = given.budget.unwrap_or(if given.method == Way::Network { PROPOSALS } else { BUDGET });
-        let (beams, methods) = methods(given, angles, ring, &case, budget, learned)?;
-        ring.check_room(beams).map_err(|e| Failure::wrong(format!("{e}")))?;
-        let mixture = guide::mixture(&given.prior, &case, ring, beams, learned)?;
-        let uses_network =
-            given.prior.contains(&Guide::Network) || given.method == Way::Network || given.compare;
-        let uses_shipped = uses_network && network.is_none();
-        let caution = uses_shipped.then(|| learned::caution(case.is_pelvis(), beams)).flatten();
-        if network.is_some() && !uses_network {
-            return Err(Failure::wrong(
-                "--network is the model of --method network, --prior network and --compare; give one of them, too",
-            ));
-        }
-        if given.method == Way::Prior && mixture.is_none() {
-            return Err(Failure::wrong(
-                "--method prior: prices need solves; choose --prior geometry, class, uniform or network",
-            ));
-        }
-        if budget == 0 {
-            return Err(Failure::wrong(
-                "--budget 0 solves nothing; allow at least 1, and for some methods one for each beam",
-            ));
-        }
+        let mut requests = requests(given, angles, threads)?;
+        network(&mut requests, &case, &spec, given.network.as_deref())?;
+        let searches: Result<Vec<PlanSearch>, _> =
+            requests.iter().map(|request| request.check(&case, spec.ring)).collect();
+        let searches = searches.map_err(Failure::wrong)?;
+        let (beams, budget) = (requests[0].beams, requests[0].budget);
+        let is_shipped = given.network.is_none() && requests.iter().any(PlanRequest::uses_network);
+        let out = given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name()));
+        let protocol = protocol(&case, given.protocol.as_deref())?;
+        let identity = identity(given.keep_identity.as_deref(), &case)?;
+        let setup = PlanSetup::new(case, spec).map_err(Failure::failed)?;
         Ok(Self {
-            hash: content_hash(&case).map_err(Failure::failed)?,
-            ring,
+            caution: is_shipped.then(|| caution(setup.case.is_pelvis(), beams)).flatten(),
+            setups_mm: setup.setups_mm(),
+            setup,
+            searches,
             beams,
             budget,
-            methods,
-            caution,
-            mixture,
-            setups_mm: setups(given.robust.as_deref())?,
-            robust_by: given.robust_by,
-            objectives,
-            protocol: protocol::of(&case, given.protocol.as_deref())?,
-            machine,
+            protocol,
             leaves: !given.fluence_only,
-            grid_mm,
-            bixel_mm,
-            out: given.out.clone().unwrap_or_else(|| Path::new("plans").join(case.name())),
+            out,
             doses: given.doses.clone(),
-            identity: identity(given.keep_identity.as_deref(), &case)?,
+            identity,
             seed: given.seed,
-            threads: match given.threads {
-                Some(threads) => threads,
-                None => std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN),
-            },
+            threads,
             quiet: given.json,
-            case,
         })
     }
 
     /// The leaves that fluences are sequenced for.
     pub fn collimator(&self) -> Option<&Collimator> {
-        self.machine.file().collimator.as_ref().filter(|_| self.leaves)
+        self.setup.spec.machine.file().collimator.as_ref().filter(|_| self.leaves)
     }
 
-    /// What is known of beams without a solve.
-    pub fn prior(&self) -> Option<&dyn Prior> {
-        self.mixture.as_ref().map(|mixture| mixture as &dyn Prior)
-    }
-
-    /// Beams that need a dose: all of the ring, unless the methods are sure to use fewer.
+    /// Beams that need a dose.
     pub fn needed_beams(&self) -> Vec<u16> {
-        match &self.methods[..] {
-            [(_, Method::Prior)] => {
-                let set = self.prior().and_then(|prior| set_of_prior(prior, self.ring, self.beams).ok());
-                set.map_or_else(|| (0..self.ring.count()).collect(), |set| set.beams().to_vec())
-            }
-            [(_, Method::Sets(sets))] => {
-                let beams: BTreeSet<u16> =
-                    sets.iter().flatten().map(|angle| self.ring.nearest(*angle)).collect();
-                beams.into_iter().collect()
-            }
-            [(_, Method::Class(angles))] => {
-                let mut beams: Vec<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
-                beams.sort_unstable();
-                beams
-            }
-            _ => (0..self.ring.count()).collect(),
-        }
+        let beams: BTreeSet<u16> = self.searches.iter().flat_map(PlanSearch::needed_beams).collect();
+        beams.into_iter().collect()
     }
+}
+
+/// The parameters of the set-up.
+fn spec(given: &PlanArgs) -> Result<SetupSpec, Failure> {
+    let length = |name: &str, text: &str| quantity(text, "mm", &format!("--{name} {text}"));
+    let errors_mm = match &given.robust {
+        Some(text) => {
+            let shift_mm = length("robust", text)?;
+            set_up_errors(shift_mm).map_err(|e| Failure::wrong(format!("--robust {text}: {e}")))?
+        }
+        None => Vec::new(),
+    };
+    Ok(SetupSpec {
+        objectives: objectives(given.objectives.as_deref())?,
+        machine: machine(given.machine.as_deref())?,
+        grid_mm: length("grid", &given.grid)?,
+        bixel_mm: length("bixel", &given.bixel)?,
+        errors_mm,
+        robust_by: RobustBy::from(given.robust_by),
+        ..SetupSpec::shipped().map_err(Failure::failed)?
+    })
 }
 
 /// Gantry angles of the command line.
@@ -216,77 +139,48 @@ fn angles_deg(text: &str) -> Result<Vec<f64>, Failure> {
     })
 }
 
-fn methods(
-    given: &Plan,
+/// One request for each method that is to be run.
+fn requests(
+    given: &PlanArgs,
     angles: Option<Vec<f64>>,
-    ring: Ring,
-    case: &Case,
-    budget: usize,
-    learned: impl Fn() -> Result<Judgement, Failure>,
-) -> Result<(usize, Vec<(Way, Method)>), Failure> {
+    threads: NonZeroUsize,
+) -> Result<Vec<PlanRequest>, Failure> {
     if let Some(angles) = angles {
-        return Ok((angles.len(), vec![(Way::Given, Method::Class(angles))]));
+        return Ok(vec![PlanRequest { seed: given.seed, threads, ..PlanRequest::of_angles(angles) }]);
     }
-    ring.check_room(given.beams).map_err(|e| Failure::wrong(format!("{e}")))?;
-    let ways = if given.compare { Way::CHOOSING.to_vec() } else { vec![given.method] };
-    let mut methods = Vec::new();
-    for way in ways {
-        let method = match way {
-            Way::Equidistant => Method::Equidistant,
-            Way::Class | Way::Given => Method::Class(class_solution(given.beams)),
-            Way::Random => Method::Random,
-            Way::Greedy => Method::Greedy,
-            Way::Exchange => {
-                Method::Exchange(if case.is_pelvis() { pelvis_solutions(given.beams) } else { Vec::new() })
-            }
-            Way::Annealing => Method::Annealing,
-            Way::Columns => Method::ColumnGeneration,
-            Way::Search => Method::Search(search_options(given, case)),
-            Way::Prior => Method::Prior,
-            Way::Network => {
-                let sets = learned()?.spread_sets(ring, given.beams, budget, APART);
-                let degrees = |set: &BeamSet| set.beams().iter().map(|beam| ring.angle_deg(*beam)).collect();
-                Method::Sets(sets.map_err(Failure::failed)?.iter().map(degrees).collect())
-            }
-            Way::Construction => Method::Game(BeamGame::Construction),
-            Way::TwoPlayer => Method::Game(BeamGame::Alternating { depth: EXCHANGES }),
-        };
-        methods.push((way, method));
-    }
-    Ok((given.beams, methods))
-}
-
-/// With prices alone the search begins where exchange does; with another prior at the set that the prior builds.
-fn search_options(given: &Plan, case: &Case) -> SearchOptions {
-    let by_price = given.prior.contains(&Guide::Price);
-    let mixed = given.prior.iter().any(|guide| *guide != Guide::Price);
-    let starts = if mixed || !case.is_pelvis() { Vec::new() } else { pelvis_solutions(given.beams) };
-    SearchOptions {
-        starts: starts.into_iter().take(1).collect(),
-        price: if by_price { 1.0 } else { 0.0 },
-        prior: if mixed { 1.0 } else { 0.0 },
-        ..SearchOptions::default()
-    }
-}
-
-/// The planned set-up, and shifts along each axis both ways.
-fn setups(shift: Option<&str>) -> Result<Vec<[f64; 3]>, Failure> {
-    let mut setups = vec![[0.0; 3]];
-    let Some(text) = shift else { return Ok(setups) };
-    let shift = quantity(text, "mm", &format!("--robust {text}"))?;
-    if !(shift > 0.0 && shift <= 50.0) {
-        return Err(Failure::wrong(format!(
-            "--robust {text}: the shift must be above 0 mm and at most 50 mm"
-        )));
-    }
-    for axis in 0..3 {
-        for way in [-shift, shift] {
-            let mut moved = [0.0; 3];
-            moved[axis] = way;
-            setups.push(moved);
+    let budget = given.budget.unwrap_or_else(|| PlanRequest::usual_budget(given.method));
+    let of = |method: MethodName| {
+        // In a comparison the prior is that of the methods that take one.
+        let has_prior = !given.compare || method.takes_prior();
+        PlanRequest {
+            priors: if has_prior { given.prior.clone() } else { vec![PriorName::Price] },
+            beams: given.beams,
+            budget,
+            seed: given.seed,
+            threads,
+            ..PlanRequest::of_method(method)
         }
-    }
-    Ok(setups)
+    };
+    let methods = if given.compare { MethodName::COMPARED.to_vec() } else { vec![given.method] };
+    Ok(methods.into_iter().map(of).collect())
+}
+
+fn network(
+    requests: &mut [PlanRequest],
+    case: &Case,
+    spec: &SetupSpec,
+    file: Option<&Path>,
+) -> Result<(), Failure> {
+    let named = |path: &Path, e: &dyn std::fmt::Display| Failure::wrong(format!("{}: {e}", path.display()));
+    let own = match file {
+        Some(path) => Some(std::fs::read(path).map_err(|e| named(path, &e))?),
+        None => None,
+    };
+    with_network(requests, case, spec, own.as_deref()).map_err(|e| match (e, file) {
+        (LearnedError::File(e), Some(path)) => named(path, &e),
+        (LearnedError::Request(e), _) => Failure::wrong(e),
+        (e, _) => Failure::failed(e),
+    })
 }
 
 fn objectives(own: Option<&Path>) -> Result<ObjectiveTable, Failure> {
@@ -303,6 +197,13 @@ pub fn machine(own: Option<&Path>) -> Result<Machine, Failure> {
     let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|e| fault(&e))?;
     Machine::from_json(&text).map_err(|e| fault(&e))
+}
+
+/// The protocol of this file; without one the shipped protocol of the site of the case, if there is one.
+fn protocol(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failure> {
+    let Some(path) = file else { return protocol::of_site(case).map_err(Failure::failed) };
+    let bytes = std::fs::read(path).map_err(|e| Failure::wrong(format!("{}: {e}", path.display())))?;
+    protocol::read(&path.display().to_string(), bytes).map(Some).map_err(Failure::wrong)
 }
 
 fn identity(folder: Option<&Path>, case: &Case) -> Result<Identity, Failure> {

@@ -9,21 +9,26 @@ use super::leaves::Leaves;
 use super::outcome::Outcome;
 use super::page::parts::{number, value, word};
 use super::request::Request;
-use super::search::Run;
 use crate::columns::{Columns, Side};
+use stillpoint_plan::recipe::PlanRun;
 
 /// Prints what was found.
-pub fn print(request: &Request, ground: &Ground, runs: &[Run], outcome: &Outcome<'_>) {
+pub fn print(
+    request: &Request,
+    ground: &Ground,
+    (runs, seconds): (&[PlanRun], &[f64]),
+    outcome: &Outcome<'_>,
+) {
     if runs.len() > 1 {
         outln!();
-        searches(request, runs);
+        searches(request, runs, seconds);
     }
     let best = &outcome.run.choice.best;
     outln!(
         "\n{}: beams {} by {}, objective {:.4} (at most {:.1e} above the optimum of these beams), {} solves, {} prices",
-        request.case.name(),
+        request.setup.case.name(),
         angles(&outcome.angles_deg),
-        outcome.run.way.word(),
+        outcome.run.name.word(),
         best.solved_cost(),
         best.plan.certificate.excess / best.solved_cost(),
         outcome.run.history.len(),
@@ -84,19 +89,19 @@ pub fn angles(angles_deg: &[f64]) -> String {
     angles.join(" ")
 }
 
-fn searches(request: &Request, runs: &[Run]) {
+fn searches(request: &Request, runs: &[PlanRun], seconds: &[f64]) {
     let right = ["objective", "solves", "prices", "s"].map(|name| (Side::Right, name));
     let head = [(Side::Left, "method")].into_iter().chain(right).chain([(Side::Left, "beams")]);
     let mut table = Columns::new(head);
-    for run in runs {
+    for (run, seconds) in runs.iter().zip(seconds) {
         let beams = run.choice.best.beams.beams();
         table.row([
-            run.way.word().to_owned(),
+            run.name.word().to_owned(),
             format!("{:.4}", run.choice.best.cost),
             run.history.len().to_string(),
             run.prices.to_string(),
-            format!("{:.1}", run.seconds),
-            angles(&beams.iter().map(|beam| request.ring.angle_deg(*beam)).collect::<Vec<_>>()),
+            format!("{seconds:.1}"),
+            angles(&beams.iter().map(|beam| request.setup.spec.ring.angle_deg(*beam)).collect::<Vec<_>>()),
         ]);
     }
     out!("{table}");

@@ -117,7 +117,7 @@ pub fn run(
     at: &[usize],
     seed: u64,
 ) -> Result<Option<Ran>, Box<dyn std::error::Error>> {
-    let geometry = Geometry::of_case(&subject.problem.case, subject.ring);
+    let geometry = Geometry::of_case(subject.problem.case(), subject.ring);
     let prior: Option<&dyn Prior> = match entry.way {
         Way::SearchWithGeometry | Way::GeometryAlone | Way::Construction | Way::TwoPlayers => Some(&geometry),
         Way::SearchWithNetwork | Way::NetworkAlone => Some(&subject.judgement),
@@ -127,7 +127,7 @@ pub fn run(
     let Some(method) = entry.method(subject, beams, largest)? else { return Ok(None) };
     let once = |solves: usize| -> Result<(Vec<f64>, f64), Box<dyn std::error::Error>> {
         let began = cpu_seconds();
-        let goals = &subject.problem.goals;
+        let goals = subject.problem.goals();
         let mut evaluator = Evaluator::new(&subject.doses[..], goals, subject.ring, beams, Budget { solves });
         // Fewer solves than a plan needs leave no best set, which is infinite here.
         let chosen = choose(&method, &mut evaluator, prior, seed);

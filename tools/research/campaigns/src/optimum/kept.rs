@@ -30,7 +30,7 @@ pub fn proved(
     subject: &Subject,
     beams: usize,
 ) -> Result<Proved, Box<dyn std::error::Error>> {
-    let case = content_hash(&subject.problem.case)?.to_string();
+    let case = content_hash(subject.problem.case())?.to_string();
     let path =
         folder.map(|folder| folder.join(format!("optimum-{}-{}.json", subject.ring.count(), subject.name)));
     if let Some(path) = &path
@@ -44,7 +44,7 @@ pub fn proved(
             return Ok(Proved { set, cost: file.cost, sets: file.sets, solves: file.solves });
         }
     }
-    let proved = prove(&subject.doses, &subject.problem.goals, subject.ring, beams, |solves| {
+    let proved = prove(&subject.doses, subject.problem.goals(), subject.ring, beams, |solves| {
         if solves % 1000 == 0 {
             errln!("{}: {solves} sets are solved", subject.name);
         }

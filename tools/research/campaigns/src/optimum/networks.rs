@@ -34,12 +34,12 @@ impl Networks {
     pub fn judge(&mut self, patient: &Patient, ring: Ring, beams: usize) -> Result<(), Failure> {
         let Some(first) = self.models.first() else { return Ok(()) };
         let subject = Subject::new(patient, first, ring, beams).map_err(failed)?;
-        let (case, wanted) = (&subject.problem.case, &subject.problem.wanted);
+        let (case, wanted) = (subject.problem.case(), subject.problem.wanted());
         let machine = Machine::shipped().map_err(Failure::failed)?;
         let eye = Eye::of_case(case, wanted, &machine, ANGLES, patient.coarse.bixel_mm);
         let eye = eye.map_err(Failure::failed)?;
         let evaluator = |solves| {
-            Evaluator::new(&subject.doses[..], &subject.problem.goals, ring, beams, Budget { solves })
+            Evaluator::new(&subject.doses[..], subject.problem.goals(), ring, beams, Budget { solves })
         };
         let mut searched = evaluator(REFERENCE);
         let method = Method::Exchange(subject.class.clone());

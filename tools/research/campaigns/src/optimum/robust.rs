@@ -61,7 +61,7 @@ impl Robust {
                 doses.push(found.map_err(Failure::failed)?);
             }
         }
-        let all = &subject.problem.goals;
+        let all = subject.problem.goals();
         let second = SecondPlayer { doses: &doses, moving: &moving, still: &still, all };
         for method in METHODS {
             for solves in at {
@@ -136,7 +136,7 @@ fn best(
     solves: usize,
     second: Option<&SecondPlayer<'_>>,
 ) -> Result<Evaluated, Failure> {
-    let goals = &subject.problem.goals;
+    let goals = subject.problem.goals();
     let mut evaluator = Evaluator::new(&subject.doses[..], goals, subject.ring, beams, Budget { solves });
     if let Some(second) = second {
         evaluator = evaluator.against(second);

@@ -40,7 +40,7 @@ impl Features {
         let problem = patient.problem().map_err(plan)?;
         let angles = usize::from(ring().map_err(plan)?.count());
         let machine = Machine::shipped().map_err(plan)?;
-        let eye = Eye::of_case(&problem.case, &problem.wanted, &machine, angles, bixel_mm).map_err(plan)?;
+        let eye = Eye::of_case(problem.case(), problem.wanted(), &machine, angles, bixel_mm).map_err(plan)?;
         if !kept {
             return Ok(eye);
         }

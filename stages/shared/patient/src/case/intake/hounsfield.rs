@@ -16,6 +16,8 @@ const AIR: f64 = 0.1;
 const LEAST_HU: i32 = -1024;
 /// The part of the images that must lie outside of the outline before its air is judged.
 const OUTSIDE: f64 = 0.05;
+/// The part of the images that a body fills at least, where no outline says it.
+const BODY: f64 = 0.05;
 /// Where density tables end as scanners are calibrated, HU: beyond it is metal, or a fault.
 const TABLE_HU: i32 = 3000;
 /// Window in which most soft tissue lies, HU.
@@ -44,6 +46,7 @@ pub(super) fn check(
         inside.iter().chain(&outside).enumerate().filter(|(_, n)| **n > 0).map(|(i, _)| value(i % LEVELS));
     let air = air_hu.or(lowest.min()).map(|air| air.max(LEAST_HU));
     let body_hu = air
+        .filter(|air| outline.is_some() || above(&inside, air + ABOVE_AIR_HU) >= BODY * hu.len() as f64)
         .and_then(|air| densest(&inside, air + ABOVE_AIR_HU))
         .or_else(|| densest(&inside, i32::from(i16::MIN)));
     if let Some(body_hu) = body_hu
@@ -81,6 +84,11 @@ pub(super) fn check(
         ));
     }
     Ok(())
+}
+
+/// Voxels with at least this.
+fn above(levels: &[usize], from_hu: i32) -> f64 {
+    levels.iter().enumerate().filter(|(place, _)| value(*place) >= from_hu).map(|(_, n)| *n as f64).sum()
 }
 
 fn value(place: usize) -> i32 {

@@ -2,23 +2,24 @@
 
 use serde_json::{Value, json};
 use stillpoint_plan::evaluation::StructureDose;
+use stillpoint_plan::plan_file::PlanFileLeaves;
 use stillpoint_plan::protocol::Judged;
 
 use super::super::page::parts::{self, number};
 use super::super::table::angles;
 use super::NAMES;
-use super::told::Told;
+use super::compared::Compared;
 use crate::exit::Failure;
 
 /// Two plans of one case.
 pub struct Beside<'a> {
     /// The plans.
-    pub plans: &'a [Told; 2],
+    pub plans: &'a [Compared; 2],
 }
 
 impl<'a> Beside<'a> {
     /// Of plans of one case alone.
-    pub fn new(plans: &'a [Told; 2]) -> Result<Self, Failure> {
+    pub fn new(plans: &'a [Compared; 2]) -> Result<Self, Failure> {
         let [a, b] = plans;
         if a.case().hash != b.case().hash {
             return Err(Failure::wrong(format!(
@@ -70,35 +71,34 @@ impl<'a> Beside<'a> {
     /// Rows of the plans as a whole: a name, and a text for each plan.
     pub fn rows(&self) -> Vec<(String, [String; 2])> {
         let mut rows: Vec<(String, [String; 2])> = Vec::new();
-        let mut row = |name: &str, of: &dyn Fn(&Told) -> String| {
+        let mut row = |name: &str, of: &dyn Fn(&Compared) -> String| {
             rows.push((name.to_owned(), [of(&self.plans[0]), of(&self.plans[1])]));
         };
         row("file", &|p| p.path.display().to_string());
-        row("beams", &|p| angles(&angles_deg(p)));
-        row("method", &|p| p.file.method.clone());
+        row("beams", &|p| angles(&p.file.angles_deg()));
+        row("method", &|p| p.file.method.to_string());
         row("bixels, mm", &|p| p.file.dose.bixel_mm.to_string());
         row("grid of the dose, mm", &|p| format!("{:.2}", p.file.dose.grid.spacing_mm[0]));
         row("figures of", &|p| {
             if p.file.leaves.is_some() { "segments" } else { "planned fluence" }.to_owned()
         });
         row("objective of the fluence", &|p| format!("{:.4}", p.file.objective));
-        let leaves = |p: &'a Told| p.file.leaves.as_ref();
+        let leaves = |p: &'a Compared| p.file.leaves.as_ref();
         if self.plans.iter().any(|p| leaves(p).is_some()) {
-            let of = |p: &Told, text: &dyn Fn(&super::told::Leaves) -> String| {
+            let of = |p: &Compared, text: &dyn Fn(&PlanFileLeaves) -> String| {
                 p.file.leaves.as_ref().map_or("-".to_owned(), text)
             };
-            let objective =
-                |l: &super::told::Leaves| format!("{:.4} (+{:.1} %)", l.objective, 100.0 * l.loss);
+            let objective = |l: &PlanFileLeaves| format!("{:.4} (+{:.1} %)", l.objective, 100.0 * l.loss);
             row("objective of the segments", &|p| of(p, &objective));
             row("segments", &|p| of(p, &|l| l.segments.to_string()));
             row("monitor units a fraction", &|p| of(p, &|l| format!("{:.0}", l.monitor_units)));
         }
-        let fall_off = |p: &Told| p.shown().fall_off;
+        let fall_off = |p: &Compared| p.shown().fall_off;
         row("R50", &|p| number(fall_off(p).map(|f| f.r50), 2));
         row("D2cm (D0.03cc), Gy", &|p| number(fall_off(p).and_then(|f| f.d2cm_gy), 1));
         row("within 1 cm of the skin (D0.03cc), Gy", &|p| number(fall_off(p).and_then(|f| f.first_cm_gy), 1));
         for target in self.plans[0].shown().structures.iter().filter(|s| s.prescribed_gy.is_some()) {
-            let of = |p: &Told, figure: fn(&StructureDose) -> Option<f64>, digits: usize| {
+            let of = |p: &Compared, figure: fn(&StructureDose) -> Option<f64>, digits: usize| {
                 let found = p.shown().structures.iter().find(|s| s.name == target.name);
                 number(found.and_then(figure), digits)
             };
@@ -108,7 +108,7 @@ impl<'a> Beside<'a> {
         }
         if self.plans.iter().any(|p| p.shown().protocol.is_some()) {
             row("protocol", &|p| p.shown().protocol.as_ref().map_or("-".to_owned(), |p| p.name.clone()));
-            let count = |p: &Told, passed| p.limits().iter().filter(|j| j.passed == Some(passed)).count();
+            let count = |p: &Compared, passed| p.limits().iter().filter(|j| j.passed == Some(passed)).count();
             row("limits kept, not kept", &|p| format!("{}, {}", count(p, true), count(p, false)));
         }
         rows
@@ -116,7 +116,7 @@ impl<'a> Beside<'a> {
 
     /// Doses of which both plans tell the volume, gray.
     pub fn volumes_at_gy(&self) -> Vec<f64> {
-        let of = |p: &Told| -> Vec<f64> {
+        let of = |p: &Compared| -> Vec<f64> {
             let first = p.shown().structures.first();
             first.map_or(Vec::new(), |s| s.volumes.iter().map(|v| v.dose_gy).collect())
         };
@@ -152,11 +152,11 @@ impl<'a> Beside<'a> {
 
     /// Both plans for programs.
     pub fn to_json(&self) -> Vec<Value> {
-        let plan = |(name, p): (&str, &Told)| {
+        let plan = |(name, p): (&str, &Compared)| {
             json!({
                 "name": name,
                 "file": p.path,
-                "angles_deg": angles_deg(p),
+                "angles_deg": p.file.angles_deg(),
                 "method": p.file.method,
                 "bixel_mm": p.file.dose.bixel_mm,
                 "figures_of": if p.file.leaves.is_some() { "segments" } else { "fluence" },
@@ -171,8 +171,4 @@ impl<'a> Beside<'a> {
         };
         NAMES.into_iter().zip(self.plans).map(plan).collect()
     }
-}
-
-fn angles_deg(plan: &Told) -> Vec<f64> {
-    plan.file.beams.iter().map(|beam| beam.gantry_deg).collect()
 }

@@ -1,12 +1,12 @@
 //! `stillpoint plan compare`: two plans of one case side by side.
 //!
-//! - `told`: what is read of plan.json
+//! - `compared`: a plan.json that is compared
 //! - `beside`: the rows of both plans
 //! - `page`: compare.html
 
 mod beside;
+mod compared;
 mod page;
-mod told;
 
 use std::path::PathBuf;
 
@@ -18,8 +18,7 @@ use super::table;
 use crate::columns::{Columns, Side};
 use crate::exit::{Ended, Exit, Failure, print_json};
 use beside::Beside;
-pub use told::Histogram;
-use told::Told;
+use compared::Compared;
 
 /// Names of both plans in tables.
 const NAMES: [&str; 2] = ["A", "B"];
@@ -44,7 +43,7 @@ pub struct Compare {
 impl Compare {
     /// Executes the subcommand.
     pub fn execute(&self) -> Ended {
-        let plans = [Told::read(&self.a)?, Told::read(&self.b)?];
+        let plans = [Compared::read(&self.a)?, Compared::read(&self.b)?];
         let beside = Beside::new(&plans)?;
         let page = page::page(&beside)?;
         let fault = |e: &dyn std::fmt::Display| {
@@ -54,7 +53,7 @@ impl Compare {
             .map_err(|e| fault(&e))?;
         if self.json {
             let both = json!({
-                "case": plans[0].case(),
+                "case": { "name": plans[0].case().name, "hash": plans[0].case().hash },
                 "same_objectives": beside.is_of_the_same_objectives(),
                 "plans": beside.to_json(),
                 "files": [&self.out],

@@ -1,5 +1,6 @@
 //! `compare.html`: two plans as one self-contained page.
 
+use stillpoint_plan::plan_file::Histogram;
 use stillpoint_report::html;
 use stillpoint_report::page::{Block, Cell, Table};
 
@@ -7,7 +8,7 @@ use super::super::page::histogram::Histograms;
 use super::super::page::{parts, section};
 use super::NAMES;
 use super::beside::Beside;
-use super::told::{Histogram, Told};
+use super::compared::Compared;
 use crate::exit::Failure;
 
 /// The page.
@@ -49,7 +50,7 @@ pub fn page(beside: &Beside<'_>) -> Result<String, Failure> {
     Ok(html::page(&format!("Two plans of {}", a.case().name), about, &sections))
 }
 
-fn curves(plan: &Told) -> Vec<(&str, Vec<(f64, f64)>)> {
+fn curves(plan: &Compared) -> Vec<(&str, Vec<(f64, f64)>)> {
     let curve = |histogram: &'_ Histogram| histogram.points();
     plan.shown().histograms.iter().map(|h| (&h.structure[..], curve(h))).collect()
 }

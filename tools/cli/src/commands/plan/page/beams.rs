@@ -29,11 +29,11 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
     for beam in best.beams.beams() {
         let weights = best.weights_of(*beam).unwrap_or_default();
         let share = weights.iter().sum::<f64>() / whole;
-        let without = match without(ground, outcome, *beam)? {
+        let without = match without(request, ground, outcome, *beam)? {
             Some(cost) => format!("+{:.0} %", 100.0 * (cost / best.solved_cost() - 1.0)),
             None => "-".to_owned(),
         };
-        let angle = request.ring.angle_deg(*beam);
+        let angle = request.setup.spec.ring.angle_deg(*beam);
         let mut cells = vec![
             Cell::number(format!("{angle}")),
             Cell::Bar(share, format!("{:.1} %", 100.0 * share)),
@@ -48,13 +48,13 @@ pub fn blocks(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Resu
         }
         table.row(cells);
         let fluence = match (shaped, request.collimator()) {
-            (Some(shaped), Some(collimator)) => Some(shaped.fluence(collimator, request.bixel_mm)),
+            (Some(shaped), Some(collimator)) => Some(shaped.fluence(collimator, request.setup.spec.bixel_mm)),
             _ => None,
         };
         let eye = eye::Eye {
-            planned: (ground.doses.bixels_mm(*beam), weights),
+            planned: (ground.doses.solved.bixels_mm(*beam), weights),
             shaped: fluence.as_ref().map(|(bixels, weights)| (&bixels[..], &weights[..])),
-            width_mm: request.bixel_mm,
+            width_mm: request.setup.spec.bixel_mm,
             most,
         };
         let caption = format!(
@@ -75,16 +75,21 @@ fn shaped<'a>(
 }
 
 /// The objective of the other beams; nothing where there are none.
-fn without(ground: &Ground, outcome: &Outcome<'_>, beam: u16) -> Result<Option<f64>, Failure> {
+fn without(
+    request: &Request,
+    ground: &Ground,
+    outcome: &Outcome<'_>,
+    beam: u16,
+) -> Result<Option<f64>, Failure> {
     let best = &outcome.run.choice.best;
     let others: Vec<u16> = best.beams.beams().iter().copied().filter(|other| *other != beam).collect();
     if others.is_empty() {
         return Ok(None);
     }
-    let matrices: Vec<Setups<'_>> = others.iter().map(|other| ground.doses.beam(*other)).collect();
+    let matrices: Vec<Setups<'_>> = others.iter().map(|other| ground.doses.solved.beam(*other)).collect();
     let start: Vec<f64> =
         others.iter().flat_map(|other| best.weights_of(*other).unwrap_or_default()).copied().collect();
-    let problem = ground.goals.problem(&matrices).map_err(Failure::failed)?;
+    let problem = request.setup.goals.problem(&matrices).map_err(Failure::failed)?;
     let plan = solve_plan(&problem, Some(&start), ACCURACY).map_err(Failure::failed)?;
     Ok(Some(plan.certificate.objective))
 }

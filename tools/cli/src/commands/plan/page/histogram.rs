@@ -36,7 +36,7 @@ pub fn blocks(request: &Request, outcome: &Outcome<'_>) -> Result<Vec<Block>, Fa
     let histograms = Histograms {
         lines: curves(planned, up_to),
         dashes: curves(shaped, up_to),
-        prescription: request.case.prescription(),
+        prescription: request.setup.case.prescription(),
         limits,
     };
     let dashed = if shaped.is_empty() { "" } else { "; dashed: the dose of the segments" };

@@ -39,11 +39,11 @@ pub fn page(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result
         search(request, outcome)?,
         figures(outcome)?,
     ];
-    let name = request.case.name();
+    let name = request.setup.case.name();
     let about = format!(
         "Beams {} by {}. Research only: no plan made by stillpoint may treat a patient.",
         angles(&outcome.angles_deg),
-        outcome.run.way.word()
+        outcome.run.name.word()
     );
     Ok(html::page(&format!("Plan of {name}"), &about, &sections))
 }
@@ -95,7 +95,7 @@ fn summary(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure>
 
 fn doses(request: &Request, ground: &Ground, outcome: &Outcome<'_>) -> Result<Section, Failure> {
     let (gray, _, _) = shown(outcome);
-    let case = &request.case;
+    let case = &request.setup.case;
     let dosed = Dosed { case, grid: outcome.grid(), gray, prescribed_gy: ground.prescribed_gy };
     let mut blocks = vec![Block::Drawing(legend(outcome, ground.prescribed_gy), String::new())];
     for plane in Plane::ALL {
@@ -180,7 +180,7 @@ fn search(request: &Request, outcome: &Outcome<'_>) -> Result<Section, Failure> 
         "Objective of each set of beams, in the order of the solves.".to_owned(),
     );
     let mut blocks = vec![drawing];
-    if let Some(tree) = tree::drawing(request.ring, request.beams, &run.history) {
+    if let Some(tree) = tree::drawing(request.setup.spec.ring, request.beams, &run.history) {
         let said = "Sets from which others were solved, each below the set from which it was reached by exchanging beams; bold: \
                     the way to the best set. Bars: solves below each set.";
         blocks.push(Block::Drawing(themed(&tree), said.to_owned()));

@@ -1,6 +1,4 @@
-//! Protocols of a plan: the shipped ones, and a file of one's own.
-
-use std::path::Path;
+//! Protocols of a plan: those that come with stillpoint, and a file of one's own.
 
 use stillpoint_operator::config::faults::{Code, Faults, Findings};
 use stillpoint_operator::config::source::Sources;
@@ -9,27 +7,20 @@ use stillpoint_operator::config::{text, yaml};
 use stillpoint_patient::case::{Case, name_fits};
 use stillpoint_plan::protocol::{Limit, Of, Protocol};
 
-use crate::exit::Failure;
-
 const SHIPPED: [(&str, &str); 2] = [
-    ("prostate.yaml", include_str!("../../../data/protocols/prostate.yaml")),
-    ("head-and-neck.yaml", include_str!("../../../data/protocols/head-and-neck.yaml")),
+    ("prostate.yaml", include_str!("../data/protocols/prostate.yaml")),
+    ("head-and-neck.yaml", include_str!("../data/protocols/head-and-neck.yaml")),
 ];
 const KEYS: [&str; 3] = ["name", "site", "limits"];
 const KEYS_OF_LIMIT: [&str; 6] = ["structure", "match", "target", "plan", "limit", "source"];
 
-/// The protocol of this file; without one the first shipped protocol of whose site the case has a structure.
-pub fn of(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failure> {
-    if let Some(path) = file {
-        let fault = |why: &dyn std::fmt::Display| Failure::wrong(format!("{}: {why}", path.display()));
-        let bytes = std::fs::read(path).map_err(|e| fault(&e))?;
-        let name = path.display().to_string();
-        let text = text(bytes, &name).map_err(|faults| Failure::wrong(faults.to_string()))?;
-        let read = read(&name, &text).map_err(|faults| Failure::wrong(faults.to_string()))?;
-        return Ok(Some(read.0));
-    }
-    for (name, text) in SHIPPED {
-        let (protocol, site) = read(name, text).map_err(|faults| Failure::failed(faults.to_string()))?;
+/// The first protocol that comes with stillpoint and of whose site the case has a structure.
+///
+/// # Errors
+/// A protocol that comes with stillpoint is damaged.
+pub fn of_site(case: &Case) -> Result<Option<Protocol>, Faults> {
+    for (name, yaml) in SHIPPED {
+        let (protocol, site) = parse(name, yaml)?;
         let here = |pattern: &String| case.structures().iter().any(|s| name_fits(pattern, &s.name));
         if site.iter().any(here) {
             return Ok(Some(protocol));
@@ -38,8 +29,16 @@ pub fn of(case: &Case, file: Option<&Path>) -> Result<Option<Protocol>, Failure>
     Ok(None)
 }
 
+/// The protocol in the bytes of a file of this name.
+///
+/// # Errors
+/// The bytes are not a protocol; each fault has its line.
+pub fn read(name: &str, bytes: Vec<u8>) -> Result<Protocol, Faults> {
+    Ok(parse(name, &text(bytes, name)?)?.0)
+}
+
 /// A protocol and the structures of its site.
-fn read(file_name: &str, text: &str) -> Result<(Protocol, Vec<String>), Faults> {
+fn parse(file_name: &str, text: &str) -> Result<(Protocol, Vec<String>), Faults> {
     let findings = Findings::default();
     let read = yaml::parse(text, 0, 0, &findings).and_then(|root| protocol(&root, &findings));
     match read {
@@ -119,16 +118,16 @@ mod tests {
     #[test]
     fn the_shipped_protocols_are_read_and_a_pelvis_gets_that_of_the_prostate() {
         for (name, text) in SHIPPED {
-            let (protocol, site) = read(name, text).unwrap();
+            let (protocol, site) = parse(name, text).unwrap();
             assert!(protocol.limits.len() > 10 && !site.is_empty(), "{name}");
         }
-        let found = of(&phantom(0).unwrap(), None).unwrap().unwrap();
+        let found = of_site(&phantom(0).unwrap()).unwrap().unwrap();
         assert_eq!(found.name, "prostate");
     }
 
     #[test]
     fn a_fault_of_a_protocol_has_its_line() {
-        let refused = |text: &str| read("own.yaml", text).unwrap_err().to_string();
+        let refused = |text: &str| parse("own.yaml", text).unwrap_err().to_string();
         let limit = |limit: &str| refused(&format!("name: own\nlimits:\n  - {{ {limit} }}\n"));
         assert!(refused("limits: []").contains("no `name`"));
         assert!(refused("name: own\nlimit: []\n").contains("did you mean `limits`?"));

@@ -1,0 +1,420 @@
+//! `plan.json`: a plan as a file, written and read back by one set of types.
+//!
+//! Numbers that are not finite are written as `null`. Files of older builds have no `version` and may lack later keys.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use stillpoint_patient::Grid;
+use stillpoint_patient::case::Prescription;
+use thiserror::Error;
+
+use crate::dose::Collimator;
+use crate::evaluation::{FallOff, StructureDose};
+use crate::protocol::Judged;
+use crate::recipe::MethodName;
+
+/// Version of the file that this build writes, and the newest that it reads.
+pub const PLAN_FILE_VERSION: u32 = 1;
+
+/// What every plan file says to people.
+pub const WARNING: &str = "Research only. No plan made by stillpoint may treat a patient.";
+
+/// A plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFile {
+    /// Version of the build that wrote the file.
+    #[serde(default)]
+    pub stillpoint: String,
+    /// What every plan file says to people.
+    #[serde(default)]
+    pub warning: String,
+    /// The case.
+    pub case: PlanFileCase,
+    /// Prescriptions of the case.
+    #[serde(default)]
+    pub prescription: Vec<Prescription>,
+    /// Fractions of the case.
+    pub fractions: Option<u32>,
+    /// Isocentre, mm in the patient frame.
+    #[serde(default)]
+    pub isocentre_mm: [f64; 3],
+    /// The machine.
+    pub machine: PlanFileMachine,
+    /// The grids and bixels of the dose.
+    pub dose: PlanFileDose,
+    /// Objectives as they were solved: doses in gray, over the points that count for the structure.
+    #[serde(default)]
+    pub wanted: Vec<PlanFileObjectives>,
+    /// The objectives with what the planned fluence gives.
+    #[serde(default)]
+    pub objectives: Vec<Value>,
+    /// How the beams were chosen.
+    pub method: MethodName,
+    /// Seed of the random methods.
+    #[serde(default)]
+    pub seed: u64,
+    /// The objective of the planned fluence.
+    pub objective: f64,
+    /// The robust game, where it was played.
+    #[serde(default)]
+    pub robust_game: Option<PlanFileGame>,
+    /// How much above the optimum of these beams the objective is at most.
+    #[serde(default)]
+    pub excess_at_most: Option<f64>,
+    /// Residual of the conditions of Karush, Kuhn and Tucker.
+    #[serde(default)]
+    pub kkt: Option<f64>,
+    /// Steps of Newton's method.
+    #[serde(default)]
+    pub newton_steps: usize,
+    /// The beams with their fluence.
+    pub beams: Vec<PlanFileBeam>,
+    /// Figures of the planned fluence.
+    #[serde(flatten)]
+    pub figures: PlanFileFigures,
+    /// The segments, where there are some.
+    pub leaves: Option<PlanFileLeaves>,
+    /// Figures of the other set-ups.
+    #[serde(default)]
+    pub setups: Vec<PlanFileSetup>,
+    /// Figures of the dose that came with the case.
+    #[serde(default)]
+    pub reference: Option<Vec<StructureDose>>,
+    /// Every search that was run.
+    #[serde(default)]
+    pub searches: Vec<PlanFileSearch>,
+    /// Version of the file; 0 for files of builds that wrote none.
+    #[serde(default)]
+    pub version: u32,
+}
+
+/// The case of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileCase {
+    /// Name.
+    pub name: String,
+    /// Content hash.
+    pub hash: String,
+    /// Where the case is from.
+    #[serde(default)]
+    pub provenance: String,
+}
+
+/// The machine of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileMachine {
+    /// Nominal energy, MV.
+    pub energy_mv: f64,
+    /// Where the machine file is from.
+    pub provenance: String,
+}
+
+/// A grid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileGrid {
+    /// Voxels along x, y, z.
+    #[serde(default)]
+    pub counts: [usize; 3],
+    /// Spacing along x, y, z, mm.
+    pub spacing_mm: [f64; 3],
+    /// Centre of the first voxel, mm.
+    #[serde(default)]
+    pub origin_mm: [f64; 3],
+}
+
+/// The points that were optimised.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFilePoints {
+    /// The lattice on which they are.
+    pub lattice: PlanFileGrid,
+    /// Points with objectives.
+    pub points: usize,
+}
+
+/// The grids and bixels of the dose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileDose {
+    /// The grid of the figures.
+    pub grid: PlanFileGrid,
+    /// The points that were optimised.
+    #[serde(default)]
+    pub optimised: Option<PlanFilePoints>,
+    /// Width of a bixel, mm.
+    pub bixel_mm: f64,
+    /// Distance from the axis of a bixel beyond which it gives no dose, mm.
+    pub cutoff_mm: f64,
+}
+
+/// The objectives of a structure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileObjectives {
+    /// The structure, or a part of it.
+    pub structure: String,
+    /// Its points.
+    pub voxels: usize,
+    /// Its objectives: each a map from the shape to its parameters.
+    pub objectives: Vec<Value>,
+}
+
+/// What the robust game found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileGame {
+    /// The objective in the worst set-up.
+    pub worst_objective: f64,
+    /// Number of the worst set-up error; `None` for the planned set-up.
+    pub worst_setup: Option<usize>,
+    /// The objective under each set-up error.
+    pub objectives_of_setups: Vec<f64>,
+}
+
+/// A beam with its fluence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileBeam {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Sum of the weights.
+    #[serde(default)]
+    pub weight: f64,
+    /// Centre on the isocentre plane (x, z, mm) and weight of each bixel.
+    pub bixels_x_z_mm_weight: Vec<[f64; 3]>,
+}
+
+/// What a dose gives.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileFigures {
+    /// By structure.
+    #[serde(default)]
+    pub structures: Vec<StructureDose>,
+    /// By structure; files of older builds have none.
+    #[serde(default)]
+    pub histograms: Vec<Histogram>,
+    /// How the dose falls off.
+    pub fall_off: Option<FallOff>,
+    /// The limits.
+    pub protocol: Option<PlanFileProtocol>,
+}
+
+/// A cumulative histogram.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Histogram {
+    /// The structure.
+    pub structure: String,
+    /// From one volume to the next, gray; the first volume gets 0 Gy.
+    pub step_gy: f64,
+    /// Percent of the structure that get at least each dose.
+    pub volumes_percent: Vec<f64>,
+}
+
+/// A protocol with which a plan was compared.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileProtocol {
+    /// Its name.
+    pub name: String,
+    /// Its limits.
+    pub limits: Vec<Judged>,
+}
+
+/// The segments of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileLeaves {
+    /// The leaves.
+    pub collimator: Collimator,
+    /// Levels into which fluences were divided.
+    #[serde(default)]
+    pub levels: u32,
+    /// The objective of the segments.
+    pub objective: f64,
+    /// Its rise above that of the fluence, as a part of it.
+    pub loss: f64,
+    /// The same behind leaves that let nothing through.
+    #[serde(default)]
+    pub loss_without_transmission: Option<f64>,
+    /// The same before segments were added.
+    #[serde(default)]
+    pub loss_before_segments_were_added: Option<f64>,
+    /// Segments that were added by their price.
+    #[serde(default)]
+    pub added_segments: usize,
+    /// Number of segments.
+    pub segments: usize,
+    /// Monitor units in one fraction.
+    pub monitor_units: f64,
+    /// The beams that have segments.
+    pub beams: Vec<PlanFileLeafBeam>,
+    /// Figures of the dose of the segments.
+    #[serde(flatten)]
+    pub figures: PlanFileFigures,
+}
+
+/// The segments of a beam.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileLeafBeam {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Monitor units in one fraction.
+    #[serde(default)]
+    pub monitor_units: f64,
+    /// The jaws along x and z, mm.
+    pub field_x_z_mm: [[f64; 2]; 2],
+    /// The segments.
+    pub segments: Vec<PlanFileSegment>,
+}
+
+/// A segment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileSegment {
+    /// Monitor units in one fraction.
+    pub monitor_units: f64,
+    /// Number and tips (mm) of each pair of leaves that is open.
+    pub open_pair_from_to_mm: Vec<(usize, f64, f64)>,
+}
+
+/// Figures of a set-up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileSetup {
+    /// Displacement of the patient along his axes, mm.
+    pub patient_moved_mm: [f64; 3],
+    /// Figures of the structures that are followed.
+    pub structures: Vec<StructureDose>,
+}
+
+/// A search.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileSearch {
+    /// The method.
+    pub method: MethodName,
+    /// Most solves.
+    pub budget: usize,
+    /// Why the search ended.
+    pub ended: String,
+    /// The least cost.
+    pub objective: f64,
+    /// Gantry angles of the best set, degrees.
+    pub angles_deg: Vec<f64>,
+    /// Solves.
+    pub solves: usize,
+    /// Beams priced.
+    pub prices: usize,
+    /// Every solve.
+    pub history: Vec<PlanFileSolve>,
+}
+
+/// A solve.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlanFileSolve {
+    /// Cost of the set.
+    pub cost: Option<f64>,
+    /// Least cost of a set of as many beams as the plan has, until then.
+    pub best: Option<f64>,
+    /// Beams priced until then.
+    pub prices: usize,
+    /// Gantry angles of the set, degrees.
+    pub angles_deg: Vec<f64>,
+}
+
+/// The reasons why bytes are not a plan file.
+#[derive(Debug, Error)]
+pub enum PlanFileError {
+    /// The bytes are something else.
+    #[error("this is no plan.json of `stillpoint plan`: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The file is of a newer build.
+    #[error(
+        "unknown version of plan.json: {found} (allowed: up to {PLAN_FILE_VERSION}); read it with the build that wrote it"
+    )]
+    Version {
+        /// Version of the file.
+        found: u32,
+    },
+}
+
+impl PlanFile {
+    /// The plan in the bytes of a plan.json, of this or an older build.
+    ///
+    /// # Errors
+    /// The bytes are not a plan file, or of a newer version.
+    pub fn from_json(bytes: &[u8]) -> Result<Self, PlanFileError> {
+        #[derive(Deserialize)]
+        struct Version {
+            #[serde(default)]
+            version: u32,
+        }
+        // First, so that a file of another version is not blamed for its keys.
+        let Version { version: found } = serde_json::from_slice(bytes)?;
+        if found > PLAN_FILE_VERSION {
+            return Err(PlanFileError::Version { found });
+        }
+        Ok(serde_json::from_slice(bytes)?)
+    }
+
+    /// The text of the file.
+    ///
+    /// # Errors
+    /// Never for the numbers of a plan.
+    pub fn to_json(&self) -> Result<String, PlanFileError> {
+        Ok(serde_json::to_string_pretty(self)?)
+    }
+
+    /// Figures of the segments where there are some, of the planned fluence otherwise.
+    pub fn shown(&self) -> &PlanFileFigures {
+        self.leaves.as_ref().map_or(&self.figures, |leaves| &leaves.figures)
+    }
+
+    /// The limits of those figures.
+    pub fn limits(&self) -> &[Judged] {
+        self.shown().protocol.as_ref().map_or(&[], |protocol| &protocol.limits)
+    }
+
+    /// Gantry angles of the beams, degrees.
+    pub fn angles_deg(&self) -> Vec<f64> {
+        self.beams.iter().map(|beam| beam.gantry_deg).collect()
+    }
+}
+
+impl From<&Grid> for PlanFileGrid {
+    fn from(grid: &Grid) -> Self {
+        Self { counts: grid.counts, spacing_mm: grid.spacing_mm, origin_mm: grid.origin_mm }
+    }
+}
+
+impl Histogram {
+    /// Of a curve of doses (gray, equally spaced from 0) with their volumes in percent.
+    pub fn new(structure: &str, curve: &[(f64, f64)]) -> Self {
+        let volumes_percent = curve.iter().map(|(_, volume)| (1e4 * volume).round() / 1e4).collect();
+        Self { structure: structure.to_owned(), step_gy: curve.get(1).map_or(0.0, |p| p.0), volumes_percent }
+    }
+
+    /// Doses with their volumes in percent.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        let numbered = self.volumes_percent.iter().enumerate();
+        numbered.map(|(step, volume)| (self.step_gy * step as f64, *volume)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OLDER: &str = r#"{
+        "case": { "name": "a", "hash": "00" }, "fractions": null,
+        "machine": { "energy_mv": 6, "provenance": "generic" },
+        "dose": { "grid": { "spacing_mm": [2, 2, 2] }, "bixel_mm": 10, "cutoff_mm": 50 },
+        "method": "two_player", "objective": 1.5, "beams": [], "leaves": null
+    }"#;
+
+    #[test]
+    fn a_file_without_a_version_and_later_keys_is_read_and_written_back() {
+        let file = PlanFile::from_json(OLDER.as_bytes()).unwrap();
+        assert_eq!((file.version, file.method, file.shown().histograms.len()), (0, MethodName::TwoPlayer, 0));
+        let again = PlanFile::from_json(file.to_json().unwrap().as_bytes()).unwrap();
+        assert_eq!(again, file);
+    }
+
+    #[test]
+    fn a_file_of_a_newer_version_is_refused_by_its_version() {
+        let newer = br#"{ "version": 2, "beams_of_a_new_shape": [] }"#;
+        let refused = PlanFile::from_json(newer).unwrap_err().to_string();
+        assert!(refused.starts_with("unknown version of plan.json: 2 (allowed: up to 1)"), "{refused}");
+        assert!(PlanFile::from_json(b"{}").unwrap_err().to_string().contains("missing field"));
+    }
+}

@@ -1,0 +1,36 @@
+//! The one recipe of a plan: every program that plans sets a patient up and searches in the same way.
+//!
+//! ```
+//! use stillpoint_patient::case::phantom;
+//! use stillpoint_plan::recipe::{PlanRequest, SetupSpec, plan};
+//!
+//! // Coarse points, wide bixels and few solves, so that the example is fast.
+//! let spec = SetupSpec { grid_mm: 12.0, bixel_mm: 20.0, ..SetupSpec::shipped()? };
+//! let request = PlanRequest::of_angles(vec![0.0, 120.0, 240.0]);
+//! let plan = plan(phantom(0)?, spec, &request)?;
+//! assert_eq!(plan.angles_deg(), [0.0, 120.0, 240.0]);
+//! assert!(plan.best().plan.certificate.relative_excess() < 1e-3);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! - `name`: the names of methods and priors
+//! - `spec`: the parameters of a set-up; `setup`: points, goals and dose engines of a case
+//! - `doses`: the doses of the beams of a set-up
+//! - `request`: how beams are chosen, with its only validation; `search`: the checked request
+//! - `plan`: all of it in one call
+
+mod doses;
+mod name;
+mod plan;
+mod request;
+mod search;
+mod setup;
+mod spec;
+
+pub use doses::PlanDoses;
+pub use name::{MethodName, PriorName, UnknownName};
+pub use plan::{PlanError, Planned, plan};
+pub use request::{BUDGET, PROPOSALS, PlanRequest, RequestError};
+pub use search::{LearnedBeams, PlanRun, PlanSearch};
+pub use setup::{PlanSetup, SetupError};
+pub use spec::{PointScheme, RobustBy, SetupSpec, set_up_errors};

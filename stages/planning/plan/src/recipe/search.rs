@@ -1,0 +1,129 @@
+//! A checked request: the search for the beams of a plan.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::num::NonZeroUsize;
+
+use super::doses::PlanDoses;
+use super::name::MethodName;
+use super::setup::PlanSetup;
+use crate::beams::{
+    BeamSet, Budget, Choice, ChoiceError, Evaluator, Influence, Method, Mixture, Prior, Progress, Ring,
+    RingDoses, RingError, SecondPlayer, choose, set_of_prior,
+};
+
+/// What a trained network says of a case.
+pub trait LearnedBeams: fmt::Debug + Send + Sync {
+    /// Scores of beams.
+    fn prior(&self) -> Box<dyn Prior>;
+    /// At most so many sets of beams, the best first.
+    ///
+    /// # Errors
+    /// So many beams do not fit on the ring.
+    fn proposals(&self, ring: Ring, beams: usize, most: usize) -> Result<Vec<BeamSet>, RingError>;
+}
+
+/// The search of a checked [`super::PlanRequest`].
+pub struct PlanSearch {
+    /// Name of the method.
+    pub name: MethodName,
+    pub(super) method: Method,
+    pub(super) ring: Ring,
+    /// Beams of the plan.
+    pub beams: usize,
+    /// Most sets of beams that are solved.
+    pub budget: usize,
+    pub(super) mixture: Option<Mixture<'static>>,
+    /// Seed of the random methods.
+    pub seed: u64,
+    /// Threads; no plan depends on them.
+    pub threads: NonZeroUsize,
+}
+
+/// A search that has ended.
+#[derive(Clone, Debug)]
+pub struct PlanRun {
+    /// Name of the method.
+    pub name: MethodName,
+    /// Most sets of beams that were allowed to be solved.
+    pub budget: usize,
+    /// The best set of beams with its fluence.
+    pub choice: Choice,
+    /// Every solve.
+    pub history: Vec<Progress>,
+    /// Beams priced.
+    pub prices: usize,
+}
+
+impl PlanSearch {
+    /// What is known of beams without a solve.
+    pub fn prior(&self) -> Option<&dyn Prior> {
+        self.mixture.as_ref().map(|mixture| mixture as &dyn Prior)
+    }
+
+    /// Beams that need a dose, rising: all of the ring, unless the method is sure to use fewer.
+    pub fn needed_beams(&self) -> Vec<u16> {
+        let all = || (0..self.ring.count()).collect();
+        let nearest = |angles: &[f64]| -> Vec<u16> {
+            let beams: BTreeSet<u16> = angles.iter().map(|angle| self.ring.nearest(*angle)).collect();
+            beams.into_iter().collect()
+        };
+        match &self.method {
+            Method::Prior => {
+                let set = self.prior().and_then(|prior| set_of_prior(prior, self.ring, self.beams).ok());
+                set.map_or_else(all, |set| set.beams().to_vec())
+            }
+            Method::Sets(sets) => nearest(&sets.concat()),
+            Method::Class(angles) => nearest(angles),
+            _ => all(),
+        }
+    }
+
+    /// The evaluator of the search on the doses of a set-up.
+    pub fn evaluator<'a>(
+        &self,
+        setup: &'a PlanSetup,
+        doses: &'a PlanDoses,
+        second: Option<&'a SecondPlayer<'a>>,
+    ) -> Evaluator<'a, RingDoses> {
+        let evaluator = self.evaluator_on(setup, &doses.solved);
+        match second {
+            Some(second) => evaluator.against(second),
+            None => evaluator,
+        }
+    }
+
+    /// The evaluator of the search on dose matrices of the planned set-up or of another one.
+    pub fn evaluator_on<'a, I: Influence + ?Sized>(
+        &self,
+        setup: &'a PlanSetup,
+        influence: &'a I,
+    ) -> Evaluator<'a, I> {
+        let budget = Budget { solves: self.budget };
+        Evaluator::new(influence, &setup.goals, self.ring, self.beams, budget).with_threads(self.threads)
+    }
+
+    /// Searches until the method ends or the evaluator stops it.
+    ///
+    /// # Errors
+    /// No set of beams was solved.
+    pub fn choose<I: Influence + ?Sized>(
+        &self,
+        evaluator: &mut Evaluator<'_, I>,
+    ) -> Result<Choice, ChoiceError> {
+        choose(&self.method, evaluator, self.prior(), self.seed)
+    }
+
+    /// The same, with the course of the search.
+    ///
+    /// # Errors
+    /// No set of beams was solved.
+    pub fn run<I: Influence + ?Sized>(
+        &self,
+        mut evaluator: Evaluator<'_, I>,
+    ) -> Result<PlanRun, ChoiceError> {
+        let choice = self.choose(&mut evaluator)?;
+        let (history, prices) = (evaluator.history().to_vec(), evaluator.prices());
+        Ok(PlanRun { name: self.name, budget: self.budget, choice, history, prices })
+    }
+}

@@ -1,0 +1,141 @@
+//! The arguments of `stillpoint plan`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Subcommand, ValueEnum};
+use stillpoint_plan::recipe::{MethodName, PriorName, RobustBy, UnknownName};
+
+use super::compare;
+use crate::pool::PoolArgs;
+
+/// Choose the beams of a case and optimise their fluence.
+///
+/// Without a case, the synthetic pelvis of seed 0 is planned. Beams stand at least 20 degrees apart on a ring of 90 angles.
+/// The output is a folder: plan.json, plan.html, dvh.svg, objective.svg, tree.svg where sets were solved from other sets, the dose over the slices through the isocentre (PNG),
+/// rtplan.dcm, rtdose.dcm, and rtstruct.dcm where the case did not come from DICOM. No plan of this command may be used to treat a patient.
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Plan {
+    #[command(subcommand)]
+    pub(super) action: Option<Action>,
+    #[command(flatten)]
+    pub(super) args: PlanArgs,
+}
+
+/// What is planned.
+#[derive(Args)]
+pub struct PlanArgs {
+    /// The case file; see `stillpoint case`.
+    pub(super) case: Option<PathBuf>,
+    /// Number of beams.
+    #[arg(long, default_value_t = 5)]
+    pub(super) beams: usize,
+    /// Maximum number of sets of beams that are solved. Default: 40, and 5 for `--method network`.
+    #[arg(long)]
+    pub(super) budget: Option<usize>,
+    /// Method of choosing beams.
+    #[arg(long, value_parser = names(&MethodName::ALL, MethodName::word, MethodName::about), default_value = "exchange")]
+    pub(super) method: MethodName,
+    /// What is known of a beam before it is solved, for the methods `search`, `prior`, `construction` and `two-player`.
+    /// Several, separated by commas, are mixed in equal parts.
+    #[arg(long, value_parser = names(&PriorName::ALL, PriorName::word, PriorName::about), value_delimiter = ',', default_value = "price")]
+    pub(super) prior: Vec<PriorName>,
+    /// Model file of `--method network` and `--prior network`, made by `stillpoint-research train planner`. Default: the network that
+    /// comes with stillpoint.
+    #[arg(long, value_name = "FILE")]
+    pub(super) network: Option<PathBuf>,
+    /// Gantry angles in degrees, such as `0,90,-40.5`, to 0.01 degrees and as near to each other as you like; no search is run.
+    #[arg(long, allow_hyphen_values = true, conflicts_with_all = ["beams", "budget", "method", "compare", "prior"])]
+    pub(super) angles: Option<String>,
+    /// Run every method, each with the whole budget, and keep the best plan.
+    #[arg(long, conflicts_with = "method")]
+    pub(super) compare: bool,
+    /// Plan for several set-ups: the planned one, and the patient shifted by this length along each axis in both
+    /// directions. Without a length, the shift is 3 mm.
+    #[arg(long, value_name = "SHIFT", num_args = 0..=1, default_missing_value = "3mm")]
+    pub(super) robust: Option<String>,
+    /// What is optimised with `--robust`.
+    #[arg(long, value_enum, default_value_t = RobustChoice::Mean, requires = "robust")]
+    pub(super) robust_by: RobustChoice,
+    /// JSON table of objectives; its entries take precedence over the built-in table.
+    #[arg(long, value_name = "FILE")]
+    pub(super) objectives: Option<PathBuf>,
+    /// YAML file of limits that the plan is compared with. Default: the built-in protocol of the site of the case, prostate or
+    /// head and neck.
+    #[arg(long, value_name = "FILE")]
+    pub(super) protocol: Option<PathBuf>,
+    /// Machine file; the default is the built-in generic 6 MV machine.
+    #[arg(long, value_name = "FILE")]
+    pub(super) machine: Option<PathBuf>,
+    /// Do not sequence the fluence for the leaves of the machine. The RTPLAN then has no segments and no monitor units.
+    #[arg(long)]
+    pub(super) fluence_only: bool,
+    /// Spacing of the points whose dose is optimised. At the borders of targets it is half of that, and at most a quarter
+    /// of a bixel. The reported dose is recomputed on a finer grid.
+    #[arg(long, value_name = "LENGTH", default_value = "5mm")]
+    pub(super) grid: String,
+    /// Width of a bixel.
+    #[arg(long, value_name = "LENGTH", default_value = "10mm")]
+    pub(super) bixel: String,
+    /// Output folder; the default is `plans/CASE`.
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: Option<PathBuf>,
+    /// Folder in which doses are cached between plans, about 5 MB per beam with 10 mm bixels.
+    #[arg(long, value_name = "DIR", default_value = "doses")]
+    pub(super) doses: PathBuf,
+    /// Copy the name, ID, birth date and sex of the patient from this DICOM folder into the exported DICOM.
+    #[arg(long, value_name = "DICOM_DIR")]
+    pub(super) keep_identity: Option<PathBuf>,
+    /// Seed of the random methods.
+    #[arg(long, default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Number of threads; the plan does not depend on it. Default: all cores.
+    #[arg(long)]
+    pub(super) threads: Option<std::num::NonZeroUsize>,
+    #[command(flatten)]
+    pub(super) pool: PoolArgs,
+    /// Print JSON.
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+#[derive(Subcommand)]
+pub(super) enum Action {
+    /// Show two plans of one case side by side.
+    Compare(compare::Compare),
+}
+
+/// What is optimised where there are several set-ups.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(super) enum RobustChoice {
+    /// The mean over the set-ups, by beams and by fluence.
+    Mean,
+    /// The worst set-up, by beams: the robust game. The fluence is that for the planned set-up; a second player answers each
+    /// set of beams with the set-up under which it costs most, and the search minimises that cost. Its answers are counted in
+    /// the budget, each set-up as 0.02 solves.
+    Worst,
+}
+
+impl From<RobustChoice> for RobustBy {
+    fn from(choice: RobustChoice) -> Self {
+        match choice {
+            RobustChoice::Mean => Self::Mean,
+            RobustChoice::Worst => Self::Worst,
+        }
+    }
+}
+
+/// The names of a list, each with what it does.
+fn names<T>(
+    all: &[T],
+    word: fn(T) -> &'static str,
+    about: fn(T) -> &'static str,
+) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + FromStr<Err = UnknownName> + Send + Sync + 'static,
+{
+    let value = |name: &T| PossibleValue::new(word(*name)).help(about(*name));
+    PossibleValuesParser::new(all.iter().map(value)).try_map(|text| text.parse::<T>())
+}
