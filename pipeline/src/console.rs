@@ -1,10 +1,18 @@
 //! The console: commands of people as samples.
 
-use stillpoint_samples::{Command, ConsoleCommand, Sample, Verb};
+use std::collections::VecDeque;
+
+use stillpoint_samples::{
+    Actuation, ActuationElement, ActuationReason, ActuationState, Command, ConsoleCommand, PoseReport,
+    PoseReportElement, PoseStatus, Rejection, RejectionElement, Sample, Verb,
+};
 
 use crate::activation::Activation;
 use crate::operator::Setup;
-use crate::operator::{FrameRule, Kind, Operator, Output, Role, SetupError, Stage, StepError, Timer};
+use crate::operator::{
+    FrameRule, Input, Kind, Operator, Output, ParamConflict, Policy, Role, SetupError, Stage, StepError,
+    Timer,
+};
 use crate::outputs::Outputs;
 use crate::outside::Inbox;
 use crate::params::{Choice, Params};
@@ -13,6 +21,12 @@ use crate::params::{Choice, Params};
 pub const KIND_NAME: &str = "console";
 /// Values that a command has room for.
 const VALUES: usize = 6;
+/// The input with the state of the valves: whether `arm` was accepted.
+pub const ACTUATION: usize = 0;
+/// The input with the reports of the tracker: whether `capture` and `confirm` were accepted.
+pub const REPORT: usize = 1;
+/// The output with the reasons for which a command was said again.
+const REFUSED: usize = Verb::ALL.len();
 
 /// What a person says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
@@ -38,6 +52,15 @@ pub enum Said {
 }
 
 impl Said {
+    /// The input that states whether the command was accepted; `None` where no operator answers it.
+    pub fn answered_on(self) -> Option<usize> {
+        match self {
+            Self::Arm => Some(ACTUATION),
+            Self::Capture | Self::Confirm => Some(REPORT),
+            _ => None,
+        }
+    }
+
     fn verb(self) -> Verb {
         match self {
             Self::Arm => Verb::Arm,
@@ -64,6 +87,10 @@ pub struct ScriptedCommand {
     /// Values of it, SI units.
     #[param(default = "[]")]
     pub values: Vec<f64>,
+    /// Say it again after this time, until it is accepted: of `capture`, `confirm` and `arm`. Later commands of the script
+    /// wait until then.
+    #[param(unit = "ns", min = "20 ms", max = "1 h")]
+    pub repeat: Option<u64>,
 }
 
 /// Parameters of `console`.
@@ -78,10 +105,31 @@ pub struct ConsoleParams {
 pub struct Console {
     inbox: Inbox,
     /// By time, the earliest first.
-    script: Vec<(u64, Command)>,
+    script: VecDeque<Line>,
+    /// The command that is said until it is accepted.
+    waiting: Option<Waiting>,
     every: u64,
     /// Session time up to which the script was said, ns; `None` before the first activation.
     said: Option<u64>,
+}
+
+/// A command of the script, checked.
+struct Line {
+    at: u64,
+    said: Said,
+    repeat: Option<u64>,
+    command: Command,
+}
+
+/// A command that was said and is not accepted yet.
+struct Waiting {
+    line: Line,
+    /// When it is said again, ns of session time.
+    again: u64,
+    /// How often it was said.
+    times: u32,
+    /// The number of the reference when it was said first.
+    reference: u32,
 }
 
 const fn verb(name: &'static str, about: &'static str) -> Output {
@@ -94,7 +142,22 @@ impl Operator for Console {
         name: KIND_NAME,
         about: "Commands of people (`stillpoint send`) as samples, one output per verb.",
         role: Role::Source,
-        inputs: &[],
+        inputs: &[
+            Input {
+                name: "actuation",
+                sample: Actuation::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "State of the valves, with a delay: a script that repeats `arm` needs it.",
+            },
+            Input {
+                name: "report",
+                sample: PoseReport::KIND,
+                policy: Policy::Latest,
+                required: false,
+                about: "Report of the tracker, with a delay: a script that repeats `capture` or `confirm` needs it.",
+            },
+        ],
         outputs: &[
             verb("arm", "Allow actuation."),
             verb("disarm", "Forbid actuation."),
@@ -105,14 +168,42 @@ impl Operator for Console {
             verb("fault", "Cause a fault on a simulated rig, or remove it."),
             verb("confirm", "Confirm that the reference shows the head."),
             verb("accept", "Accept the offered plan of a request: the number of the request."),
+            Output {
+                name: "refused",
+                sample: Rejection::KIND,
+                frame: FrameRule::None,
+                about: "Why a command of the script was said again; `found` is how often it was said.",
+            },
         ],
         timer: Timer::Required,
     };
 
+    fn validate(params: &ConsoleParams) -> Result<(), ParamConflict> {
+        let refuse = |reason: String, help| Err(ParamConflict { params: &["script"], reason, help });
+        for line in &params.script {
+            command(line).map_err(|e| ParamConflict::inside(&["script"], e))?;
+            if line.repeat.is_some() && line.say.answered_on().is_none() {
+                let word = line.say.verb().word();
+                return refuse(
+                    format!("no operator answers `{word}`, so it cannot be repeated until it is accepted"),
+                    "use `repeat` for capture, confirm and arm only",
+                );
+            }
+        }
+        Ok(())
+    }
+
     fn new(params: ConsoleParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let mut script = params.script.iter().map(command).collect::<Result<Vec<_>, _>>()?;
-        script.sort_by_key(|(at, _)| *at);
-        Ok(Self { inbox: setup.outside.inbox.clone(), script, every: setup.every.unwrap_or(0), said: None })
+        script.sort_by_key(|line| line.at);
+        if let Some(input) = params.unanswered().find(|input| !setup.is_connected(*input)) {
+            let name = Self::KIND.inputs[input].name;
+            return Err(SetupError(format!(
+                "`repeat` needs the input `{name}`: connect it, or remove `repeat`"
+            )));
+        }
+        let inbox = setup.outside.inbox.clone();
+        Ok(Self { inbox, script: script.into(), waiting: None, every: setup.every.unwrap_or(0), said: None })
     }
 
     fn step(&mut self, activation: &Activation<'_>, outputs: &mut Outputs<'_>) -> Result<(), StepError> {
@@ -123,9 +214,38 @@ impl Operator for Console {
             (None, 0) => 0,
             (None, _) => now,
         };
+        if self.said.is_none() {
+            self.script.retain(|line| line.at >= from);
+        }
         self.said = Some(now);
-        for (_, command) in self.script.iter().filter(|(at, _)| (from..=now).contains(at)) {
-            send(command, outputs)?;
+        let actuation = activation.input::<Actuation>(ACTUATION).and_then(|view| view.first().copied());
+        let report = activation.input::<PoseReport>(REPORT).and_then(|view| view.first().copied());
+        if let Some(mut waiting) = self.waiting.take()
+            && let Err(why) =
+                accepted(waiting.line.said, waiting.reference, actuation.as_ref(), report.as_ref())
+        {
+            if now >= waiting.again {
+                let (verb, times) = (waiting.line.said.verb(), waiting.times);
+                let reason = format!("{} said again: {why}", verb.word());
+                outputs.send::<Rejection>(
+                    REFUSED,
+                    &RejectionElement::new(verb as u32, &reason, f64::from(times), 0.0),
+                )?;
+                send(&waiting.line.command, outputs)?;
+                waiting.times += 1;
+                waiting.again = now.saturating_add(waiting.line.repeat.unwrap_or(u64::MAX));
+            }
+            self.waiting = Some(waiting);
+        }
+        while self.waiting.is_none()
+            && self.script.front().is_some_and(|line| line.at <= now)
+            && let Some(line) = self.script.pop_front()
+        {
+            send(&line.command, outputs)?;
+            if let Some(repeat) = line.repeat {
+                let reference = report.map_or(0, |report| report.reference);
+                self.waiting = Some(Waiting { again: now.saturating_add(repeat), times: 1, reference, line });
+            }
         }
         while let Some(command) = self.inbox.take() {
             send(&command, outputs)?;
@@ -134,7 +254,47 @@ impl Operator for Console {
     }
 }
 
-fn command(line: &ScriptedCommand) -> Result<(u64, Command), SetupError> {
+impl ConsoleParams {
+    /// The inputs that the repeated commands of the script need.
+    pub fn unanswered(&self) -> impl Iterator<Item = usize> {
+        self.script.iter().filter(|line| line.repeat.is_some()).filter_map(|line| line.say.answered_on())
+    }
+}
+
+/// Whether a command was accepted; else why not, as far as it is known.
+fn accepted(
+    said: Said,
+    reference: u32,
+    actuation: Option<&ActuationElement>,
+    report: Option<&PoseReportElement>,
+) -> Result<(), String> {
+    match said {
+        Said::Arm => {
+            let actuation = actuation.ok_or("the valves have not answered")?;
+            if actuation.state() != ActuationState::Disarmed {
+                return Ok(());
+            }
+            let lacking: Vec<&str> = ActuationReason::words(actuation.lacking).collect();
+            Err(if lacking.is_empty() {
+                "the valves have not answered".to_owned()
+            } else {
+                lacking.join(", ")
+            })
+        }
+        Said::Capture | Said::Confirm => {
+            let report = report.ok_or("the tracker has not answered")?;
+            let is_done = match said {
+                Said::Capture => report.reference > reference,
+                _ => report.confirmed == 1,
+            };
+            let word = PoseStatus::from_number(report.status).map_or("unknown status", PoseStatus::word);
+            if is_done { Ok(()) } else { Err(format!("the tracker reports: {word}")) }
+        }
+        _ => Ok(()),
+    }
+}
+
+fn command(line: &ScriptedCommand) -> Result<Line, SetupError> {
     if line.values.len() > VALUES || line.values.iter().any(|v| !v.is_finite()) {
         return Err(SetupError(format!(
             "the script's command at {} ms has {} values: a command has up to {VALUES} finite ones",
@@ -146,7 +306,7 @@ fn command(line: &ScriptedCommand) -> Result<(u64, Command), SetupError> {
         Command { verb: line.say.verb() as u32, given: line.values.len() as u32, ..Command::default() };
     command.values[..line.values.len()].copy_from_slice(&line.values);
     command.by[..6].copy_from_slice(b"script");
-    Ok((line.at, command))
+    Ok(Line { at: line.at, said: line.say, repeat: line.repeat, command })
 }
 
 fn send(command: &Command, outputs: &mut Outputs<'_>) -> Result<(), StepError> {

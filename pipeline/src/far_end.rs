@@ -162,6 +162,7 @@ const fn stage(inputs: &'static [Input], outputs: &'static [Output]) -> Stage {
         },
         validate: |_| Ok(()),
         validate_period: |_, _| Ok(()),
+        validate_input: |_, _, _| Ok(()),
         check_files: |_, _| Ok(()),
         cut_files: |_, _| Ok(std::collections::BTreeMap::new()),
         remarks: |_, _| Vec::new(),

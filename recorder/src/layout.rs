@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stillpoint_samples::{SampleKind, by_name};
 
 use crate::form::{Decoded, Envelope, Fault, Form, Shared};
-use crate::mapping::Mapping;
+use crate::mapping::{Mapping, is_field};
 
 /// What the samples of a recorded topic are to this build.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl TopicKind {
 /// The fields of one schema text that the other has not, in a sentence.
 fn difference(recorded: &str, ours: &str) -> String {
     let fields = |text: &str| -> Vec<String> {
-        let is_field = |l: &&str| !l.is_empty() && !l.starts_with(['#', '=']) && !l.starts_with("MSG:");
+        let is_field = |l: &&str| is_field(l) && !l.starts_with("MSG:");
         text.lines().map(str::trim).filter(is_field).map(|l| l.replace("  # ", " in ")).collect()
     };
     let (recorded, ours) = (fields(recorded), fields(ours));

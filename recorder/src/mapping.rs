@@ -191,8 +191,10 @@ impl Struct {
     }
 }
 
-fn is_field(line: &str) -> bool {
-    !line.is_empty() && !line.starts_with(['#', '='])
+/// Whether a line of a schema is a field, and no comment and no constant (`uint32 STATE_ARMED=1`).
+pub(crate) fn is_field(line: &str) -> bool {
+    let is_constant = line.split("  # ").next().is_some_and(|declared| declared.contains('='));
+    !line.is_empty() && !line.starts_with('#') && !is_constant
 }
 
 fn primitive(name: &str) -> Option<Primitive> {

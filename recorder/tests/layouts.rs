@@ -71,7 +71,7 @@ fn plane() -> PlaneElement {
 
 #[test]
 fn fields_in_another_order_and_fields_that_went_are_mapped_by_name() {
-    let extra = Field { name: "tolerance", primitive: Primitive::F64, array: 2, unit: "m" };
+    let extra = Field::new("tolerance", Primitive::F64, 2, "m");
     let ours = Plane::KIND.element;
     // As they were: a field that this build does not have in front, offset and normal swapped.
     let fields = vec![extra, ours[1], ours[0], ours[2], ours[3], ours[4], ours[5], ours[6]];
@@ -96,7 +96,7 @@ fn a_slice_with_a_body_is_mapped() {
     let ours = ClusterTable::KIND;
     let mut element = ours.element.to_vec();
     element.swap(0, 1);
-    let extra = Field { name: "seen", primitive: Primitive::U64, array: 0, unit: "" };
+    let extra = Field::new("seen", Primitive::U64, 0, "");
     let body = [vec![extra], ours.body.to_vec()].concat();
     let old = kind(ours, body, element);
     let (first, second) = (ours.element[0].size(), ours.element[1].size());
@@ -121,7 +121,7 @@ fn a_slice_with_a_body_is_mapped() {
 #[test]
 fn journals_of_another_layout_are_read() {
     let mut body = Journal::KIND.body.to_vec();
-    let extra = Field { name: "weather", primitive: Primitive::U64, array: 0, unit: "" };
+    let extra = Field::new("weather", Primitive::U64, 0, "");
     body.insert(0, extra);
     let old = kind(Journal::KIND, body, Journal::KIND.element.to_vec());
     let new = entry(header(0), 5, Cause::Timer, &[reference(RefKind::Output, 0, 0, 9)]);

@@ -262,8 +262,7 @@ fn a_camera_that_freezes_ends_the_beam_and_then_vents_the_rig() {
 
 #[test]
 fn a_head_that_never_moves_is_never_proven_and_the_gate_says_so() {
-    let still =
-        [("motion: breathes,", "motion: still,"), (", { at: 1.5 s, say: arm }, { at: 2 s, say: arm }", "")];
+    let still = [("motion: breathes,", "motion: still,"), (", { at: 1.5 s, say: arm, repeat: 500 ms }", "")];
     let run = default_pipeline(&still, 12_000);
     let reports = run.samples::<PoseReport>("head.report");
     let (last, most) =
@@ -278,7 +277,7 @@ fn a_head_that_never_moves_is_never_proven_and_the_gate_says_so() {
 
 #[test]
 fn nothing_arms_and_no_beam_is_allowed_on_a_reference_that_nobody_confirmed() {
-    let unconfirmed = ("{ at: 1 s, say: confirm }, ", "");
+    let unconfirmed = ("{ at: 1 s, say: confirm, repeat: 500 ms }, ", "");
     let run = default_pipeline(&[unconfirmed, ("at: 2.5 s, z: 11.5 mm", "at: 1 h, z: 11.5 mm")], 6_000);
     let states = run.samples::<Actuation>("valves.state");
     let last = states.last().unwrap().first().unwrap();

@@ -12,6 +12,7 @@ mod frozen;
 mod guide;
 mod head_tracking;
 mod held_head;
+mod mismatched;
 mod misspelled;
 mod null_sink;
 mod one_dof;

@@ -1,12 +1,13 @@
 //! A console that speaks for a person.
 
 use stillpoint_pipeline::config::{Machine, check, check_for};
-use stillpoint_samples::ConsoleCommand;
+use stillpoint_samples::{ConsoleCommand, Rejection};
 use stillpoint_testing::run;
 use stillpoint_testing::run::START;
 
 use stillpoint_operator::files::MemoryFiles;
 
+use crate::default_pipeline::default_pipeline;
 use crate::registry;
 
 const KEY: &[u8] = include_bytes!("../../examples/data/rig.key");
@@ -74,7 +75,11 @@ fn a_head_is_told_from_all_else_wherever_valves_and_beam_follow_a_real_camera() 
         faults.map(|f| f.to_string()).unwrap_or_default()
     };
     assert_eq!(faults(&default), "");
-    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    let real = default.replacen(FROM_FILES.0, FROM_FILES.1, 1).replacen(
+        "{ at: 1 s, say: confirm, repeat: 500 ms }, ",
+        "",
+        1,
+    );
     for waived in ["body: waived", "rule: largest", "region: { need: waived }"] {
         let text = real.replacen("body: waived", waived, 1);
         let said = faults(&text);
@@ -136,13 +141,13 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     let accepting = |text: &str| {
         let script = "{ at: 1 s, say: accept, values: [0] }, { at: 1.5 s, say: arm }";
         let text = text.replacen("  console:\n", &format!("{plans}  console:\n"), 1);
-        text.replacen("{ at: 1.5 s, say: arm }", script, 1)
+        text.replacen("{ at: 1.5 s, say: arm, repeat: 500 ms }", script, 1)
     };
     assert_eq!(faults(&accepting(&default)), "");
     let said = faults(&accepting(&real));
     let unseen = "`plans` sees through `cloud`, which is no simulated rig, and a script accepts its plan";
     assert!(said.contains(unseen), "{said}");
-    let person = real.replacen("{ at: 1 s, say: confirm }, ", "", 1);
+    let person = real.replacen("{ at: 1 s, say: confirm, repeat: 500 ms }, ", "", 1);
     assert!(!faults(&person).contains("simulated rig"), "{}", faults(&person));
     let waived = person.replacen(
         "params: { origin: centre, max_points: 50000 }\n\n",
@@ -151,4 +156,48 @@ fn a_reference_is_confirmed_unseen_only_where_the_camera_is_a_rig() {
     );
     assert_ne!(waived, person);
     assert!(faults(&waived).contains("`confirm: waived` takes its reference unseen"), "{}", faults(&waived));
+}
+
+#[test]
+fn a_script_says_a_command_again_until_it_is_accepted_with_its_reason_each_time() {
+    // Nothing is armed on a reference that nobody confirms.
+    let changes = [
+        ("{ at: 1 s, say: confirm, repeat: 500 ms }, ", ""),
+        ("say: arm, repeat: 500 ms }", "say: arm, repeat: 500 ms }, { at: 2 s, say: vent }"),
+    ];
+    let run = default_pipeline(&changes, 2_800);
+    let times = |topic: &str| -> Vec<u64> {
+        run.samples::<ConsoleCommand>(topic).iter().map(|s| (s.header.stamp - START) / 1_000_000).collect()
+    };
+    assert_eq!(times("console.arm"), [1500, 2000, 2500]);
+    let refused = run.samples::<Rejection>("console.refused");
+    let reasons: Vec<String> = refused.iter().map(|r| r.first().unwrap().reason().to_owned()).collect();
+    assert_eq!(reasons.len(), 2, "{reasons:?}");
+    assert!(
+        reasons.iter().all(|r| r.starts_with("arm said again: ") && r.contains("unconfirmed")),
+        "{reasons:?}"
+    );
+    // What follows in the script waits.
+    assert_eq!(times("console.vent"), []);
+}
+
+#[test]
+fn a_command_that_is_accepted_is_said_once() {
+    let run = default_pipeline(&[], 2_800);
+    for topic in ["console.capture", "console.confirm", "console.arm"] {
+        assert_eq!(run.samples::<ConsoleCommand>(topic).len(), 1, "{topic}");
+    }
+    assert!(run.samples::<Rejection>("console.refused").is_empty());
+}
+
+#[test]
+fn a_repeated_command_without_an_answer_is_refused_by_the_check() {
+    let said = |script: &str| {
+        let text = CONSOLE.replace("SCRIPT", script);
+        let faults = check(&text, "x.yaml", &[], &registry(), &NoFiles).err();
+        faults.map(|f| f.to_string()).unwrap_or_default()
+    };
+    assert!(said("{ at: 0 s, say: arm, repeat: 1 s }").contains("needs the input `actuation`"));
+    assert!(said("{ at: 0 s, say: confirm, repeat: 1 s }").contains("needs the input `report`"));
+    assert!(said("{ at: 0 s, say: vent, repeat: 1 s }").contains("no operator answers `vent`"));
 }

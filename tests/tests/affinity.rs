@@ -72,7 +72,7 @@ fn a_real_time_priority_is_given_or_refused_with_the_limit_that_forbids_it() {
     let file = pipeline(&bench, "priority: fifo 7");
     let run = bench.run(&file);
     let begun = crate::bench::wait_for("samples or a refusal", || {
-        let done = bench.call(&["echo", "sink.sum", "--count", "3"]);
+        let done = bench.call(&["echo", "--json", "sink.sum", "--count", "3"]);
         (done.code() == 0 || !run.errors().is_empty()).then_some(done.code() == 0)
     });
     if begun {

@@ -31,7 +31,7 @@ fn a_command_arrives_is_recorded_and_replays() {
     let report = run.stop().good();
     let session = report["session"].as_str().unwrap();
     let echo = |topic: &str| -> Vec<Value> {
-        let done = bench.call(&["echo", topic, "--session", session]);
+        let done = bench.call(&["echo", "--json", topic, "--session", session]);
         done.out.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
     };
     assert_eq!(echo("console.arm").len(), 1);
@@ -136,7 +136,7 @@ fn who_looks_in_sees_what_was_sent_until_the_end() {
     let bench = Bench::new();
     let run = bench.run(&pipeline("chain.yaml"));
     bench.wait_for_samples("sink.sum", 1);
-    let looking = bench.start(&["echo", "sink.sum"]);
+    let looking = bench.start(&["echo", "--json", "sink.sum"]);
     crate::bench::wait_for("a sample", || looking.said().lines().next().map(drop));
     // What is sent from here to the end waits for it.
     looking.signal(rustix::process::Signal::STOP);

@@ -144,7 +144,7 @@ impl Bench {
     /// Waits until so many samples, or journal entries, were sent on a topic.
     pub fn wait_for_samples(&self, topic: &str, count: u32) -> String {
         wait_for(topic, || {
-            let done = self.call(&["echo", topic, "--count", &count.to_string()]);
+            let done = self.call(&["echo", "--json", topic, "--count", &count.to_string()]);
             (done.code() == 0 && done.out.lines().count() == count as usize).then_some(done.out)
         })
     }

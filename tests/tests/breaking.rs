@@ -30,7 +30,7 @@ const FOLLOWING: u64 = 2;
 
 /// The newest sample of a topic of the run, once there is one.
 fn newest(bench: &Bench, topic: &str) -> Option<Value> {
-    let done = bench.call(&["echo", topic, "--count", "1"]);
+    let done = bench.call(&["echo", "--json", topic, "--count", "1"]);
     let sample: Value = serde_json::from_str(done.out.lines().next()?).ok()?;
     Some(sample["elements"][0].clone())
 }
@@ -94,7 +94,7 @@ fn what_a_person_breaks_acts_until_it_is_mended_and_the_session_replays_bit_for_
 
     let session = report["session"].as_str().unwrap();
     let echo = |topic: &str| -> Vec<Value> {
-        let done = bench.call(&["echo", topic, "--session", session]);
+        let done = bench.call(&["echo", "--json", topic, "--session", session]);
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     };
     // What people said is in the session, in their order, and what came of it.

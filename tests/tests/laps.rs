@@ -29,7 +29,7 @@ fn every_live_activation_says_how_long_its_stages_took_and_replay_leaves_that_ou
         assert!(done > 20);
         assert!(kept.contains(&(format!("{operator}.timing"), done)), "{kept:?}");
     }
-    let echo = bench.call(&["echo", "alone.timing", "--session", session]);
+    let echo = bench.call(&["echo", "--json", "alone.timing", "--session", session]);
     for (index, line) in echo.out.lines().enumerate() {
         let sample: Value = serde_json::from_str(line).unwrap();
         assert_eq!(sample["sequence"], index);

@@ -38,14 +38,14 @@ fn datagrams_cross_the_wire_strangers_are_recorded_and_the_session_replays() {
     assert_eq!(report["balanced"], true, "{}", report["ledger"]);
     let session = report["session"].as_str().unwrap();
     let written = figures(&report, "writer")["activations"].as_u64().unwrap() as f64;
-    let read = bench.call(&["echo", "reader.read", "--session", session]).out;
+    let read = bench.call(&["echo", "--json", "reader.read", "--session", session]).out;
     assert_eq!(last(&read, "strangers"), 1.0);
     // What was on the wire when the far end stopped is not read any more.
     assert!(
         last(&read, "letters") > written - 20.0 && last(&read, "letters") <= written,
         "{written}: {read}"
     );
-    let refused = bench.call(&["echo", "writer_letter.diagnostics", "--session", session]).out;
+    let refused = bench.call(&["echo", "--json", "writer_letter.diagnostics", "--session", session]).out;
     assert_eq!(last(&refused, "too_long"), 1.0);
     let replay = bench.call(&["replay", session, "--json"]).good();
     assert_eq!(replay["identical_all"], true);

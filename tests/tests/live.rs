@@ -6,7 +6,7 @@ use crate::bench::{Bench, figures, line, pipeline, text, wait_for};
 
 /// The entries of an operator's journal in a session.
 pub fn journal(bench: &Bench, session: &str, operator: &str) -> Vec<Value> {
-    let done = bench.call(&["echo", &format!("{operator}.journal"), "--session", session]);
+    let done = bench.call(&["echo", "--json", &format!("{operator}.journal"), "--session", session]);
     assert_eq!(done.code(), 0, "{}", done.err);
     done.out.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
 }
@@ -241,7 +241,7 @@ fn several_runs_at_once_do_not_see_each_other() {
     let ambiguous = bench.call(&["echo", "source.value", "--count", "1"]);
     assert!(ambiguous.err.contains("several runs are going on"), "{}", ambiguous.err);
     let chosen = wait_for("the chosen run", || {
-        let done = bench.call(&["echo", "middle.sum", "--count", "3", "--run", "chain"]);
+        let done = bench.call(&["echo", "--json", "middle.sum", "--count", "3", "--run", "chain"]);
         (done.code() == 0).then_some(done.out)
     });
     assert_eq!(chosen.lines().count(), 3);

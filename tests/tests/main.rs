@@ -20,6 +20,7 @@
 //! - `breaking`: people who break a running rig
 //! - `wire`: what a far end makes of datagrams that somebody else sends
 //! - `attach`: people at a running pipeline
+//! - `looking`: what runs, its topics and their rates, and its end from outside
 //! - `unheard`: runs whose words nobody hears
 //! - `refusals`: what `run` refuses
 //! - `hung`: a recorder that hangs
@@ -43,6 +44,7 @@ mod laps;
 mod ledger;
 mod link;
 mod live;
+mod looking;
 mod recording;
 mod refusals;
 mod releases;

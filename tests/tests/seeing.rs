@@ -9,7 +9,7 @@ use crate::bench::{Bench, Done, pipeline, text};
 use crate::conformance::placements_agree;
 
 fn samples(bench: &Bench, topic: &str, session: &str) -> Vec<Value> {
-    let done = bench.call(&["echo", topic, "--session", session]);
+    let done = bench.call(&["echo", "--json", topic, "--session", session]);
     assert_eq!(done.code(), 0, "{}", done.err);
     done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }

@@ -106,7 +106,7 @@ fn what_is_not_in_order_is_refused_by_its_reason_and_moves_nothing() {
     let (file, address) = bedside(&bench);
     let rig = bench.start(&["rig", text(&file), "--json", "--record", "s"]);
     let far = || -> Option<Value> {
-        let done = bench.call(&["echo", "far.state", "--count", "1"]);
+        let done = bench.call(&["echo", "--json", "far.state", "--count", "1"]);
         let sample: Value = serde_json::from_str(done.out.lines().next()?).ok()?;
         Some(sample["elements"][0].clone())
     };
@@ -140,7 +140,7 @@ fn what_is_not_in_order_is_refused_by_its_reason_and_moves_nothing() {
     assert_eq!(report["balanced"], true, "{}", report["ledger"]);
     let session = report["session"].as_str().unwrap();
     let echo = |topic: &str| -> Vec<Value> {
-        let done = bench.call(&["echo", topic, "--session", session]);
+        let done = bench.call(&["echo", "--json", topic, "--session", session]);
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     };
     let told =

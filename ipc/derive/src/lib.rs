@@ -3,6 +3,12 @@
 //! The derive refuses a struct whose `repr(C)` bytes would differ from its little-endian XCDR1 body: fields must be
 //! fixed-size numbers or arrays of them, in falling order of alignment, without padding. It emits the field table from
 //! which the layout hash, the type name and the `ros2msg` text are made.
+//!
+//! `#[derive(Codes)]`: the names of an enumeration or of bits, which fields of samples refer to.
+
+mod codes;
+mod doc;
+mod names;
 
 use proc_macro::TokenStream;
 use quote::quote;
@@ -10,15 +16,38 @@ use syn::spanned::Spanned;
 use syn::{Data, DeriveInput, Error, Expr, Fields, Lit, LitStr, Type, parse_macro_input};
 
 /// Derives `stillpoint_samples::Layout`. Each field may carry `#[unit("m")]`; a field without one is a plain number.
-#[proc_macro_derive(Layout, attributes(unit))]
+///
+/// A field that holds a code says once what its numbers mean:
+/// - `#[codes(Kind)]`: the number is one of `Kind`, which derives `Codes`;
+/// - `#[bits(Kind)]`: each bit is one of `Kind`;
+/// - `#[each("valve")]`: bit i is set for part i, such as valve 0;
+/// - `#[parts(Kind)]`: value i of the array belongs to the code i of `Kind`, such as an axis;
+/// - `#[rows(12, 12)]`: the array is a matrix, row by row.
+#[proc_macro_derive(Layout, attributes(unit, codes, bits, each, parts, rows))]
 pub fn derive_layout(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
     expand(&input).unwrap_or_else(|e| e.to_compile_error()).into()
 }
 
+/// Derives `stillpoint_samples::Codes` for an enum without fields, with `ALL`, `word` and `from_number`.
+///
+/// The word of a variant is its name in small letters (`PoseStale`: `pose stale`), or that of `#[word("pose_stale")]`. Its
+/// doc comment says what the code means.
+#[proc_macro_derive(Codes, attributes(word))]
+pub fn derive_codes(input: TokenStream) -> TokenStream {
+    let input = parse_macro_input!(input as DeriveInput);
+    codes::expand(&input).unwrap_or_else(|e| e.to_compile_error()).into()
+}
+
 struct Primitive {
     variant: &'static str,
     align: usize,
+}
+
+impl Primitive {
+    fn is_integer(&self) -> bool {
+        !self.variant.starts_with('F')
+    }
 }
 
 fn primitive(name: &str) -> Option<Primitive> {
@@ -112,11 +141,15 @@ fn expand(input: &DeriveInput) -> Result<proc_macro2::TokenStream, Error> {
         }
         let text = ident.to_string();
         let variant = syn::Ident::new(p.variant, ident.span());
+        let names = names::of(f, p.is_integer())?;
+        let about = doc::text(&f.attrs);
         rows.push(quote!(::stillpoint_samples::Field {
             name: #text,
             primitive: ::stillpoint_samples::Primitive::#variant,
             array: #len,
             unit: #unit,
+            names: #names,
+            about: #about,
         }));
     }
     if rows.is_empty() {

@@ -2,13 +2,14 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::names::bits;
+use crate::{Codes, Layout, Sample, SampleKind, Shape, ValveOrder};
 
 /// State of actuation, what was sent to the valves, and every reason why it was not what a controller asked for.
 pub struct Actuation;
 
 /// What actuation is at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum ActuationState {
     /// Nobody has armed it: the valves are shut.
@@ -23,117 +24,61 @@ pub enum ActuationState {
     Fault = 4,
 }
 
-impl ActuationState {
-    /// All with the words that people read.
-    pub const ALL: &'static [(&'static str, ActuationState)] = &[
-        ("disarmed", ActuationState::Disarmed),
-        ("armed", ActuationState::Armed),
-        ("holding", ActuationState::Holding),
-        ("venting", ActuationState::Venting),
-        ("fault", ActuationState::Fault),
-    ];
-
-    /// The word that people read.
-    pub fn word(self) -> &'static str {
-        Self::ALL.iter().find(|(_, s)| *s == self).map_or("", |(word, _)| word)
-    }
-
-    /// The state of this number.
-    pub fn from_number(number: u32) -> Option<Self> {
-        Self::ALL.iter().map(|(_, s)| *s).find(|s| *s as u32 == number)
-    }
-}
-
-/// Reasons of actuation: bits.
-pub struct ActuationReason;
-
-impl ActuationReason {
-    /// Nobody has armed it.
-    pub const NOT_ARMED: u32 = 1;
-    /// There is no reference, or there is another one than when it was armed.
-    pub const REFERENCE: u32 = 1 << 1;
-    /// A frame between camera and pose has no date or residual, too large a residual, or was measured too long ago.
-    pub const EXTRINSIC: u32 = 1 << 2;
-    /// There is no pose.
-    pub const NO_POSE: u32 = 1 << 3;
-    /// The newest measurement of the pose is too old, or always the same.
-    pub const POSE_STALE: u32 = 1 << 4;
-    /// The pose has numbers that are none.
-    pub const POSE_NOT_FINITE: u32 = 1 << 5;
-    /// No command has come.
-    pub const NO_COMMAND: u32 = 1 << 6;
-    /// The newest command is too old.
-    pub const COMMAND_STALE: u32 = 1 << 7;
-    /// A command has duties that are no numbers.
-    pub const COMMAND_NOT_FINITE: u32 = 1 << 8;
-    /// A command is for another number of valves.
-    pub const COMMAND_SHAPE: u32 = 1 << 9;
-    /// The controller asks that all valves be shut.
-    pub const IDLE: u32 = 1 << 10;
-    /// What was missing is there again, but not for long enough.
-    pub const SETTLING: u32 = 1 << 11;
-    /// A condition was missing for too long.
-    pub const TOO_LONG: u32 = 1 << 12;
-    /// A pressure is estimated, or measured, above its limit.
-    pub const PRESSURE: u32 = 1 << 13;
-    /// A person asked to vent.
-    pub const ASKED: u32 = 1 << 14;
-    /// This stage was not activated for longer than its datagrams live.
-    pub const GAP: u32 = 1 << 15;
-    /// A duty was asked for that is not from zero to the greatest.
-    pub const DUTY_LIMITED: u32 = 1 << 16;
-    /// A duty grows no faster than it may.
-    pub const SLEW_LIMITED: u32 = 1 << 17;
-    /// An inlet is kept from raising an estimated pressure to its limit.
-    pub const PRESSURE_LIMITED: u32 = 1 << 18;
-    /// No person has confirmed the reference.
-    pub const UNCONFIRMED: u32 = 1 << 19;
-    /// The head is farther from the reference model than the controller's limit; a fault if it lasts.
-    pub const TRACKING_ERROR: u32 = 1 << 20;
-    /// The pressure estimate limits an inlet while the head is that far off, for too long: the estimate is wrong.
-    pub const PRESSURE_DOUBTED: u32 = 1 << 21;
-    /// The far end has acknowledged no order of late: orders or acknowledgements do not arrive.
-    pub const NO_ANSWER: u32 = 1 << 22;
-    /// In the last second an order was found not to have arrived at the far end.
-    pub const ORDERS_LOST: u32 = 1 << 23;
-    /// A bladder pushes with less than the least force; a fault if it lasts.
-    pub const CONTACT_LOW: u32 = 1 << 24;
-    /// The face moves by itself: the valves hold, and do not follow it.
-    pub const FACE_MOVES: u32 = 1 << 25;
-
-    /// All with the words that people read.
-    pub const ALL: &'static [(&'static str, u32)] = &[
-        ("not armed", Self::NOT_ARMED),
-        ("reference", Self::REFERENCE),
-        ("extrinsic", Self::EXTRINSIC),
-        ("no pose", Self::NO_POSE),
-        ("pose stale", Self::POSE_STALE),
-        ("pose not finite", Self::POSE_NOT_FINITE),
-        ("no command", Self::NO_COMMAND),
-        ("command stale", Self::COMMAND_STALE),
-        ("command not finite", Self::COMMAND_NOT_FINITE),
-        ("command shape", Self::COMMAND_SHAPE),
-        ("idle", Self::IDLE),
-        ("settling", Self::SETTLING),
-        ("too long", Self::TOO_LONG),
-        ("pressure", Self::PRESSURE),
-        ("asked", Self::ASKED),
-        ("gap", Self::GAP),
-        ("duty limited", Self::DUTY_LIMITED),
-        ("slew limited", Self::SLEW_LIMITED),
-        ("pressure limited", Self::PRESSURE_LIMITED),
-        ("unconfirmed", Self::UNCONFIRMED),
-        ("tracking error", Self::TRACKING_ERROR),
-        ("pressure doubted", Self::PRESSURE_DOUBTED),
-        ("no answer", Self::NO_ANSWER),
-        ("orders lost", Self::ORDERS_LOST),
-        ("contact low", Self::CONTACT_LOW),
-        ("face moves", Self::FACE_MOVES),
-    ];
-
-    /// The words of the bits that are set, in their order.
-    pub fn words(bits: u32) -> impl Iterator<Item = &'static str> {
-        Self::ALL.iter().filter(move |(_, bit)| bits & bit != 0).map(|(word, _)| *word)
+bits! {
+    /// Reasons of actuation: bits.
+    ActuationReason {
+        /// Nobody has armed it.
+        NOT_ARMED = 1, "not armed";
+        /// There is no reference, or there is another one than when it was armed.
+        REFERENCE = 1 << 1, "reference";
+        /// A frame between camera and pose has no date or residual, too large a residual, or was measured too long ago.
+        EXTRINSIC = 1 << 2, "extrinsic";
+        /// There is no pose.
+        NO_POSE = 1 << 3, "no pose";
+        /// The newest measurement of the pose is too old, or always the same.
+        POSE_STALE = 1 << 4, "pose stale";
+        /// The pose has numbers that are none.
+        POSE_NOT_FINITE = 1 << 5, "pose not finite";
+        /// No command has come.
+        NO_COMMAND = 1 << 6, "no command";
+        /// The newest command is too old.
+        COMMAND_STALE = 1 << 7, "command stale";
+        /// A command has duties that are no numbers.
+        COMMAND_NOT_FINITE = 1 << 8, "command not finite";
+        /// A command is for another number of valves.
+        COMMAND_SHAPE = 1 << 9, "command shape";
+        /// The controller asks that all valves be shut.
+        IDLE = 1 << 10, "idle";
+        /// What was missing is there again, but not for long enough.
+        SETTLING = 1 << 11, "settling";
+        /// A condition was missing for too long.
+        TOO_LONG = 1 << 12, "too long";
+        /// A pressure is estimated, or measured, above its limit.
+        PRESSURE = 1 << 13, "pressure";
+        /// A person asked to vent.
+        ASKED = 1 << 14, "asked";
+        /// This stage was not activated for longer than its datagrams live.
+        GAP = 1 << 15, "gap";
+        /// A duty was asked for that is not from zero to the greatest.
+        DUTY_LIMITED = 1 << 16, "duty limited";
+        /// A duty grows no faster than it may.
+        SLEW_LIMITED = 1 << 17, "slew limited";
+        /// An inlet is kept from raising an estimated pressure to its limit.
+        PRESSURE_LIMITED = 1 << 18, "pressure limited";
+        /// No person has confirmed the reference.
+        UNCONFIRMED = 1 << 19, "unconfirmed";
+        /// The head is farther from the reference model than the controller's limit; a fault if it lasts.
+        TRACKING_ERROR = 1 << 20, "tracking error";
+        /// The pressure estimate limits an inlet while the head is that far off, for too long: the estimate is wrong.
+        PRESSURE_DOUBTED = 1 << 21, "pressure doubted";
+        /// The far end has acknowledged no order of late: orders or acknowledgements do not arrive.
+        NO_ANSWER = 1 << 22, "no answer";
+        /// In the last second an order was found not to have arrived at the far end.
+        ORDERS_LOST = 1 << 23, "orders lost";
+        /// A bladder pushes with less than the least force; a fault if it lasts.
+        CONTACT_LOW = 1 << 24, "contact low";
+        /// The face moves by itself: the valves hold, and do not follow it.
+        FACE_MOVES = 1 << 25, "face moves";
     }
 }
 
@@ -161,16 +106,22 @@ pub struct ActuationElement {
     /// Faults so far.
     pub faults: u64,
     /// An [`ActuationState`] as its number.
+    #[codes(ActuationState)]
     pub state: u32,
     /// What the valves are told: 0 to shut, 1 to vent, 2 to follow `duty`.
+    #[codes(ValveOrder)]
     pub order: u32,
     /// Why, and what else is out of order: bits of [`ActuationReason`].
+    #[bits(ActuationReason)]
     pub reasons: u32,
     /// What made the last fault: bits of [`ActuationReason`].
+    #[bits(ActuationReason)]
     pub fault: u32,
     /// What was missing when arming or resuming was last refused: bits of [`ActuationReason`].
+    #[bits(ActuationReason)]
     pub lacking: u32,
     /// Bit i is set where valve i is not at what the command asks.
+    #[each("valve")]
     pub limited: u32,
     /// How many of `duty` count.
     pub valves: u32,

@@ -2,7 +2,8 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::names::bits;
+use crate::{Layout, Sample, SampleKind, Shape, YesNo};
 
 /// What stood over a plane, one row per cluster, the largest first.
 pub struct ClusterTable;
@@ -17,6 +18,20 @@ pub struct ClusterTableShape {
     pub found: u32,
     /// Number of rows.
     pub length: u32,
+}
+
+bits! {
+    /// Where a cluster ends without its own end: bits.
+    ClusterEdge {
+        /// It reaches the edge of the image.
+        AT_IMAGE_EDGE = 1, "image edge";
+        /// It reaches the greatest height, where points are cut off.
+        AT_CEILING = 2, "ceiling";
+        /// It reaches the edge of the hull, where points are cut off.
+        AT_HULL_EDGE = 4, "hull edge";
+        /// Only a part of it is the face.
+        CUT = 8, "cut";
+    }
 }
 
 /// One cluster.
@@ -37,24 +52,14 @@ pub struct Cluster {
     pub height_max: f64,
     /// Its voxels.
     pub voxels: u32,
-    /// Bits: 1 it reaches the edge of the image, 2 it ends at the greatest height, 4 it ends at the hull's edge,
-    /// 8 only a part of it is the face.
+    /// Where it ends without its own end: bits of [`ClusterEdge`].
+    #[bits(ClusterEdge)]
     pub touches: u32,
     /// Voxels of it that are the face's.
     pub face_voxels: u32,
     /// 1 for the cluster that holds most of the face, else 0.
+    #[codes(YesNo)]
     pub chosen: u32,
-}
-
-impl Cluster {
-    /// Bit of `touches`: it reaches the edge of the image.
-    pub const AT_IMAGE_EDGE: u32 = 1;
-    /// Bit of `touches`: it reaches the greatest height, where points are cut off.
-    pub const AT_CEILING: u32 = 2;
-    /// Bit of `touches`: it reaches the edge of the hull, where points are cut off.
-    pub const AT_HULL_EDGE: u32 = 4;
-    /// Bit of `touches`: only a part of it is the face.
-    pub const CUT: u32 = 8;
 }
 
 impl Sample for ClusterTable {

@@ -2,13 +2,13 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Layout, Sample, SampleKind, Shape};
 
 /// A person's command. People change a running pipeline only by samples, so this topic is the audit trail.
 pub struct ConsoleCommand;
 
 /// What is commanded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Verb {
     /// Allow actuation.
@@ -33,19 +33,6 @@ pub enum Verb {
 }
 
 impl Verb {
-    /// All verbs with the words that people type.
-    pub const ALL: &'static [(&'static str, Verb)] = &[
-        ("arm", Verb::Arm),
-        ("disarm", Verb::Disarm),
-        ("capture", Verb::Capture),
-        ("target", Verb::Target),
-        ("resume", Verb::Resume),
-        ("vent", Verb::Vent),
-        ("fault", Verb::Fault),
-        ("confirm", Verb::Confirm),
-        ("accept", Verb::Accept),
-    ];
-
     /// The verb of this word.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.iter().find(|(w, _)| *w == word).map(|(_, v)| *v)
@@ -59,6 +46,7 @@ pub struct Command {
     /// Arguments of the verb, SI units; zero where there are none.
     pub values: [f64; 6],
     /// A [`Verb`] as its number.
+    #[codes(Verb)]
     pub verb: u32,
     /// How many of `values` are given.
     pub given: u32,

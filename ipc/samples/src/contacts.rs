@@ -26,8 +26,10 @@ pub struct ContactsElement {
     /// How many bladders there are; 0 while pose or pressures are not known.
     pub bladders: u32,
     /// Bit i is set where bladder i pushes with less than the least force.
+    #[each("bladder")]
     pub low: u32,
     /// Bit i is set where contact i slides.
+    #[each("contact")]
     pub slides: u32,
     /// Zero.
     pub reserved: u32,

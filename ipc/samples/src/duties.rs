@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Layout, Sample, SampleKind, Shape, YesNo};
 
 /// Duties of the valves of up to eight bladders: an inlet and an outlet each.
 pub struct Duties;
@@ -20,24 +20,29 @@ pub struct DutiesElement {
     /// How many of `duty` count: two for each bladder.
     pub valves: u32,
     /// Bit i is set where the law asked for more of valve i than there is.
+    #[each("valve")]
     pub saturated: u32,
     /// 1 if the controller cannot act and asks for all valves to be shut, else 0.
+    #[codes(YesNo)]
     pub idle: u32,
     /// The reasons, as the bits of [`DutyReason`]; zero if there is none.
+    #[bits(DutyReason)]
     pub reasons: u32,
     /// 1 where the air is to go out into the room, with the outlets open and never into a vacuum, else 0.
+    #[codes(YesNo)]
     pub vent: u32,
     /// Zero.
     pub reserved: u32,
 }
 
 /// What is out of order behind duties. The first five make a controller idle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum DutyReason {
     /// No estimate came yet, or the estimator says that it has none.
     NoEstimate = 1,
     /// The newest measurement behind the estimate is too old.
+    #[word("stale estimate")]
     Stale = 2,
     /// There is no target.
     NoTarget = 4,
@@ -48,6 +53,7 @@ pub enum DutyReason {
     /// A valve is asked for more than full opening.
     Saturated = 32,
     /// The law does not adapt.
+    #[word("not adapting")]
     Frozen = 64,
     /// The target that was asked for last was refused; the one before stands.
     TargetRefused = 128,
@@ -56,19 +62,6 @@ pub enum DutyReason {
 }
 
 impl DutyReason {
-    /// All reasons with the words for them.
-    pub const ALL: &'static [(&'static str, DutyReason)] = &[
-        ("no estimate", DutyReason::NoEstimate),
-        ("stale estimate", DutyReason::Stale),
-        ("no target", DutyReason::NoTarget),
-        ("missing channel", DutyReason::MissingChannel),
-        ("not finite", DutyReason::NotFinite),
-        ("saturated", DutyReason::Saturated),
-        ("not adapting", DutyReason::Frozen),
-        ("target refused", DutyReason::TargetRefused),
-        ("tracking error", DutyReason::TrackingError),
-    ];
-
     /// Its bit.
     pub const fn bit(self) -> u32 {
         self as u32

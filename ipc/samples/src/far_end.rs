@@ -2,13 +2,13 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Layout, OnOff, Sample, SampleKind, Shape};
 
 /// The state of the far end of valves and beam, and its counts of datagrams.
 pub struct FarEnd;
 
 /// What the far end has the valves do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum FarEndDoing {
     /// All valves are shut.
@@ -43,8 +43,10 @@ pub struct FarEndElement {
     /// Numbers that were passed over: datagrams lost on the way, or refused.
     pub missing: u64,
     /// A [`FarEndDoing`] as its number.
+    #[codes(FarEndDoing)]
     pub doing: u32,
     /// 1 where the beam may be on, else 0.
+    #[codes(OnOff)]
     pub beam: u32,
 }
 

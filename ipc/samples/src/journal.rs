@@ -2,14 +2,14 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Header, Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Header, Layout, Sample, SampleKind, Shape};
 
 /// An operator's journal. The header's stamp is the activation's time, its origin the activation's origin, its
 /// sequence the entry's number in the incarnation.
 pub struct Journal;
 
 /// Why an activation happened, or what else the entry marks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Cause {
     /// The incarnation begins. This is no activation: the operator does not see it.
@@ -25,7 +25,7 @@ pub enum Cause {
 }
 
 /// How an activation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Outcome {
     /// Outputs were sent.
@@ -55,10 +55,12 @@ pub struct JournalBody {
     #[unit("ns")]
     pub sent_before: u64,
     /// A [`Cause`] as its number.
+    #[codes(Cause)]
     pub cause: u32,
     /// Input that caused it.
     pub port: u32,
     /// An [`Outcome`] as its number.
+    #[codes(Outcome)]
     pub outcome: u32,
     /// Zero.
     pub reserved: [u32; 2],
@@ -67,7 +69,7 @@ pub struct JournalBody {
 }
 
 /// What a reference of an entry says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum RefKind {
     /// Samples consumed for the first time.
@@ -99,6 +101,7 @@ pub struct JournalRef {
     /// Number of the port among the operator's inputs or outputs.
     pub port: u32,
     /// A [`RefKind`] as its number.
+    #[codes(RefKind)]
     pub kind: u32,
 }
 
@@ -111,29 +114,10 @@ impl Sample for Journal {
     const KIND: &'static SampleKind = &SampleKind::of::<Self>();
 }
 
-impl Cause {
-    /// The cause of this number.
-    pub fn from_number(n: u32) -> Option<Self> {
-        [Self::Start, Self::Input, Self::Timer, Self::Sync, Self::End].into_iter().find(|c| *c as u32 == n)
-    }
-}
-
 impl Outcome {
-    /// The outcome of this number.
-    pub fn from_number(n: u32) -> Option<Self> {
-        [Self::Done, Self::Error, Self::Panic, Self::Finished].into_iter().find(|c| *c as u32 == n)
-    }
-
     /// Whether the activation failed, so that no output was sent.
     pub fn is_failure(self) -> bool {
         matches!(self, Self::Error | Self::Panic)
-    }
-}
-
-impl RefKind {
-    /// The kind of this number.
-    pub fn from_number(n: u32) -> Option<Self> {
-        [Self::Fresh, Self::Held, Self::Output].into_iter().find(|c| *c as u32 == n)
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use crate::layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+use crate::names::Names;
 use crate::{HEADER_FIELDS, HEADER_SIZE};
 
 /// How many elements a sample has.
@@ -159,7 +160,8 @@ impl SampleKind {
         (count as usize).checked_mul(self.element_size)?.checked_add(self.meta_size())
     }
 
-    /// The `ros2msg` text of the CDR body `Header ++ Body ++ elements`. Units stand as comments.
+    /// The `ros2msg` text of the CDR body `Header ++ Body ++ elements`. Units stand as comments; the codes and bits of a
+    /// field stand as constants in front of it (`uint32 STATE_ARMED=1`), which change neither bytes nor hash.
     pub fn ros_schema(&self) -> String {
         let mut text = format!("# {}\n", self.about);
         let header = match (self.shape, self.body.is_empty()) {
@@ -211,6 +213,12 @@ const fn is_length(name: &str) -> bool {
 
 fn push_fields(text: &mut String, fields: &[Field]) {
     for f in fields {
+        if let Names::Codes(codes) | Names::Bits(codes) = f.names {
+            for code in codes {
+                let name = format!("{}_{}", f.name, code.word).to_ascii_uppercase().replace(' ', "_");
+                let _ = writeln!(text, "{} {name}={}", f.primitive.ros_name(), code.value);
+            }
+        }
         let array = if f.array == 0 { String::new() } else { format!("[{}]", f.array) };
         let unit = if f.unit.is_empty() { String::new() } else { format!("  # {}", f.unit) };
         let _ = writeln!(text, "{}{array} {}{unit}", f.primitive.ros_name(), f.name);

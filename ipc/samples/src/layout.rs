@@ -1,5 +1,6 @@
 //! The field table behind a sample's bytes: sizes, hash and message text.
 
+use crate::names::Names;
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
 /// A number as it lies in memory, in a recording and on the wire: little-endian.
@@ -57,9 +58,18 @@ pub struct Field {
     pub array: usize,
     /// Unit of the value (`m`, `rad`, `s`, ...); empty for a plain number.
     pub unit: &'static str,
+    /// What its numbers mean. Names are for readers: they are no part of the layout hash.
+    pub names: Names,
+    /// What it holds, in a sentence.
+    pub about: &'static str,
 }
 
 impl Field {
+    /// A field without names.
+    pub const fn new(name: &'static str, primitive: Primitive, array: usize, unit: &'static str) -> Self {
+        Self { name, primitive, array, unit, names: Names::None, about: "" }
+    }
+
     /// Bytes of the field.
     pub const fn size(&self) -> usize {
         self.primitive.size() * if self.array == 0 { 1 } else { self.array }

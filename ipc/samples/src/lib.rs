@@ -9,6 +9,7 @@
 //! holds. To add a type, add a file with its structs and one line in [`all`].
 //!
 //! - `layout`: the field table, its size and its hash
+//! - `names`: what the numbers of a field mean
 //! - `kind`: the sample type, typed and at run time
 //! - `bytes`: aligned buffers and typed views
 //! - one file per sample type
@@ -38,6 +39,7 @@ mod hull;
 mod journal;
 mod kind;
 mod layout;
+mod names;
 mod plan;
 mod plane;
 mod pool;
@@ -52,7 +54,7 @@ pub use actuation::{Actuation, ActuationElement, ActuationReason, ActuationState
 pub use boxes::{FaceBox, FaceBoxes, FaceBoxesShape};
 pub use bytes::{AlignedBytes, BytesError, Pieces, View};
 pub use cloud::{CloudShape, Point, PointCloud};
-pub use clusters::{Cluster, ClusterTable, ClusterTableShape};
+pub use clusters::{Cluster, ClusterEdge, ClusterTable, ClusterTableShape};
 pub use console::{Command, ConsoleCommand, Verb};
 pub use contacts::{Contacts, ContactsElement};
 pub use datagram::Datagram;
@@ -67,6 +69,7 @@ pub use hull::{Corner, Hull, HullShape};
 pub use journal::{Cause, Entry, Journal, JournalBody, JournalRef, Outcome, RefKind};
 pub use kind::{Sample, SampleKind, Shape};
 pub use layout::{Field, Layout, Primitive, fields_size, fnv1a, fnv1a_start, hash_fields};
+pub use names::{Angle, Axis, Channel, Code, Codes, NO_BITS, Names, OnOff, Quaternion, ValveOrder, YesNo};
 pub use plan::{
     BixelWeight, PlanRefusal, PlanRequest, PlanRequestElement, PlanStanding, PlanUpdate, PlanUpdateBody,
 };
@@ -76,7 +79,7 @@ pub use pose::{Pose, PoseElement};
 pub use pose_report::{IdentityPart, PoseReport, PoseReportElement, PoseStatus, Proof};
 pub use rejection::{Rejection, RejectionElement};
 pub use rig_state::{RigFault, RigMode, RigState, RigStateElement};
-pub use stillpoint_derive::Layout;
+pub use stillpoint_derive::{Codes, Layout};
 pub use target::{Refusal, Target, TargetElement, TargetStatus};
 pub use track::{Standing, Track, TrackElement};
 

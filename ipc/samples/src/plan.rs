@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Axis, Codes, Layout, Quaternion, Sample, SampleKind, Shape, YesNo};
 
 /// Asks for a plan of a case in a set-up.
 pub struct PlanRequest;
@@ -14,8 +14,10 @@ pub struct PlanRequest;
 pub struct PlanRequestElement {
     /// How far the point of the patient at the isocentre has moved.
     #[unit("m")]
+    #[parts(Axis)]
     pub position: [f64; 3],
     /// The turn of the patient about that point: unit quaternion, scalar first.
+    #[parts(Quaternion)]
     pub orientation: [f64; 4],
     /// Content hash of the case, 32 bytes as four little-endian words.
     pub case_hash: [u64; 4],
@@ -70,10 +72,13 @@ pub struct PlanUpdateBody {
     /// Number of solves so far.
     pub solves: u32,
     /// A [`PlanStanding`] as its number.
+    #[codes(PlanStanding)]
     pub standing: u32,
     /// 1 if the work on this request has ended, else 0.
+    #[codes(YesNo)]
     pub ended: u32,
     /// Why the request is refused, as a [`PlanRefusal`]; 0 where it is not.
+    #[codes(PlanRefusal)]
     pub refusal: u32,
     /// Number of bixels.
     pub length: u32,
@@ -93,7 +98,7 @@ pub struct BixelWeight {
 }
 
 /// Whether the standing plan holds in the set-up of a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum PlanStanding {
     /// It is not known: there is no standing plan, or its doses in this set-up are not computed yet.
@@ -105,10 +110,11 @@ pub enum PlanStanding {
 }
 
 /// Why a request is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum PlanRefusal {
     /// It is not refused.
+    #[word("not refused")]
     None = 0,
     /// The request names another case.
     Case = 1,
@@ -166,20 +172,7 @@ impl PlanUpdateBody {
 
     /// Why the request is refused; `None` for a number that no build of this version wrote.
     pub const fn refusal(&self) -> Option<PlanRefusal> {
-        match self.refusal {
-            0 => Some(PlanRefusal::None),
-            1 => Some(PlanRefusal::Case),
-            2 => Some(PlanRefusal::Beams),
-            3 => Some(PlanRefusal::Budget),
-            4 => Some(PlanRefusal::Pose),
-            5 => Some(PlanRefusal::Turn),
-            6 => Some(PlanRefusal::Shift),
-            7 => Some(PlanRefusal::Bixels),
-            8 => Some(PlanRefusal::Accept),
-            9 => Some(PlanRefusal::Pool),
-            10 => Some(PlanRefusal::Doubt),
-            _ => None,
-        }
+        PlanRefusal::from_number(self.refusal)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Axis, Layout, Sample, SampleKind, Shape, YesNo};
 
 /// The points p of the port's frame with `normal · p + offset = 0`, and how well a cloud's points agree.
 pub struct Plane;
@@ -12,6 +12,7 @@ pub struct Plane;
 #[repr(C)]
 pub struct PlaneElement {
     /// Unit normal, toward the side of the frame's origin.
+    #[parts(Axis)]
     pub normal: [f64; 3],
     /// Distance of the frame's origin from the plane, not negative.
     #[unit("m")]
@@ -24,6 +25,7 @@ pub struct PlaneElement {
     /// Points that were tested.
     pub points: u32,
     /// 1 if the plane of the frame before was confirmed on this frame and kept, 0 if it was searched again.
+    #[codes(YesNo)]
     pub kept: u32,
     /// Hypotheses that were weighed.
     pub hypotheses: u32,

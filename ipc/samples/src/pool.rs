@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Layout, Sample, SampleKind, Shape};
 
 /// The most bytes of a message of a worker.
 pub const LONGEST_POOL_MESSAGE: usize = (128 << 10) + 1024;
@@ -21,13 +21,14 @@ pub struct PoolMessageBody {
     /// none.
     pub key: [u64; 4],
     /// A [`PoolWord`] as its number.
+    #[codes(PoolWord)]
     pub word: u32,
     /// Number of bytes.
     pub length: u32,
 }
 
 /// What a message of the pool says.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum PoolWord {
     /// A worker is there.

@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Axis, Layout, Quaternion, Sample, SampleKind, Shape};
 
 /// A rigid pose `frame_from_body` in the port's frame, with its covariance.
 pub struct Pose;
@@ -13,11 +13,14 @@ pub struct Pose;
 pub struct PoseElement {
     /// Translation.
     #[unit("m")]
+    #[parts(Axis)]
     pub position: [f64; 3],
     /// Unit quaternion, scalar first, scalar not negative.
+    #[parts(Quaternion)]
     pub orientation: [f64; 4],
     /// Covariance of (x, y, z, rotation about x, y, z), row by row; the unknown directions have infinite variance.
     #[unit("m2, rad2")]
+    #[rows(6, 6)]
     pub covariance: [f64; 36],
 }
 

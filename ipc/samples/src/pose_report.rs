@@ -2,13 +2,13 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Axis, Codes, Layout, Sample, SampleKind, Shape, YesNo};
 
 /// How a pose was found, how well the surface fits, and which of the six directions the surface constrains.
 pub struct PoseReport;
 
 /// What became of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum PoseStatus {
     /// There is no reference yet, so no pose.
@@ -35,30 +35,9 @@ pub enum PoseStatus {
     FaceMoves = 10,
 }
 
-impl PoseStatus {
-    /// All with the words that people read.
-    pub const ALL: &'static [(&'static str, PoseStatus)] = &[
-        ("no reference", PoseStatus::NoReference),
-        ("captured", PoseStatus::Captured),
-        ("tracked", PoseStatus::Tracked),
-        ("found", PoseStatus::Found),
-        ("lost", PoseStatus::Lost),
-        ("too few points", PoseStatus::TooFewPoints),
-        ("capture refused", PoseStatus::CaptureRefused),
-        ("no face", PoseStatus::NoFace),
-        ("doubted", PoseStatus::Doubted),
-        ("capture lapsed", PoseStatus::CaptureLapsed),
-        ("face moves", PoseStatus::FaceMoves),
-    ];
-
-    /// The status of this number.
-    pub fn from_number(number: u32) -> Option<Self> {
-        Self::ALL.iter().map(|(_, s)| *s).find(|s| *s as u32 == number)
-    }
-}
-
 /// The parts of the confidence that a frame shows what was captured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
+#[repr(u32)]
 pub enum IdentityPart {
     /// What is seen is as large as the reference.
     Size = 0,
@@ -72,19 +51,8 @@ pub enum IdentityPart {
     Agreement = 4,
 }
 
-impl IdentityPart {
-    /// All with the words that people read.
-    pub const ALL: &'static [(&'static str, IdentityPart)] = &[
-        ("size", IdentityPart::Size),
-        ("overlap", IdentityPart::Overlap),
-        ("residual", IdentityPart::Residual),
-        ("region", IdentityPart::Region),
-        ("agreement", IdentityPart::Agreement),
-    ];
-}
-
 /// Whether the parts of a reference were seen to move together since the capture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Proof {
     /// Not yet.
@@ -105,9 +73,11 @@ pub struct PoseReportElement {
     #[unit("m")]
     pub direction_sd: [f64; 6],
     /// The directions, one a row: translation, then rotation times `length`, in the port's frame, about `centre`.
+    #[rows(6, 6)]
     pub directions: [f64; 36],
     /// Point about which rotations of the head are stated here: the point nearest to all of the surface's normals.
     #[unit("m")]
+    #[parts(Axis)]
     pub centre: [f64; 3],
     /// Distance from the centre that makes a rotation a movement.
     #[unit("m")]
@@ -126,6 +96,7 @@ pub struct PoseReportElement {
     /// How sure it is that the frame shows what was captured, from 0 to 1: the least of `certainty`.
     pub confidence: f64,
     /// The parts of the confidence, each from 0 to 1, in the order of [`IdentityPart`].
+    #[parts(IdentityPart)]
     pub certainty: [f64; 5],
     /// Size of what is seen over the size of the reference.
     pub scale: f64,
@@ -135,8 +106,10 @@ pub struct PoseReportElement {
     /// Share of the reference that was seen to move with the rest of it since the capture, over the share that is a proof.
     pub moved: f64,
     /// A [`PoseStatus`] as its number.
+    #[codes(PoseStatus)]
     pub status: u32,
     /// Bit i is set where direction i is refused: the surface does not constrain it.
+    #[each("direction")]
     pub refused: u32,
     /// Iterations.
     pub iterations: u32,
@@ -147,8 +120,10 @@ pub struct PoseReportElement {
     /// Number of the reference, from 1; 0 where there is none.
     pub reference: u32,
     /// 1 where a person has confirmed the reference or nobody has to, else 0.
+    #[codes(YesNo)]
     pub confirmed: u32,
     /// A [`Proof`] as its number.
+    #[codes(Proof)]
     pub proof: u32,
 }
 

@@ -2,13 +2,13 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Codes, Layout, Sample, SampleKind, Shape};
 
 /// Pressures, air, valves and faults of a rig of up to eight bladders.
 pub struct RigState;
 
 /// What moves a rig's valves at the moment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum RigMode {
     /// No duties came yet: the valves are shut.
@@ -47,45 +47,41 @@ pub struct RigStateElement {
     /// How many bladders there are.
     pub bladders: u32,
     /// A [`RigMode`] as its number.
+    #[codes(RigMode)]
     pub mode: u32,
     /// The faults that act at the moment, as bits: 1 a stuck valve, 2 a leak, 4 a weak supply, 8 a blind camera, 16 a
     /// silent camera, 32 lost duties, 64 a frozen camera.
+    #[bits(RigFault)]
     pub faults: u32,
     /// Bit i is set if bladder i is pressed or emptied beyond the range of its model.
+    #[each("bladder")]
     pub unmodelled: u32,
 }
 
 /// A fault of a rig, as its bit in [`RigStateElement::faults`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum RigFault {
     /// A valve keeps the opening that it has.
+    #[word("stuck_valve")]
     StuckValve = 1,
     /// A bladder has a hole to the room.
     Leak = 2,
     /// The supply's pressure falls.
+    #[word("weak_supply")]
     WeakSupply = 4,
     /// The camera's images are empty.
+    #[word("blind_camera")]
     BlindCamera = 8,
     /// The camera sends no images.
+    #[word("silent_camera")]
     SilentCamera = 16,
     /// Duties get lost on their way.
+    #[word("lost_duties")]
     LostDuties = 32,
     /// The camera sends the same image again and again.
+    #[word("frozen_camera")]
     FrozenCamera = 64,
-}
-
-impl RigFault {
-    /// All of them with the words that people type.
-    pub const ALL: &'static [(&'static str, RigFault)] = &[
-        ("stuck_valve", RigFault::StuckValve),
-        ("leak", RigFault::Leak),
-        ("weak_supply", RigFault::WeakSupply),
-        ("blind_camera", RigFault::BlindCamera),
-        ("silent_camera", RigFault::SilentCamera),
-        ("lost_duties", RigFault::LostDuties),
-        ("frozen_camera", RigFault::FrozenCamera),
-    ];
 }
 
 impl RigStateElement {

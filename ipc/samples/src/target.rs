@@ -2,16 +2,17 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Angle, Axis, Channel, Codes, Layout, Sample, SampleKind, Shape};
 
 /// The pose that a controller is to reach, in the port's frame, at the stamp of the sample.
 pub struct Target;
 
 /// What a target is at the moment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum TargetStatus {
     /// There is no target: the controller leaves the head where it is.
+    #[word("not refused")]
     None = 0,
     /// The target stands.
     Held = 1,
@@ -27,32 +28,40 @@ pub enum TargetStatus {
 pub struct TargetElement {
     /// Position x, y, z.
     #[unit("m")]
+    #[parts(Axis)]
     pub position: [f64; 3],
     /// Pitch about x, roll about y, yaw about z.
     #[unit("rad")]
+    #[parts(Angle)]
     pub angles: [f64; 3],
     /// Rates of the position.
     #[unit("m/s")]
+    #[parts(Axis)]
     pub velocity: [f64; 3],
     /// Rates of the angles.
     #[unit("rad/s")]
+    #[parts(Angle)]
     pub angle_rates: [f64; 3],
     /// The channels that are to be held, a bit each, in the order x, y, z, pitch, roll, yaw.
+    #[bits(Channel)]
     pub channels: u32,
     /// A [`TargetStatus`] as its number.
+    #[codes(TargetStatus)]
     pub status: u32,
     /// Bit i is set where channel i of the target that was asked for cannot be reached.
+    #[bits(Channel)]
     pub unreachable: u32,
     /// How many targets were asked for so far.
     pub asked: u32,
     /// Why the target that was asked for last was refused, as a [`Refusal`]; zero where it was not.
+    #[codes(Refusal)]
     pub refusal: u32,
     /// Zero.
     pub reserved: u32,
 }
 
 /// Why a target is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Refusal {
     /// It was not.
@@ -76,18 +85,6 @@ impl Refusal {
             Self::WrongNumber => "it needs one value for each channel that is held",
             Self::NotFinite => "a value is not finite",
             Self::NoStart => "there is no estimate yet that it could be counted from",
-        }
-    }
-
-    /// The reason of this number.
-    pub const fn of(number: u32) -> Option<Self> {
-        match number {
-            0 => Some(Self::None),
-            1 => Some(Self::Unreachable),
-            2 => Some(Self::WrongNumber),
-            3 => Some(Self::NotFinite),
-            4 => Some(Self::NoStart),
-            _ => None,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout};
 
-use crate::{Layout, Sample, SampleKind, Shape};
+use crate::{Axis, Channel, Codes, Layout, Quaternion, Sample, SampleKind, Shape};
 
 /// Mean and covariance of a filtered pose and its rates, in the port's frame, at the sample's origin.
 ///
@@ -16,27 +16,35 @@ pub struct Track;
 pub struct TrackElement {
     /// Position.
     #[unit("m")]
+    #[parts(Axis)]
     pub position: [f64; 3],
     /// Unit quaternion, scalar first, scalar not negative.
+    #[parts(Quaternion)]
     pub orientation: [f64; 4],
     /// Velocity.
     #[unit("m/s")]
+    #[parts(Axis)]
     pub velocity: [f64; 3],
     /// Angular velocity about the axes of the port's frame.
     #[unit("rad/s")]
+    #[parts(Axis)]
     pub angular_velocity: [f64; 3],
     /// Covariance of (the six channels, their six rates), row by row, 12 by 12. Rotations are small ones about the axes
     /// of the port's frame.
     #[unit("m2, rad2, m2/s, rad2/s, m2/s2, rad2/s2")]
+    #[rows(12, 12)]
     pub covariance: [f64; 144],
     /// Innovation of the measurement behind this sample; NaN where there was none.
     #[unit("m, rad")]
+    #[parts(Channel)]
     pub innovation: [f64; 6],
     /// Gain K with which the measurement was used, row by row, 12 by 6; zero if no measurement was used.
     #[unit("1, 1/s")]
+    #[rows(12, 6)]
     pub gain: [f64; 72],
     /// Standard deviation of the acceleration in the filter's process noise, per channel.
     #[unit("m/s2, rad/s2")]
+    #[parts(Channel)]
     pub acceleration_sd: [f64; 6],
     /// How long such an acceleration lasts; 0 where from one measurement to the next.
     #[unit("s")]
@@ -52,13 +60,15 @@ pub struct TrackElement {
     /// Measurements before this one, in a row, that had the very same numbers.
     pub repeated: u64,
     /// The channels of the filter, a bit each: 1 for x, 2 for y, 4 for z, 8, 16 and 32 for the rotations about them.
+    #[bits(Channel)]
     pub channels: u32,
     /// What the numbers stand on, as a [`Standing`].
+    #[codes(Standing)]
     pub standing: u32,
 }
 
 /// What the numbers of a track stand on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Codes)]
 #[repr(u32)]
 pub enum Standing {
     /// There is no estimate: no measurement yet, or none for too long. All numbers of the mean are NaN.

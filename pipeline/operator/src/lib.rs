@@ -22,6 +22,7 @@ extern crate self as stillpoint_operator;
 pub mod activation;
 pub mod config;
 mod error;
+mod feeder;
 pub mod files;
 pub mod frames;
 mod kind;
@@ -36,6 +37,7 @@ mod stage;
 
 pub use activation::Activation;
 pub use error::{ParamConflict, SetupError, StepError};
+pub use feeder::{Feeder, FeederConflict};
 pub use files::Files;
 pub use kind::{FrameRule, Input, Kind, Output, Policy, Role, TIMING, Timer};
 pub use operator::{ErasedOperator, Operator};

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::activation::Activation;
 use crate::error::{ParamConflict, SetupError, StepError};
+use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::Kind;
 use crate::outputs::Outputs;
@@ -32,6 +33,15 @@ pub trait Operator: Sized + Send + 'static {
 
     /// Refuses parameters that do not go together with the period of the operator's timer, ns.
     fn validate_period(_params: &Self::Params, _every: u64) -> Result<(), ParamConflict> {
+        Ok(())
+    }
+
+    /// Refuses parameters that do not go together with those of the operator that feeds an input, given by its number.
+    fn validate_input(
+        _params: &Self::Params,
+        _input: usize,
+        _from: &Feeder<'_>,
+    ) -> Result<(), FeederConflict> {
         Ok(())
     }
 

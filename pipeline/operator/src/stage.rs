@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::error::{ParamConflict, SetupError};
+use crate::feeder::{Feeder, FeederConflict};
 use crate::files::Files;
 use crate::kind::{Kind, check_names};
 use crate::operator::{ErasedOperator, Operator};
@@ -33,6 +34,8 @@ pub struct Stage {
     pub validate: fn(&CheckedParams) -> Result<(), ParamConflict>,
     /// Refuses parameters that do not go together with the period of the timer, ns.
     pub validate_period: fn(&CheckedParams, u64) -> Result<(), ParamConflict>,
+    /// Refuses parameters that do not go together with those of the operator that feeds an input.
+    pub validate_input: fn(&CheckedParams, usize, &Feeder<'_>) -> Result<(), FeederConflict>,
     /// Refuses parameters that do not fit the files that they name.
     pub check_files: fn(&CheckedParams, &dyn Files) -> Result<(), ParamConflict>,
     /// The files of which a run keeps a part, with that part, by the parameters of all operators of the kind.
@@ -62,6 +65,9 @@ impl Stage {
             validate: |checked| typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate(&params)),
             validate_period: |checked, every| {
                 typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate_period(&params, every))
+            },
+            validate_input: |checked, input, from| {
+                typed::<T>(&checked.value).map_or(Ok(()), |params| T::validate_input(&params, input, from))
             },
             check_files: |checked, files| {
                 typed::<T>(&checked.value).map_or(Ok(()), |params| T::check_files(&params, files))

@@ -12,7 +12,7 @@ use super::wiring::Wired;
 use super::{assemble, confirm, hosts, identity, links, order, port_frames, ros2, sets, sync, wiring, yaml};
 use crate::graph::Graph;
 use crate::operator::Files;
-use crate::operator::{Registry, Role, Stage, Timer};
+use crate::operator::{Feeder, Registry, Role, Stage, Timer};
 use crate::params::{CheckedParams, ParamReader};
 
 /// Where a file begins.
@@ -28,7 +28,16 @@ pub fn check(
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
     // A session is replayed, and a run joined, wherever one is: what its processes asked of their machine is no fault.
-    check_for(&Machine::default(), text, file_name, sets, registry, files)
+    checked(&Machine::default(), Purpose::Again, text, file_name, sets, registry, files)
+}
+
+/// What a pipeline is checked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// It is to run.
+    Run,
+    /// It has run, or runs: what contradicts itself in it is a fact, which a replay shows.
+    Again,
 }
 
 /// As [`check`], for a pipeline that is to run on this machine.
@@ -40,8 +49,20 @@ pub fn check_for(
     registry: &Registry,
     files: &dyn Files,
 ) -> Result<Graph, Faults> {
+    checked(machine, Purpose::Run, text, file_name, sets, registry, files)
+}
+
+fn checked(
+    machine: &Machine,
+    purpose: Purpose,
+    text: &str,
+    file_name: &str,
+    sets: &[String],
+    registry: &Registry,
+    files: &dyn Files,
+) -> Result<Graph, Faults> {
     let findings = Findings::default();
-    let graph = pass(machine, text, sets, registry, files, &findings);
+    let graph = pass(machine, purpose, text, sets, registry, files, &findings);
     match graph {
         Some(graph) if findings.is_empty() => Ok(graph),
         _ => {
@@ -61,6 +82,7 @@ pub fn check_for(
 
 fn pass(
     machine: &Machine,
+    purpose: Purpose,
     text: &str,
     sets: &[String],
     registry: &Registry,
@@ -91,6 +113,9 @@ fn pass(
             timer(parsed, stage, wired, findings);
         }
         checked.push((params, named.into_inner()));
+    }
+    if purpose == Purpose::Run {
+        feeders(&document, &wired, &checked, findings);
     }
     let policies = sync::policies(&document, &wired, findings);
     links::check_taken(&document, &wired, findings);
@@ -143,6 +168,35 @@ fn params(
         findings.say(place, Code::OutOfRange, conflict.reason, conflict.help);
     }
     Some(params)
+}
+
+/// Parameters that have to go together with those of the operator that feeds an input: the fault stands at the input.
+fn feeders(
+    document: &document::Document<'_>,
+    wired: &[Wired],
+    checked: &[(Option<CheckedParams>, Vec<String>)],
+    findings: &Findings,
+) {
+    for (number, operator) in wired.iter().enumerate() {
+        let (Some(stage), Some((Some(params), _))) = (&operator.stage, checked.get(number)) else { continue };
+        for (input, connected) in operator.inputs.iter().enumerate() {
+            let Some(edge) = connected.edge else { continue };
+            let (Some(from), Some((Some(theirs), _))) =
+                (&wired[edge.operator].stage, checked.get(edge.operator))
+            else {
+                continue;
+            };
+            let feeder = Feeder {
+                operator: &document.operators[edge.operator].name.value,
+                kind: from.kind.name,
+                every: document.operators[edge.operator].every.as_ref().map(|every| every.value),
+                params: &theirs.resolved,
+            };
+            if let Err(conflict) = (stage.validate_input)(params, input, &feeder) {
+                findings.say(connected.span, Code::OutOfRange, conflict.reason, conflict.help);
+            }
+        }
+    }
 }
 
 /// The place in a value that the last argument changed, else its own.

@@ -34,6 +34,19 @@ pub fn check<'a>(
         let params = params.and_then(|p| p.value.downcast_ref::<ConsoleParams>());
         params.is_some_and(|p| p.script.iter().any(|line| line.say == said))
     };
+    for (number, params) in params.iter().enumerate() {
+        let console = params.and_then(|p| p.value.downcast_ref::<ConsoleParams>());
+        let lacks = |input: &usize| wired[number].inputs.get(*input).is_none_or(|i| i.parsed.is_none());
+        if let Some(input) = console.and_then(|params| params.unanswered().find(lacks)) {
+            let name = wired[number].stage.as_ref().map_or("", |stage| stage.kind.inputs[input].name);
+            findings.say(
+                document.operators[number].name.span,
+                Code::MissingInput,
+                format!("`repeat` of the script needs the input `{name}`: it states whether a command was accepted"),
+                "connect it with a delay, such as `actuation: { from: valves.state, delay: 20 ms }`",
+            );
+        }
+    }
     for (number, parsed) in document.operators.iter().enumerate() {
         let console = parsed.inputs.iter().find_map(|input| {
             let topic = &input.from.as_ref()?.value;

@@ -109,7 +109,7 @@ fn date(entry: &Entry, findings: &Findings) -> Option<String> {
         .collect();
     let is_date = text.len() == 10
         && match parts.as_slice() {
-            [Some(_), Some(month), Some(day)] => (1..=12).contains(month) && (1..=31).contains(day),
+            [Some(year), Some(month), Some(day)] => (1..=days(*year, *month)).contains(day),
             _ => false,
         };
     if !is_date {
@@ -122,6 +122,17 @@ fn date(entry: &Entry, findings: &Findings) -> Option<String> {
         return None;
     }
     Some(text.to_owned())
+}
+
+/// The days of a month; none where there is no such month.
+fn days(year: u32, month: u32) -> u32 {
+    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    match month {
+        2 => 28 + u32::from(is_leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => 0,
+    }
 }
 
 /// Frames of a circle that a message names.

@@ -287,6 +287,60 @@ pub fn going_on() -> Result<Vec<RunCard>, RunFolderError> {
     Ok(cards)
 }
 
+/// What a run is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunState {
+    /// Its processes are being started.
+    Starting,
+    /// It runs.
+    Running,
+    /// Its supervisor is stopped by a signal (SIGSTOP, or Ctrl-Z).
+    Suspended,
+    /// No supervisor lives; the next run removes what is left, as soon as no other process of the run lives.
+    Dead,
+}
+
+/// A run of this user, as its folder shows it.
+#[derive(Clone, Debug)]
+pub struct FoundRun {
+    /// Name of its folder.
+    pub id: String,
+    /// Its card; `None` before it has begun.
+    pub card: Option<RunCard>,
+    /// What it is at.
+    pub state: RunState,
+    /// Time since its folder was made.
+    pub age: std::time::Duration,
+}
+
+/// All runs of this user whose folder is there, the oldest first.
+pub fn all() -> Result<Vec<FoundRun>, RunFolderError> {
+    let mut found = Vec::new();
+    for (path, id) in folders()? {
+        let card: Option<RunCard> =
+            std::fs::read(path.join("run.json")).ok().and_then(|text| serde_json::from_slice(&text).ok());
+        // The lock is written by nobody after it was made.
+        let Ok(made) = path.join(LOCK).metadata().and_then(|lock| lock.modified()) else { continue };
+        let state = match (&card, is_going_on(&path)) {
+            (_, false) => RunState::Dead,
+            (None, true) => RunState::Starting,
+            (Some(card), true) if is_suspended(card.pid) => RunState::Suspended,
+            (Some(_), true) => RunState::Running,
+        };
+        let age = made.elapsed().unwrap_or_default();
+        found.push(FoundRun { id, card, state, age });
+    }
+    found.sort_by_key(|run| std::cmp::Reverse(run.age));
+    Ok(found)
+}
+
+/// Whether a process is stopped by a signal.
+fn is_suspended(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state stands behind the name in brackets, which may hold anything.
+    stat.rsplit_once(") ").is_some_and(|(_, behind)| behind.starts_with(['T', 't']))
+}
+
 /// Prefix of the domain of the run of this name.
 pub fn prefix_of(id: &str) -> String {
     format!("sp_{id}_")

@@ -20,6 +20,7 @@ struct OperatorCounts {
     panics: u64,
     incarnations: u32,
     sent: u64,
+    sent_by_output: Vec<u64>,
     lost: u64,
     lost_by_port: Vec<(u32, u32, u64)>,
     ticks: u64,
@@ -52,6 +53,8 @@ pub struct OperatorFigures {
     pub incarnations: u32,
     /// Samples sent.
     pub sent: u64,
+    /// The same by output.
+    pub sent_by_output: Vec<u64>,
     /// Samples on its inputs that were pushed out by newer ones.
     pub lost: u64,
     /// Activations by its timer.
@@ -77,6 +80,7 @@ impl Status {
             panics: 0,
             incarnations: 0,
             sent: 0,
+            sent_by_output: vec![0; node.outputs.len()],
             lost: 0,
             lost_by_port: Vec::new(),
             ticks: 0,
@@ -128,6 +132,9 @@ impl Status {
         for r in &entry.refs {
             if r.kind == RefKind::Output as u32 {
                 f.sent += u64::from(r.count);
+                if let Some(sent) = f.sent_by_output.get_mut(r.port as usize) {
+                    *sent += u64::from(r.count);
+                }
                 continue;
             }
             // Totals start anew with each incarnation on either side.
@@ -164,6 +171,7 @@ impl Status {
             panics: f.panics,
             incarnations: f.incarnations,
             sent: f.sent,
+            sent_by_output: f.sent_by_output.clone(),
             lost: f.lost,
             ticks: f.ticks,
             missed: f.missed,

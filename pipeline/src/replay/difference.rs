@@ -1,9 +1,7 @@
 //! Which field of which sample differs, and by how much.
 
 use serde::Serialize;
-use stillpoint_samples::{
-    Entry, Field, HEADER_FIELDS, HEADER_SIZE, Primitive, RefKind, SampleKind, fields_size,
-};
+use stillpoint_samples::{Entry, Field, HEADER_FIELDS, HEADER_SIZE, Primitive, RefKind, SampleKind};
 
 /// Where something differs, and both values.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -141,8 +139,9 @@ fn field_at(kind: &SampleKind, at: usize) -> (String, usize, Primitive) {
         (kind.element, format!("elements[{element}]."), base)
     };
     let mut start = base;
-    for Field { name, primitive, array, .. } in fields {
-        let size = fields_size(&[Field { name, primitive: *primitive, array: *array, unit: "" }]);
+    for field in fields {
+        let Field { name, primitive, array, .. } = field;
+        let size = field.size();
         if at < start + size {
             let index = (at - start) / primitive.size();
             let name =

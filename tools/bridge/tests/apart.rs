@@ -36,7 +36,7 @@ fn states(lines: &str) -> Vec<Value> {
 /// Waits until the far end does this, with the beam as it is to be.
 fn wait_until(bench: &Bench, what: &str, doing: u64, beam: u64) {
     wait_for(what, || {
-        let done = bench.call(&["echo", "--run", "head-3dof-apart-rig", "far.state", "--count", "1"]);
+        let done = bench.call(&["echo", "--json", "--run", "head-3dof-apart-rig", "far.state", "--count", "1"]);
         let state = states(&done.out).pop()?["elements"][0].clone();
         if state["doing"] == doing && state["beam"] == beam {
             return Some(());
@@ -83,8 +83,8 @@ fn a_rig_outlives_its_control_vents_in_time_and_takes_the_next() {
     }
 
     let session = bedside["session"].as_str().unwrap();
-    let far = states(&bench.call(&["echo", "far.state", "--session", session]).out);
-    let valves = states(&bench.call(&["echo", "rig.state", "--session", session]).out);
+    let far = states(&bench.call(&["echo", "--json", "far.state", "--session", session]).out);
+    let valves = states(&bench.call(&["echo", "--json", "rig.state", "--session", session]).out);
     let since = |state: &&Value| state["stamp"].as_u64().unwrap() >= killed;
     let vent = far.iter().filter(since).find(|s| s["elements"][0]["doing"] == VENTING).unwrap();
     let arrived = vent["elements"][0]["arrived"].as_u64().unwrap();

@@ -130,14 +130,14 @@ impl Bench {
     /// Waits until so many new samples were sent on a topic of the run of this name.
     pub fn wait_for_samples(&self, run: &str, topic: &str, count: u32) {
         wait_for(topic, || {
-            let done = self.call(&["echo", "--run", run, topic, "--count", &count.to_string()]);
+            let done = self.call(&["echo", "--json", "--run", run, topic, "--count", &count.to_string()]);
             (done.status.success() && done.out.lines().count() == count as usize).then_some(())
         });
     }
 
     /// The samples of a topic in a session.
     pub fn samples(&self, session: &str, topic: &str) -> Vec<Value> {
-        let done = self.call(&["echo", topic, "--session", session]);
+        let done = self.call(&["echo", "--json", topic, "--session", session]);
         assert!(done.status.success(), "{}", done.err);
         done.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }

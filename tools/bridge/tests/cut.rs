@@ -61,7 +61,7 @@ fn gate_and_valves_go_on_while_the_remote_side_is_cut() {
     let (cluster, bedside) = (bench.host(&file, "cluster"), bench.host(&file, "bedside"));
     let beam_is_on = || {
         wait_for("the beam", || {
-            let done = bench.call(&["echo", "--run", "cut-bedside", "gate.state", "--count", "1"]);
+            let done = bench.call(&["echo", "--json", "--run", "cut-bedside", "gate.state", "--count", "1"]);
             done.out.contains("\"beam\":1").then_some(())
         });
     };

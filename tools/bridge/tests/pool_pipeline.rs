@@ -45,7 +45,7 @@ fn plan(bench: &Bench, file: &str, session: u32, meanwhile: impl FnOnce()) -> Va
     // The session is read while it is written.
     let wait_for_update = |words: &str| {
         wait_for(words, || {
-            let done = bench.call(&["echo", "plans.plan", "--session", &session]);
+            let done = bench.call(&["echo", "--json", "plans.plan", "--session", &session]);
             done.out.contains(words).then_some(())
         });
     };

@@ -182,7 +182,7 @@ fn depth_images_of_ros2_become_poses_that_ros2_gets_and_the_session_replays_with
     // Messages that are none: with a broken attachment, cut, of another type, too long, from the future.
     let image = peer.images[0].clone();
     let of_images = key_of(IMAGES, schema::IMAGE);
-    let told = bench.start(&["echo", "--run", "ros2-camera", "camera.diagnostics"]);
+    let told = bench.start(&["echo", "--json", "--run", "ros2-camera", "camera.diagnostics"]);
     for reason in REASONS {
         wait_for(reason, || {
             let (message, _) = stamped(&image);

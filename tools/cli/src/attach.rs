@@ -29,6 +29,15 @@ pub struct Attached {
     pub root: std::path::PathBuf,
     /// The session that it records; `None`: none.
     pub session: Option<std::path::PathBuf>,
+    /// Process number of its supervisor.
+    pub pid: u32,
+}
+
+impl Attached {
+    /// The folder of the run.
+    pub fn folder(&self) -> std::path::PathBuf {
+        self.root.parent().map(Path::to_path_buf).unwrap_or_default()
+    }
 }
 
 impl Which {
@@ -37,14 +46,14 @@ impl Which {
         root.parent().is_some_and(stillpoint_pipeline::live::run_folder::is_going_on)
     }
 
-    /// Joins the run.
-    pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
+    /// The card of the run that is meant.
+    pub fn card(&self) -> Result<RunCard, Failure> {
         let cards = going_on().map_err(Failure::failed)?;
         let fits =
             |c: &RunCard| self.run.as_ref().is_none_or(|r| *r == c.pid.to_string() || *r == c.pipeline);
         let found: Vec<&RunCard> = cards.iter().filter(|c| fits(c)).collect();
         let card = match found.as_slice() {
-            [card] => *card,
+            [card] => (*card).clone(),
             [] if cards.is_empty() => {
                 return Err(Failure::failed("no pipeline is running: start one with `stillpoint run`"));
             }
@@ -58,12 +67,24 @@ impl Which {
                 )));
             }
         };
+        Ok(card)
+    }
+
+    /// Joins the run.
+    pub fn attach(&self, registry: &Registry) -> Result<Attached, Failure> {
+        let card = self.card()?;
         let graph =
             config::check(&card.source, &card.file, &card.sets, registry, &card.files).map_err(|faults| {
                 Failure::wrong(format!("the run's pipeline does not fit this build:\n{faults}"))
             })?;
         let domain = Domain::join(&card.root, &card.prefix, "attached").map_err(Failure::failed)?;
-        Ok(Attached { graph: graph.live(), domain, root: card.root.clone(), session: card.session.clone() })
+        Ok(Attached {
+            graph: graph.live(),
+            domain,
+            root: card.root.clone(),
+            session: card.session,
+            pid: card.pid,
+        })
     }
 }
 

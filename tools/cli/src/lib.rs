@@ -16,7 +16,9 @@
 //! - `pipeline_file`, `compress`, `quantity`: arguments of several subcommands
 //! - `simulate`, `status_line`, `summary`: parts of `run`
 //! - `attach`, `answer`, `proposal`: parts of `echo` and `send`
-//! - `series`, `show`, `picture`: parts of `identify`, `echo`, `case` and `plan`
+//! - `number`, `path`, `screen`, `show`: values of samples in words and as JSON, for `echo`
+//! - `rates`: rates of topics from journals, for `topics` and `hz`
+//! - `series`, `picture`: parts of `identify`, `case` and `plan`
 //! - `columns`: tables for a terminal
 //! - `private`: files that only their owner may read
 //! - `pool`: the options of `plan` for a pool of workers; `stillpoint-research train planner` uses them, too
@@ -33,6 +35,8 @@ mod commands;
 mod compress;
 mod exit;
 pub mod jobs;
+mod number;
+mod path;
 mod picture;
 mod pipeline_file;
 mod pool;
@@ -40,7 +44,9 @@ mod private;
 mod program;
 mod proposal;
 mod quantity;
+mod rates;
 mod recorded;
+mod screen;
 mod series;
 mod show;
 mod signals;

@@ -1,16 +1,26 @@
-//! A sample as text or JSON, by the field table of its kind.
+//! A sample as JSON, by the field table of its kind.
 
 use serde_json::{Map, Value, json};
 use stillpoint_samples::{
     Diagnostics, Field, HEADER_FIELDS, HEADER_SIZE, Pieces, Primitive, Sample, SampleKind,
 };
 
+use crate::number::Number;
+use crate::path::ValuePath;
+
 /// Elements that are shown; more are counted.
 const SHOWN: usize = 8;
 /// Named numbers that are shown.
-const NAMED_SHOWN: usize = 64;
+pub const NAMED_SHOWN: usize = 64;
+/// The key of the words of an object's codes and bits.
+const WORDS: &str = "words";
 
-/// A sample as JSON: head, body, and the first elements.
+/// Elements of a sample that are shown.
+pub fn shown(kind: &SampleKind) -> usize {
+    if *kind == *Diagnostics::KIND { NAMED_SHOWN } else { SHOWN }
+}
+
+/// A sample as JSON: head, body, and the first elements. `words` of an object has the words of its codes and bits.
 pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
     let cut = sample.check(kind).unwrap_or(sample);
     let mut value = fields(HEADER_FIELDS, &cut.meta[..HEADER_SIZE.min(cut.meta.len())]);
@@ -20,9 +30,9 @@ pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
     let elements: Vec<Value> = cut
         .payload
         .chunks_exact(kind.element_size.max(1))
-        .take(if *kind == *Diagnostics::KIND { NAMED_SHOWN } else { SHOWN })
+        .take(shown(kind))
         .map(|bytes| match kind.bare {
-            Some(primitive) => number(primitive, bytes),
+            Some(primitive) => Number::of(primitive, bytes).json(),
             None => Value::Object(fields(kind.element, bytes)),
         })
         .collect();
@@ -30,46 +40,67 @@ pub fn to_json(kind: &SampleKind, sample: Pieces<'_>) -> Value {
     Value::Object(value)
 }
 
-fn fields(fields: &[Field], bytes: &[u8]) -> Map<String, Value> {
+/// The values behind paths as JSON, with sequence and stamp. A value that the sample does not have is null.
+pub fn values_json(kind: &'static SampleKind, sample: Pieces<'_>, paths: &[ValuePath]) -> Value {
+    let header = sample.header();
     let mut map = Map::new();
+    map.insert("sequence".to_owned(), json!(header.sequence));
+    map.insert("stamp".to_owned(), json!(header.stamp));
+    let mut words = Map::new();
+    for path in paths {
+        let value = match path.find(kind, sample) {
+            None => Value::Null,
+            Some(found) if found.is_array => Value::Array(found.values.iter().map(|n| n.json()).collect()),
+            Some(found) => {
+                if let (Some(field), Number::Unsigned(number)) = (found.field, found.values[0])
+                    && let Some(said) = field.names.words(number)
+                {
+                    words.insert(path.to_string(), json!(said));
+                }
+                found.values[0].json()
+            }
+        };
+        map.insert(path.to_string(), value);
+    }
+    if !words.is_empty() {
+        map.insert(WORDS.to_owned(), Value::Object(words));
+    }
+    Value::Object(map)
+}
+
+fn fields(fields: &[Field], bytes: &[u8]) -> Map<String, Value> {
+    let (mut map, mut words) = (Map::new(), Map::new());
     let mut at = 0;
     for field in fields {
         let Some(own) = bytes.get(at..at + field.size()) else { break };
         at += field.size();
-        let size = field.primitive.size();
         let value = match (field.array, field.primitive) {
-            (0, primitive) => number(primitive, own),
-            (_, Primitive::U8) => text(own),
-            (_, primitive) => Value::Array(own.chunks_exact(size).map(|b| number(primitive, b)).collect()),
+            (0, primitive) => {
+                let number = Number::of(primitive, own);
+                if let Number::Unsigned(code) = number
+                    && let Some(said) = field.names.words(code)
+                {
+                    words.insert(field.name.to_owned(), json!(said));
+                }
+                number.json()
+            }
+            (_, Primitive::U8) => json_text(own),
+            _ => Value::Array(Number::all(field, own).into_iter().map(Number::json).collect()),
         };
         map.insert(field.name.to_string(), value);
+    }
+    if !words.is_empty() {
+        map.insert(WORDS.to_owned(), Value::Object(words));
     }
     map
 }
 
-/// Bytes as text where they are text filled with zeros, else as numbers.
-fn text(bytes: &[u8]) -> Value {
-    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
-    match std::str::from_utf8(&bytes[..end]) {
-        Ok(text) if bytes[end..].iter().all(|b| *b == 0) => json!(text),
-        _ => json!(bytes),
-    }
+fn json_text(bytes: &[u8]) -> Value {
+    text(bytes).map_or_else(|| json!(bytes), |text| json!(text))
 }
 
-fn number(primitive: Primitive, bytes: &[u8]) -> Value {
-    let mut wide = [0u8; 8];
-    let n = bytes.len().min(8);
-    wide[..n].copy_from_slice(&bytes[..n]);
-    let bits = u64::from_le_bytes(wide);
-    // JSON has no NaN and no infinity: they stand as text.
-    let float = |x: f64| if x.is_finite() { json!(x) } else { json!(x.to_string()) };
-    match primitive {
-        Primitive::F64 => float(f64::from_bits(bits)),
-        Primitive::F32 => float(f64::from(f32::from_bits(bits as u32))),
-        Primitive::I8 => json!(bits as u8 as i8),
-        Primitive::I16 => json!(bits as u16 as i16),
-        Primitive::I32 => json!(bits as u32 as i32),
-        Primitive::I64 => json!(bits as i64),
-        _ => json!(bits),
-    }
+/// Bytes as text, where they are text filled with zeros.
+pub fn text(bytes: &[u8]) -> Option<&str> {
+    let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
+    std::str::from_utf8(&bytes[..end]).ok().filter(|_| bytes[end..].iter().all(|b| *b == 0))
 }

@@ -1,9 +1,11 @@
 //! Runs on the discrete-event schedule: simulated, or in lock-step.
 
+use std::io::IsTerminal;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use indicatif::{ProgressBar, ProgressStyle};
 use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::RunReport;
@@ -13,12 +15,14 @@ use stillpoint_pipeline::schedule::Observer;
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::simulated::{self, SimulatedOptions};
 use stillpoint_recorder::Compression;
-use stillpoint_report::hold::{Held, Hold};
+use stillpoint_report::hold::Hold;
+use stillpoint_report::unanswered::Answers;
 use stillpoint_samples::{Entry, Pieces};
 
 use crate::exit::Failure;
 use crate::pipeline_file::Checked;
 use crate::program::launch;
+use crate::summary::Observed;
 
 /// Where activations happen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +36,7 @@ pub enum Place {
 }
 
 /// Runs a checked pipeline for `length` ns of session time, which starts at 0. The run ends earlier when all its sources
-/// have finished or `stop` is set. Gives the report, and the states of the valves and far ends, if the graph has any.
+/// have finished or `stop` is set. Gives the report, and what was observed.
 pub fn simulate(
     checked: &Checked,
     sets: &[String],
@@ -40,7 +44,8 @@ pub fn simulate(
     length: u64,
     session: Option<(&Path, Compression)>,
     stop: Arc<AtomicBool>,
-) -> Result<(RunReport, Held), Failure> {
+    shows_progress: bool,
+) -> Result<(RunReport, Observed), Failure> {
     let source = RunSource {
         text: checked.source.text.clone(),
         file: checked.source.file.display().to_string(),
@@ -54,31 +59,58 @@ pub fn simulate(
     };
     let session = session.map(|(folder, compression)| (folder.to_path_buf(), compression));
     let options = SimulatedOptions { place, length, session, identity: identity(), stop };
-    let mut valves = Valves { graph: &checked.graph, hold: Hold::of_valves(&checked.graph) };
+    let mut watch = Watch {
+        graph: &checked.graph,
+        hold: Hold::of(&checked.graph),
+        answers: Answers::of(&checked.graph),
+        progress: progress(length, shows_progress),
+    };
     let report =
-        simulated::simulate(&checked.graph, &source, options, &mut valves).map_err(Failure::failed)?;
-    Ok((report, valves.hold.held()))
+        simulated::simulate(&checked.graph, &source, options, &mut watch).map_err(Failure::failed)?;
+    watch.progress.finish_and_clear();
+    Ok((report, Observed { held: Some(watch.hold.held()), answers: watch.answers }))
 }
 
-/// Observes the valves and their far ends.
-struct Valves<'a> {
+/// A bar of the session time on standard error; hidden where that is no terminal.
+fn progress(length: u64, is_shown: bool) -> ProgressBar {
+    if !is_shown || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {msg} in {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Observes what the end of the run states.
+struct Watch<'a> {
     graph: &'a Graph,
     hold: Hold,
+    answers: Answers,
+    progress: ProgressBar,
 }
 
-impl Observer for Valves<'_> {
+impl Observer for Watch<'_> {
     fn on_activation(
         &mut self,
         operator: usize,
-        _: &Entry,
+        entry: &Entry,
         outputs: &[(usize, OwnedSample)],
     ) -> Result<(), String> {
+        let stamp = entry.header.stamp;
+        // A step of the bar is 10 ms of session time.
+        if !self.progress.is_hidden() && stamp >= self.progress.position() + 10_000_000 {
+            self.progress.set_position(stamp);
+            self.progress.set_message(format!("{:.1} s", stamp as f64 * 1e-9));
+        }
         for (port, sample) in outputs {
             let topic = &self.graph.operators[operator].outputs[*port].topic;
-            if self.hold.topics().any(|watched| watched == topic)
+            if self.hold.topics().chain(self.answers.topics()).any(|watched| watched == topic)
                 && let Ok(pieces) = Pieces::split(sample.kind, &sample.bytes)
             {
                 self.hold.take(topic, pieces);
+                self.answers.take(topic, pieces);
             }
         }
         Ok(())

@@ -1,24 +1,24 @@
 //! What the command observes of a live run: the status on a terminal, and what the valves do.
 
+use std::collections::BTreeSet;
 use std::io::IsTerminal;
 
 use stillpoint_operator::Registry;
-use stillpoint_pipeline::graph::Graph;
 use stillpoint_pipeline::live::status::OperatorFigures;
 use stillpoint_pipeline::live::{Fault, contracts};
 use stillpoint_shm::{Subscriber, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::Failure;
+use crate::summary::Observed;
 use stillpoint_report::hold::{Held, Hold};
+use stillpoint_report::unanswered::Answers;
 
 /// The live status, on a terminal: how the head is held, and rates, latencies and losses of all operators. Without a
-/// terminal it only observes the valves.
+/// terminal it only observes what the end of the run states.
 pub struct StatusLine<'a> {
     registry: &'a Registry,
     terminal: bool,
-    /// Whether the pipeline has valves or far ends.
-    has_valves: bool,
     /// Lines on the screen.
     shown: usize,
     taps: Option<Taps>,
@@ -27,6 +27,7 @@ pub struct StatusLine<'a> {
 /// The topics that state how the head is held, read as `echo` reads them.
 struct Taps {
     hold: Hold,
+    answers: Answers,
     // Dropped in this order: ports, then topics, then the node.
     subscribers: Vec<(String, Subscriber)>,
     _topics: Vec<Topic>,
@@ -34,30 +35,38 @@ struct Taps {
 }
 
 impl Taps {
-    fn open(registry: &Registry, hold_of: fn(&Graph) -> Hold) -> Result<Self, Failure> {
+    /// Opens all topics for a terminal; else those that the session does not keep, and those of which no sample may be
+    /// missed.
+    fn open(registry: &Registry, for_terminal: bool) -> Result<Self, Failure> {
         let attached = Which { run: Some(std::process::id().to_string()) }.attach(registry)?;
-        let hold = hold_of(&attached.graph);
+        let (hold, answers) = (Hold::of(&attached.graph), Answers::of(&attached.graph));
         let valves = Hold::of_valves(&attached.graph);
+        let names: BTreeSet<&str> = hold.topics().chain(answers.topics()).collect();
         let (mut subscribers, mut topics) = (Vec::new(), Vec::new());
-        for name in hold.topics() {
+        for name in names {
             let Some((operator, port)) = attached.graph.topic(name) else { continue };
+            let is_valve = valves.topics().any(|valve| valve == name);
+            let is_kept = attached.session.is_some() && attached.graph.is_recorded(operator, port);
+            if is_kept && !is_valve && !for_terminal {
+                continue;
+            }
             let contract = contracts::output(&attached.graph, operator, port);
             let topic = Topic::open(&attached.domain, &contract).map_err(Failure::failed)?;
             // No vent may be overwritten between two looks.
-            let is_valve = valves.topics().any(|valve| valve == name);
             let depth = if is_valve { contract.buffer } else { contracts::TAP_DEPTH };
             let subscriber = topic.subscriber(depth).map_err(Failure::failed)?;
             subscriber.connect().map_err(Failure::failed)?;
             subscribers.push((name.to_owned(), subscriber));
             topics.push(topic);
         }
-        Ok(Self { hold, subscribers, _topics: topics, _attached: attached })
+        Ok(Self { hold, answers, subscribers, _topics: topics, _attached: attached })
     }
 
     fn look(&mut self) -> Held {
         for (topic, subscriber) in &self.subscribers {
             while let Ok(Some(sample)) = subscriber.receive() {
                 self.hold.take(topic, sample.pieces());
+                self.answers.take(topic, sample.pieces());
             }
         }
         self.hold.held()
@@ -65,17 +74,17 @@ impl Taps {
 }
 
 impl<'a> StatusLine<'a> {
-    /// The status of a run of this graph on standard error, if that is a terminal and the status is `wanted`.
-    pub fn new(registry: &'a Registry, graph: &Graph, wanted: bool) -> Self {
-        let has_valves = Hold::of_valves(graph).topics().next().is_some();
+    /// The status of a run on standard error, if that is a terminal and the status is `wanted`.
+    pub fn new(registry: &'a Registry, wanted: bool) -> Self {
         let terminal = wanted && std::io::stderr().is_terminal();
-        Self { registry, terminal, has_valves, shown: 0, taps: None }
+        Self { registry, terminal, shown: 0, taps: None }
     }
 
     /// Clears the status for good, and gives what was observed up to the end; nothing if the run could not be observed.
-    pub fn close(mut self) -> Option<Held> {
+    pub fn close(mut self) -> Observed {
         self.clear();
-        self.taps.as_mut().map(Taps::look)
+        let Some(mut taps) = self.taps.take() else { return Observed::default() };
+        Observed { held: Some(taps.look()), answers: taps.answers }
     }
 
     /// Erases the status.
@@ -89,11 +98,8 @@ impl<'a> StatusLine<'a> {
 
 impl stillpoint_pipeline::live::Run for StatusLine<'_> {
     fn started(&mut self, _: &[(String, u32)]) {
-        if self.terminal || self.has_valves {
-            // The run continues without taps.
-            let hold_of = if self.terminal { Hold::of } else { Hold::of_valves };
-            self.taps = Taps::open(self.registry, hold_of).ok();
-        }
+        // The run continues without taps.
+        self.taps = Taps::open(self.registry, self.terminal).ok();
     }
 
     fn goes_on(&mut self, seconds: f64, operators: &[OperatorFigures]) {
@@ -169,6 +175,7 @@ mod tests {
             panics: 1,
             incarnations: 2,
             sent: 98,
+            sent_by_output: vec![98],
             lost: 3,
             ticks: 0,
             missed: 0,

@@ -15,6 +15,7 @@ use stillpoint_report::accuracy::{self, Accuracy};
 use stillpoint_report::facts::gaps_of;
 use stillpoint_report::hold::{Held, Hold};
 use stillpoint_report::refused::{self, Refused};
+use stillpoint_report::unanswered::{Answers, Verdict};
 use stillpoint_report::uncaptured::{self, Uncaptured};
 
 /// Number of failures that are shown.
@@ -22,6 +23,15 @@ const MOST_FAULTS: usize = 10;
 
 /// The part of ticks, or of samples on an input, that may be missed before the machine counts as too slow.
 const SLOW: f64 = 0.05;
+
+/// What was seen of a run while it ran. It exists without a session, too.
+#[derive(Default)]
+pub struct Observed {
+    /// How the head was held; none if the run could not be observed.
+    pub held: Option<Held>,
+    /// What operators answered.
+    pub answers: Answers,
+}
 
 /// The figures of a run and of its session.
 pub struct Summary<'a> {
@@ -35,6 +45,7 @@ pub struct Summary<'a> {
     gaps: Vec<String>,
     refused: Vec<Refused>,
     uncaptured: Vec<Uncaptured>,
+    verdict: Verdict,
     too_slow: Vec<String>,
     /// What operators leave out of their files, by operator.
     remarks: BTreeMap<String, Vec<String>>,
@@ -50,11 +61,14 @@ impl<'a> Summary<'a> {
         is_live: bool,
         session: Option<&'a Path>,
         opened: Option<&Result<Session, SessionError>>,
-        observed: Option<Held>,
+        observed: Observed,
     ) -> Self {
         let readable = opened.and_then(|o| o.as_ref().ok());
         let mut held = readable.and_then(|session| Hold::of_session(graph, session));
-        match (&mut held, observed) {
+        let mut answers =
+            readable.map_or_else(Answers::default, |session| Answers::of_session(graph, session));
+        answers.add_missing(observed.answers);
+        match (&mut held, observed.held) {
             (Some(held), Some(observed)) => held.add_missing(observed),
             (None, observed) => held = observed,
             (Some(_), None) => {}
@@ -62,6 +76,7 @@ impl<'a> Summary<'a> {
         Self {
             report,
             session,
+            verdict: answers.verdict(graph, &report.operators),
             held,
             accuracy: readable.and_then(accuracy::of_session),
             samples: readable.map_or_else(|| report.recorded.iter().map(|r| r.samples).sum(), samples),
@@ -88,6 +103,11 @@ impl<'a> Summary<'a> {
         self.gaps.is_empty()
     }
 
+    /// Whether an operator that should answer never did.
+    pub fn is_unanswered(&self) -> bool {
+        !self.verdict.unanswered.is_empty() || !self.uncaptured.is_empty()
+    }
+
     /// The report as JSON, with the path of the session, how the head was held, the accuracy, the frames without a result,
     /// and the trackers without a reference.
     pub fn to_json(&self) -> Result<Value, Failure> {
@@ -95,6 +115,8 @@ impl<'a> Summary<'a> {
         value["too_slow"] = json!(self.too_slow);
         value["remarks"] = json!(self.remarks);
         value["held"] = json!(self.held);
+        value["found"] = json!(self.verdict.found);
+        value["unanswered"] = json!(self.verdict.unanswered);
         if let Some(session) = self.session {
             value["session"] = session.display().to_string().into();
             value["session_bytes"] = size_of(session).into();
@@ -109,8 +131,9 @@ impl<'a> Summary<'a> {
         Ok(value)
     }
 
-    /// Prints it for people.
-    pub fn print(&self) {
+    /// Prints it for people: what was found and held, then time, losses and the session. The tables of operators and edges
+    /// are printed where they are asked for, or something went wrong.
+    pub fn print(&self, is_verbose: bool) {
         let report = self.report;
         outln!("{}: {:.1} s of session time", report.pipeline, report.seconds);
         if let Some(reason) = &report.ended_early {
@@ -119,23 +142,8 @@ impl<'a> Summary<'a> {
         for id in &report.swept {
             outln!("removed the leftovers of the dead run {id}");
         }
-        print_operators(report);
-        print_faults(report);
-        print_ledger(report);
-        if !self.too_slow.is_empty() {
-            outln!("\nTHIS MACHINE IS TOO SLOW for this pipeline, or was busy with other work:");
-        }
-        for slow in &self.too_slow {
-            outln!("  {slow}");
-        }
-        if let Some(held) = self.held.as_ref().map(ToString::to_string).filter(|text| !text.is_empty()) {
-            out!("\n{held}");
-        }
-        if let Some(accuracy) = &self.accuracy {
-            outln!("\n{accuracy}");
-        }
-        if !self.refused.is_empty() || !self.uncaptured.is_empty() || !self.remarks.is_empty() {
-            outln!();
+        for unanswered in &self.verdict.unanswered {
+            outln!("NO ANSWER: {unanswered}");
         }
         for (operator, remarks) in &self.remarks {
             remarks.iter().for_each(|remark| outln!("{operator}: {remark}"));
@@ -143,12 +151,40 @@ impl<'a> Summary<'a> {
         for uncaptured in &self.uncaptured {
             outln!("{uncaptured}");
         }
-        for refused in &self.refused {
-            outln!("{refused}");
+        for found in &self.verdict.found {
+            outln!("{found}");
+        }
+        if let Some(held) = &self.held {
+            out!("{held}");
+        }
+        if let Some(accuracy) = &self.accuracy {
+            outln!("{accuracy}");
+        }
+        if self.too_slow.is_empty() {
+            outln!("time: no timer and no input missed more than {:.0} %", SLOW * 100.0);
+        } else {
+            outln!("THIS MACHINE IS TOO SLOW for this pipeline, or was busy with other work:");
+        }
+        for slow in &self.too_slow {
+            outln!("  {slow}");
+        }
+        print_losses(report);
+        if is_verbose || self.is_wrong() {
+            print_operators(report);
+            print_faults(report);
+            print_ledger(report);
         }
         if let Some(session) = self.session {
             self.print_session(session);
         }
+    }
+
+    /// Whether the tables say more about what went wrong.
+    fn is_wrong(&self) -> bool {
+        let report = self.report;
+        let is_stopped = report.ended_early.as_deref().is_none_or(|reason| reason == "stopped");
+        let is_well = report.balanced && report.faults.is_empty() && report.recording_failed.is_none();
+        !(is_well && is_stopped && self.gaps.is_empty() && self.too_slow.is_empty())
     }
 
     fn print_session(&self, session: &Path) {
@@ -156,7 +192,6 @@ impl<'a> Summary<'a> {
         let lost: u64 = report.recorded.iter().flat_map(|r| r.lost.values()).sum();
         let size = size_of(session) as f64 / 1e6;
         let count = parts(session).len();
-        outln!();
         if let Some(reason) = &report.recording_failed {
             outln!("THE RECORDING FAILED: {reason}");
         }
@@ -212,6 +247,30 @@ fn too_slow(report: &RunReport, graph: &Graph) -> Vec<String> {
         }
     }
     found
+}
+
+/// What became of the samples that no operator received, in a line.
+fn print_losses(report: &RunReport) {
+    let sum =
+        |of: fn(&stillpoint_pipeline::ledger::LedgerLine) -> u64| report.ledger.iter().map(of).sum::<u64>();
+    let losses = [
+        (sum(|l| l.overwritten), "overwritten"),
+        (sum(|l| l.pool_exhausted), "without memory"),
+        (sum(|l| l.down), "sent to a process that was down"),
+        (sum(|l| l.unheard), "unheard"),
+        (sum(|l| l.refused), "refused"),
+        (sum(|l| l.lost), "lost on a link"),
+    ];
+    let said: Vec<String> = losses
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
+    let said = if said.is_empty() { "none".to_owned() } else { said.join(", ") };
+    outln!(
+        "losses: {said}; {}",
+        if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" }
+    );
 }
 
 fn print_operators(report: &RunReport) {
@@ -317,7 +376,6 @@ fn print_ledger(report: &RunReport) {
     if !none.is_empty() {
         outln!("columns of zeros: {}", none.join(", "));
     }
-    outln!("{}", if report.balanced { "the ledger balances" } else { "THE LEDGER DOES NOT BALANCE" });
 }
 
 /// Samples of a session.

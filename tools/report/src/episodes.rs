@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use stillpoint_samples::{ActuationElement, ActuationReason, ActuationState};
+use stillpoint_samples::{ActuationElement, ActuationReason, ActuationState, ValveOrder};
 
 /// An order of [`ActuationElement`] to vent.
-const VENT: u32 = 1;
+const VENT: u32 = ValveOrder::Vent as u32;
 
 /// Stretches of time in which something held, counted from sample to sample.
 #[derive(Clone, Debug, Default)]

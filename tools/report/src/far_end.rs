@@ -102,11 +102,7 @@ impl FarEnds {
 
 /// The word for what the far end makes the valves do.
 pub fn doing(state: &FarEndElement) -> &'static str {
-    match state.doing() {
-        FarEndDoing::Holding => "holding",
-        FarEndDoing::Venting => "venting",
-        FarEndDoing::Following => "following",
-    }
+    state.doing().word()
 }
 
 impl FarEnd {

@@ -20,6 +20,8 @@ use crate::target_refusals::{CHANNELS, Refusals};
 
 /// The end of a run over which errors are computed, ns.
 const LAST: u64 = 5_000_000_000;
+/// Reasons against the beam that are named at the end of a run.
+const MAIN_REASONS: usize = 3;
 /// Errors are reported, not judged.
 const ANY: Tolerances = Tolerances {
     position: f64::INFINITY,
@@ -32,9 +34,46 @@ const ANY: Tolerances = Tolerances {
 /// Collects the samples that state how a head is held.
 pub struct Hold {
     aims: Vec<Aimed>,
-    gates: Vec<(String, Option<GateElement>)>,
+    gates: Vec<Gated>,
     valves: Vec<ValveStates>,
     far_ends: Vec<FarEnds>,
+}
+
+/// The states of a gate on one topic.
+struct Gated {
+    topic: String,
+    newest: Option<GateElement>,
+    /// Samples without beam.
+    off: u64,
+    /// Of these, those with each reason, in the order of the reasons.
+    reasons: Vec<u64>,
+}
+
+impl Gated {
+    fn new(topic: String) -> Self {
+        Self { topic, newest: None, off: 0, reasons: vec![0; GateReason::ALL.len()] }
+    }
+
+    fn take(&mut self, gate: &GateElement) {
+        self.newest = Some(*gate);
+        if gate.beam == 0 {
+            self.off += 1;
+            for (count, (_, bit)) in self.reasons.iter_mut().zip(GateReason::ALL) {
+                *count += u64::from(gate.reasons & bit != 0);
+            }
+        }
+    }
+
+    /// The most frequent reasons against the beam, with their shares of the samples without beam.
+    fn why_not(&self) -> Vec<(&'static str, f64)> {
+        let mut all: Vec<(&'static str, u64)> =
+            GateReason::ALL.iter().map(|(word, _)| *word).zip(self.reasons.iter().copied()).collect();
+        // Stable: reasons as frequent stand in their order.
+        all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        all.truncate(MAIN_REASONS);
+        let share = |count: u64| count as f64 / self.off.max(1) as f64;
+        all.into_iter().filter(|(_, count)| *count > 0).map(|(word, count)| (word, share(count))).collect()
+    }
 }
 
 /// The states of actuation on one topic.
@@ -80,7 +119,7 @@ impl Hold {
         });
         Self {
             aims: aims.collect(),
-            gates: sent(Gate::KIND).map(|(_, topic)| (topic, None)).collect(),
+            gates: sent(Gate::KIND).map(|(_, topic)| Gated::new(topic)).collect(),
             valves: sent(Actuation::KIND)
                 .map(|(_, topic)| ValveStates { topic, ..ValveStates::default() })
                 .collect(),
@@ -118,7 +157,7 @@ impl Hold {
     /// The topics to read.
     pub fn topics(&self) -> impl Iterator<Item = &str> {
         let aims = self.aims.iter().flat_map(|a| [a.target.as_str(), a.estimate.as_str()]);
-        let gates = self.gates.iter().map(|(topic, _)| topic.as_str());
+        let gates = self.gates.iter().map(|g| g.topic.as_str());
         let far_ends = self.far_ends.iter();
         let far_ends = far_ends.flat_map(|f| [Some(f.topic.as_str()), f.diagnostics.as_deref()]).flatten();
         let valves = self.valves.iter().map(|v| v.topic.as_str());
@@ -146,9 +185,11 @@ impl Hold {
                 }
             }
         }
-        let gate = self.gates.iter_mut().find(|(name, _)| name == topic);
-        if let (Some((_, newest)), Ok(view)) = (gate, pieces.view::<Gate>()) {
-            *newest = view.first().copied();
+        let gate = self.gates.iter_mut().find(|g| g.topic == topic);
+        if let (Some(gated), Ok(view)) = (gate, pieces.view::<Gate>())
+            && let Some(gate) = view.first()
+        {
+            gated.take(gate);
         }
         let valves = self.valves.iter_mut().find(|v| v.topic == topic);
         if let (Some(valves), Ok(view)) = (valves, pieces.view::<Actuation>())
@@ -173,7 +214,8 @@ impl Hold {
 
     /// How the head is held so far.
     pub fn held(&self) -> Held {
-        let known = |(topic, newest): &(String, Option<GateElement>)| newest.map(|g| Beam::of(topic, &g));
+        let known =
+            |g: &Gated| g.newest.map(|gate| Beam { why_not: g.why_not(), ..Beam::of(&g.topic, &gate) });
         Held {
             targets: self.aims.iter().map(Against::of).filter(Against::has_news).collect(),
             gates: self.gates.iter().filter_map(known).collect(),
@@ -236,6 +278,8 @@ pub struct Beam {
     pub watched_s: f64,
     /// Number of leases that began.
     pub leases: u64,
+    /// The most frequent reasons against the beam, with their shares of the samples without beam.
+    pub why_not: Vec<(&'static str, f64)>,
 }
 
 /// The state of actuation.
@@ -301,6 +345,7 @@ impl Beam {
             duty: (gate.watched_for > 0).then(|| gate.on_for as f64 / gate.watched_for as f64),
             watched_s: gate.watched_for as f64 * 1e-9,
             leases: gate.leases,
+            why_not: Vec::new(),
         }
     }
 
@@ -336,8 +381,14 @@ fn because(state: &str, reasons: &[&str]) -> String {
 }
 
 impl Held {
-    /// Adds the valves and far ends of another observation of the same run that this one lacks.
+    /// Adds what another observation of the same run has and this one lacks.
     pub fn add_missing(&mut self, other: Held) {
+        let is_new = |a: &Against| self.targets.iter().all(|known| known.target != a.target);
+        let targets: Vec<Against> = other.targets.into_iter().filter(is_new).collect();
+        self.targets.extend(targets);
+        let is_new = |b: &Beam| self.gates.iter().all(|known| known.topic != b.topic);
+        let gates: Vec<Beam> = other.gates.into_iter().filter(is_new).collect();
+        self.gates.extend(gates);
         let is_new = |v: &Valves| self.valves.iter().all(|known| known.topic != v.topic);
         let valves: Vec<Valves> = other.valves.into_iter().filter(is_new).collect();
         self.valves.extend(valves);
@@ -378,7 +429,10 @@ impl Display for Held {
             let Beam { topic, duty, watched_s, leases, .. } = gate;
             let duty = duty.map_or("-".to_owned(), |duty| format!("{:.0} %", duty * 100.0));
             let word = gate.word();
-            writeln!(f, "{topic}: beam {word}; allowed {duty} of {watched_s:.1} s, in {leases} leases")?;
+            write!(f, "{topic}: beam {word}; allowed {duty} of {watched_s:.1} s, in {leases} leases")?;
+            let why: Vec<String> =
+                gate.why_not.iter().map(|(word, share)| format!("{word} {:.0} %", share * 100.0)).collect();
+            writeln!(f, "{}{}", if why.is_empty() { "" } else { "; without beam: " }, why.join(", "))?;
         }
         for valves in &self.valves {
             let Valves { topic, vents, fault_times, refused, lacking, .. } = valves;

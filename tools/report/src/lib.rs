@@ -3,7 +3,7 @@
 //! A session is read once (`recording`). Each section computes figures from it and turns them into blocks ([`Section`]),
 //! and the blocks become HTML ([`html::page`]). A new section is a file in `sections` and a line in its list.
 //!
-//! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `uncaptured`, `target_refusals`: the figures at the end of a run
+//! - `accuracy`, `hold`, `episodes`, `far_end`, `refused`, `unanswered`, `uncaptured`, `target_refusals`: the figures at the end of a run
 //! - `facts`, `session_pipeline`, `wiring`: how a recording ended; the pipeline that a session keeps; edges of operators
 //! - `recording`, `rows`, `thinned`: the data that is read; small samples over time; long series in bounded memory
 //! - `motion`, `offset`, `statistics`: estimates against the truth; plain numbers
@@ -50,6 +50,7 @@ mod source;
 mod statistics;
 pub mod target_refusals;
 mod thinned;
+pub mod unanswered;
 pub mod uncaptured;
 mod views;
 mod wiring;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use stillpoint_recorder::{Recorded, Role as TopicRole, Session, Topic};
 use stillpoint_samples::{
-    Actuation, ActuationReason, BytesError, Contacts, Diagnostics, Duties, DutiesElement, FarEnd, Gate,
-    Health, Pieces, Pose, PoseReport, Rejection, RigMode, RigState, Sample, SampleKind, Target, Track,
+    Actuation, ActuationReason, BytesError, Codes, Contacts, Diagnostics, Duties, DutiesElement, FarEnd,
+    Gate, Health, Names, Pieces, Pose, PoseReport, Rejection, RigFault, RigState, Sample, SampleKind, Target,
+    Track,
 };
 
 pub use super::rows::{
@@ -261,14 +262,13 @@ impl<'s> Recording<'s> {
         } else if *kind == *RigState::KIND {
             if let (Some(place), Some(rig)) = (place, pieces.view::<RigState>()?.first()) {
                 self.press(place, head.stamp, rig.pressure, rig.bladders as usize);
-                let mode = match rig.mode() {
-                    RigMode::Waiting => "waiting",
-                    RigMode::Driven => "driven",
-                    RigMode::Holding => "holding",
-                    RigMode::Venting => "venting",
+                let mode = rig.mode().word();
+                let faults = if rig.faults == 0 {
+                    String::new()
+                } else {
+                    let words = Names::Bits(RigFault::CODES).text(u64::from(rig.faults));
+                    words.map_or_else(String::new, |words| format!("faults: {words}"))
                 };
-                let faults =
-                    if rig.faults == 0 { String::new() } else { format!("faults {:#x}", rig.faults) };
                 note(&mut self.states, &topic.name, "", &with_reasons(mode, &faults), head.stamp);
             }
         } else if *kind == *Rejection::KIND

@@ -1,12 +1,19 @@
 //! Refused targets, from the samples of a target operator.
 
 use serde::Serialize;
-use stillpoint_samples::{Refusal, TargetElement};
+use stillpoint_samples::{Channel, Codes, Names, Refusal, TargetElement};
 
 /// Refusals that are kept one by one; more are counted.
 const KEPT: usize = 1000;
 /// The channels in the order of their bits.
-pub const CHANNELS: [&str; 6] = ["x", "y", "z", "pitch", "roll", "yaw"];
+pub const CHANNELS: [&str; 6] = [
+    Channel::X.word(),
+    Channel::Y.word(),
+    Channel::Z.word(),
+    Channel::Pitch.word(),
+    Channel::Roll.word(),
+    Channel::Yaw.word(),
+];
 
 /// The refused targets of one operator.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
@@ -61,10 +68,9 @@ impl Refusals {
 
 /// Why a target was refused, and in which channels.
 pub fn words(target: &TargetElement) -> String {
-    let why = Refusal::of(target.refusal).map_or("of a reason that is unknown to this build", Refusal::words);
-    let bits = target.unreachable;
-    let channels: Vec<_> =
-        CHANNELS.iter().enumerate().filter(|(i, _)| bits >> i & 1 == 1).map(|(_, c)| *c).collect();
+    let why = Refusal::from_number(target.refusal)
+        .map_or("of a reason that is unknown to this build", Refusal::words);
+    let channels = Names::Bits(Channel::CODES).words(u64::from(target.unreachable)).unwrap_or_default();
     if channels.is_empty() { why.to_owned() } else { format!("{why} ({})", channels.join(", ")) }
 }
 

@@ -1,7 +1,7 @@
 //! What `segment.face` says about a frame, as samples: the same named numbers for every frame, so that they can be
 //! plotted; a row per cluster; the reason where there is no face.
 
-use stillpoint_samples::{Cluster, Metric, PlaneElement, RejectionElement};
+use stillpoint_samples::{Cluster, ClusterEdge, Metric, PlaneElement, RejectionElement};
 
 use crate::face::{Rejection, Seen};
 use crate::identity::ENOUGH;
@@ -101,10 +101,10 @@ pub(crate) fn cluster(row: &ClusterRow, chosen: bool) -> Cluster {
         height_min: row.heights[0],
         height_max: row.heights[1],
         voxels: row.voxels,
-        touches: bit(image, Cluster::AT_IMAGE_EDGE)
-            | bit(ceiling, Cluster::AT_CEILING)
-            | bit(hull, Cluster::AT_HULL_EDGE)
-            | bit((1..row.voxels).contains(&row.face_voxels), Cluster::CUT),
+        touches: bit(image, ClusterEdge::AT_IMAGE_EDGE)
+            | bit(ceiling, ClusterEdge::AT_CEILING)
+            | bit(hull, ClusterEdge::AT_HULL_EDGE)
+            | bit((1..row.voxels).contains(&row.face_voxels), ClusterEdge::CUT),
         face_voxels: row.face_voxels,
         chosen: u32::from(chosen),
     }

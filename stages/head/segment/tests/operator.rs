@@ -5,7 +5,8 @@
 use proptest::prelude::*;
 use stillpoint_operator::files::MemoryFiles;
 use stillpoint_samples::{
-    CloudShape, Cluster, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample, View,
+    CloudShape, ClusterEdge, ClusterTable, Diagnostics, Hull, Plane, Point, PointCloud, Rejection, Sample,
+    View,
 };
 use stillpoint_testing::Bench;
 use stillpoint_testing::bench::Left;
@@ -151,7 +152,7 @@ fn a_cluster_says_where_it_may_not_be_whole() {
     let grid = CloudShape { width: 160, height: 120, ..shape(&cloud) };
     let left = bench().feed::<PointCloud>(0, &grid, &cloud, 0);
     let touches = view::<ClusterTable>(&left, CLUSTERS).elements[0].touches;
-    assert_eq!(touches, Cluster::AT_IMAGE_EDGE | Cluster::AT_CEILING | Cluster::AT_HULL_EDGE);
+    assert_eq!(touches, ClusterEdge::AT_IMAGE_EDGE | ClusterEdge::AT_CEILING | ClusterEdge::AT_HULL_EDGE);
 }
 
 #[test]

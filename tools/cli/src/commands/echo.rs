@@ -15,23 +15,41 @@ use stillpoint_shm::{Contract, Topic};
 
 use crate::attach::{Attached, Which};
 use crate::exit::{Ended, Exit, Failure};
+use crate::number::Angles;
+use crate::path::ValuePath;
 use crate::recorded::with_topics;
-use crate::show;
 use crate::signals::stop_flag;
+use crate::{screen, show};
 
-/// Print the samples of a topic of a running pipeline or a session, one line of JSON each.
+/// Print the samples of a topic of a running pipeline or a session: codes in words, values with their units.
 #[derive(Args)]
 pub struct Echo {
     /// The topic: `operator.port`; `operator.journal` for a journal; `operator.timing` for laps.
     topic: String,
+    /// Values to print instead of the whole sample, a line a sample: `pose.z`, `covariance[2][2]`, `reasons`.
+    #[arg(value_name = "PATH")]
+    paths: Vec<String>,
     /// End after this number of samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
+    /// Print angles in degrees; samples have them in rad.
+    #[arg(long, conflicts_with = "json")]
+    degrees: bool,
+    /// Print a line of JSON for each sample: numbers as the sample has them, and `words` of codes.
+    #[arg(long)]
+    json: bool,
     /// Read a session instead of a running pipeline.
     #[arg(long, value_name = "SESSION")]
     session: Option<PathBuf>,
     #[command(flatten)]
     which: Which,
+}
+
+/// How samples of one kind are printed.
+struct Printer<'a> {
+    echo: &'a Echo,
+    kind: &'static SampleKind,
+    paths: Vec<ValuePath>,
 }
 
 impl Echo {
@@ -55,11 +73,12 @@ impl Echo {
                 "{path}: `{topic}` has messages of another program, which `echo` cannot read"
             )));
         };
+        let printer = Printer::new(self, kind)?;
         let limit = usize::try_from(self.count.unwrap_or(u64::MAX)).unwrap_or(usize::MAX);
         for recorded in session.samples_where(|t| t.name == self.topic).take(limit) {
             let recorded = recorded.map_err(Failure::failed)?;
             let sample = Pieces::split(kind, &recorded.sample).map_err(Failure::failed)?;
-            if !print(&show::to_json(kind, sample)) {
+            if !print(&printer.text(sample)) {
                 break;
             }
         }
@@ -69,6 +88,7 @@ impl Echo {
     fn live(&self, registry: &Registry) -> Ended {
         let Attached { graph, domain, root, .. } = self.which.attach(registry)?;
         let (contract, kind) = find(&graph, &self.topic)?;
+        let printer = Printer::new(self, kind)?;
         let topic = Topic::open(&domain, &contract).map_err(Failure::failed)?;
         let subscriber = topic.subscriber(contracts::TAP_DEPTH).map_err(Failure::failed)?;
         subscriber.connect().map_err(Failure::failed)?;
@@ -79,10 +99,10 @@ impl Echo {
             let over = stop.load(Ordering::Relaxed) || !self.which.is_going_on(&root);
             // Polled: a listener would cost the publisher time.
             while let Some(sample) = subscriber.receive().map_err(Failure::failed)? {
-                let value = show::to_json(kind, sample.pieces());
+                let text = printer.text(sample.pieces());
                 // Back to its publisher before a slow reader is waited for.
                 drop(sample);
-                if !print(&value) {
+                if !print(&text) {
                     return Ok(Exit::Done);
                 }
                 shown += 1;
@@ -94,6 +114,23 @@ impl Echo {
                 return Ok(Exit::Done);
             }
             std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl<'a> Printer<'a> {
+    fn new(echo: &'a Echo, kind: &'static SampleKind) -> Result<Self, Failure> {
+        let paths = echo.paths.iter().map(|text| ValuePath::new(text, kind)).collect::<Result<_, _>>();
+        Ok(Self { echo, kind, paths: paths.map_err(Failure::wrong)? })
+    }
+
+    fn text(&self, sample: Pieces<'_>) -> String {
+        let angles = if self.echo.degrees { Angles::Degrees } else { Angles::Radians };
+        match (self.echo.json, self.paths.is_empty()) {
+            (true, true) => show::to_json(self.kind, sample).to_string(),
+            (true, false) => show::values_json(self.kind, sample, &self.paths).to_string(),
+            (false, true) => screen::of_sample(&self.echo.topic, self.kind, sample, angles) + "\n",
+            (false, false) => screen::of_values(self.kind, sample, &self.paths, angles),
         }
     }
 }
@@ -117,14 +154,15 @@ fn find(graph: &Graph, topic: &str) -> Result<(Contract, &'static SampleKind), F
     Err(no_topic(topic, all.iter().map(String::as_str)))
 }
 
-fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
+/// There is no topic of this name: the nearest name, and all that there are.
+pub fn no_topic<'a>(topic: &str, all: impl Iterator<Item = &'a str>) -> Failure {
     let all: Vec<&str> = all.collect();
     let near =
         nearest(topic, all.iter().copied()).map_or_else(String::new, |n| format!(", did you mean {n}?"));
     Failure::wrong(format!("there is no topic `{topic}`{near}; there are {}", all.join(", ")))
 }
 
-/// Prints one line of JSON. False if the reader of standard output has gone.
-fn print(value: &serde_json::Value) -> bool {
-    crate::output::out(format_args!("{value}\n"))
+/// Prints a line. False if the reader of standard output has gone.
+fn print(text: &str) -> bool {
+    crate::output::out(format_args!("{text}\n"))
 }

@@ -7,12 +7,14 @@ mod case;
 mod check;
 mod delivered;
 mod echo;
+mod hz;
 mod identify;
 mod info;
 mod manual;
 mod merge;
 mod operators;
 mod plan;
+mod ps;
 mod reach;
 mod recover;
 pub mod replay;
@@ -21,7 +23,10 @@ mod rig;
 pub mod run;
 mod schema;
 pub mod send;
+mod stop;
+mod topics;
 mod train;
+mod types;
 
 use clap::Subcommand;
 use stillpoint_operator::Registry;
@@ -65,6 +70,16 @@ pub enum Command {
     Train(train::Train),
     /// Print the samples of a topic of a running pipeline or a session.
     Echo(echo::Echo),
+    /// List the runs of this machine.
+    Ps(ps::Ps),
+    /// List the topics of a running pipeline or a session: type, rate, size, consumers.
+    Topics(topics::Topics),
+    /// Measure the rates of topics and their jitter, of a running pipeline or a session.
+    Hz(hz::Hz),
+    /// End a run in order, as Ctrl-C does.
+    Stop(stop::Stop),
+    /// List the types of samples, or describe one.
+    Types(types::Types),
     /// Import, generate and show the patients of plans.
     Case(case::Case),
     /// Choose the beams of a case and optimise their fluence.
@@ -104,6 +119,11 @@ impl Command {
             Self::Identify(c) => c.execute(),
             Self::Train(c) => c.execute(),
             Self::Echo(c) => c.execute(registry),
+            Self::Ps(c) => c.execute(),
+            Self::Topics(c) => c.execute(registry),
+            Self::Hz(c) => c.execute(registry),
+            Self::Stop(c) => c.execute(),
+            Self::Types(c) => c.execute(registry),
             Self::Case(c) => c.execute(),
             Self::Plan(c) => c.execute(),
             Self::Delivered(c) => c.execute(registry),

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::{Machine, quantity};
+use stillpoint_pipeline::files::Snapshot;
 use stillpoint_pipeline::live::{RunOptions, RunReport, Supervisor};
 use stillpoint_pipeline::session::identity;
 use stillpoint_pipeline::session_recorder::{create_folder, remove_folder};
 use stillpoint_recorder::{METADATA_FILE, Session, write_metadata};
-use stillpoint_report::hold::Held;
 
 use crate::compress::Compress;
 use crate::exit::{Ended, Exit, Failure, print_json};
@@ -18,7 +18,7 @@ use crate::program::launch;
 use crate::signals::{stop_flag, stop_flag_of_this_process};
 use crate::simulate::{Place, simulate};
 use crate::status_line::StatusLine;
-use crate::summary::Summary;
+use crate::summary::{Observed, Summary};
 
 /// Length of a run of the default pipeline.
 const DEFAULT_LENGTH: &str = "20 s";
@@ -51,6 +51,13 @@ pub struct Run {
     /// Compression of the recording.
     #[arg(long, value_enum, default_value_t)]
     compression: Compress,
+    /// Print the tables of operators and edges at the end, too. Without it they are printed where something went wrong.
+    #[arg(long)]
+    verbose: bool,
+    /// Exit with 1 where an operator that should answer never did: no frame with a face, a law that was idle to the end, a
+    /// sensor that fusion left out.
+    #[arg(long)]
+    strict: bool,
     /// Print the report as JSON. If the pipeline has faults, print them as `check --json` does.
     #[arg(long)]
     json: bool,
@@ -133,8 +140,7 @@ impl Run {
             };
             let stop = stop_flag_of_this_process()?;
             let kept = session.as_deref().map(|folder| (folder, self.compression.into()));
-            let (report, held) = simulate(&checked, &self.pipeline.sets, place, length, kept, stop)?;
-            (report, Some(held))
+            simulate(&checked, &self.pipeline.sets, place, length, kept, stop, !self.json)?
         } else {
             self.live(registry, &checked, length, session.as_deref())?
         };
@@ -149,16 +155,18 @@ impl Run {
         }
         let session = session.as_deref();
         let graph = &checked.graph;
+        let remarks = Snapshot::of(graph, &checked.source.files).map(|files| files.remarks().clone());
         let summary = Summary::new(&report, graph, registry, is_live, session, opened.as_ref(), observed)
-            .with_remarks(checked.source.files.remarks());
+            .with_remarks(&remarks.unwrap_or_default());
         let good = report.balanced
             && (report.ended_early.is_none() || report.ended_early.as_deref() == Some("stopped"))
             && report.recording_failed.is_none()
-            && summary.is_complete();
+            && summary.is_complete()
+            && !(self.strict && summary.is_unanswered());
         if self.json {
             print_json(&summary.to_json()?)?;
         } else {
-            summary.print();
+            summary.print(self.verbose);
         }
         Ok(if good { Exit::Done } else { Exit::Failed })
     }
@@ -178,7 +186,7 @@ impl Run {
         checked: &Checked,
         length: Option<u64>,
         session: Option<&Path>,
-    ) -> Result<(RunReport, Option<Held>), Failure> {
+    ) -> Result<(RunReport, Observed), Failure> {
         let stop = stop_flag()?;
         if let Some(session) = session {
             create_folder(session).map_err(Failure::failed)?;
@@ -194,7 +202,7 @@ impl Run {
             launch: launch()?,
             identity: identity(),
         };
-        let mut line = StatusLine::new(registry, &checked.graph, !self.json);
+        let mut line = StatusLine::new(registry, !self.json);
         let supervisor = Supervisor::start(checked.graph.clone(), options, &stop, &mut line)
             .inspect_err(|_| session.into_iter().for_each(remove_folder))
             .map_err(Failure::failed)?;

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use stillpoint_mechanics::plant::rigs::RigSpec;
 use stillpoint_operator::Registry;
 use stillpoint_pipeline::config::near::nearest;
 use stillpoint_pipeline::graph::Graph;
@@ -99,6 +100,9 @@ pub fn deliver(
     let Attached { graph, domain, .. } = which.attach(registry)?;
     let port = Verb::ALL.iter().position(|(_, v)| *v == verb).unwrap_or_default();
     let operator = find(&graph, console, Verb::ALL[port].0)?;
+    if verb == Verb::Fault {
+        has_part(&graph, operator, port, values)?;
+    }
     let word = format!("{console}.{}", Verb::ALL[port].0);
     let contract = contracts::output(&graph, operator, port);
     let answer = Topic::open(&domain, &contract).map_err(Failure::failed)?;
@@ -136,6 +140,29 @@ pub fn deliver(
         "{console} has not sent {word} within {} s, but may still do so: is its process running?",
         PATIENCE.as_secs()
     )))
+}
+
+/// Refuses the fault of a valve or bladder that a rig of this pipeline does not have.
+fn has_part(graph: &Graph, console: usize, port: usize, values: &[f64]) -> Result<(), Failure> {
+    let named = |fault: RigFault| values.first() == Some(&f64::from(fault as u32));
+    let Some(part) = values.get(1) else { return Ok(()) };
+    for (operator, _) in graph.consumers(console, port) {
+        let node = &graph.operators[operator];
+        let Some(rig) = RigSpec::of_kind(node.stage.kind.name) else { continue };
+        let (what, count) = match () {
+            () if named(RigFault::StuckValve) => ("valve", 2 * rig.bladders()),
+            () if named(RigFault::Leak) => ("bladder", rig.bladders()),
+            () => continue,
+        };
+        if !(0..count).any(|known| known as f64 == *part) {
+            return Err(Failure::wrong(format!(
+                "invalid number of the {what} of {}: {part} (allowed: 0 to {})",
+                node.name,
+                count.saturating_sub(1)
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// The console of this name.

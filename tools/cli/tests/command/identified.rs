@@ -57,7 +57,10 @@ fn a_model_of_a_recorded_run_drives_the_law_of_the_next_and_its_session_keeps_it
     assert_eq!(again["identical_all"], true, "{again}");
     let without = run(folder, "24 s", &step);
     let duties = |session: &Value| {
-        text(&stillpoint(folder, &["echo", "law.duties", "--session", session.as_str().unwrap()]).stdout)
+        text(
+            &stillpoint(folder, &["echo", "--json", "law.duties", "--session", session.as_str().unwrap()])
+                .stdout,
+        )
     };
     assert_ne!(duties(&held["session"]), duties(&without["session"]));
 }

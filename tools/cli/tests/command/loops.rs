@@ -89,9 +89,9 @@ fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     std::fs::create_dir_all(folder.path().join("examples/data")).unwrap();
     std::fs::copy(root().join("examples/data/rig.key"), folder.path().join("examples/data/rig.key")).unwrap();
     let file = folder.path().join("pipeline.yaml");
-    let script = "{ at: 2 s, say: arm }, { at: 2.2 s, say: target, values: [0.5, 0, 0] }]";
+    let script = "{ at: 1.5 s, say: arm, repeat: 500 ms }, { at: 2.2 s, say: target, values: [0.5, 0, 0] }]";
     let whole = std::fs::read_to_string(root().join("pipeline.yaml")).unwrap();
-    std::fs::write(&file, whole.replacen("{ at: 2 s, say: arm }]", script, 1)).unwrap();
+    std::fs::write(&file, whole.replacen("{ at: 1.5 s, say: arm, repeat: 500 ms }]", script, 1)).unwrap();
     let small =
         ["width='320 px'", "height='240 px'", "focal_length='283 px'"].map(|s| format!("rig.camera.{s}"));
     let mut sets = vec!["--clock", "simulated", "--for", "2400 ms", "--set", "valves.key=own.key"];
@@ -125,4 +125,35 @@ fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     ] {
         assert!(text(&out.stdout).contains(line), "{line}: {}", text(&out.stdout));
     }
+}
+
+#[test]
+fn the_end_of_a_run_begins_with_what_was_found_and_a_law_that_was_idle_to_the_end_is_strictly_a_failure() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = root().join("pipeline.yaml").canonicalize().unwrap().display().to_string();
+    let small =
+        ["width='320 px'", "height='240 px'", "focal_length='283 px'"].map(|s| format!("rig.camera.{s}"));
+    let mut call = vec!["run", &file, "--clock", "simulated", "--for", "2 s", "--no-record"];
+    call.extend(small.iter().flat_map(|s| ["--set", s.as_str()]));
+    let out = stillpoint(folder.path(), &call);
+    let said = text(&out.stdout);
+    assert!(out.status.success() && !said.contains("NO ANSWER"), "{said}{}", text(&out.stderr));
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(lines[1].starts_with("face: ") && lines[1].contains("frames had a face"), "{said}");
+    let beam = lines.iter().find(|l| l.starts_with("gate.state: beam off")).unwrap();
+    assert!(beam.contains("; without beam: "), "{beam}");
+    assert!(said.contains("losses: ") && said.contains("the ledger balances"), "{said}");
+    assert!(!said.contains("ledger: topic"), "the table is printed where it is asked for: {said}");
+    // Nothing stands so high over the couch: no face, no estimate, a law that is idle to the end.
+    call.extend(["--set", "face.height_min=350 mm"]);
+    let out = stillpoint(folder.path(), &call);
+    let said = text(&out.stdout);
+    let lines: Vec<&str> = said.lines().collect();
+    assert!(out.status.success() && lines[1].starts_with("NO ANSWER: face: 0 of "), "{said}");
+    assert!(said.contains("NO ANSWER: law.duties: the law was idle to the end: "), "{said}");
+    call.push("--strict");
+    assert_eq!(stillpoint(folder.path(), &call).status.code(), Some(1));
+    call.push("--json");
+    let json: Value = serde_json::from_slice(&stillpoint(folder.path(), &call).stdout).unwrap();
+    assert_eq!(json["unanswered"].as_array().map(Vec::len), Some(2), "{}", json["unanswered"]);
 }

@@ -53,6 +53,8 @@ fn generated_pages_are_current() {
     is_current("docs/reference/operators.md", &text(&reference.stdout));
     let schema = stillpoint(folder.path(), &["schema"]);
     is_current("docs/pipeline.schema.json", &text(&schema.stdout));
+    let types = stillpoint(folder.path(), &["types", "--all"]);
+    is_current("docs/reference/samples.md", &text(&types.stdout));
     let page = stillpoint(folder.path(), &["manual", "page"]);
     is_current("docs/reference/cli.md", &text(&page.stdout));
 }
@@ -404,29 +406,29 @@ fn a_run_says_how_many_frames_had_no_face_and_why() {
     let file = root().join("examples/own-recording.yaml").canonicalize().unwrap().display().to_string();
     let run = ["run", &file, "--clock", "simulated", "--for", "1s", "--record", "s"];
     let sound = stillpoint(folder.path(), &run);
-    assert!(
-        sound.status.success() && !text(&sound.stdout).contains("had no face"),
-        "{}",
-        text(&sound.stdout)
-    );
+    assert!(sound.status.success() && !text(&sound.stdout).contains("NO ANSWER"), "{}", text(&sound.stdout));
     // Nothing stands so high over the couch.
     let high = ["--set", "face.height_min=350 mm"];
     let none = stillpoint(folder.path(), &[&run[..], &high].concat());
-    assert!(text(&none.stdout).contains("\nface: 6 of 6 frames had no face: "), "{}", text(&none.stdout));
+    assert!(
+        text(&none.stdout).contains("\nNO ANSWER: face: 0 of 6 frames had a face: "),
+        "{}",
+        text(&none.stdout)
+    );
     let none = stillpoint(folder.path(), &[&run[..], &high, &["--json"]].concat());
     let said: serde_json::Value = serde_json::from_slice(&none.stdout).unwrap();
     assert_eq!(
         (&said["refused"][0]["operator"], &said["refused"][0]["refused"]),
         (&"face".into(), &6.into())
     );
-    // Without the reasons in the session it says how many, and where the reasons are.
+    // Without the reasons in the session the run has seen them.
     let data = root().join("examples/data").canonicalize().unwrap();
     let unsaid = std::fs::read_to_string(&file).unwrap().replace("face.rejection, ", "");
     let unsaid = unsaid.replace("files: data", &format!("files: {}", data.display()));
     std::fs::write(folder.path().join("unsaid.yaml"), unsaid).unwrap();
     let run = ["run", "unsaid.yaml", "--clock", "simulated", "--for", "1s", "--record", "s"];
     let none = stillpoint(folder.path(), &[&run[..], &high].concat());
-    let told = "\nface: 6 of 6 frames had no face: record face.rejection to know why\n";
+    let told = "\nNO ANSWER: face: 0 of 6 frames had a face: ";
     assert!(text(&none.stdout).contains(told), "{}", text(&none.stdout));
 }
 

@@ -268,7 +268,7 @@ fn the_end_of_a_run_names_every_vent_and_every_fault_also_without_a_recording() 
     }
     let out = unrecorded(&["--lock-step=processes", "--for", "4s"]);
     assert!(text(&out.stdout).contains("vented 2 times, "), "{}{}", text(&out.stdout), text(&out.stderr));
-    let out = unrecorded(&["--for", "4s"]);
+    let out = unrecorded(&["--for", "4s", "--verbose"]);
     assert!(text(&out.stdout).contains("asked"), "{}{}", text(&out.stdout), text(&out.stderr));
     // The tables fit a terminal, and inputs to which nothing was sent are counted.
     let ledger =

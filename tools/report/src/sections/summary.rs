@@ -7,10 +7,12 @@ use stillpoint_recorder::{Ended, session_parts};
 use super::errors::compared;
 use super::{faults, ledger};
 use crate::ReportError;
+use crate::hold::{Held, Hold};
 use crate::motion::ErrorFigures;
 use crate::numbers::{count, fixed, megabytes, started};
 use crate::page::{Block, Section, Tile};
 use crate::source::Source;
+use crate::unanswered::{Answers, figures_of};
 
 #[derive(Serialize)]
 struct SummaryFigures {
@@ -33,6 +35,12 @@ struct SummaryFigures {
     /// The errors of the estimate that stands last: fused, or filtered, or raw.
     best: Vec<ErrorFigures>,
     thinned: bool,
+    /// How the head was held, by the samples of the session.
+    held: Option<Held>,
+    /// What operators found.
+    found: Vec<String>,
+    /// Operators that should have answered and never did.
+    unanswered: Vec<String>,
 }
 
 pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
@@ -46,6 +54,10 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
     let best = compared(recording)
         .pop()
         .map(|c| (0..6).filter_map(|channel| c.found.figures(&c.signal.topic, channel)).collect::<Vec<_>>());
+    let graph = from.pipeline.as_ref().ok().map(|(graph, _)| graph);
+    let verdict =
+        graph.map(|graph| Answers::of_session(graph, session).verdict(graph, &figures_of(session, graph)));
+    let verdict = verdict.unwrap_or_default();
     let figures = SummaryFigures {
         pipeline: fact("pipeline"),
         started_utc: started(session),
@@ -69,9 +81,16 @@ pub fn section(from: &Source<'_>) -> Result<Section, ReportError> {
         ledger_unexplained: accounts.unexplained,
         best: best.unwrap_or_default(),
         thinned: recording.is_thinned(),
+        held: graph.and_then(|graph| Hold::of_session(graph, session)),
+        found: verdict.found,
+        unanswered: verdict.unanswered,
     };
     let mut section = Section::new("summary", "At a glance", &figures)?;
+    section
+        .blocks
+        .extend(figures.unanswered.iter().map(|what| Block::Warning(format!("No answer: {what}."))));
     section.blocks.push(Block::Tiles(tiles(&figures, &accounts)));
+    section.blocks.extend(figures.found.iter().map(|what| Block::Text(format!("{what}."))));
     if figures.thinned {
         section.blocks.push(Block::Warning(
             "The session is long. The figures of its longest topics are computed from evenly spaced samples."
@@ -88,6 +107,7 @@ fn tiles(f: &SummaryFigures, accounts: &ledger::Accounts) -> Vec<Tile> {
         Tile::plain("clock", if f.simulated { "simulated" } else { "live" }),
     ];
     tiles.extend(f.started_utc.iter().map(|t| Tile::plain("started", t.clone())));
+    tiles.extend(f.held.iter().flat_map(held));
     tiles.push(Tile::state("session", if f.complete { "complete" } else { "has gaps" }, f.complete));
     let balanced = accounts.unexplained == 0 && accounts.from == ledger::From::Session;
     let ledger = match (accounts.from, accounts.unexplained) {
@@ -116,4 +136,24 @@ fn tiles(f: &SummaryFigures, accounts: &ledger::Accounts) -> Vec<Tile> {
         Tile::plain(&name, format!("{} {}", fixed(e.rms, 3), e.unit))
     }));
     tiles
+}
+
+/// Beam, error from the target and faults of the valves.
+fn held(held: &Held) -> Vec<Tile> {
+    let beams = held.gates.iter().map(|gate| {
+        let share = gate.duty.map_or("-".to_owned(), |duty| format!("{} %", fixed(duty * 100.0, 0)));
+        Tile::state(&format!("{}: beam on", gate.topic), share, gate.duty.is_some_and(|duty| duty > 0.0))
+    });
+    let errors = held.targets.iter().flat_map(|against| {
+        against.channels.iter().map(|off| {
+            let name =
+                format!("{} from {}, {}: rms of the last 5 s", against.estimate, against.target, off.channel);
+            Tile::plain(&name, format!("{} {}", fixed(off.rms, 2), off.unit))
+        })
+    });
+    let faults = held.valves.iter().map(|valves| {
+        let said = valves.fault_times.line("in fault").unwrap_or_else(|| "none".to_owned());
+        Tile::state(&format!("{}: faults", valves.topic), said, valves.fault_times.times == 0)
+    });
+    beams.chain(errors).chain(faults).collect()
 }

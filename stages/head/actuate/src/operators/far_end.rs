@@ -1,6 +1,7 @@
 //! `actuate.far_end`: datagrams to duties, where the valves are.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{
     Cause, Datagram, Diagnostics, Duties, DutiesElement, FarEnd as FarEndSample, FarEndDoing, FarEndElement,
@@ -126,6 +127,10 @@ impl Operator for ActuateFarEnd {
         ],
         timer: Timer::Required,
     };
+
+    fn validate_input(params: &FarEndParams, _: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        from.check_bladders(u64::from(params.bladders))
+    }
 
     fn new(params: FarEndParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
         let valves = 2 * params.bladders as usize;

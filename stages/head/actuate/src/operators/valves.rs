@@ -1,6 +1,7 @@
 //! `actuate.valves`: duties to datagrams.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
@@ -10,7 +11,7 @@ use stillpoint_samples::{
 };
 
 use super::params::{FreshnessParams, check_life, extrinsic, key};
-use super::watch::{ACKNOWLEDGEMENT, CONTACTS, MEASURED, REFERENCE, STATE, Watch};
+use super::watch::{ACKNOWLEDGEMENT, COMMAND, CONTACTS, MEASURED, REFERENCE, STATE, Watch};
 use crate::answer::{AnswerParams, AnswerWatch, Answered};
 use crate::datagram::LONGEST;
 use crate::drive::{Drive, Driven};
@@ -198,6 +199,21 @@ impl Operator for ActuateValves {
             "`start` has {starts} pressures for {bladders} bladders: give one for all or one for each"
         );
         Err(ParamConflict::inside(&["pressure"], SetupError(said)))
+    }
+
+    fn validate_input(params: &ValvesParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        let known = from.text(&["plant", "rig"]).and_then(stillpoint_mechanics::plant::rigs::RigSpec::named);
+        let listed = || Some(from.param(&["plant", "bladders"])?.as_array()?.len());
+        match known.map(|rig| rig.bladders()).or_else(listed) {
+            Some(theirs) if input == COMMAND && theirs != params.bladders as usize => Err(FeederConflict {
+                reason: format!(
+                    "{} sends duties for {theirs} bladders, but there are {} here: every command would be refused",
+                    from.operator, params.bladders
+                ),
+                help: format!("write `bladders: {theirs}` here, or change the plant of {}", from.operator),
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn new(params: ValvesParams, setup: &Setup<'_>) -> Result<Self, SetupError> {

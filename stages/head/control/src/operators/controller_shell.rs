@@ -16,7 +16,8 @@ use crate::squeeze::Squeeze;
 use crate::tracking::Tracking;
 use crate::valves::split;
 
-const STATE: usize = 0;
+/// The input of the estimate.
+pub const STATE: usize = 0;
 const TARGET: usize = 1;
 const ACTUATION: usize = 2;
 const DUTIES: usize = 0;

@@ -3,12 +3,14 @@
 use nalgebra::DMatrix;
 use stillpoint_identify::InnovationModel;
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::Cause;
 
 use crate::identified::Identified;
 use crate::lqi::{Lqi, Plant, Weights};
-use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, STATE, named};
+use crate::operators::followed;
 use crate::operators::params::{CheckedPlant, PlantParams};
 use crate::riccati::observer_gain;
 
@@ -81,6 +83,10 @@ impl Operator for ControlLqg {
 
     fn validate(params: &LqgParams) -> Result<(), ParamConflict> {
         params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
+    }
+
+    fn validate_input(params: &LqgParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        if input == STATE { followed::check(&params.plant.channels, from) } else { Ok(()) }
     }
 
     fn new(params: LqgParams, setup: &Setup<'_>) -> Result<Self, SetupError> {

@@ -10,6 +10,7 @@
 
 mod contacts;
 mod controller_shell;
+mod followed;
 mod freshness;
 mod lqg;
 mod mrac;

@@ -1,13 +1,15 @@
 //! `control.mrac`: the adaptive controller.
 
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 use stillpoint_samples::DutyReason;
 
 use crate::channels::Channel;
 use crate::features::{Features, Learned};
 use crate::mrac::{Learning, Mrac, MracDesign};
-use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, STATE, named};
+use crate::operators::followed;
 use crate::operators::params::{CheckedPlant, PerChannel, PlantParams};
 use crate::predictor::Predictor;
 use crate::projection::Ball;
@@ -106,6 +108,10 @@ impl Operator for ControlMrac {
     fn validate(params: &MracParams) -> Result<(), ParamConflict> {
         refuse_old_rates(params)?;
         params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
+    }
+
+    fn validate_input(params: &MracParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        if input == STATE { followed::check(&params.plant.channels, from) } else { Ok(()) }
     }
 
     fn new(params: MracParams, setup: &Setup<'_>) -> Result<Self, SetupError> {

@@ -1,9 +1,11 @@
 //! `control.pi`: the baseline.
 
 use stillpoint_operator::{Activation, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{Kind, ParamConflict, Role, SetupError, StepError, Timer};
 
-use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, named};
+use crate::operators::controller_shell::{ControllerShell, INPUTS, Look, OUTPUTS, STATE, named};
+use crate::operators::followed;
 use crate::operators::params::PlantParams;
 use crate::pi::{Pi, PiGains};
 
@@ -53,6 +55,10 @@ impl Operator for ControlPi {
 
     fn validate(params: &PiParams) -> Result<(), ParamConflict> {
         params.plant.checked().map(drop).map_err(|e| ParamConflict::inside(&["plant"], e))
+    }
+
+    fn validate_input(params: &PiParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        if input == STATE { followed::check(&params.plant.channels, from) } else { Ok(()) }
     }
 
     fn new(params: PiParams, setup: &Setup<'_>) -> Result<Self, SetupError> {

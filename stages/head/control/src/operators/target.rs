@@ -1,6 +1,7 @@
 //! `control.target`: where the head is to be.
 
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
@@ -9,6 +10,7 @@ use stillpoint_samples::{ConsoleCommand, Diagnostics, Metric, Sample, Target, Tr
 use crate::channels::{Channel, Channels};
 use crate::goal::{Asked, Goal, GoalParams};
 use crate::moves::Profile;
+use crate::operators::followed;
 use crate::operators::planned::{planned, reach, refuse_unheld, refuse_unmoved, refuse_unreachable};
 use crate::rig::{Rig, RigKind};
 
@@ -173,6 +175,10 @@ impl Operator for ControlTarget {
 
     fn validate(params: &TargetParams) -> Result<(), ParamConflict> {
         goal(params).map(drop).map_err(|e| ParamConflict::inside(&["moves", "reach", "rig", "channels"], e))
+    }
+
+    fn validate_input(params: &TargetParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        if input == STATE { followed::check(&params.channels, from) } else { Ok(()) }
     }
 
     fn new(params: TargetParams, _: &Setup<'_>) -> Result<Self, SetupError> {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, SVector};
 use stillpoint_operator::{Activation, Choice, Operator, Outputs, Params, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{FrameRule, Input, Kind, Output, Policy, Role, SetupError, StepError, Timer};
 use stillpoint_samples::{Cause, Diagnostics, Health, Sample, Track};
 
@@ -126,6 +127,19 @@ impl Operator for EstimateFuse {
         // Both sensors may fall silent, and that has to be said: somebody must look at the time.
         timer: Timer::Required,
     };
+
+    fn validate_input(_: &FuseParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        match from.every {
+            Some(_) if from.kind.starts_with("estimate.") => Err(FeederConflict {
+                reason: format!(
+                    "{} has a timer (`every:`), so most of its tracks are predictions, and `{}` would be left out of the fusion",
+                    from.operator, NAMES[input]
+                ),
+                help: format!("remove `every:` from {}: the fusion has a timer of its own", from.operator),
+            }),
+            _ => Ok(()),
+        }
+    }
 
     fn new(params: FuseParams, _: &Setup<'_>) -> Result<Self, SetupError> {
         let fusion = FusionParams {

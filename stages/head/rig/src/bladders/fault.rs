@@ -105,6 +105,24 @@ impl Said {
     }
 }
 
+impl Said {
+    /// Refuses a part that a rig of so many bladders does not have.
+    ///
+    /// # Errors
+    /// The number of the valve or bladder, and those that there are.
+    pub fn check(&self, bladders: usize) -> Result<(), String> {
+        let (what, part, count) = match self {
+            Self::Break(Fault::StuckValve { valve }, _) => ("valve", *valve, 2 * bladders),
+            Self::Break(Fault::Leak { bladder, .. }, _) => ("bladder", *bladder, bladders),
+            _ => return Ok(()),
+        };
+        if part < count {
+            return Ok(());
+        }
+        Err(format!("invalid number of the {what}: {part} (allowed: 0 to {})", count.saturating_sub(1)))
+    }
+}
+
 /// Diameter of a leak if none is given, m.
 const LEAK: f64 = 0.5e-3;
 const LARGEST_LEAK: f64 = 10e-3;

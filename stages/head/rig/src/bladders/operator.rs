@@ -5,11 +5,12 @@ use nalgebra::Isometry3;
 use rand::Rng;
 use stillpoint_mechanics::plant::rigs::RIGS;
 use stillpoint_operator::{Activation, Operator, Outputs, Setup};
+use stillpoint_operator::{Feeder, FeederConflict};
 use stillpoint_operator::{
     FrameRule, Input, Kind, Output, ParamConflict, Policy, Role, SetupError, StepError, Timer,
 };
 use stillpoint_samples::{
-    Cause, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
+    Cause, Command, ConsoleCommand, Contacts, DepthImage, Diagnostics, Duties, Metric, Pose, RigState, Sample,
 };
 
 use super::fault::{Fault, Said};
@@ -110,8 +111,30 @@ impl<const RIG: usize> Operator for BladderRig<RIG> {
     };
     const LAPS: &'static [&'static str] = &["plant", "camera"];
 
+    fn validate(params: &BladderParams) -> Result<(), ParamConflict> {
+        params
+            .check_faults(RIGS[RIG].bladders())
+            .map_err(|why| ParamConflict::inside(&["faults"], refusal(why)))
+    }
+
     fn validate_period(params: &BladderParams, every: u64) -> Result<(), ParamConflict> {
         params.check_period(every).map_err(|reason| ParamConflict::inside(&["camera"], reason))
+    }
+
+    fn validate_input(_: &BladderParams, input: usize, from: &Feeder<'_>) -> Result<(), FeederConflict> {
+        let bladders = RIGS[RIG].bladders();
+        if input == DUTIES {
+            return from.check_bladders(bladders as u64);
+        }
+        let script = from.param(&["script"]).and_then(|s| s.as_array());
+        for line in script.into_iter().flatten().filter(|line| line["say"] == "fault") {
+            scripted(line, bladders).map_err(|why| FeederConflict {
+                reason: format!("the script of {} has a fault that this rig refuses: {why}", from.operator),
+                help: "change the values of that fault: its number, the part, the amount, the seconds"
+                    .to_owned(),
+            })?;
+        }
+        Ok(())
     }
 
     fn new(params: BladderParams, setup: &Setup<'_>) -> Result<Self, SetupError> {
@@ -230,4 +253,15 @@ fn chance(activation: &Activation<'_>, draw: u128) -> f64 {
     let mut random = activation.random();
     random.set_word_pos((1 << 40) + draw);
     f64::from(random.next_u32()) / (f64::from(u32::MAX) + 1.0)
+}
+
+/// Whether a rig of so many bladders takes the fault of a line of a script.
+fn scripted(line: &serde_json::Value, bladders: usize) -> Result<(), String> {
+    let mut command = Command::default();
+    let values = line["values"].as_array().into_iter().flatten().filter_map(serde_json::Value::as_f64);
+    for (to, value) in command.values.iter_mut().zip(values) {
+        *to = value;
+        command.given += 1;
+    }
+    Said::of(&command)?.check(bladders)
 }

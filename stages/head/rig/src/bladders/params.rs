@@ -3,7 +3,7 @@
 use stillpoint_operator::SetupError;
 use stillpoint_operator::{Choice, Params};
 
-use super::fault::{Fault, Scheduled};
+use super::fault::{Fault, Said, Scheduled};
 use super::hardware::Imperfections;
 use super::rigs;
 use super::safety;
@@ -205,6 +205,12 @@ impl BladderParams {
             self.camera.every as f64 * 1e-6,
             every as f64 * 1e-6
         )))
+    }
+
+    /// Refuses faults of valves and bladders that a rig of so many bladders does not have.
+    pub fn check_faults(&self, bladders: usize) -> Result<(), String> {
+        let mut all = self.faults.iter().flatten().map(FaultParams::scheduled);
+        all.try_for_each(|s| Said::Break(s.fault, None).check(bladders))
     }
 
     /// What the rig is built of.

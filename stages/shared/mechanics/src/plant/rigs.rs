@@ -83,6 +83,22 @@ impl RigSpec {
         const { &RIGS }.iter().find(|rig| rig.name == name)
     }
 
+    /// The rig that this kind of operator simulates.
+    #[must_use]
+    pub fn of_kind(kind: &str) -> Option<&'static Self> {
+        const { &RIGS }.iter().find(|rig| rig.kind == kind)
+    }
+
+    /// Number of its bladders.
+    #[must_use]
+    pub const fn bladders(&self) -> usize {
+        match self.layout {
+            Layout::Height => 1,
+            Layout::HeightPitchRoll => 3,
+            Layout::AllSix => 8,
+        }
+    }
+
     /// Lets `user` make something of the plant under a head of `mass` kg.
     pub fn with<U: UsePlant>(&self, mass: f64, user: U) -> U::Made {
         match self.layout {
