@@ -88,6 +88,8 @@ fn the_command_gives_the_plan_of_the_recipe_of_the_library() {
         let weights: Vec<f64> = beam.bixels_x_z_mm_weight.iter().map(|[_, _, weight]| *weight).collect();
         assert_eq!(weights, planned.best().weights_of(*number).unwrap());
     }
+}
+
 /// A DVH point and an equivalent uniform dose are optimised by their costs; the plan says what they truly came to.
 #[test]
 fn the_true_value_of_each_limit_of_an_objective_stands_beside_its_cost() {
