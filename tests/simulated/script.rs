@@ -178,7 +178,7 @@ fn a_script_says_a_command_again_until_it_is_accepted_with_its_reason_each_time(
         "{reasons:?}"
     );
     // What follows in the script waits.
-    assert_eq!(times("console.vent"), []);
+    assert!(times("console.vent").is_empty());
 }
 
 #[test]
