@@ -43,7 +43,9 @@ const AGAINST: f64 = 0.05;
 /// Until then no piece may ever have moved against the rest by this part of the limit that holds later. On a surface from a
 /// CT pieces do so by its misfit when the head is brought to its set-up, and then nearly all are seen to move with it. A
 /// mask with a head behind it moves as a whole, too, but it is no surface of a CT.
-const MOVED_BEFORE: f64 = 0.7;
+const MOVED_BEFORE: f64 = 0.5;
+/// The same of movements that last, where a table of movements lies on the surface.
+const MOVED_FOR_LONG: f64 = 0.7;
 const NEARLY_ALL: f64 = 0.95;
 /// Frames whose mean density of points is that of the captured surface.
 const FIRST: u32 = 4;
@@ -109,6 +111,8 @@ pub struct Identity {
     /// Mean density of points on the surface in the first frames with enough confidence, and the number of these frames.
     density: f64,
     dense_frames: u32,
+    /// A table of movements lies on the surface.
+    has_face: bool,
     /// Since when the face moves, ns.
     face: Option<u64>,
 }
@@ -120,6 +124,7 @@ impl Identity {
         Self {
             axes: PartAxes::of(surface),
             pieces: Pieces::of(surface),
+            has_face: surface.has_face(),
             is_planned,
             since: None,
             proof: Proof::Waiting,
@@ -167,7 +172,8 @@ impl Identity {
         let is_skin = seen.moves.skin > 1.0 && seen.moves.skin < EASED;
         let eased = self.eased(seen.moves.face || is_skin, frame.time);
         let faces = seen.moves.face || (is_skin && eased > 1.0);
-        let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, APART_MOST));
+        let apart_most = if self.has_face { APART_MOST } else { f64::INFINITY };
+        let apart = below(seen.apart, eased * (APART * noise).clamp(APART_LEAST, apart_most));
         let quarter = (0.5 + (seen.least_overlap - QUARTER) / QUARTER).clamp(0.0, 1.0);
         certainty[IdentityPart::Agreement as usize] =
             apart.min(quarter).min(below(seen.moves.most, 1.0)).min(below(seen.moves.skin, eased));
@@ -186,6 +192,7 @@ impl Identity {
         self.density = 0.0;
         self.dense_frames = 0;
         self.pieces = Pieces::of(surface);
+        self.has_face = surface.has_face();
         if self.proof != Proof::Waiting {
             self.pieces.settle();
         }
@@ -206,13 +213,14 @@ impl Identity {
         if judged.faces {
             return;
         }
-        self.most = self.most.max(moves.lasting);
+        self.most = self.most.max(if self.has_face { moves.lasting } else { moves.most });
         self.is_mixed |= moves.alike == Verdict::Against;
         if judged.confidence() < ENOUGH || self.proof != Proof::Waiting {
             return;
         }
         let by_misfit = self.is_planned && moves.with >= NEARLY_ALL;
-        let has_moved = self.most > MOVED_BEFORE && !by_misfit;
+        let limit = if self.has_face { MOVED_FOR_LONG } else { MOVED_BEFORE };
+        let has_moved = self.most > limit && !by_misfit;
         let is_apart = moves.against > AGAINST || has_moved || self.is_mixed || moves.alike != Verdict::With;
         self.moved = if is_apart { 0.0 } else { moves.with / WITH };
         if self.moved >= 1.0 {

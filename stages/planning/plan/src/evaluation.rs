@@ -1,7 +1,8 @@
 //! What a dose does to each structure of a case, as plans are judged by.
 //!
 //! Figures are of the volumes of structures: a voxel at the border counts with the part of it that lies inside. They hold
-//! for the dose that is given; a plan gives the one that [`crate::recompute`] makes.
+//! for the dose that is given; a plan gives the one that [`crate::recompute`] makes. A structure is judged over all of its
+//! voxels: what lies beside the grid of a dose has no dose.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,10 @@ const COVERED: f64 = 0.95;
 const SMALL_CM3: f64 = 0.03;
 /// Beyond this distance from every target dose counts as far, mm.
 const FAR_MM: f32 = 20.0;
+/// Targets nearer to each other than this are treated as one, mm.
+const ONE_TARGET_MM: f32 = 10.0;
+/// Volume below which nothing is beside the grid, cm3.
+const ROUNDING_CM3: f64 = 1e-6;
 /// Depth below the skin of what beams enter through, mm.
 const ENTRY_MM: f32 = 10.0;
 
@@ -54,7 +59,8 @@ pub struct StructureDose {
     pub covered: Option<f64>,
     /// Of a target: `(D2 - D98) / D50`.
     pub homogeneity: Option<f64>,
-    /// Of a target: Paddick's index of 95 % of its prescription. Targets of higher doses belong to its volume.
+    /// Of a target: Paddick's index of 95 % of its prescription. Targets of higher doses within 10 mm belong to its volume;
+    /// the isodose is that part of it that lies nearer to them than to targets elsewhere.
     pub conformity: Option<f64>,
 }
 
@@ -85,14 +91,25 @@ pub struct OnGrid<'a> {
     grid: Grid,
     /// For each structure what it takes of the voxels.
     parts: Vec<Occupancy>,
-    /// For each target that of all targets that are prescribed as much or more.
-    treated: Vec<Option<Occupancy>>,
+    /// Volume of each that lies beside the grid, cm3.
+    beside_cm3: Vec<f64>,
+    /// For each target what its index is of.
+    treated: Vec<Option<Treated>>,
     /// All targets.
     targets: Occupancy,
     /// Voxels wholly in the patient that lie far from every target.
     far: Occupancy,
     /// Voxels wholly in the patient near the skin and not in a target.
     entry: Occupancy,
+}
+
+/// What the index of a target is of.
+#[derive(Clone, Debug)]
+struct Treated {
+    /// All targets of its group that are prescribed as much or more.
+    volume: Occupancy,
+    /// Voxels of the patient that lie nearer to its group than to other targets; nothing where there are no others.
+    around: Option<Occupancy>,
 }
 
 impl<'a> OnGrid<'a> {
@@ -103,24 +120,29 @@ impl<'a> OnGrid<'a> {
             let masks: Vec<&Mask> = case.structures().iter().filter(|s| wanted(s)).map(|s| &s.mask).collect();
             on_grid(&Mask::from_fn(case.grid().len(), |i| masks.iter().any(|m| m.contains(i))))
         };
-        let treated = |structure: &Structure| {
-            let least = prescribed(case, structure)?;
-            Some(union(&|s: &Structure| prescribed(case, s).is_some_and(|dose| dose >= least)))
-        };
         let parts: Vec<Occupancy> = case.structures().iter().map(|s| on_grid(&s.mask)).collect();
         let targets = union(&|s: &Structure| s.role == Role::Target);
         let external = case.structures().iter().position(|s| s.role == Role::External);
         let (far, entry) =
             external.map(|at| far_and_entry(grid, case.grid(), &parts[at], &targets)).unwrap_or_default();
-        Self {
-            case,
-            grid: *grid,
-            parts,
-            treated: case.structures().iter().map(treated).collect(),
-            targets,
-            far,
-            entry,
-        }
+        let groups = groups(case);
+        let treated = |structure: &Structure| {
+            let least = prescribed(case, structure)?;
+            let group = groups.iter().find(|group| group.contains(&structure.name.as_str()))?;
+            let is_in_group = |s: &Structure| group.contains(&s.name.as_str());
+            let volume = union(&|s| is_in_group(s) && prescribed(case, s).is_some_and(|dose| dose >= least));
+            let around = (groups.len() > 1).then(|| {
+                let other = |s: &Structure| prescribed(case, s).is_some() && !is_in_group(s);
+                nearer(grid, external.map(|at| &parts[at]), &union(&is_in_group), &union(&other))
+            });
+            Some(Treated { volume, around })
+        };
+        let treated = case.structures().iter().map(treated).collect();
+        let beside = |(structure, parts): (&Structure, &Occupancy)| {
+            (case.volume_cm3(structure) - parts.volume_cm3(grid)).max(0.0)
+        };
+        let beside_cm3 = case.structures().iter().zip(&parts).map(beside).collect();
+        Self { case, grid: *grid, parts, treated, beside_cm3, targets, far, entry }
     }
 
     /// The grid.
@@ -133,7 +155,12 @@ impl<'a> OnGrid<'a> {
     pub fn evaluate(&self, gray: &[f32]) -> Evaluation<'a> {
         let histogram = |parts: &Occupancy| parts.histogram(&self.grid, gray).ok();
         let structures = self.case.structures();
-        let all: Vec<Option<Dvh>> = self.parts.iter().map(histogram).collect();
+        let whole = |(parts, beside_cm3): (&Occupancy, &f64)| match histogram(parts) {
+            Some(dvh) if *beside_cm3 > ROUNDING_CM3 => Some(dvh.with_undosed(*beside_cm3)),
+            None if *beside_cm3 > ROUNDING_CM3 => Dvh::weighted(&[0.0], &[*beside_cm3]).ok(),
+            found => found,
+        };
+        let all: Vec<Option<Dvh>> = self.parts.iter().zip(&self.beside_cm3).map(whole).collect();
         let external = structures.iter().position(|s| s.role == Role::External);
         let body = external.and_then(|place| all[place].as_ref());
         let fall_off = || {
@@ -147,9 +174,11 @@ impl<'a> OnGrid<'a> {
             })
         };
         let fall_off = fall_off();
-        let conformity = |(structure, treated): (&Structure, &Option<Occupancy>)| {
+        let conformity = |(structure, treated): (&Structure, &Option<Treated>)| {
             let least_gy = COVERED * prescribed(self.case, structure)?;
-            Some(paddick_conformity(&histogram(treated.as_ref()?)?, body?, least_gy))
+            let Treated { volume, around } = treated.as_ref()?;
+            let around = around.as_ref().and_then(histogram);
+            Some(paddick_conformity(&histogram(volume)?, around.as_ref().or(body)?, least_gy))
         };
         let conformities: Vec<Option<f64>> = structures.iter().zip(&self.treated).map(conformity).collect();
         let voxels = self.parts.iter().map(|parts| parts.voxels().len());
@@ -207,6 +236,56 @@ impl<'a> Evaluation<'a> {
             };
         self.histograms.iter().zip(&self.told).map(of).collect()
     }
+}
+
+/// Targets with a prescription, in groups of those that lie within 10 mm of each other, by name.
+fn groups(case: &Case) -> Vec<Vec<&str>> {
+    let targets: Vec<&Structure> =
+        case.structures().iter().filter(|s| prescribed(case, s).is_some()).collect();
+    if let [only] = targets[..] {
+        return vec![vec![only.name.as_str()]];
+    }
+    let mut groups: Vec<(Vec<&str>, Vec<f32>)> = Vec::new();
+    for target in targets {
+        let is_near = |to_group: &Vec<f32>| target.mask.indices().any(|v| to_group[v] <= ONE_TARGET_MM);
+        let mut distance = distances_mm(case.grid(), |voxel| target.mask.contains(voxel));
+        let mut names = vec![target.name.as_str()];
+        let (near, rest): (Vec<_>, Vec<_>) = groups.into_iter().partition(|(_, to)| is_near(to));
+        for (others, to_others) in near {
+            names.extend(others);
+            distance.iter_mut().zip(to_others).for_each(|(own, other)| *own = own.min(other));
+        }
+        groups = rest;
+        groups.push((names, distance));
+    }
+    groups.into_iter().map(|(names, _)| names).collect()
+}
+
+/// What of the patient lies nearer to some targets than to others.
+fn nearer(grid: &Grid, patient: Option<&Occupancy>, own: &Occupancy, other: &Occupancy) -> Occupancy {
+    let distances = |targets: &Occupancy| {
+        let mut inside = vec![false; grid.len()];
+        targets.voxels().iter().for_each(|v| inside[*v as usize] = true);
+        distances_mm(grid, |voxel| inside[voxel])
+    };
+    let (to_own, to_other) = (distances(own), distances(other));
+    let is_nearer = |voxel: u32| to_own[voxel as usize] <= to_other[voxel as usize];
+    let Some(patient) = patient else { return Occupancy::default() };
+    Occupancy {
+        whole: patient.whole.iter().copied().filter(|voxel| is_nearer(*voxel)).collect(),
+        border: patient.border.iter().copied().filter(|border| is_nearer(border.voxel)).collect(),
+    }
+}
+
+/// Structures of which a part lies outside of the outline of the patient, where no dose is computed: name, that volume and
+/// the whole volume, cm3. Structures that are neither targets nor organs, such as a couch, are not among them.
+pub fn leaving_outline(case: &Case) -> Vec<(&str, f64, f64)> {
+    let Some(external) = case.external() else { return Vec::new() };
+    let voxel_cm3 = case.grid().voxel_cm3();
+    let judged = |s: &&Structure| !matches!(s.role, Role::External | Role::Other);
+    let outside = |s: &Structure| s.mask.indices().filter(|voxel| !external.mask.contains(*voxel)).count();
+    let leaving = case.structures().iter().filter(judged).map(|s| (s, outside(s))).filter(|(_, n)| *n > 0);
+    leaving.map(|(s, n)| (s.name.as_str(), n as f64 * voxel_cm3, case.volume_cm3(s))).collect()
 }
 
 /// Voxels wholly in the patient: those far from the targets, and those near the skin and in no target. Where the image
@@ -276,6 +355,99 @@ mod tests {
         let fall_off = evaluation.fall_off.unwrap();
         assert!((fall_off.r50 - 1.0).abs() < 1e-9, "{fall_off:?}");
         assert_eq!((fall_off.d2cm_gy, fall_off.first_cm_gy), (Some(0.0), Some(0.0)));
+    }
+
+    /// A block of water with an outline that ends along z, and balls as targets of 50 Gy.
+    fn block(outline_mm: f64, targets: &[(&str, [f64; 3], f64)]) -> Case {
+        use stillpoint_patient::case::{CaseParts, Prescription};
+        let grid = Grid { counts: [60, 40, 40], spacing_mm: [4.0; 3], origin_mm: [-118.0, -78.0, -78.0] };
+        let mask = |inside: &dyn Fn([f64; 3]) -> bool| {
+            Mask::from_fn(grid.len(), |i| inside(grid.centre_mm(grid.voxel(i))))
+        };
+        let ball = |centre: &[f64; 3], radius: f64| {
+            mask(&|at| {
+                (0..3).map(|k| (at[k] - centre[k]) * (at[k] - centre[k])).sum::<f64>() <= radius * radius
+            })
+        };
+        let mut structures = vec![Structure {
+            name: "Body".into(),
+            role: Role::External,
+            mask: mask(&|at| at[2] < outline_mm && at[0].abs() < 110.0 && at[1].abs() < 70.0),
+        }];
+        structures.extend(targets.iter().map(|(name, centre, radius)| Structure {
+            name: (*name).into(),
+            role: Role::Target,
+            mask: ball(centre, *radius),
+        }));
+        let prescription =
+            targets.iter().map(|(name, ..)| Prescription { structure: (*name).into(), dose_gy: 50.0 });
+        Case::new(CaseParts {
+            name: "block".into(),
+            grid,
+            hu: vec![0; grid.len()],
+            structures,
+            isocentre_mm: None,
+            prescription: prescription.collect(),
+            fractions: Some(25),
+            reference_dose_gy: None,
+            uids: None,
+            provenance: String::new(),
+        })
+        .unwrap()
+    }
+
+    /// Its dose is computed inside the outline alone, and was judged there alone.
+    #[test]
+    fn a_target_that_leaves_the_outline_is_judged_over_all_of_it() {
+        use crate::dose::{DoseParams, Machine};
+        use crate::recompute::Recompute;
+        let case = block(8.0, &[("PTV", [0.0; 3], 26.0)]);
+        let ptv = case.structure("PTV").unwrap();
+        let left = leaving_outline(&case);
+        let (name, outside_cm3, whole_cm3) = left[0];
+        assert!(left.len() == 1 && name == "PTV" && (whole_cm3 - case.volume_cm3(ptv)).abs() < 1e-9);
+        let inside = 1.0 - outside_cm3 / whole_cm3;
+        assert!((0.5..0.8).contains(&inside), "{inside}");
+        let params = DoseParams::over(case.grid(), 4.0);
+        let recompute = Recompute::with_spacing(&case, Machine::shipped().unwrap(), &params, 2.0).unwrap();
+        let body = Occupancy::of(recompute.grid(), case.grid(), &case.external().unwrap().mask);
+        let dosed = |grid: &Grid, voxels: &Occupancy| {
+            let mut gray = vec![0.0; grid.len()];
+            voxels.voxels().iter().for_each(|v| gray[*v as usize] = 50.0);
+            OnGrid::new(&case, grid).evaluate(&gray).figures(&[])
+        };
+        // On the grid of the plan, and on one that ends with the outline.
+        let image = *case.grid();
+        let cut = Grid { counts: [image.counts[0], image.counts[1], 22], ..image };
+        let cut_body = Occupancy::of(&cut, &image, &case.external().unwrap().mask);
+        for figures in [dosed(recompute.grid(), &body), dosed(&cut, &cut_body)] {
+            let ptv = figures.iter().find(|f| f.name == "PTV").unwrap();
+            assert!((ptv.covered.unwrap() - inside).abs() < 0.02, "{:?} {inside}", ptv.covered);
+            assert_eq!(ptv.d98_gy, 0.0);
+            assert!((ptv.mean_gy - 50.0 * inside).abs() < 1.0, "{}", ptv.mean_gy);
+        }
+    }
+
+    #[test]
+    fn the_isodose_around_another_target_is_no_fault_of_a_target() {
+        let case = block(500.0, &[("PTV_1", [70.0, 0.0, 0.0], 14.0), ("PTV_2", [-70.0, 0.0, 0.0], 14.0)]);
+        assert!(leaving_outline(&case).is_empty());
+        let grid = *case.grid();
+        let dose = |of: &dyn Fn(usize) -> bool| {
+            let gray: Vec<f32> = (0..grid.len()).map(|i| if of(i) { 50.0 } else { 0.0 }).collect();
+            let figures = OnGrid::new(&case, &grid).evaluate(&gray).figures(&[]);
+            ["PTV_1", "PTV_2"]
+                .map(|name| figures.iter().find(|f| f.name == name).unwrap().conformity.unwrap())
+        };
+        let [one, two] = ["PTV_1", "PTV_2"].map(|name| &case.structure(name).unwrap().mask);
+        assert!(dose(&|i| one.contains(i) || two.contains(i)).iter().all(|index| (index - 1.0).abs() < 1e-6));
+        // Dose that spills around one is a fault of that one alone.
+        let spilt = |i: usize| {
+            let [x, y, z] = grid.centre_mm(grid.voxel(i));
+            libm::sqrt((x + 70.0) * (x + 70.0) + y * y + z * z) < 22.0
+        };
+        let [first, second] = dose(&|i| one.contains(i) || spilt(i));
+        assert!((first - 1.0).abs() < 1e-6 && second < 0.5, "{first} {second}");
     }
 
     #[test]

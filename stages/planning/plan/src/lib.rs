@@ -4,6 +4,7 @@
 //! grid positions stay exact. Doses are in gray, angles in degrees where a plan counts them (`_deg`), else in radians.
 //!
 //! - [`beams`]: which angles
+//! - [`check`]: what a person should look at in a plan
 //! - [`dose`]: the dose that beams of photons give
 //! - [`delivery`]: the dose that a moving patient got
 //! - [`distance`]: how far voxels are from a set of voxels
@@ -26,6 +27,7 @@
 #![warn(missing_docs)]
 
 pub mod beams;
+pub mod check;
 pub mod delivery;
 pub mod distance;
 pub mod dose;

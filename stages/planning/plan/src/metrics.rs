@@ -71,6 +71,20 @@ impl Dvh {
         Ok(Self { dose: voxels.into_iter().map(|(dose, _)| dose).collect(), below })
     }
 
+    /// The same with a volume more that has no dose.
+    #[must_use]
+    pub fn with_undosed(mut self, volume: f64) -> Self {
+        // Doses between voxels are linear in volume, so both ends of this volume are voxels of no dose, too.
+        const END: f64 = 1e-6;
+        let place = self.dose.partition_point(|dose| *dose < 0.0);
+        let before = self.below[place];
+        self.below[place + 1..].iter_mut().for_each(|below| *below += volume);
+        self.dose.splice(place..place, [0.0; 3]);
+        let ends = [END, 1.0 - END, 1.0].map(|part| before + part * volume);
+        self.below.splice(place + 1..place + 1, ends);
+        self
+    }
+
     /// Volume below the middle of a voxel.
     fn middle(&self, voxel: usize) -> f64 {
         0.5 * (self.below[voxel] + self.below[voxel + 1])
@@ -186,6 +200,14 @@ mod tests {
         assert_eq!((dvh.min(), dvh.max(), dvh.mean()), (1.0, 4.0, 2.5));
         assert_eq!([0.0, 1.0, 2.5, 4.0, 4.1].map(|d| dvh.volume_at(d)), [1.0, 1.0, 0.5, 0.25, 0.0]);
         assert_eq!([100.0, 50.0, 0.0].map(|p| dvh.dose_at(p)), [1.0, 2.5, 4.0]);
+    }
+
+    #[test]
+    fn a_volume_without_dose_is_the_coldest_part_and_nothing_lies_between() {
+        let dvh = Dvh::weighted(&[40.0, 50.0], &[30.0, 30.0]).unwrap().with_undosed(40.0);
+        assert_eq!((dvh.volume(), dvh.min(), dvh.max(), dvh.mean()), (100.0, 0.0, 50.0, 27.0));
+        assert_eq!([98.0, 95.0, 61.0].map(|percent| dvh.dose_at(percent)), [0.0; 3]);
+        assert_eq!((dvh.volume_at(1.0), dvh.volume_at(0.0)), (0.6, 1.0));
     }
 
     #[test]

@@ -103,6 +103,12 @@ impl Occupancy {
         all
     }
 
+    /// Volume of what the grid meets of it, cm3.
+    pub fn volume_cm3(&self, grid: &Grid) -> f64 {
+        let border: f64 = self.border.iter().map(|border| border.part).sum();
+        (self.whole.len() as f64 + border) * grid.voxel_cm3()
+    }
+
     /// Whether the grid meets nothing of it.
     pub fn is_empty(&self) -> bool {
         self.whole.is_empty() && self.border.is_empty()

@@ -9,7 +9,7 @@ use crate::dose::{DoseEngine, DoseError, DoseParams, Machine};
 use crate::occupancy::Occupancy;
 use crate::threads::on_threads;
 use stillpoint_patient::Grid;
-use stillpoint_patient::case::Case;
+use stillpoint_patient::case::{Case, Role, Structure};
 use stillpoint_patient::couch::Motion;
 
 /// Coarsest spacing of the grid, mm.
@@ -80,7 +80,16 @@ impl Recompute {
         spacing_mm: f64,
     ) -> Result<Self, DoseError> {
         let external = &case.external().ok_or(DoseError::NoOutline)?.mask;
-        let grid = around(case.grid(), external, spacing_mm).ok_or(DoseError::NoPatient)?;
+        if external.is_empty() {
+            return Err(DoseError::NoPatient);
+        }
+        // Structures that leave the outline are judged over all of their voxels.
+        let judged = |s: &&Structure| !matches!(s.role, Role::External | Role::Other);
+        let mut all = external.clone();
+        for structure in case.structures().iter().filter(judged) {
+            structure.mask.indices().for_each(|voxel| all.insert(voxel));
+        }
+        let grid = around(case.grid(), &all, spacing_mm).ok_or(DoseError::NoPatient)?;
         let engine = DoseEngine::of_case(case, machine, DoseParams { grid, ..*params })?;
         // At the border of the patient too, so that there is a dose between there and the first voxel inside.
         let touched = Occupancy::of(&grid, case.grid(), external).voxels();
@@ -125,6 +134,14 @@ impl Recompute {
             let bixels_mm = beam.bixels_mm.unwrap_or_default();
             self.engine.moved_bixels(beam.gantry_deg, bixels_mm, beam.weights, motion)
         })
+    }
+
+    /// Part of each of these bixels (centres in mm) whose rays do not cross the patient as he was planned.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn parts_outside(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<Vec<f64>, DoseError> {
+        self.engine.parts_outside(gantry_deg, bixels_mm)
     }
 
     fn sum(

@@ -90,7 +90,8 @@ fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     let grid = "\"shape_xyz\": [3, 2, 2], \"spacing_mm\": [2, 2, 2], \"origin_mm\": [0, 0, 0]";
     let json = format!(
         "{{\"name\": \"tiny\", \"units\": \"mm\", \"axes\": \"LPS\", {grid}, \"ct\": \"ct.nrrd\", \"labels\": \"labels.nrrd\", \
-         \"structures\": [{{\"name\": \"Target\", \"bit\": 0, \"type\": \"TARGET\"}}]}}"
+         \"structures\": [{{\"name\": \"Target\", \"bit\": 0, \"type\": \"TARGET\"}}, \
+         {{\"name\": \"Body\", \"bit\": 1, \"type\": \"EXTERNAL\"}}]}}"
     );
     let volume = |kind: &str, value: u8| {
         let header = format!(
@@ -101,7 +102,7 @@ fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     };
     std::fs::write(folder.path().join("tiny.json"), json).unwrap();
     std::fs::write(folder.path().join("ct.nrrd"), volume("int16", 40)).unwrap();
-    std::fs::write(folder.path().join("labels.nrrd"), volume("uint16", 1)).unwrap();
+    std::fs::write(folder.path().join("labels.nrrd"), volume("uint16", 3)).unwrap();
     std::fs::write(
         folder.path().join("names.json"),
         r#"{"structures": [{"name": "PTV", "match": ["target"]}]}"#,
@@ -119,7 +120,7 @@ fn a_case_is_imported_from_nrrd_and_faults_say_what_to_do() {
     assert!(said.contains("note: \"Target\" is called \"PTV\"") && said.contains("targets PTV"), "{said}");
     let (code, said) = run(&["--fractions", "30"]);
     assert!(code == Some(2) && said.contains("--fractions is for DICOM: change it in tiny.json"), "{said}");
-    let whole = volume("uint16", 1);
+    let whole = volume("uint16", 3);
     std::fs::write(folder.path().join("labels.nrrd"), &whole[..whole.len() - 20]).unwrap();
     let (code, said) = run(&[]);
     assert!(

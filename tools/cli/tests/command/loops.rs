@@ -89,7 +89,7 @@ fn what_was_refused_stands_at_the_end_of_a_run_and_in_the_report() {
     std::fs::create_dir_all(folder.path().join("examples/data")).unwrap();
     std::fs::copy(root().join("examples/data/rig.key"), folder.path().join("examples/data/rig.key")).unwrap();
     let file = folder.path().join("pipeline.yaml");
-    let script = "{ at: 1.5 s, say: arm, repeat: 500 ms }, { at: 2.2 s, say: target, values: [0.5, 0, 0] }]";
+    let script = "{ at: 1.5 s, say: arm }, { at: 2.2 s, say: target, values: [0.5, 0, 0] }]";
     let whole = std::fs::read_to_string(root().join("pipeline.yaml")).unwrap();
     std::fs::write(&file, whole.replacen("{ at: 1.5 s, say: arm, repeat: 500 ms }]", script, 1)).unwrap();
     let small =

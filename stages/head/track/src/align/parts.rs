@@ -174,7 +174,7 @@ pub fn agreement(
 }
 
 /// The solid angle under which the inside of a surface is seen from the origin of the cloud, over the area of a patch, sr/m2:
-/// of the patches that follow the skull, in groups that were `hit`. An arm hides whole groups, the holes of a mask do not.
+/// where a table of movements lies on it, of the patches that follow the skull, in groups that were `hit`. An arm hides whole groups, the holes of a mask do not.
 fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>, hit: &[bool]) -> f64 {
     let of = |patch: &Patch| {
         let sight = patch.position - surface_from_cloud.translation.vector;
@@ -182,8 +182,9 @@ fn solid_angle(surface: &Surface, surface_from_cloud: &Isometry3<f64>, hit: &[bo
         if cosine < COSINE_LEAST { 0.0 } else { cosine / sight.norm_squared() }
     };
     let patches = surface.patches().iter().enumerate();
-    let is_judged =
-        |number: &usize| surface.is_rigid(*number) && hit.get(surface.group(*number)) == Some(&true);
+    let is_judged = |number: &usize| {
+        !surface.has_face() || (surface.is_rigid(*number) && hit.get(surface.group(*number)) == Some(&true))
+    };
     patches
         .filter(|(number, patch)| patch.place == Place::Inside && is_judged(number))
         .map(|(_, patch)| of(patch))

@@ -198,6 +198,8 @@ pub struct Pieces {
     pub(super) hits: Vec<bool>,
     mixture: Mixture,
     mimic: Mimic,
+    /// A table of movements lies on the surface: limits follow the scatter of each piece.
+    has_face: bool,
     length: f64,
     /// Where the first frame lay on the surface.
     first: Option<Isometry3<f64>>,
@@ -243,6 +245,7 @@ impl Pieces {
             hits: Vec::new(),
             mixture: Mixture::of(surface.patches().len()),
             mimic: Mimic::of(surface),
+            has_face: surface.has_face(),
             length: surface.length(),
             first: None,
             is_open: true,
@@ -285,7 +288,7 @@ impl Pieces {
         surface_from_cloud: &Isometry3<f64>,
     ) -> Moves {
         let face = self.mimic.end(noise, time);
-        let Self { sums, cells, pieces, mixture, length, first, is_open, .. } = self;
+        let Self { sums, cells, pieces, mixture, length, first, is_open, has_face, .. } = self;
         for (cell, (sums, points)) in cells.iter_mut().zip(sums.iter()) {
             *cell = Part { information: sums.information(), right: sums.right, points: *points };
         }
@@ -331,7 +334,9 @@ impl Pieces {
                 movements.iter().zip([ONCE, LASTING]).enumerate()
             {
                 let size = (movement.dot(&(along * movement)).max(0.0) / points).sqrt();
-                let limit = (times * feigned).max(scatters * piece.jitter.sd()).max(least).min(greatest);
+                let scatter = if *has_face { scatters * piece.jitter.sd() } else { 0.0 };
+                let greatest = if *has_face { greatest } else { f64::INFINITY };
+                let limit = (times * feigned).max(scatter).max(least).min(greatest);
                 let part = size / limit;
                 if piece.is_face {
                     skin = skin.max(part);

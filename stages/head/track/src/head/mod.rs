@@ -9,4 +9,4 @@ mod params;
 mod report;
 
 pub use operator::TrackHead;
-pub use params::{CaptureBy, HeadParams, Method, Origin, Reference, ReferenceParams};
+pub use params::{CaptureBy, HeadParams, Method, Origin, Reference, ReferenceParams, SoftTissue};

@@ -9,7 +9,9 @@ use stillpoint_samples::{
     PoseStatus, Proof, Rejection, Sample, Verb,
 };
 
-use super::params::{CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams};
+use super::params::{
+    CaptureBy, Confirm, Directions, HeadParams, Method, Origin, Reference, ReferenceParams, SoftTissue,
+};
 use super::report;
 use crate::capture::{Asking, Capture, CaptureError, Offer};
 use crate::identity::{ENOUGH, Frame, Identity, Needed};
@@ -173,7 +175,9 @@ impl Operator for TrackHead {
         };
         let mut tracker = HeadTracker::new(params.tracking());
         let face_frame = setup.input_frames.get(FACE).and_then(Option::as_deref);
-        if let Some(couch_from_face) = face_frame.and_then(|frame| setup.transform(COUCH, frame)) {
+        if params.soft_tissue == SoftTissue::Weighted
+            && let Some(couch_from_face) = face_frame.and_then(|frame| setup.transform(COUCH, frame))
+        {
             tracker.lies_on(stillpoint_pose::of_frame(&couch_from_face).rotation);
         }
         let mut capture = Capture::new(

@@ -44,6 +44,16 @@ pub enum Directions {
     Any,
 }
 
+/// What is done about skin that moves by itself: neck, jaw, cheeks, brows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
+pub enum SoftTissue {
+    /// Nothing: all of the face counts alike, and a neck that bends or a smile is doubted.
+    Ignored,
+    /// The neck is left out, and a fixed table of how far each part of a face moves weighs the points. Where no nose or no
+    /// axes of the couch are found, it is as if ignored.
+    Weighted,
+}
+
 /// Which point of the head is its origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Origin {
@@ -140,6 +150,9 @@ pub struct HeadParams {
     /// the capture.
     #[param(default = "centroid")]
     pub origin: Origin,
+    /// Skin that moves by itself. `weighted` is an experiment: the campaign of identity was not run with it.
+    #[param(default = "ignored")]
+    pub soft_tissue: SoftTissue,
     /// Place of the point of the head whose pose is sent, from the isocentre of a known surface, else from `origin`, along
     /// the axes of the head. Targets, controllers and the gate judge this point.
     #[param(unit = "m", default = "[0 mm, 0 mm, 0 mm]", min = "-300 mm", max = "300 mm")]

@@ -76,7 +76,7 @@ operators:
     use: track.head
     inputs: {{ face: face.face, rejection: face.rejection, command: console.capture, confirm: console.confirm }}
     frame: couch
-    params: {{ capture: command }}
+    params: {{ capture: command, soft_tissue: weighted }}
 ",
         camera.pitch,
         camera.roll,

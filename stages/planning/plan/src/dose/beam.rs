@@ -11,6 +11,7 @@ use super::error::DoseError;
 use super::frame::BeamFrame;
 use super::kernel::BixelKernel;
 use super::machine::COMPONENTS;
+use super::outline::Pencil;
 use crate::Csc;
 use stillpoint_patient::couch::Motion;
 
@@ -50,7 +51,12 @@ impl Aim {
         let (params, machine) = (&engine.params, &engine.machine);
         let (width_mm, sad_mm) = (params.bixels.width_mm, machine.file().sad_mm);
         let planned = BeamFrame::new(gantry_deg, engine.position, engine.isocentre_mm, sad_mm);
-        let bixels_mm = bixels::positions(&planned, &engine.target_mm, width_mm, engine.image_spacing_mm);
+        let spec = &params.bixels;
+        let bixels_mm =
+            bixels::positions(&planned, &engine.target_mm, spec, engine.image_spacing_mm, &engine.outline);
+        if bixels_mm.is_empty() {
+            return Err(DoseError::NoBixel { gantry_deg });
+        }
         if bixels_mm.len() > MOST_BIXELS {
             return Err(DoseError::Bixels { gantry_deg, found: bixels_mm.len(), most: MOST_BIXELS });
         }
@@ -80,6 +86,14 @@ impl Aim {
         self.kernel.phase_mm() + f64::from(self.offset_mm)
     }
 
+    /// What a pencil is to the patient as he lies now.
+    pub fn pencil(&self, engine: &DoseEngine, bixel_mm: [f64; 2]) -> Pencil {
+        let (params, offset_mm) = (&engine.params, f64::from(self.offset_mm));
+        let centre_mm = bixel_mm.map(|mm| mm + offset_mm);
+        let patient = (&params.grid, engine.density.as_slice());
+        engine.outline.pencil(&self.frame, centre_mm, params.bixels.width_mm, patient, &engine.machine)
+    }
+
     /// Fluence of a bixel of weight 1.
     pub fn fluence(&self, engine: &DoseEngine, bixel_mm: [f64; 2]) -> f32 {
         match engine.params.fluence {
@@ -94,6 +108,7 @@ impl Aim {
 pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfluence, DoseError> {
     let aim = Aim::new(engine, gantry_deg)?;
     let voxels = Voxels::near(engine, &aim.frame, &aim.bixels_mm);
+    let depth_dose = &voxels.depth_dose;
     let mut starts = Vec::with_capacity(aim.bixels_mm.len() + 1);
     starts.push(0);
     let (mut row, mut value) = (Vec::new(), Vec::new());
@@ -101,16 +116,25 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
     for &bixel in &aim.bixels_mm {
         let fluence = aim.fluence(engine, bixel);
         let axis = BixelAxis::new(bixel, aim.frame.sad_mm());
-        voxels.each_beside(&axis, cutoff2, |place, beside| {
+        let mut put = |place: usize, beside: [f32; 2], depth_dose: &[f32; 4]| {
             let lateral = aim.lateral(beside);
-            let depth_dose = &voxels.depth_dose[place];
             let dose = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum::<f32>() * fluence;
             // A kernel's far tail may be negative; no dose is.
             if dose > 0.0 {
                 row.push(voxels.row[place]);
                 value.push(dose);
             }
-        });
+        };
+        match aim.pencil(engine, bixel) {
+            Pencil::Outside => {}
+            Pencil::Inside => {
+                voxels.each_beside(&axis, cutoff2, |place, beside| put(place, beside, &depth_dose[place]))
+            }
+            Pencil::Edge(carried) => voxels.each_beside(&axis, cutoff2, |place, beside| {
+                let [y_mm, inverse_square] = voxels.along[place];
+                put(place, beside, &carried.holding(&depth_dose[place], y_mm, inverse_square));
+            }),
+        }
         starts.push(row.len() as u64);
     }
     let dose = Csc::new(engine.rows(), starts, row, value)
@@ -122,26 +146,33 @@ pub(super) fn influence(engine: &DoseEngine, gantry_deg: f64) -> Result<BeamInfl
 pub(super) fn depth_doses(engine: &DoseEngine, frame: &BeamFrame, lit: &[LitVoxel]) -> Vec<[f32; 4]> {
     let depths = depths_mm(&engine.params.grid, &engine.density, frame, lit);
     let of = |(voxel, depth_mm): (&LitVoxel, f64)| {
-        let [x, y, z] = voxel.beam_mm;
-        let inverse_square = frame.sad_mm() * frame.sad_mm() / (x * x + y * y + z * z);
+        let inverse_square = inverse_square(frame, voxel.beam_mm);
         let [a, b, c] = engine.machine.depth_dose(depth_mm).map(|dose| (dose * inverse_square) as f32);
         [a, b, c, 0.0]
     };
     lit.iter().zip(depths).map(of).collect()
 }
 
+/// The inverse square of the distance from the source, 1 at the isocentre.
+pub(super) fn inverse_square(frame: &BeamFrame, [x, y, z]: [f64; 3]) -> f64 {
+    frame.sad_mm() * frame.sad_mm() / (x * x + y * y + z * z)
+}
+
 /// The voxels that some bixel may reach, rising.
-struct Voxels {
-    row: Vec<u32>,
+pub(super) struct Voxels {
+    pub row: Vec<u32>,
     /// Where the line from the source meets the isocentre plane, mm.
     x_mm: Vec<f32>,
     z_mm: Vec<f32>,
     /// Depth dose of the components, with the inverse square of the distance from the source.
-    depth_dose: Vec<[f32; 4]>,
+    pub depth_dose: Vec<[f32; 4]>,
+    /// Place along the beam's axis, mm, and the inverse square.
+    pub along: Vec<[f32; 2]>,
 }
 
 impl Voxels {
-    fn near(engine: &DoseEngine, frame: &BeamFrame, bixels_mm: &[[f64; 2]]) -> Self {
+    /// Those within the cutoff of one of these bixels.
+    pub fn near(engine: &DoseEngine, frame: &BeamFrame, bixels_mm: &[[f64; 2]]) -> Self {
         let grid = &engine.params.grid;
         let reach2 = libm::pow(engine.params.cutoff_mm * OBLIQUE, 2.0);
         let near =
@@ -162,12 +193,16 @@ impl Voxels {
             row: lit.iter().map(|voxel| engine.row_of(voxel.row)).collect(),
             x_mm: on_plane(0),
             z_mm: on_plane(1),
+            along: lit
+                .iter()
+                .map(|v| [v.beam_mm[1], inverse_square(frame, v.beam_mm)].map(|n| n as f32))
+                .collect(),
         }
     }
 
     /// The voxels whose distance beside an axis is within the cutoff, and where they lie beside it.
     #[inline]
-    fn each_beside(&self, axis: &BixelAxis, cutoff2: f32, mut visit: impl FnMut(usize, [f32; 2])) {
+    pub fn each_beside(&self, axis: &BixelAxis, cutoff2: f32, mut visit: impl FnMut(usize, [f32; 2])) {
         const BLOCK: usize = 128;
         let mut beside = [[0.0; 2]; BLOCK];
         for (block, (x, z)) in self.x_mm.chunks(BLOCK).zip(self.z_mm.chunks(BLOCK)).enumerate() {
@@ -217,4 +252,98 @@ impl BixelAxis {
 
 fn square([x, z]: [f64; 2]) -> f64 {
     x * x + z * z
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dose::outline::Outline;
+    use crate::dose::{BixelSpec, DoseParams, Machine};
+    use stillpoint_patient::case::{Case, Mask, neck};
+
+    fn engine(case: &Case, inside_mm: f64) -> DoseEngine {
+        let bixels = BixelSpec { inside_mm, ..BixelSpec::of_width(10.0) };
+        let params = DoseParams { bixels, ..DoseParams::over(case.grid(), 8.0) };
+        DoseEngine::of_case(case, Machine::shipped().unwrap(), params).unwrap()
+    }
+
+    /// The same patient for whom every ray through the image is one through the patient.
+    fn without_outline(case: &Case, engine: &DoseEngine) -> DoseEngine {
+        let all = Mask::from_fn(case.grid().len(), |_| true);
+        DoseEngine { outline: Outline::new(case.grid(), &all).unwrap(), ..engine.clone() }
+    }
+
+    /// Whether a ray comes into the patient, by a walk along it in small steps.
+    fn meets(case: &Case, gantry_deg: f64, [x, z]: [f64; 2]) -> bool {
+        let frame = BeamFrame::new(gantry_deg, case.position(), case.isocentre_mm(), 1000.0);
+        let grid = case.grid();
+        (0..3000).any(|step| {
+            let y = 700.0 + 0.2 * f64::from(step);
+            let place = frame.patient_from_beam([x * y / 1000.0, y, z * y / 1000.0]);
+            let voxel: [f64; 3] = std::array::from_fn(|axis| {
+                libm::round((place[axis] - grid.origin_mm[axis]) / grid.spacing_mm[axis])
+            });
+            let is_on_grid = (0..3).all(|axis| (0.0..grid.counts[axis] as f64).contains(&voxel[axis]));
+            is_on_grid && case.external().unwrap().mask.contains(grid.index(voxel.map(|at| at as usize)))
+        })
+    }
+
+    #[test]
+    fn no_bixel_of_a_neck_passes_beside_the_patient_unless_flash_is_asked_for() {
+        let case = neck(0).unwrap();
+        let [held, flash] = [0.0, -10.0].map(|inside_mm| engine(&case, inside_mm));
+        let all = without_outline(&case, &held);
+        let mut left_out = 0;
+        for gantry_deg in [0.0, 72.0, 144.0, 216.0, 288.0] {
+            let of = |engine: &DoseEngine| Aim::new(engine, gantry_deg).unwrap().bixels_mm;
+            let (held, flash, all) = (of(&held), of(&flash), of(&all));
+            assert!(held.iter().all(|bixel| meets(&case, gantry_deg, *bixel)), "{gantry_deg}");
+            assert!(held.iter().all(|bixel| flash.contains(bixel)) && flash.len() >= held.len());
+            assert!(flash.iter().all(|bixel| all.contains(bixel)));
+            left_out += all.len() - held.len();
+            if gantry_deg == 0.0 {
+                // It carried 174 times the median weight of its beam.
+                assert!(all.contains(&[70.0, 0.0]) && !held.contains(&[70.0, 0.0]));
+            }
+        }
+        assert!(left_out > 20, "{left_out}");
+    }
+
+    #[test]
+    fn pencils_within_the_patient_keep_their_bits_and_those_at_the_edge_give_less() {
+        let case = neck(0).unwrap();
+        let real = engine(&case, 0.0);
+        let beam = real.beam(72.0).unwrap();
+        let aim = Aim::new(&real, 72.0).unwrap();
+        let whole = without_outline(&case, &real).beam(72.0).unwrap();
+        let (mut inside, mut edge) = (0, 0);
+        for (at, bixel) in beam.bixels_mm.iter().enumerate() {
+            let place = whole.bixels_mm.iter().position(|other| other == bixel).unwrap();
+            let (now, before) = (beam.dose.view().column(at), whole.dose.view().column(place));
+            match aim.pencil(&real, *bixel) {
+                Pencil::Inside => {
+                    inside += 1;
+                    assert_eq!(now, before, "{bixel:?}");
+                }
+                Pencil::Edge(_) => {
+                    edge += 1;
+                    assert!(now.1.iter().sum::<f32>() < before.1.iter().sum::<f32>(), "{bixel:?}");
+                }
+                Pencil::Outside => panic!("{bixel:?} is beside the patient"),
+            }
+        }
+        assert!(inside > 50 && edge > 5, "{inside} {edge}");
+    }
+
+    #[test]
+    fn a_pencil_whose_ray_is_in_air_gives_nothing_and_moves_into_the_patient_with_a_shift() {
+        let case = neck(0).unwrap();
+        let engine = engine(&case, 0.0);
+        let sum = |engine: &DoseEngine, x: f64| {
+            engine.weighted_bixels(0.0, &[[x, 0.0]], &[1.0]).unwrap().iter().sum::<f32>()
+        };
+        let edge = (0..30).map(|step| 5.0 * f64::from(step)).find(|x| !meets(&case, 0.0, [*x, 0.0])).unwrap();
+        assert_eq!(sum(&engine, edge + 5.0), 0.0);
+        assert!(sum(&engine.shifted([20.0, 0.0, 0.0]).unwrap(), edge + 5.0) > 0.0);
+    }
 }

@@ -1,6 +1,7 @@
 //! Where the bixels of a beam stand.
 
 use super::frame::BeamFrame;
+use super::outline::Outline;
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Mask;
 
@@ -13,12 +14,15 @@ pub struct BixelSpec {
     pub margin_mm: f64,
     /// Where a bixel's fluence lies around its position.
     pub centre: BixelCentre,
+    /// How far within the edge of the patient, as the source sees him, the rays of a bixel run at least, mm on the isocentre
+    /// plane. Negative: how far beside that edge they may run (flash).
+    pub inside_mm: f64,
 }
 
 impl BixelSpec {
-    /// Bixels of this width with a margin of as much.
+    /// Bixels of this width with a margin of as much, whose rays all cross the patient.
     pub fn of_width(width_mm: f64) -> Self {
-        Self { width_mm, margin_mm: width_mm, centre: BixelCentre::Centred }
+        Self { width_mm, margin_mm: width_mm, centre: BixelCentre::Centred, inside_mm: 0.0 }
     }
 }
 
@@ -64,15 +68,18 @@ pub(crate) fn with_margin(grid: &Grid, target: &Mask, margin_mm: f64) -> Vec<[f6
     (0..grown.len()).filter(|&voxel| grown[voxel]).map(|voxel| grid.centre_mm(grid.voxel(voxel))).collect()
 }
 
-/// Bixel centres on the isocentre plane of a beam, x and z in mm, by x and then z: all those that a point projects on.
+/// Bixel centres on the isocentre plane of a beam, x and z in mm, by x and then z: all those that a point projects on and
+/// whose rays cross the patient.
 ///
 /// Where bixels are narrower than the voxels (`voxel_mm`), the neighbours between the points are filled in.
 pub(crate) fn positions(
     frame: &BeamFrame,
     points_mm: &[[f64; 3]],
-    width_mm: f64,
+    spec: &BixelSpec,
     voxel_mm: f64,
+    outline: &Outline,
 ) -> Vec<[f64; 2]> {
+    let width_mm = spec.width_mm;
     let mut steps: Vec<[i64; 2]> = points_mm
         .iter()
         .map(|&point| {
@@ -92,5 +99,6 @@ pub(crate) fn positions(
         steps.sort_unstable();
         steps.dedup();
     }
-    steps.into_iter().map(|step| step.map(|s| s as f64 * width_mm)).collect()
+    let places = steps.into_iter().map(|step| step.map(|s| s as f64 * width_mm));
+    places.filter(|place| outline.holds(frame, *place, width_mm, spec.inside_mm)).collect()
 }

@@ -198,7 +198,7 @@ impl DoseEngine {
 }
 
 /// Raised with every change that gives other doses for the same inputs.
-const METHOD: &[u8] = b"stillpoint pencil beam 1";
+const METHOD: &[u8] = b"stillpoint pencil beam 2";
 
 /// Hash of everything that an engine's doses depend on.
 fn engine_key(engine: &DoseEngine) -> Key {
@@ -211,6 +211,7 @@ fn engine_key(engine: &DoseEngine) -> Key {
         density,
         voxels,
         target_mm,
+        outline,
         image_spacing_mm,
         samples,
         shift_mm,
@@ -232,6 +233,8 @@ fn engine_key(engine: &DoseEngine) -> Key {
     part(zerocopy::IntoBytes::as_bytes(density.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(voxels.as_slice()));
     part(zerocopy::IntoBytes::as_bytes(target_mm.as_slice()));
+    part(format!("{:?}", outline.grid).as_bytes());
+    part(&outline.inside.to_bytes());
     // Doses to all voxels keep the names that they had before there were samples.
     if let Some(samples) = samples {
         part(zerocopy::IntoBytes::as_bytes(samples.as_slice()));

@@ -2,14 +2,16 @@
 //!
 //! The lateral dose depends only on where a voxel is seen on the isocentre plane. It is summed over the bixels once, on a
 //! lattice of that plane, and each voxel takes the three components there times its own depth doses. So a fine grid costs
-//! little: the same model as [`DoseEngine::beam`], at the price of one bixel for all.
+//! little: the same model as [`DoseEngine::beam`], at the price of one bixel for all. Pencils at the edge of the patient have
+//! depth doses of their own ([`super::outline`]), so each of them is added by itself.
 
-use super::beam::{Aim, BixelAxis, OBLIQUE, depth_doses};
+use super::beam::{Aim, BixelAxis, OBLIQUE, Voxels, depth_doses};
 use super::depth::LitVoxel;
 use super::engine::DoseEngine;
 use super::error::DoseError;
 use super::kernel::STEP_MM;
 use super::machine::COMPONENTS;
+use super::outline::{Carried, Pencil};
 use stillpoint_patient::couch::Motion;
 
 impl DoseEngine {
@@ -56,7 +58,24 @@ impl DoseEngine {
             return Err(DoseError::Weights { gantry_deg, expected, found });
         }
         let mut dose = vec![0.0; self.rows()];
-        let Some(plane) = Plane::new(self, &aim, weights) else { return Ok(dose) };
+        let (mut inside, mut edge) = (Vec::new(), Vec::new());
+        for (bixel_mm, weight) in aim.bixels_mm.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+            let fluence = *weight as f32 * aim.fluence(self, *bixel_mm);
+            match aim.pencil(self, *bixel_mm) {
+                Pencil::Inside => inside.push((*bixel_mm, fluence)),
+                Pencil::Edge(carried) => edge.push((*bixel_mm, fluence, carried)),
+                Pencil::Outside => {}
+            }
+        }
+        self.add_inside(&aim, &inside, &mut dose);
+        self.add_edge(&aim, &edge, &mut dose);
+        dose.iter_mut().for_each(|dose| *dose = dose.max(0.0));
+        Ok(dose)
+    }
+
+    /// Adds the dose of pencils of which the kernel is all that there is to say.
+    fn add_inside(&self, aim: &Aim, bixels: &[([f64; 2], f32)], dose: &mut [f32]) {
+        let Some(plane) = Plane::new(self, aim, bixels) else { return };
         let grid = &self.params.grid;
         let mut lateral = Vec::new();
         let lit = self.voxels.iter().filter_map(|&row| {
@@ -68,9 +87,28 @@ impl DoseEngine {
         let depth_dose = depth_doses(self, &aim.frame, &lit);
         for ((voxel, lateral), depth_dose) in lit.iter().zip(&lateral).zip(&depth_dose) {
             let sum: f32 = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum();
-            dose[self.row_of(voxel.row) as usize] = sum.max(0.0);
+            dose[self.row_of(voxel.row) as usize] = sum;
         }
-        Ok(dose)
+    }
+
+    /// Adds the dose of pencils at the edge of the patient, one by one.
+    fn add_edge(&self, aim: &Aim, bixels: &[([f64; 2], f32, Carried)], dose: &mut [f32]) {
+        if bixels.is_empty() {
+            return;
+        }
+        let places: Vec<[f64; 2]> = bixels.iter().map(|(place, ..)| *place).collect();
+        let voxels = Voxels::near(self, &aim.frame, &places);
+        let cutoff2 = (self.params.cutoff_mm * self.params.cutoff_mm) as f32;
+        for (place, fluence, carried) in bixels {
+            let axis = BixelAxis::new(*place, aim.frame.sad_mm());
+            voxels.each_beside(&axis, cutoff2, |voxel, beside| {
+                let [y_mm, inverse_square] = voxels.along[voxel];
+                let depth_dose = carried.holding(&voxels.depth_dose[voxel], y_mm, inverse_square);
+                let lateral = aim.lateral(beside);
+                let sum: f32 = (0..COMPONENTS).map(|c| lateral[c] * depth_dose[c]).sum();
+                dose[voxels.row[voxel] as usize] += fluence * sum;
+            });
+        }
     }
 }
 
@@ -84,15 +122,14 @@ struct Plane {
 }
 
 impl Plane {
-    /// `None` where no bixel has a weight.
-    fn new(engine: &DoseEngine, aim: &Aim, weights: &[f64]) -> Option<Self> {
-        let lit = || aim.bixels_mm.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-        lit().next()?;
+    /// Of bixels with their fluences; `None` where there are none.
+    fn new(engine: &DoseEngine, aim: &Aim, bixels: &[([f64; 2], f32)]) -> Option<Self> {
+        bixels.first()?;
         let reach_mm = engine.params.cutoff_mm * OBLIQUE;
         // Upon the samples of the kernels, so that hardly anything is interpolated twice.
         let phase_mm = aim.phase_mm();
         let ends = |axis: usize| {
-            let places = || lit().map(|(bixel, _)| bixel[axis]);
+            let places = || bixels.iter().map(|(bixel, _)| bixel[axis]);
             let low = ((places().fold(f64::INFINITY, f64::min) - reach_mm - phase_mm) / STEP_MM).floor();
             let high = ((places().fold(f64::NEG_INFINITY, f64::max) + reach_mm - phase_mm) / STEP_MM).ceil();
             (low * STEP_MM + phase_mm, (high - low) as usize + 1)
@@ -100,8 +137,8 @@ impl Plane {
         let [(x, across), (z, along)] = [ends(0), ends(1)];
         let mut plane =
             Self { places: vec![[0.0; 4]; across * along], counts: [across, along], first_mm: [x, z] };
-        for (bixel, weight) in lit() {
-            plane.add(engine, aim, *bixel, *weight as f32 * aim.fluence(engine, *bixel), reach_mm);
+        for (bixel, fluence) in bixels {
+            plane.add(engine, aim, *bixel, *fluence, reach_mm);
         }
         Some(plane)
     }

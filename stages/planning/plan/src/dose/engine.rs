@@ -7,6 +7,7 @@ use super::depth::corners;
 use super::error::DoseError;
 use super::frame::BeamFrame;
 use super::machine::Machine;
+use super::outline::Outline;
 use crate::threads::on_threads;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
@@ -76,6 +77,8 @@ pub struct DoseEngine {
     pub(super) voxels: Vec<u32>,
     /// The target with its margin, as points of the patient frame, mm.
     pub(super) target_mm: Vec<[f64; 3]>,
+    /// The outline of the patient on the image.
+    pub(super) outline: Outline,
     /// Greatest spacing of the image, mm.
     pub(super) image_spacing_mm: f64,
     /// Where doses are wanted at samples alone: the voxels that are rows of the dose matrices, rising. Else every voxel of
@@ -125,6 +128,7 @@ impl DoseEngine {
         if target_mm.is_empty() {
             return Err(DoseError::NoTarget);
         }
+        let outline = Outline::new(image, anatomy.external).ok_or(DoseError::NoPatient)?;
         let voxels = density::voxels_inside(image, anatomy.external, grid);
         if voxels.is_empty() {
             return Err(DoseError::NoPatient);
@@ -141,6 +145,7 @@ impl DoseEngine {
             density,
             voxels,
             target_mm,
+            outline,
             image_spacing_mm: image.spacing_mm.into_iter().fold(0.0, f64::max),
             isocentre_mm: anatomy.isocentre_mm,
             position: PatientPosition::default(),
@@ -216,6 +221,17 @@ impl DoseEngine {
         in_range("gantry angle", gantry_deg, 0.0..=360.0).map(|()| gantry_deg)
     }
 
+    /// Part of each of these bixels (centres in mm) whose rays do not cross the patient as he was planned.
+    ///
+    /// # Errors
+    /// An angle out of range.
+    pub fn parts_outside(&self, gantry_deg: f64, bixels_mm: &[[f64; 2]]) -> Result<Vec<f64>, DoseError> {
+        let sad_mm = self.machine.file().sad_mm;
+        let frame = BeamFrame::new(self.checked_angle(gantry_deg)?, self.position, self.isocentre_mm, sad_mm);
+        let width_mm = self.params.bixels.width_mm;
+        Ok(bixels_mm.iter().map(|bixel| self.outline.part_outside(&frame, *bixel, width_mm)).collect())
+    }
+
     /// Refuses a patient whom a motion takes near to the source of a beam, or behind it.
     pub(super) fn check_clearance(&self, frame: &BeamFrame) -> Result<(), DoseError> {
         let nearest = |near: f64, corner| near.min(frame.beam_from_patient(corner)[1]);
@@ -262,6 +278,7 @@ pub(super) fn check_numbers(
     check_grid("the dose grid", &params.grid)?;
     check_bixel(params.bixels.width_mm)?;
     in_range("margin of bixels", params.bixels.margin_mm, 0.0..=200.0)?;
+    in_range("margin of bixels within the outline", params.bixels.inside_mm, -50.0..=50.0)?;
     in_range("cutoff", params.cutoff_mm, 5.0..=500.0)?;
     for place in isocentre_mm {
         in_range("place of the isocentre", place, -1e5..=1e5)?;

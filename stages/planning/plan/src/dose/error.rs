@@ -72,6 +72,15 @@ pub enum DoseError {
     /// There is nobody to give dose to.
     #[error("the external contour holds no voxel of the dose grid; check that both are in the same place")]
     NoPatient,
+    /// No ray of a beam crosses both the target and the patient.
+    #[error(
+        "no bixel of the beam at {gantry_deg} degrees meets the patient: the target lies outside of the outline, or at its \
+         edge; check the outline and the target, or allow bixels beside the patient with `--flash`"
+    )]
+    NoBixel {
+        /// Gantry angle.
+        gantry_deg: f64,
+    },
     /// A beam has too many bixels.
     #[error("the beam at {gantry_deg} degrees has {found} bixels; it may have {most}: take wider ones")]
     Bixels {

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::collimator::Collimator;
+use stillpoint_patient::case::Case;
 
 /// A photon beam of a linear accelerator, as the file writes it.
 ///
@@ -153,6 +154,29 @@ impl Machine {
     /// Relative electron density of a Hounsfield unit; the table's ends hold beyond it.
     pub fn density(&self, hounsfield: f64) -> f64 {
         interpolate(&self.0.hu_to_density, hounsfield)
+    }
+
+    /// What of a patient has Hounsfield units beyond the ends of the table, where its ends hold: a sentence each.
+    pub fn beyond_table(&self, case: &Case) -> Vec<String> {
+        let table = &self.0.hu_to_density;
+        let (Some(external), Some([low, least]), Some([high, most])) =
+            (case.external(), table.first(), table.last())
+        else {
+            return Vec::new();
+        };
+        let hu = |voxel: usize| f64::from(case.hu()[voxel]);
+        let said = |is_beyond: &dyn Fn(f64) -> bool, side: &str, end: f64, density: f64| {
+            let beyond = || external.mask.indices().map(hu).filter(|hu| is_beyond(*hu));
+            let farthest = beyond().max_by(|a, b| (a - end).abs().total_cmp(&(b - end).abs()))?;
+            let cm3 = beyond().count() as f64 * case.grid().voxel_cm3();
+            Some(format!(
+                "{cm3:.2} cm3 of the patient have {side} {end} HU (as far as {farthest}), where `hu_to_density` of the machine \
+                 ends: they count with its density of {density}; give a machine file whose table goes on"
+            ))
+        };
+        let above = said(&|hu| hu > *high, "above", *high, *most);
+        let below = said(&|hu| hu < *low, "below", *low, *least);
+        above.into_iter().chain(below).collect()
     }
 
     /// Fluence of the open field at a distance from the axis (mm at the isocentre), relative to the axis.
@@ -306,6 +330,22 @@ mod tests {
             [0.0, 0.5, 1.0, 1.25, 1.5]
         );
         assert_eq!([0.0, 50.0, 400.0].map(|r| machine.primary_fluence(r)), [1.0, 1.05, 1.1]);
+    }
+
+    #[test]
+    fn hounsfield_units_beyond_the_table_are_said_with_their_volume() {
+        let case = stillpoint_patient::case::phantom(0).unwrap();
+        let shipped = Machine::shipped().unwrap();
+        assert_eq!(shipped.beyond_table(&case), Vec::<String>::new());
+        let short = MachineFile { hu_to_density: vec![[-1000.0, 0.0], [-500.0, 0.5]], ..small() };
+        let said = Machine::new(short).unwrap().beyond_table(&case);
+        let above = |hu: f64| {
+            let body = &case.external().unwrap().mask;
+            body.indices().filter(|v| f64::from(case.hu()[*v]) > hu).count() as f64 * case.grid().voxel_cm3()
+        };
+        assert_eq!(said.len(), 1);
+        let text = format!("{:.2} cm3 of the patient have above -500 HU", above(-500.0));
+        assert!(said[0].starts_with(&text) && said[0].contains("density of 0.5"), "{said:?}");
     }
 
     #[test]

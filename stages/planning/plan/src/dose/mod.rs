@@ -11,6 +11,7 @@
 //! - `bixels`: where the bixels of a beam stand
 //! - `kernel`: the lateral dose of a bixel
 //! - `depth`: radiological depth, by `siddon`'s segments of a line
+//! - `outline`: the patient as rays see it, and the pencils at its edge
 //! - `density`: the patient on the dose grid
 //! - `frame`: the beam's frame
 //! - `cache`: doses kept on disk, each in a `file`
@@ -31,6 +32,7 @@ pub(crate) mod frame;
 mod generic;
 mod kernel;
 mod machine;
+mod outline;
 mod portable;
 mod siddon;
 

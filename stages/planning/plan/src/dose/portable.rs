@@ -1,27 +1,31 @@
 //! An engine as bytes, so that another process computes the same doses.
 //!
-//! All numbers are little endian. In this order: `SPENGN01`; the machine file as JSON; the dose grid (three counts, three
+//! All numbers are little endian. In this order: `SPENGN02`; the machine file as JSON; the dose grid (three counts, three
 //! spacings, three places, mm); width, margin and centre of bixels; fluence; cutoff; isocentre; position of the patient
-//! (DICOM term); greatest spacing of the image; shift; then the arrays: density, voxels, points of the target, and samples
-//! where there are some. A text or an array begins with its length, u64.
+//! (DICOM term); greatest spacing of the image; shift; how far bixels run within the outline; then the arrays: density,
+//! voxels, points of the target, samples where there are some, and the outline: its grid like that of the dose, and its
+//! voxels, eight to a byte. A text or an array begins with its length, u64.
+
+use std::sync::Arc;
 
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::bixels::{BixelCentre, BixelSpec};
-use super::engine::{DoseEngine, DoseParams, Fluence, check_numbers};
+use super::engine::{DoseEngine, DoseParams, Fluence, check_grid, check_numbers};
 use super::error::DoseError;
 use super::machine::{Machine, MachineError};
+use super::outline::Outline;
 use stillpoint_patient::Grid;
-use stillpoint_patient::case::PatientPosition;
+use stillpoint_patient::case::{Mask, PatientPosition};
 
-const MAGIC: &[u8; 8] = b"SPENGN01";
+const MAGIC: &[u8; 8] = b"SPENGN02";
 
 /// Why bytes are no engine.
 #[derive(Debug, Error)]
 pub enum PortableError {
     /// They are something else.
-    #[error("these bytes are no dose engine of version 1")]
+    #[error("these bytes are no dose engine of version 2")]
     Magic,
     /// They end too early, or go on behind the end.
     #[error("the bytes of a dose engine end at {end}, but its {part} needs others")]
@@ -57,6 +61,7 @@ impl DoseEngine {
             density,
             voxels,
             target_mm,
+            outline,
             image_spacing_mm,
             samples,
             shift_mm,
@@ -73,6 +78,7 @@ impl DoseEngine {
         numbers.extend(grid.spacing_mm.iter().chain(&grid.origin_mm));
         numbers.extend([bixels.width_mm, bixels.margin_mm, *cutoff_mm, *image_spacing_mm]);
         numbers.extend(isocentre_mm.iter().chain(shift_mm));
+        numbers.push(bixels.inside_mm);
         let kinds = [
             u64::from(bixels.centre == BixelCentre::Offset),
             u64::from(*fluence == Fluence::OpenField),
@@ -88,6 +94,12 @@ impl DoseEngine {
         array(target_mm.as_bytes(), target_mm.len());
         let samples = samples.as_deref().unwrap_or_default();
         array(samples.as_bytes(), samples.len());
+        let counts = outline.grid.counts.map(|count| count as u64);
+        let places = [outline.grid.spacing_mm, outline.grid.origin_mm];
+        let inside = outline.inside.to_bytes();
+        array(counts.as_bytes(), counts.len());
+        array(places.as_bytes(), places.as_flattened().len());
+        array(&inside, inside.len());
         Ok(bytes)
     }
 
@@ -108,7 +120,7 @@ impl DoseEngine {
         let numbers: Vec<f64> = parts.array("numbers")?;
         let position = String::from_utf8(parts.array("position")?).ok();
         let (Ok(counts), Ok([offset, open, sampled]), Ok(numbers)) =
-            (<[u64; 3]>::try_from(counts), <[u64; 3]>::try_from(kinds), <[f64; 16]>::try_from(numbers))
+            (<[u64; 3]>::try_from(counts), <[u64; 3]>::try_from(kinds), <[f64; 17]>::try_from(numbers))
         else {
             return Err(PortableError::Part("number of parameters"));
         };
@@ -125,6 +137,7 @@ impl DoseEngine {
                     width_mm: numbers[6],
                     margin_mm: numbers[7],
                     centre: if offset == 0 { BixelCentre::Centred } else { BixelCentre::Offset },
+                    inside_mm: numbers[16],
                 },
                 fluence: if open == 0 { Fluence::Uniform } else { Fluence::OpenField },
                 cutoff_mm: numbers[8],
@@ -139,6 +152,7 @@ impl DoseEngine {
             voxels: parts.array("voxels")?,
             target_mm: parts.array("target")?,
             samples: Some(parts.array("samples")?).filter(|_| sampled != 0),
+            outline: parts.outline()?,
         };
         if parts.at != bytes.len() {
             return Err(PortableError::Length { end: bytes.len(), part: "end" });
@@ -176,6 +190,23 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
+    /// The outline of the patient.
+    fn outline(&mut self) -> Result<Outline, PortableError> {
+        let fault = PortableError::Part("outline");
+        let counts = <[u64; 3]>::try_from(self.array::<u64>("outline")?);
+        let places = <[f64; 6]>::try_from(self.array::<f64>("outline")?);
+        let bits: Vec<u8> = self.array("outline")?;
+        let (Ok(counts), Ok([x, y, z, from_x, from_y, from_z])) = (counts, places) else { return Err(fault) };
+        let grid = Grid {
+            counts: counts.map(|count| usize::try_from(count).unwrap_or(usize::MAX)),
+            spacing_mm: [x, y, z],
+            origin_mm: [from_x, from_y, from_z],
+        };
+        check_grid("the outline", &grid)?;
+        let inside = Mask::from_bytes(grid.len(), &bits).filter(|mask| !mask.is_empty()).ok_or(fault)?;
+        Ok(Outline { grid, inside: Arc::new(inside) })
+    }
+
     /// The next array. Nothing is made before its bytes are known to be there.
     fn array<T: FromBytes + IntoBytes + Immutable + Copy>(
         &mut self,

@@ -82,7 +82,8 @@ impl PlanSetup {
             PointScheme::Thinned => Sampling::thinned(&case, spec.grid_mm)?,
         };
         let usual = BixelSpec::of_width(spec.bixel_mm);
-        let bixels = BixelSpec { margin_mm: usual.margin_mm + spec.reach_mm, ..usual };
+        let bixels =
+            BixelSpec { margin_mm: usual.margin_mm + spec.reach_mm, inside_mm: spec.inside_mm, ..usual };
         let over = DoseParams::over(case.grid(), spec.grid_mm);
         let params = DoseParams { grid: *sampling.grid(), bixels, ..over };
         let engine = sampling.engine(&DoseEngine::of_case(&case, spec.machine.clone(), params)?);

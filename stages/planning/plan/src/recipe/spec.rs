@@ -35,6 +35,8 @@ pub struct SetupSpec {
     pub robust_by: RobustBy,
     /// The angles that beams may have.
     pub ring: Ring,
+    /// How far within the edge of the patient the rays of bixels run at least, mm; negative: how far beside it they may run.
+    pub inside_mm: f64,
 }
 
 /// Which voxels of the dose grid are points, whose dose is optimised.
@@ -78,6 +80,7 @@ impl SetupSpec {
             errors_mm: Vec::new(),
             robust_by: RobustBy::Mean,
             ring: Ring::new(count, gap)?,
+            inside_mm: 0.0,
         })
     }
 

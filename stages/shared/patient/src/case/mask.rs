@@ -65,14 +65,14 @@ impl Mask {
     }
 
     /// The bits, eight to a byte, least significant first.
-    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+    pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes: Vec<u8> = self.words.iter().flat_map(|w| w.to_le_bytes()).collect();
         bytes.truncate(self.len.div_ceil(8));
         bytes
     }
 
     /// The mask of these bits, if they are as many as `len` needs and none stands beyond it.
-    pub(crate) fn from_bytes(len: usize, bytes: &[u8]) -> Option<Self> {
+    pub fn from_bytes(len: usize, bytes: &[u8]) -> Option<Self> {
         let spare = bytes.len().checked_mul(8)?.checked_sub(len)?;
         let beyond = spare > 0 && *bytes.last()? >> (8 - spare.min(8)) != 0;
         if spare > 7 || beyond {

@@ -79,6 +79,12 @@ pub struct PlanArgs {
     /// Width of a bixel.
     #[arg(long, value_name = "LENGTH", default_value = "10mm")]
     pub(super) bixel: String,
+    /// How far within the edge of the patient, as the source sees him, every ray of a bixel runs at least.
+    #[arg(long, value_name = "LENGTH", default_value = "0mm")]
+    pub(super) body_margin: String,
+    /// Let bixels run beside the patient, up to this length from his edge, for targets at the skin.
+    #[arg(long, value_name = "LENGTH", conflicts_with = "body_margin")]
+    pub(super) flash: Option<String>,
     /// Output folder; the default is `plans/CASE`.
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,

@@ -2,6 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 use stillpoint_plan::dose::DoseCache;
+use stillpoint_plan::evaluation::leaving_outline;
 use stillpoint_plan::recipe::PlanDoses;
 
 use super::pooled::Pooled;
@@ -41,6 +42,12 @@ impl Ground {
         let mut notes = setup.aims.notes.clone();
         let replaced = doses.solved.replaced();
         notes.extend(replaced.map(|fault| format!("a cached dose was computed again: {fault}")));
+        notes.extend(leaving_outline(&setup.case).into_iter().map(|(name, outside_cm3, whole_cm3)| {
+            format!(
+                "{name}: {outside_cm3:.2} of its {whole_cm3:.2} cm3 lie outside of the outline of the patient and get no \
+                 dose; they count in its figures"
+            )
+        }));
         notes.extend(request.caution.clone());
         if setup.case.fractions().is_none() {
             notes.push("the case does not state the number of fractions; the RTPLAN has one".to_owned());

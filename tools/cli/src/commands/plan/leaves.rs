@@ -18,6 +18,8 @@ use stillpoint_plan::recipe::PlanRun;
 pub struct Leaves<'a> {
     /// The segments.
     pub sequenced: Sequenced,
+    /// What passes them.
+    pub fluences: Vec<BeamFluence>,
     /// Their dose, gray.
     pub gray: Vec<f32>,
     /// What it gives the structures.
@@ -61,13 +63,16 @@ impl<'a> Leaves<'a> {
         let sequenced = sequenced.map_err(|e| {
             Failure::failed(format!("leaves: {e}; with --fluence-only the fluence is not sequenced"))
         })?;
-        let gray = dose(request, run, &sequenced, collimator, recompute)?;
+        let fluences = fluences(request, run, &sequenced, collimator);
+        let beams = BeamFluence::weighted(&fluences);
+        let gray = recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)?;
         let given = on_grid.evaluate(&gray);
         Ok(Some(Self {
             figures: given.figures(&ground.volumes_at_gy),
             fall_off: given.fall_off,
             limits: request.protocol.iter().flat_map(|p| p.judge(&request.setup.case, &given)).collect(),
             given,
+            fluences,
             sequenced,
             gray,
             collimator: collimator.clone(),
@@ -138,20 +143,17 @@ impl<'a> Leaves<'a> {
     }
 }
 
-/// Dose of the segments: of all that passes the leaves, also beside the bixels that were optimised.
-fn dose(
+/// What passes the leaves, also beside the bixels that were optimised.
+fn fluences(
     request: &Request,
     run: &PlanRun,
     sequenced: &Sequenced,
     collimator: &Collimator,
-    recompute: &Recompute,
-) -> Result<Vec<f32>, Failure> {
+) -> Vec<BeamFluence> {
     let numbers = run.choice.best.beams.beams().iter();
     let fluence = |(number, beam): (&u16, &Option<LeafBeam>)| {
         let (bixels_mm, weights) = beam.as_ref()?.fluence(collimator, request.setup.spec.bixel_mm);
         Some(BeamFluence { gantry_deg: request.setup.spec.ring.angle_deg(*number), bixels_mm, weights })
     };
-    let fluences: Vec<BeamFluence> = numbers.zip(&sequenced.beams).filter_map(fluence).collect();
-    let beams = BeamFluence::weighted(&fluences);
-    recompute.dose(&beams, [0.0; 3], request.threads).map_err(Failure::failed)
+    numbers.zip(&sequenced.beams).filter_map(fluence).collect()
 }

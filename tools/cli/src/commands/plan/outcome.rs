@@ -3,6 +3,7 @@
 use stillpoint_patient::Grid;
 use stillpoint_patient::case::Structure;
 use stillpoint_plan::beams::{Progress, SHARE_OF_A_SOLVE};
+use stillpoint_plan::check::{Bounds, Check, Checked, Fault, check};
 use stillpoint_plan::evaluation::{Evaluation, FallOff, OnGrid, StructureDose, brought_to};
 use stillpoint_plan::fluence::StructureObjectives;
 use stillpoint_plan::metrics::Dvh;
@@ -13,7 +14,7 @@ use stillpoint_plan::plan_file::{
     PlanFileSearch, PlanFileSetup, PlanFileSolve, WARNING,
 };
 use stillpoint_plan::protocol::Judged;
-use stillpoint_plan::recompute::{Recompute, WeightedBeam};
+use stillpoint_plan::recompute::{BeamFluence, Recompute, WeightedBeam};
 
 use super::charts::{percent_curve, up_to_gy};
 use super::ground::{Ground, bar};
@@ -49,6 +50,8 @@ pub struct Outcome<'a> {
     pub reference_given: Option<Evaluation<'a>>,
     /// Figures of that dose.
     pub reference: Option<Vec<StructureDose>>,
+    /// What a person should look at.
+    pub faults: Vec<Fault>,
 }
 
 impl<'a> Outcome<'a> {
@@ -86,8 +89,10 @@ impl<'a> Outcome<'a> {
         let reference = case.reference_dose_gy();
         let reference_given =
             reference.map(|gray| on_grid.evaluate(&brought_to(recompute.grid(), case.grid(), gray)));
+        let leaves = Leaves::new(request, ground, run, &recompute, &on_grid)?;
         Ok(Self {
-            leaves: Leaves::new(request, ground, run, &recompute, &on_grid)?,
+            faults: faults(request, ground, run, leaves.as_ref())?,
+            leaves,
             run,
             angles_deg: best
                 .beams
@@ -258,4 +263,31 @@ fn search(request: &Request, run: &PlanRun) -> PlanFileSearch {
         prices: run.prices,
         history: run.history.iter().map(solve).collect(),
     }
+}
+
+/// What of a plan is beyond the bounds of the check: of what is exported, the segments where there are some.
+fn faults(
+    request: &Request,
+    ground: &Ground,
+    run: &PlanRun,
+    leaves: Option<&Leaves<'_>>,
+) -> Result<Vec<Fault>, Failure> {
+    let (best, setup) = (&run.choice.best, &request.setup);
+    let fluence = |beam: &u16| BeamFluence {
+        gantry_deg: setup.spec.ring.angle_deg(*beam),
+        bixels_mm: ground.doses.solved.bixels_mm(*beam).to_vec(),
+        weights: best.weights_of(*beam).unwrap_or_default().to_vec(),
+    };
+    let planned: Vec<BeamFluence> = best.beams.beams().iter().map(fluence).collect();
+    let plan = Checked {
+        case: &setup.case,
+        machine: &setup.spec.machine,
+        params: setup.engine().params(),
+        planned: &planned,
+        delivered: leaves.map_or(&planned, |leaves| &leaves.fluences),
+        monitor_units: leaves.map(|leaves| leaves.totals().1),
+    };
+    let bounds = Bounds::default();
+    let known = Check::of(&plan, &bounds, request.threads).map_err(Failure::failed)?;
+    Ok(check(&known, &bounds))
 }

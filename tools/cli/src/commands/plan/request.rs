@@ -125,9 +125,23 @@ fn spec(given: &PlanArgs) -> Result<SetupSpec, Failure> {
         grid_mm: length("grid", &given.grid)?,
         bixel_mm: length("bixel", &given.bixel)?,
         errors_mm,
+        inside_mm: inside_mm(given)?,
         robust_by: RobustBy::from(given.robust_by),
         ..SetupSpec::shipped().map_err(Failure::failed)?
     })
+}
+
+/// How far within the edge of the patient bixels run, mm; negative with flash.
+fn inside_mm(given: &PlanArgs) -> Result<f64, Failure> {
+    let (option, text, sign) = match &given.flash {
+        Some(text) => ("--flash", text, -1.0),
+        None => ("--body-margin", &given.body_margin, 1.0),
+    };
+    let mm = quantity(text, "mm", &format!("{option} {text}"))?;
+    match (0.0..=50.0).contains(&mm) {
+        true => Ok(sign * mm),
+        false => Err(Failure::wrong(format!("invalid length: {option} {text} (allowed: 0 mm to 50 mm)"))),
+    }
 }
 
 /// Gantry angles of the command line.

@@ -51,6 +51,12 @@ pub fn print(
     if let Some(sequenced) = &outcome.leaves {
         leaves(request, ground, outcome, sequenced);
     }
+    if outcome.faults.is_empty() {
+        outln!("\nplan check: nothing is beyond its bounds");
+    }
+    for fault in &outcome.faults {
+        outln!("\nwarning: plan check: {fault}");
+    }
     if let Some(reference) = &outcome.reference {
         outln!("\nthe reference dose of the case, on the same grid:\n");
         structures(reference, &ground.volumes_at_gy);

@@ -1,0 +1,372 @@
+//! The check of a plan, before a person looks at it.
+//!
+//! An objective can be low on a plan that no one should deliver: with fluence that passes beside the patient, with single
+//! bixels that carry a beam, or with a dose that stands only as long as the patient lies to the millimetre. [`check`] is a
+//! pure function of what is known of a plan; [`Check::of`] computes what it needs. Bounds are in [`Bounds`]. They are not
+//! calibrated on plans that were delivered, so what is beyond one is a warning, and refuses no plan.
+
+use std::fmt::{Display, Formatter};
+use std::num::NonZeroUsize;
+
+use serde::Serialize;
+
+use crate::dose::{DoseError, DoseParams, Machine};
+use crate::evaluation::{OnGrid, StructureDose};
+use crate::recompute::{BeamFluence, Recompute};
+use stillpoint_patient::case::{Case, Role};
+
+/// What a plan may be.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Bounds {
+    /// Part of the fluence whose rays do not cross the patient.
+    pub outside: f64,
+    /// Weight of a bixel, in medians of the weights above zero of its beam.
+    pub medians: f64,
+    /// Monitor units of a fraction for each centigray of its highest prescription.
+    pub mu_per_cgy: f64,
+    /// Shift of the patient along each axis, both ways, mm.
+    pub shift_mm: f64,
+    /// D0.03cc of the patient when shifted, as a part of that as planned.
+    pub hottest: f64,
+    /// Part of a target that may lose 95 % of its prescription when shifted.
+    pub uncovered: f64,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Self { outside: 0.05, medians: 10.0, mu_per_cgy: 10.0, shift_mm: 5.0, hottest: 1.1, uncovered: 0.25 }
+    }
+}
+
+/// A beam of a plan that is checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CheckedBeam {
+    /// IEC 61217, degrees.
+    pub gantry_deg: f64,
+    /// Centres of its bixels, mm.
+    pub bixels_mm: Vec<[f64; 2]>,
+    /// Their weights as they were optimised.
+    pub weights: Vec<f64>,
+    /// Fluence that is delivered, and the part of it whose rays do not cross the patient.
+    pub delivered: f64,
+    /// Of that fluence what passes beside the patient.
+    pub outside: f64,
+}
+
+/// Doses that a check looks at, as planned or shifted, gray.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CheckedDose {
+    /// Where the patient lies beside where he was planned, mm.
+    pub shift_mm: [f64; 3],
+    /// D0.03cc of the patient.
+    pub hottest_gy: f64,
+    /// Targets with a prescription, and the part of each that gets 95 % of it.
+    pub covered: Vec<(String, f64)>,
+}
+
+/// What is known of a plan. Without doses and monitor units, its fluence alone is checked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Check {
+    /// Its beams.
+    pub beams: Vec<CheckedBeam>,
+    /// Monitor units of a fraction; nothing where the fluence is not sequenced.
+    pub monitor_units: Option<f64>,
+    /// Highest prescription of a fraction, gray.
+    pub fraction_gy: f64,
+    /// The dose as planned.
+    pub planned: CheckedDose,
+    /// Doses to the shifted patient.
+    pub shifted: Vec<CheckedDose>,
+}
+
+/// What is beyond a bound.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "fault", rename_all = "snake_case")]
+pub enum Fault {
+    /// Fluence passes beside the patient.
+    Outside {
+        /// Part of the fluence.
+        part: f64,
+        /// Allowed.
+        most: f64,
+    },
+    /// A bixel carries too much of its beam.
+    Peak {
+        /// Gantry angle, degrees.
+        gantry_deg: f64,
+        /// Centre of the bixel, mm.
+        bixel_mm: [f64; 2],
+        /// Its weight.
+        weight: f64,
+        /// Median of the weights above zero of the beam.
+        median: f64,
+        /// Bixels of the beam above the bound.
+        count: usize,
+        /// Allowed, in medians.
+        most: f64,
+    },
+    /// Too many monitor units.
+    Units {
+        /// Monitor units of a fraction.
+        monitor_units: f64,
+        /// Highest prescription of a fraction, gray.
+        fraction_gy: f64,
+        /// Allowed for each centigray.
+        most: f64,
+    },
+    /// The patient gets much more dose when shifted.
+    Hotter {
+        /// The shift, mm.
+        shift_mm: [f64; 3],
+        /// D0.03cc as planned, gray.
+        planned_gy: f64,
+        /// The same when shifted.
+        shifted_gy: f64,
+        /// Allowed, in parts of that as planned.
+        most: f64,
+    },
+    /// A target loses much of its dose when shifted.
+    Uncovered {
+        /// The target.
+        target: String,
+        /// The shift, mm.
+        shift_mm: [f64; 3],
+        /// Part that gets 95 % of its prescription as planned.
+        planned: f64,
+        /// The same when shifted.
+        shifted: f64,
+        /// Allowed loss.
+        most: f64,
+    },
+}
+
+impl Display for Fault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let axes = |[x, y, z]: [f64; 3]| format!("({x}, {y}, {z}) mm");
+        match self {
+            Self::Outside { part, most } => write!(
+                f,
+                "{:.1} % of the fluence passes beside the patient (allowed: {:.1} %): plan without `--flash`, or with \
+                 beams that meet the target through the patient",
+                100.0 * part,
+                100.0 * most
+            ),
+            Self::Peak { gantry_deg, bixel_mm: [x, z], weight, median, count, most } => write!(
+                f,
+                "the beam at {gantry_deg} degrees has {count} bixels above {most} medians; that at x = {x} mm, z = {z} mm \
+                 has a weight of {weight:.1} at a median of {median:.2}: look at its fluence"
+            ),
+            Self::Units { monitor_units, fraction_gy, most } => write!(
+                f,
+                "{monitor_units:.0} monitor units for a fraction of {fraction_gy:.2} Gy are {:.1} for each cGy (allowed: \
+                 {most}): take wider bixels",
+                monitor_units / (100.0 * fraction_gy)
+            ),
+            Self::Hotter { shift_mm, planned_gy, shifted_gy, most } => write!(
+                f,
+                "with the patient moved by {}, D0.03cc of the patient is {shifted_gy:.1} Gy, {planned_gy:.1} Gy as planned \
+                 (allowed: {:.0} % of that): plan with `--robust`",
+                axes(*shift_mm),
+                100.0 * most
+            ),
+            Self::Uncovered { target, shift_mm, planned, shifted, most } => write!(
+                f,
+                "with the patient moved by {}, {:.1} % of {target} gets 95 % of its prescription, {:.1} % as planned \
+                 (allowed loss: {:.0} %): plan with `--robust`",
+                axes(*shift_mm),
+                100.0 * shifted,
+                100.0 * planned,
+                100.0 * most
+            ),
+        }
+    }
+}
+
+/// What of this plan is beyond a bound; nothing where nothing is.
+pub fn check(plan: &Check, bounds: &Bounds) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let delivered: f64 = plan.beams.iter().map(|beam| beam.delivered).sum();
+    let part = plan.beams.iter().map(|beam| beam.outside).sum::<f64>() / delivered.max(f64::MIN_POSITIVE);
+    if part > bounds.outside {
+        faults.push(Fault::Outside { part, most: bounds.outside });
+    }
+    faults.extend(plan.beams.iter().filter_map(|beam| peak(beam, bounds.medians)));
+    if let Some(monitor_units) = plan.monitor_units
+        && monitor_units > bounds.mu_per_cgy * 100.0 * plan.fraction_gy
+    {
+        let most = bounds.mu_per_cgy;
+        faults.push(Fault::Units { monitor_units, fraction_gy: plan.fraction_gy, most });
+    }
+    let planned = &plan.planned;
+    let hottest = plan.shifted.iter().max_by(|a, b| a.hottest_gy.total_cmp(&b.hottest_gy));
+    faults.extend(hottest.filter(|moved| moved.hottest_gy > bounds.hottest * planned.hottest_gy).map(
+        |moved| Fault::Hotter {
+            shift_mm: moved.shift_mm,
+            planned_gy: planned.hottest_gy,
+            shifted_gy: moved.hottest_gy,
+            most: bounds.hottest,
+        },
+    ));
+    for (at, (target, covered)) in planned.covered.iter().enumerate() {
+        let of = |moved: &CheckedDose| moved.covered.get(at).map_or(0.0, |(_, covered)| *covered);
+        let worst = plan.shifted.iter().min_by(|a, b| of(a).total_cmp(&of(b)));
+        faults.extend(worst.filter(|moved| covered - of(moved) > bounds.uncovered).map(|moved| {
+            Fault::Uncovered {
+                target: target.clone(),
+                shift_mm: moved.shift_mm,
+                planned: *covered,
+                shifted: of(moved),
+                most: bounds.uncovered,
+            }
+        }));
+    }
+    faults
+}
+
+/// The heaviest bixel of a beam above so many medians.
+fn peak(beam: &CheckedBeam, most: f64) -> Option<Fault> {
+    let mut lit: Vec<f64> = beam.weights.iter().copied().filter(|weight| *weight > 0.0).collect();
+    lit.sort_by(f64::total_cmp);
+    let median = *lit.get(lit.len() / 2)?;
+    let count = lit.iter().filter(|weight| **weight > most * median).count();
+    let (bixel_mm, weight) =
+        beam.bixels_mm.iter().zip(&beam.weights).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (count > 0).then_some(Fault::Peak {
+        gantry_deg: beam.gantry_deg,
+        bixel_mm: *bixel_mm,
+        weight: *weight,
+        median,
+        count,
+        most,
+    })
+}
+
+/// Spacing of the grid on which doses of shifts are compared, mm.
+const SPACING_MM: f64 = 4.0;
+
+/// What a check computes of a plan.
+#[derive(Clone, Copy, Debug)]
+pub struct Checked<'a> {
+    /// The patient.
+    pub case: &'a Case,
+    /// The machine.
+    pub machine: &'a Machine,
+    /// How dose is computed; the grid does not count.
+    pub params: &'a DoseParams,
+    /// The fluence as it was optimised.
+    pub planned: &'a [BeamFluence],
+    /// The fluence that is delivered: that of the segments where there are some.
+    pub delivered: &'a [BeamFluence],
+    /// Monitor units of a fraction, where the fluence is sequenced.
+    pub monitor_units: Option<f64>,
+}
+
+impl Check {
+    /// Of a plan. The doses of the shifts are computed on a grid of 4 mm, as that without a shift is for the comparison.
+    ///
+    /// # Errors
+    /// Doses cannot be computed.
+    pub fn of(plan: &Checked<'_>, bounds: &Bounds, threads: NonZeroUsize) -> Result<Self, DoseError> {
+        let Checked { case, machine, params, .. } = *plan;
+        let recompute = Recompute::with_spacing(case, machine.clone(), params, SPACING_MM)?;
+        let on_grid = OnGrid::new(case, recompute.grid());
+        let beams = BeamFluence::weighted(plan.delivered);
+        let dose = |shift_mm: [f64; 3]| -> Result<CheckedDose, DoseError> {
+            let gray = recompute.dose(&beams, shift_mm, threads)?;
+            Ok(CheckedDose::of(shift_mm, &on_grid.evaluate(&gray).figures(&[])))
+        };
+        let mut shifted = Vec::new();
+        for axis in 0..3 {
+            for way in [-bounds.shift_mm, bounds.shift_mm] {
+                shifted.push(dose(std::array::from_fn(|at| if at == axis { way } else { 0.0 }))?);
+            }
+        }
+        let highest_gy = case.prescription().iter().map(|p| p.dose_gy).fold(0.0, f64::max);
+        let mut checked = Vec::new();
+        for beam in plan.planned {
+            // Beams without segments are not delivered.
+            let (mut delivered, mut outside) = (0.0, 0.0);
+            for given in plan.delivered.iter().filter(|given| given.gantry_deg == beam.gantry_deg) {
+                let parts = recompute.parts_outside(given.gantry_deg, &given.bixels_mm)?;
+                delivered += given.weights.iter().sum::<f64>();
+                outside += given.weights.iter().zip(parts).map(|(weight, part)| weight * part).sum::<f64>();
+            }
+            let BeamFluence { gantry_deg, bixels_mm, weights } = beam.clone();
+            checked.push(CheckedBeam { gantry_deg, bixels_mm, weights, delivered, outside });
+        }
+        Ok(Self {
+            beams: checked,
+            monitor_units: plan.monitor_units,
+            fraction_gy: highest_gy / f64::from(case.fractions().unwrap_or(1)),
+            planned: dose([0.0; 3])?,
+            shifted,
+        })
+    }
+}
+
+impl CheckedDose {
+    /// Of the figures of a dose.
+    pub fn of(shift_mm: [f64; 3], figures: &[StructureDose]) -> Self {
+        let body = figures.iter().find(|f| f.role == Role::External);
+        let covered = figures.iter().filter_map(|f| Some((f.name.clone(), f.covered?)));
+        Self { shift_mm, hottest_gy: body.map_or(0.0, |f| f.d003cc_gy), covered: covered.collect() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn dose(shift: f64, hottest_gy: f64, covered: f64) -> CheckedDose {
+        CheckedDose { shift_mm: [shift, 0.0, 0.0], hottest_gy, covered: vec![("PTV".into(), covered)] }
+    }
+
+    fn good() -> Check {
+        let beam = CheckedBeam {
+            gantry_deg: 40.0,
+            bixels_mm: vec![[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [30.0, 0.0]],
+            weights: vec![1.0, 2.0, 3.0, 0.0],
+            delivered: 6.0,
+            outside: 0.1,
+        };
+        Check {
+            beams: vec![beam],
+            monitor_units: Some(600.0),
+            fraction_gy: 2.0,
+            planned: dose(0.0, 75.0, 0.97),
+            shifted: vec![dose(5.0, 78.0, 0.85), dose(-5.0, 74.0, 0.9)],
+        }
+    }
+
+    #[test]
+    fn a_good_plan_passes_and_each_harm_is_named_with_its_number() {
+        assert_eq!(check(&good(), &Bounds::default()), []);
+        let words = |harm: &dyn Fn(&mut Check)| {
+            let mut plan = good();
+            harm(&mut plan);
+            let faults = check(&plan, &Bounds::default());
+            assert_eq!(faults.len(), 1, "{faults:?}");
+            faults[0].to_string()
+        };
+        assert!(words(&|plan| plan.beams[0].outside = 2.22).contains("37.0 % of the fluence passes beside"));
+        let peak = words(&|plan| plan.beams[0].weights[3] = 2432.6);
+        assert!(
+            peak.contains("at 40 degrees") && peak.contains("x = 30 mm") && peak.contains("2432.6"),
+            "{peak}"
+        );
+        assert!(
+            words(&|plan| plan.monitor_units = Some(14_897.0)).contains("74.5 for each cGy (allowed: 10)")
+        );
+        assert!(words(&|plan| plan.shifted[1].hottest_gy = 97.0).contains("moved by (-5, 0, 0) mm"));
+        assert!(words(&|plan| plan.shifted[0].covered[0].1 = 0.6).contains("60.0 % of PTV"));
+    }
+
+    #[test]
+    fn a_plan_without_fluence_or_segments_is_not_divided_by_zero() {
+        let mut plan = good();
+        plan.monitor_units = None;
+        plan.beams[0].weights.fill(0.0);
+        (plan.beams[0].delivered, plan.beams[0].outside) = (0.0, 0.0);
+        assert_eq!(check(&plan, &Bounds::default()), []);
+    }
+}
