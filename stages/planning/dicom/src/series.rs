@@ -10,6 +10,8 @@ use crate::slice::Slice;
 
 /// How far places and distances that should be one may lie apart, mm.
 const SAME_MM: f64 = 1e-3;
+/// How far the corners of two images may lie apart within their plane, mm: writers of resampled images round them.
+const CORNER_MM: f64 = 1e-2;
 /// How far the distance of two slices may be from the others, as a part of it.
 const GAP: f64 = 0.01;
 /// How far an image may be from its place among evenly spaced ones, mm, and as a part of their distance: contours go to the
@@ -143,7 +145,7 @@ fn evenly(slices: &[(PathBuf, Slice)], notes: &mut Vec<String>) -> Result<f64, S
 
 /// What two images of one volume must share but do not.
 fn difference(a: &Slice, b: &Slice) -> Option<&'static str> {
-    let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME_MM);
+    let within = |a: &[f64], b: &[f64], most: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= most);
     [
         (a.study == b.study, "(0020,000D) StudyInstanceUID"),
         (a.series == b.series, "(0020,000E) SeriesInstanceUID"),
@@ -151,8 +153,11 @@ fn difference(a: &Slice, b: &Slice) -> Option<&'static str> {
         (a.position == b.position, "(0018,5100) PatientPosition"),
         (a.unit == b.unit, "(0028,1054) RescaleType"),
         (a.counts == b.counts, "the count of (0028,0010) Rows or (0028,0011) Columns"),
-        (near(&a.spacing_mm, &b.spacing_mm), "(0028,0030) PixelSpacing"),
-        (near(&a.position_mm[..2], &b.position_mm[..2]), "the corner in (0020,0032) ImagePositionPatient"),
+        (within(&a.spacing_mm, &b.spacing_mm, SAME_MM), "(0028,0030) PixelSpacing"),
+        (
+            within(&a.position_mm[..2], &b.position_mm[..2], CORNER_MM),
+            "the corner in (0020,0032) ImagePositionPatient",
+        ),
     ]
     .into_iter()
     .find_map(|(same, what)| (!same).then_some(what))

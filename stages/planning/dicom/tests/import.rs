@@ -116,6 +116,14 @@ fn files_in_folders_are_found_and_strangers_are_told() {
 }
 
 #[test]
+fn corners_that_a_writer_rounded_are_those_of_one_volume() {
+    let folder = folder();
+    replace(folder.path(), 3, |o| put(o, tags::IMAGE_POSITION_PATIENT, VR::DS, "-9.998\\-12.002\\107.5"));
+    let Imported { case, .. } = import(folder.path()).unwrap();
+    assert_eq!(case.grid().counts, COUNTS);
+}
+
+#[test]
 fn images_that_make_no_volume_are_refused_with_file_and_tag() {
     let z = |text: &'static str| move |o: &mut _| put(o, tags::IMAGE_POSITION_PATIENT, VR::DS, text);
     let said = refusal(2, z("-10\\-12\\106"));
