@@ -44,6 +44,9 @@ const COUNTS: [Reader; 3] = [Png, McapCounts, McapPng];
 /// Forms of one file an item, whose order is that of their names.
 const FILES: [Reader; 5] = [PcdText, PcdBinary, PlyText, PlyBinary, Png];
 
+/// The depths of clouds, `None` where a point is missing.
+type Clouds = Vec<Vec<Option<f32>>>;
+
 impl Reader {
     fn extension(self) -> &'static str {
         match self {
@@ -161,7 +164,7 @@ impl Reader {
     }
 
     /// The depths of the clouds of these items, `None` where a point is missing, and what the run says was left out.
-    fn read(self, items: &[Vec<u8>], extra: &str) -> Result<(Vec<Vec<Option<f32>>>, Vec<String>), String> {
+    fn read(self, items: &[Vec<u8>], extra: &str) -> Result<(Clouds, Vec<String>), String> {
         let ros2 = "ros2: { connect: tcp/127.0.0.1:7447 }\n";
         let ros2 = if [Ros2Cloud, Ros2Metres].contains(&self) { ros2 } else { "" };
         let text = format!(

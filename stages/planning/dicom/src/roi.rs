@@ -116,7 +116,7 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<(Vec<R
         }
         rois.push(roi);
     }
-    others(strangers, &mut rois, &mut left_out)?;
+    others(strangers, &rois, &mut left_out)?;
     for (number, contours) in drawn {
         let count: usize = contours.iter().map(|drawn| items(drawn, tags::CONTOUR_SEQUENCE).len()).sum();
         left_out.push(format!("{count} contours are of the region number {number}, which the structure set does not describe, and are left out"));
@@ -125,11 +125,7 @@ fn regions(object: &InMemDicomObject, frame_of_reference: &Uid) -> Result<(Vec<R
 }
 
 /// Regions of another frame of reference: left out where others are of that of the images.
-fn others(
-    strangers: Vec<(Uid, String)>,
-    rois: &mut Vec<Roi>,
-    left_out: &mut Vec<String>,
-) -> Result<(), TagError> {
+fn others(strangers: Vec<(Uid, String)>, rois: &[Roi], left_out: &mut Vec<String>) -> Result<(), TagError> {
     if let Some((frame, name)) = strangers.first()
         && rois.iter().all(|roi| roi.contours.is_empty())
     {
@@ -154,12 +150,15 @@ fn frame(object: &InMemDicomObject, described: &InMemDicomObject) -> Result<Uid,
     }
 }
 
+/// Type and properties of a region.
+type Observed = (Option<String>, Vec<(String, f64)>);
+
 /// Type and properties of a region. A type that means nothing is none.
 fn observed(
     observations: &[&InMemDicomObject],
     name: &str,
     left_out: &mut Vec<String>,
-) -> Result<(Option<String>, Vec<(String, f64)>), TagError> {
+) -> Result<Observed, TagError> {
     let mut kinds: Vec<String> = Vec::new();
     let mut properties = Vec::new();
     for observation in observations {

@@ -8,6 +8,8 @@
 #[path = "../tests/fluence/data.rs"]
 mod data;
 #[path = "../tests/fluence/interior.rs"]
+// The tests use more of it.
+#[allow(dead_code)]
 mod interior;
 
 use data::Case;

@@ -76,7 +76,9 @@ pub fn select(bag: &Bag, wanted: &Wanted<'_>) -> Result<Selection, String> {
     infos.sort_by_key(|info| (info.log_time, info.at));
     let mut by_stamp = BTreeMap::<u64, Vec<&Info>>::new();
     for info in &infos {
-        info.stamp.map(|stamp| by_stamp.entry(stamp).or_default().push(info));
+        if let Some(stamp) = info.stamp {
+            by_stamp.entry(stamp).or_default().push(info);
+        }
     }
     let mut by_frame = BTreeMap::<&str, Vec<&Info>>::new();
     for (.., frame) in &all {

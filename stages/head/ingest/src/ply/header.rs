@@ -198,7 +198,7 @@ fn check_counts(elements: &[Element], encoding: Encoding, bytes: usize) -> Resul
     for element in elements {
         let least = element.least(encoding);
         // Rows without bytes would end at their count alone.
-        let most = if least == 0 { 0 } else { ((bytes + 1) / least).min(super::MAX_POINTS) };
+        let most = (bytes + 1).checked_div(least).unwrap_or(0).min(super::MAX_POINTS);
         let is_vertex = element.name == "vertex";
         if element.rows > most && (is_vertex || element.rows > super::MAX_POINTS || least == 0) {
             let most = if is_vertex { most } else { most.min(super::MAX_POINTS) };

@@ -145,7 +145,7 @@ fn measured(root: &Path) -> Scene {
     let true_then = isometry(&truth[first]["T"]);
     let centre = Point3::from(Vector3::from_fn(|i, _| truth[first]["centre"][i].as_f64().unwrap()));
     let middle = true_then * centre;
-    for k in first..truth.len() {
+    for (k, now) in truth.iter().enumerate().skip(first) {
         let Some(report) = report_of(k) else { continue };
         if report.proof == Proof::Proven as u32 {
             scene.proven.get_or_insert(k - first);
@@ -157,13 +157,12 @@ fn measured(root: &Path) -> Scene {
             error: Vector3::repeat(f64::NAN),
             turn: f64::NAN,
             nees: f64::NAN,
-            is_face: truth[k]["acts"].as_array().is_some_and(|acts| !acts.is_empty()),
-            is_blocked: truth[k]["arm"].as_f64().unwrap_or(0.0) > 0.0,
+            is_face: now["acts"].as_array().is_some_and(|acts| !acts.is_empty()),
+            is_blocked: now["arm"].as_f64().unwrap_or(0.0) > 0.0,
         };
         if let Some(element) = &frame.pose {
             let found = pose(element);
-            let (moved, exact) =
-                (found * at_capture.inverse(), isometry(&truth[k]["T"]) * true_then.inverse());
+            let (moved, exact) = (found * at_capture.inverse(), isometry(&now["T"]) * true_then.inverse());
             frame.error = moved * middle - exact * middle;
             let turn = (moved.rotation * exact.rotation.inverse()).scaled_axis();
             frame.turn = turn.norm();

@@ -90,10 +90,10 @@ proptest! {
 #[test]
 fn an_outline_is_made_from_the_images_without_the_couch() {
     let mut with_couch = hu();
-    for i in 0..GRID.len() {
+    for (i, hu) in with_couch.iter_mut().enumerate() {
         // A couch top of one voxel that touches nothing.
         if GRID.voxel(i)[1] == 28 {
-            with_couch[i] = 200;
+            *hu = 200;
         }
     }
     let (structures, notes) = settled(&with_couch, Vec::new()).unwrap();

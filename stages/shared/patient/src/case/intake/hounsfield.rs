@@ -18,6 +18,8 @@ const LEAST_HU: i32 = -1024;
 const OUTSIDE: f64 = 0.05;
 /// The part of the images that a body fills at least, where no outline says it.
 const BODY: f64 = 0.05;
+/// Soft tissue is no less than this part of any other matter of a patient: a thorax has three times as much lung at most.
+const MINOR: f64 = 1.0 / 3.0;
 /// Where density tables end as scanners are calibrated, HU: beyond it is metal, or a fault.
 const TABLE_HU: i32 = 3000;
 /// Window in which most soft tissue lies, HU.
@@ -41,14 +43,23 @@ pub(super) fn check(
     }
     let around: usize = outside.iter().sum();
     let judged = around as f64 >= OUTSIDE * hu.len() as f64;
-    let air_hu = judged.then(|| densest(&outside, i32::from(i16::MIN))).flatten();
+    let air_hu = judged.then(|| densest(&outside, i32::from(i16::MIN))).flatten().map(|(air, _)| air);
     let lowest =
         inside.iter().chain(&outside).enumerate().filter(|(_, n)| **n > 0).map(|(i, _)| value(i % LEVELS));
-    let air = air_hu.or(lowest.min()).map(|air| air.max(LEAST_HU));
-    let body_hu = air
-        .filter(|air| outline.is_some() || above(&inside, air + ABOVE_AIR_HU) >= BODY * hu.len() as f64)
-        .and_then(|air| densest(&inside, air + ABOVE_AIR_HU))
-        .or_else(|| densest(&inside, i32::from(i16::MIN)));
+    let air = air_hu.or(lowest.min());
+    let is_body = |from: i32| outline.is_some() || above(&inside, from) >= BODY * hu.len() as f64;
+    let body = |air: i32| {
+        let from = air + ABOVE_AIR_HU;
+        is_body(from).then(|| densest(&inside, from)).flatten()
+    };
+    // Less than air is padding, or a scale that is off: then the patient's mass lies below what is called tissue.
+    let tissue = air.and_then(|air| body(air.max(LEAST_HU)));
+    let all = air.filter(|air| *air < LEAST_HU).and_then(body);
+    let body_hu = match (tissue, all) {
+        (Some((_, few)), Some((hu, many))) if (few as f64) < MINOR * many as f64 => Some(hu),
+        (Some((hu, _)), _) | (None, Some((hu, _))) => Some(hu),
+        (None, None) => densest(&inside, i32::from(i16::MIN)).map(|(hu, _)| hu),
+    };
     if let Some(body_hu) = body_hu
         && body_hu.abs() > TISSUE_HU
     {
@@ -95,8 +106,8 @@ fn value(place: usize) -> i32 {
     place as i32 + i32::from(i16::MIN)
 }
 
-/// The mean of the window above `from_hu` that holds the most voxels; of equal ones the nearest to water.
-fn densest(levels: &[usize], from_hu: i32) -> Option<i32> {
+/// The mean of the window above `from_hu` that holds the most voxels, and how many; of equal ones the nearest to water.
+fn densest(levels: &[usize], from_hu: i32) -> Option<(i32, usize)> {
     let from = (from_hu - i32::from(i16::MIN)).clamp(0, LEVELS as i32) as usize;
     let mut held: usize = 0;
     let mut best: Option<(usize, usize)> = None;
@@ -115,5 +126,5 @@ fn densest(levels: &[usize], from_hu: i32) -> Option<i32> {
     let (held, end) = best?;
     let window = (end + 1).saturating_sub(WINDOW).max(from)..=end;
     let sum: i64 = window.map(|place| levels[place] as i64 * i64::from(value(place))).sum();
-    Some((sum / held as i64) as i32)
+    Some(((sum / held as i64) as i32, held))
 }

@@ -37,7 +37,7 @@ pub fn objectives(results: &[ObjectiveResult]) -> Option<Table> {
         let (mood, word) = if measured.met() { (Mood::Good, "met") } else { (Mood::Bad, "not met") };
         table.row([
             Cell::text(&result.structure),
-            Cell::text(&measured.wanted()),
+            Cell::text(measured.wanted()),
             Cell::number(format!("{:.1} {}", measured.value, measured.unit)),
             Cell::number(format!("{:.4}", result.cost)),
             Cell::State(mood, word.to_owned()),
