@@ -35,7 +35,7 @@ const KEPT_BYTES: (usize, usize) = (256 << 20, 64 << 20);
 
 /// The most samples of a topic that one activation sends with memory of its own, and the bytes of larger ones: the calls
 /// and answers of a planning pool come in such numbers.
-const BURST: (usize, usize) = (64, 8 << 20);
+const BURST: (usize, usize) = (64, 256 << 10);
 
 /// Samples that one activation loans before the first of them is sent. They cannot take the place of what is kept.
 fn burst(kind: &SampleKind, capacity: usize) -> usize {

@@ -81,7 +81,7 @@ fn games_of_a_worker_that_lies_later_are_played_again_or_named() {
     let expected = alone(None, &games);
     // Its first answer is compared, some of the later ones are not.
     let parts = [Part { wrong_from: 2, ..Part::default() }, Part::default()];
-    let mut pool = pool(0.4, &parts);
+    let mut pool = pool(0.6, &parts);
     let mut players = PoolGames::new(NonZeroUsize::MIN);
     let (mut played, mut named) = (Vec::new(), Vec::new());
     for games in games.chunks(2) {

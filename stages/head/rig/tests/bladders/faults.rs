@@ -102,7 +102,11 @@ fn what_cannot_be_is_refused_with_what_to_do() {
         .replace("camera: { width", "camera: { every: 33 ms, width");
     assert!(refused(&odd).contains("make the first a multiple of the second"), "{}", refused(&odd));
     let absent = text("one_bladder", "faults: [{ kind: leak, which: 1, at: 1 s }]", "valves: 2");
-    assert!(refused(&absent).contains("fault 0 names bladder 1, and the rig has 1"), "{}", refused(&absent));
+    assert!(
+        refused(&absent).contains("invalid number of the bladder: 1 (allowed: 0 to 0)"),
+        "{}",
+        refused(&absent)
+    );
 }
 
 #[test]

@@ -181,7 +181,15 @@ impl PlanRequest {
     }
 
     fn method_for(&self, case: &Case, ring: Ring) -> Result<Method, RequestError> {
-        let starts = || if case.is_pelvis() { pelvis_solutions(self.beams) } else { Vec::new() };
+        // On a coarse ring the angles of a habit may fall together: then there is no such start.
+        let is_legal = |angles: &Vec<f64>| {
+            let beams: Vec<u16> = angles.iter().map(|angle| ring.nearest(*angle)).collect();
+            ring.set(&beams).is_ok()
+        };
+        let starts = || match case.is_pelvis() {
+            true => pelvis_solutions(self.beams).into_iter().filter(is_legal).collect(),
+            false => Vec::new(),
+        };
         Ok(match self.method {
             MethodName::Equidistant => Method::Equidistant,
             MethodName::Class => Method::Class(class_solution(self.beams)),
