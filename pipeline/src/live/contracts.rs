@@ -35,7 +35,7 @@ const KEPT_BYTES: (usize, usize) = (256 << 20, 64 << 20);
 
 /// The most samples of a topic that one activation sends with memory of its own, and the bytes of larger ones: the calls
 /// and answers of a planning pool come in such numbers.
-const BURST: (usize, usize) = (64, 256 << 10);
+const BURST: (usize, usize) = (64, 48 << 10);
 
 /// Samples that one activation loans before the first of them is sent. They cannot take the place of what is kept.
 fn burst(kind: &SampleKind, capacity: usize) -> usize {
@@ -65,6 +65,8 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let recorded = if is_kept { recorder_depth(kind, output.capacity) } else { 1 };
     let deepest = deepest.max(bridged);
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
+    // Without a history there is always a buffer that is no longer needed.
+    let burst = if graph.is_recorded(operator, port) { burst(kind, output.capacity) } else { 1 };
     Contract {
         buffer,
         borrowed: BORROWED,
@@ -73,7 +75,7 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
         nodes: graph.processes.len() + 2 + TAPS,
         // All buffers hold the newest samples, which are the same ones; what is borrowed may be older.
         // What an activation is about to send stands beside them.
-        pool: buffer + takers * (BORROWED - 1) + 2 + LOOKERS + burst(kind, output.capacity),
+        pool: deepest.max(recorded) + takers * (BORROWED - 1) + 2 + LOOKERS + burst,
         ..Contract::new(&output.topic, kind, output.frame.as_deref(), output.capacity)
     }
 }
