@@ -332,7 +332,8 @@ fn the_topics_of_the_default_pipeline_fit_a_small_shared_memory() {
     for contract in contracts.iter().take(5) {
         eprintln!("{:20} {:6.1} MiB", contract.topic, contract.pool_bytes() as f64 / f64::from(1 << 20));
     }
-    // Containers give 64 MiB by default, and others need some of it.
+    // Containers give 64 MiB by default, and others need some of it. The console takes the state of the valves and the
+    // report of the tracker, which costs a MiB.
     let total: usize = contracts.iter().map(|c| c.pool_bytes()).sum();
-    assert!(total < 58 << 20, "{} MiB", total >> 20);
+    assert!(total < 59 << 20, "{} MiB", total >> 20);
 }

@@ -9,7 +9,7 @@ use super::landing;
 use crate::far_end;
 use crate::graph::{Graph, Wire};
 pub use crate::graph::{journal_topic, timing_topic};
-use crate::operator::ros2;
+use crate::operator::{Role, ros2};
 use crate::schedule::depth_of;
 
 /// Subscribers beyond those of the graph: recorder, supervisor, and people who look in.
@@ -65,8 +65,9 @@ pub fn output(graph: &Graph, operator: usize, port: usize) -> Contract {
     let recorded = if is_kept { recorder_depth(kind, output.capacity) } else { 1 };
     let deepest = deepest.max(bridged);
     let buffer = deepest.max(recorded).max(TAP_DEPTH);
-    // Without a history there is always a buffer that is no longer needed.
-    let burst = if graph.is_recorded(operator, port) { burst(kind, output.capacity) } else { 1 };
+    // Without a history there is always a buffer that is no longer needed, and only what comes from outside comes in bursts.
+    let comes_in_bursts = node.stage.kind.role == Role::Source && graph.is_recorded(operator, port);
+    let burst = if comes_in_bursts { burst(kind, output.capacity) } else { 1 };
     Contract {
         buffer,
         borrowed: BORROWED,
