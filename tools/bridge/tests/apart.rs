@@ -36,7 +36,8 @@ fn states(lines: &str) -> Vec<Value> {
 /// Waits until the far end does this, with the beam as it is to be.
 fn wait_until(bench: &Bench, what: &str, doing: u64, beam: u64) {
     wait_for(what, || {
-        let done = bench.call(&["echo", "--json", "--run", "head-3dof-apart-rig", "far.state", "--count", "1"]);
+        let done =
+            bench.call(&["echo", "--json", "--run", "head-3dof-apart-rig", "far.state", "--count", "1"]);
         let state = states(&done.out).pop()?["elements"][0].clone();
         if state["doing"] == doing && state["beam"] == beam {
             return Some(());

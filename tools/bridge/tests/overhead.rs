@@ -6,8 +6,8 @@ use std::process::Stdio;
 use std::time::Instant;
 
 use stillpoint_patient::Grid;
-use stillpoint_plan::beams::{Influence, RingDoses, solve_beams};
 use stillpoint_patient::case::Mask;
+use stillpoint_plan::beams::{Influence, RingDoses, solve_beams};
 use stillpoint_plan::dose::{Anatomy, BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::{Goals, Objective, Overdose, StructureObjectives, Underdose};
 use stillpoint_pool::pipe::ChildCourier;

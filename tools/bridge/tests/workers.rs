@@ -4,8 +4,8 @@ use std::num::NonZeroUsize;
 use std::process::Stdio;
 use std::time::Instant;
 
-use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, SearchOptions, Solver, choose};
 use stillpoint_patient::case::neck;
+use stillpoint_plan::beams::{Budget, Evaluator, Method, Ring, RingDoses, SearchOptions, Solver, choose};
 use stillpoint_plan::dose::{BixelSpec, DoseCache, DoseEngine, DoseParams, Machine};
 use stillpoint_plan::fluence::Goals;
 use stillpoint_plan::objectives::ObjectiveTable;
