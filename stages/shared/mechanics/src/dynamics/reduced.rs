@@ -1,7 +1,7 @@
 //! A head and the bodies that it carries along, in the head's coordinates (3.58)-(3.63).
 //!
 //! The bodies' rates are `H zeta'` with `H = J^-1 G^T`; that needs a square `J` with an inverse. Where it has none, see
-//! [`constrained`](super::constrained).
+//! the reference of the tests (`tests/reference`).
 
 use nalgebra::{SMatrix, SVector};
 
