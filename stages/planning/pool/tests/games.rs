@@ -65,7 +65,7 @@ fn games_are_the_same_with_no_worker_one_and_three_and_with_workers_that_are_kil
     let dying = Part { dies_after: 2, ..Part::default() };
     for parts in [vec![], vec![Part::default()], vec![Part::default(); 3], vec![dying]] {
         let (workers, dies) = (parts.len(), parts.iter().any(|part| part.dies_after > 0));
-        let mut pool = pool(0.55, &parts);
+        let mut pool = pool(0.0, &parts);
         let mut players = PoolGames::new(NonZeroUsize::MIN);
         let (played, doubtful) = pooled(&mut players, &mut pool, Some(&model), &games);
         assert!(played == expected && doubtful.is_empty(), "{workers} workers");
